@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/command.h"
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// "200M", "1.5G" or plain bytes.
+double parse_bytes(const std::string& text)
+{
+    const std::size_t unit = text.find_first_of("kKMG");
+    const std::optional<double> number = parse_double(text.substr(0, unit));
+    double factor = 1.0;
+    if (unit != std::string::npos)
+        factor = text[unit] == 'G' ? 1e9 : text[unit] == 'M' ? 1e6 : 1e3;
+    if (!number || !(*number > 0) || !std::isfinite(*number) ||
+        (unit != std::string::npos && unit + 1 != text.size()))
+        throw Error(Fault::Usage, "--max-memory: got " + in_quotes(text) +
+                                      ", need bytes like 500000000, 500M or 2G");
+    return *number * factor;
+}
+
+/// 70 % of what the system says is available; no limit where it does not say.
+double default_memory_limit()
+{
+    std::ifstream info("/proc/meminfo");
+    for (std::string line; std::getline(info, line);)
+        if (line.starts_with("MemAvailable:"))
+        {
+            const std::size_t digit = line.find_first_of("0123456789");
+            const std::optional<double> kilobytes =
+                parse_double(line.substr(digit, line.find(' ', digit) - digit));
+            return kilobytes ? 0.7 * 1024.0 * *kilobytes : 0.0;
+        }
+    return 0.0;
+}
+
+/// A flag's number in its range; usage errors name the flag.
+template <class Number>
+Number in_range(const char* flag, Number value, Number low, Number high)
+{
+    if (!(value >= low) || !(value <= high))
+        throw Error(Fault::Usage,
+                    fmt::format("{}: got {}, need {} to {}", flag, value, low, high));
+    return value;
+}
+
+} // namespace
+
+void SessionFlags::add_to(CLI::App& app)
+{
+    const SessionSettings defaults;
+    app.add_option("MODEL", model, "geometry file (obj, ply, off) or scene (json)")->required();
+    app.add_option("--handles", handles, "handle file: regions and frames");
+    app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
+    app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
+    app.add_flag("--preview", is_preview, "stop at the drag-quality field (closest-cell blend)");
+    app.add_option("--across", across,
+                   "coarsest cells along the longest side (default: so many that there are "
+                   "1,000 to 2,500 cells)");
+    app.add_option("--max-depth", max_depth, "splits below the coarsest cells (default 0)");
+    app.add_option("--threshold", threshold,
+                   "refinement threshold, of the diagonal; accepted, nothing is refined yet");
+    app.add_option("--fill", fill, "solid or shell (default solid)");
+    app.add_option("--gap", gap,
+                   fmt::format("parts farther apart than this, of the diagonal, are never "
+                               "glued (default {})",
+                               defaults.cells.gap));
+    app.add_option("--max-cells", max_cells,
+                   fmt::format("most cells (default {})", defaults.cells.max_cells));
+    app.add_option("--solver", solver, "newton or gauss-newton (default newton)");
+    app.add_option("--max-iterations", max_iterations,
+                   fmt::format("of one frame (default {})", defaults.max_iterations));
+    app.add_flag("--tight", is_tight, "solve to a gradient of 1e-10 instead of 1e-6");
+    app.add_option("--time", time, "seconds that the solve of one frame may take");
+    app.add_option("--max-memory", max_memory,
+                   "bytes, like 500M or 2G (default: 70 % of what is free)");
+}
+
+bool SessionFlags::has_session() const
+{
+    return extension_of(model) == "json" || !handles.empty() || !sel.empty();
+}
+
+SessionRequest read_request(const SessionFlags& flags)
+{
+    SessionRequest request;
+    SessionSettings& settings = request.settings;
+    CellSettings& cells = settings.cells;
+    SceneFile scene;
+    const bool is_scene = extension_of(flags.model) == "json";
+    if (is_scene)
+    {
+        scene = read_scene(flags.model);
+        request.warnings = scene.warnings;
+    }
+    request.model = is_scene ? scene.model : flags.model;
+    if (flags.sel.empty() != flags.def.empty())
+        throw Error(Fault::Usage, "--sel and --def go together");
+    if (!flags.sel.empty() && !flags.handles.empty())
+        throw Error(Fault::Usage, "--handles and --sel with --def exclude each other");
+    const std::string handles = flags.handles.empty() ? scene.handles : flags.handles;
+    if (!flags.sel.empty())
+        request.handles = read_survey_pair(flags.sel, flags.def);
+    else if (!handles.empty())
+        request.handles = read_handles(handles);
+
+    const auto number = [](const char* flag, const auto& given, const auto& in_scene, auto low,
+                           auto high, auto fallback) {
+        using Number = decltype(fallback);
+        if (given)
+            return static_cast<Number>(
+                in_range(flag, *given, static_cast<std::decay_t<decltype(*given)>>(low),
+                         static_cast<std::decay_t<decltype(*given)>>(high)));
+        return in_scene ? static_cast<Number>(*in_scene) : fallback;
+    };
+    cells.across = number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
+    cells.max_depth =
+        number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, cells.max_depth);
+    cells.gap = number("--gap", flags.gap, scene.gap, 1e-6, 1.0, cells.gap);
+    cells.max_cells = number("--max-cells", flags.max_cells, scene.max_cells, 1,
+                             std::int64_t(1) << 31, cells.max_cells);
+    number("--threshold", flags.threshold, scene.threshold, 0.0, 1e300, 0.0);
+    settings.max_iterations =
+        number("--max-iterations", flags.max_iterations, std::optional<std::int64_t>(), 0,
+               1000000, settings.max_iterations);
+    settings.time_budget =
+        number("--time", flags.time, std::optional<double>(), 0.0, 1e9, settings.time_budget);
+    const std::string fill = flags.fill ? *flags.fill : scene.fill.value_or("solid");
+    if (fill != "solid" && fill != "shell")
+        throw Error(Fault::Usage, "--fill: got " + in_quotes(fill) + ", need solid or shell");
+    cells.fill = fill == "solid" ? Fill::Solid : Fill::Shell;
+    cells.frame = scene.frame;
+    cells.frame_file = scene.path;
+    cells.max_memory =
+        flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
+    const std::string solver = flags.solver.value_or("newton");
+    if (solver != "newton" && solver != "gauss-newton")
+        throw Error(Fault::Usage,
+                    "--solver: got " + in_quotes(solver) + ", need newton or gauss-newton");
+    settings.method = solver == "newton" ? Method::Newton : Method::GaussNewton;
+    if (flags.is_tight)
+        settings.gradient_tolerance = 1e-10;
+    request.release = scene.release.value_or("rbf");
+    const std::string drag = scene.drag.value_or("blend");
+    const bool is_blend = flags.is_preview || request.release == "blend";
+    settings.field = !is_blend             ? FieldKind::Rbf
+                     : drag == "closest4" ? FieldKind::Closest4
+                                          : FieldKind::Blend;
+    return request;
+}
+
+void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common)
+{
+    if (!common.is_quiet)
+        for (const std::string& warning : warnings)
+            fmt::print(stderr, "warning: {}\n", warning);
+}
+
+Progress::Progress(const CommonFlags& common, std::string what, std::size_t total)
+    : is_shown_(!common.is_quiet && ::isatty(2)), what_(std::move(what)), total_(total)
+{
+}
+
+Progress::~Progress()
+{
+    if (is_shown_)
+        fmt::print(stderr, "\r\x1b[K");
+}
+
+void Progress::show(std::size_t done)
+{
+    if (!is_shown_)
+        return;
+    constexpr std::size_t kWidth = 30;
+    const std::size_t full = total_ > 0 ? kWidth * done / total_ : 0;
+    fmt::print(stderr, "\r{} [{}{}] {}/{}", what_, std::string(full, '#'),
+               std::string(kWidth - full, ' '), done, total_);
+    std::fflush(stderr);
+}
+
+double peak_rss_mb()
+{
+    struct rusage usage
+    {
+    };
+    ::getrusage(RUSAGE_SELF, &usage);
+    return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+} // namespace cellwarp

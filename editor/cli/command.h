@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What all subcommands of the command line share: settings, messages, progress.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "editor/session/session.h"
+#include "io/bytes.h"
+#include "io/scene_file.h"
+
+namespace cellwarp
+{
+
+using Json = nlohmann::ordered_json;
+
+/// Flags that every subcommand has.
+struct CommonFlags
+{
+    int threads = 0;
+    bool is_quiet = false;
+    bool is_json = false;
+    bool overwrites = false;
+
+    Overwrite overwrite() const { return overwrites ? Overwrite::Yes : Overwrite::No; }
+};
+
+/// Flags about cells and solving, as given: what is left out falls to the scene,
+/// then to the defaults of SessionSettings.
+struct SessionFlags
+{
+    std::string model;
+    std::string handles, sel, def;
+    std::optional<double> threshold, gap, time;
+    std::optional<std::int64_t> max_depth, across, max_cells, max_iterations;
+    std::optional<std::string> fill, solver, max_memory;
+    bool is_preview = false, is_tight = false;
+
+    void add_to(CLI::App& app);
+    bool has_session() const;  ///< a scene, or a model with handles
+};
+
+/// A subcommand: its flags are added to the app, its run() gives the exit code.
+void add_deform(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_info(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_check(CLI::App& app, CommonFlags& common, int& exit_code);
+/// The subcommands that this build has beyond those: editor/cli/features.cpp.
+void add_features(CLI::App& app, CommonFlags& common, int& exit_code);
+
+/// What a scene and flags together ask for.
+struct SessionRequest
+{
+    std::string model;
+    std::optional<HandleFile> handles;
+    SessionSettings settings;
+    std::string release = "rbf";  ///< name of the release field as the scene spells it
+    std::vector<std::string> warnings;
+};
+
+/// Reads the scene (if the model is one) and the handle file. Throws Error.
+SessionRequest read_request(const SessionFlags& flags);
+
+/// "warning: ..." on stderr, unless quiet.
+void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);
+
+/// Draws a bar on stderr, only where that is a terminal and not quiet.
+class Progress
+{
+public:
+    Progress(const CommonFlags& common, std::string what, std::size_t total);
+    ~Progress();
+    void show(std::size_t done);
+
+private:
+    bool is_shown_;
+    std::string what_;
+    std::size_t total_;
+};
+
+/// Peak resident memory of this process [MB].
+double peak_rss_mb();
+
+} // namespace cellwarp

@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp deform: one scripted edit session from files to files.
+#include <algorithm>
+#include <chrono>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "editor/cli/command.h"
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+/// "out-{frame:04}.ply": a name for each frame, or one name for the last.
+class OutputName
+{
+public:
+    explicit OutputName(const std::string& pattern) : pattern_(pattern)
+    {
+        const std::size_t open = pattern.find("{frame");
+        if (open == std::string::npos)
+            return;
+        const std::size_t close = pattern.find('}', open);
+        const std::string inside =
+            close == std::string::npos ? "?" : pattern.substr(open + 6, close - open - 6);
+        const bool is_padded = inside.size() == 3 && inside.starts_with(":0") &&
+                               inside[2] >= '1' && inside[2] <= '9';
+        if (!inside.empty() && !is_padded)
+            throw Error(Fault::Usage, "-o: got " + in_quotes(pattern) +
+                                          ", need {frame} or {frame:04} in it");
+        before_ = pattern.substr(0, open);
+        after_ = pattern.substr(close + 1);
+        width_ = is_padded ? inside[2] - '0' : 1;
+        has_frame_ = true;
+    }
+    bool has_frame() const { return has_frame_; }
+    std::string of(std::int64_t frame) const
+    {
+        return has_frame_ ? fmt::format("{}{:0{}}{}", before_, frame, width_, after_) : pattern_;
+    }
+
+private:
+    std::string pattern_, before_, after_;
+    int width_ = 1;
+    bool has_frame_ = false;
+};
+
+struct DeformFlags
+{
+    SessionFlags session;
+    std::string output;
+};
+
+std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
+{
+    std::vector<std::int64_t> numbers;
+    for (const Stage& stage : handles.stages)
+        for (const FrameStatement& frame : stage.frames)
+            numbers.push_back(frame.number);
+    return numbers;
+}
+
+Json unused_parts(const PartCounts& parts, bool is_global)
+{
+    Json unused = Json::array();
+    if (parts.interior == 0)
+        unused.push_back("interior");
+    unused.push_back("refinement");
+    if (parts.blend == 0)
+        unused.push_back("blend");
+    if (parts.rbf == 0 || is_global)
+        unused.push_back("rbf");
+    if (parts.rbf == 0 || !is_global)
+        unused.push_back("rbf-global");
+    for (const char* part : {"rods", "skeleton", "picking"})
+        unused.push_back(part);
+    if (parts.normals == 0)
+        unused.push_back("normals");
+    if (parts.faces == 0)
+        unused.push_back("faces");
+    return unused;
+}
+
+Json frame_json(const FrameReport& report)
+{
+    return {{"frame", report.frame},
+            {"iterations", report.solve.iterations},
+            {"energy_before", report.solve.energy_before},
+            {"energy_after", report.solve.energy_after},
+            {"gradient", report.solve.gradient},
+            {"stop", stop_name(report.solve.stop)},
+            {"handle_residual", report.handle_residual},
+            {"max_pair_gap", report.max_pair_gap},
+            {"steps", report.steps},
+            {"newton_iterations", report.solve.newton_iterations},
+            {"backward_error", report.solve.backward_error},
+            {"damped_factorisations", report.solve.damped_factorisations},
+            {"ms",
+             {{"cells", report.cells_ms},
+              {"solve", report.solve_ms},
+              {"field_fit", report.fit_ms},
+              {"field_apply", report.apply_ms}}}};
+}
+
+int run(const DeformFlags& flags, const CommonFlags& common)
+{
+    const Clock::time_point start = Clock::now();
+    if (flags.output == "-" && common.is_json)
+        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    const OutputName name(flags.output);
+    SessionRequest request = read_request(flags.session);
+    if (!request.handles)
+        request.handles.emplace();
+    const std::string format = extension_of(request.model);
+    if (is_geometry_format(format) && flags.output != "-" &&
+        extension_of(name.of(0)) != format)
+        throw Error(Fault::Usage, fmt::format("{}: the output has the model's format (got {}, "
+                                              "need .{})",
+                                              flags.output,
+                                              in_quotes("." + extension_of(name.of(0))), format));
+    const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
+    if (name.has_frame())
+        for (const std::int64_t frame : frames)
+            check_output(name.of(frame), common.overwrite());
+    else
+        check_output(flags.output, common.overwrite());
+    GeometryFile model = read_geometry(request.model);
+    const double load_ms = ms_since(start);
+
+    const Clock::time_point build_start = Clock::now();
+    Session session(std::move(model), std::move(*request.handles), request.settings);
+    const double build_ms = ms_since(build_start);
+    double write_ms = 0.0;
+    std::vector<std::string> warnings = request.warnings;
+    const auto write = [&](const std::string& path) {
+        const Clock::time_point write_start = Clock::now();
+        std::size_t num_split = 0;
+        const std::string bytes = patched(session.model(), session.patch(), &num_split);
+        write_file(path, bytes, common.overwrite());
+        write_ms += ms_since(write_start);
+        if (num_split > 0)
+            warnings.push_back(fmt::format("{}: {} normals were split: their corners need "
+                                           "different directions now",
+                                           path, num_split));
+    };
+    Progress progress(common, "frame", frames.size());
+    for (std::size_t i = 0; i < frames.size(); ++i)
+    {
+        progress.show(i);
+        session.next_frame(name.has_frame() || i + 1 == frames.size());
+        if (name.has_frame())
+            write(name.of(frames[i]));
+    }
+    if (!name.has_frame())
+        write(flags.output);
+
+    bool is_converged = true;
+    double cells_ms = build_ms, solve_ms = 0.0, field_ms = 0.0;
+    for (const FrameReport& report : session.frames())
+    {
+        cells_ms += report.cells_ms;
+        solve_ms += report.solve_ms;
+        field_ms += report.fit_ms + report.apply_ms;
+        if (report.solve.stop != Stop::Converged)
+        {
+            is_converged = false;
+            warnings.push_back(fmt::format("frame {} did not converge ({}, gradient {:.3g})",
+                                           report.frame, stop_name(report.solve.stop),
+                                           report.solve.gradient));
+        }
+    }
+    warnings.insert(warnings.begin(), session.warnings().begin(), session.warnings().end());
+    print_warnings(warnings, common);
+    if (common.is_json)
+    {
+        const StageView stage = session.stage();
+        const bool is_global = request.release == "rbf-global";
+        Json json;
+        json["model"] = request.model;
+        json["samples"] = session.model().geometry.samples.size();
+        json["faces"] = session.model().geometry.num_faces();
+        std::vector<int> per_depth;
+        int free_cells = 0;
+        if (stage.body)
+            for (std::size_t c = 0; c < stage.body->cells.size(); ++c)
+            {
+                const std::size_t level = static_cast<std::size_t>(
+                    stage.body->octree
+                        .leaves()[static_cast<std::size_t>(stage.body->cells.cells[c].leaf)]
+                        .level);
+                per_depth.resize(std::max(per_depth.size(), level + 1), 0);
+                ++per_depth[level];
+                free_cells += (*stage.region_of_cell)[c] < 0;
+            }
+        json["cells"] = stage.body ? stage.body->cells.size() : 0;
+        json["free_cells"] = free_cells;
+        json["depth"] = per_depth.empty() ? 0 : static_cast<int>(per_depth.size()) - 1;
+        json["cells_per_depth"] = per_depth;
+        if (stage.body)
+        {
+            json["across"] = stage.body->across;
+            json["faces_of_glue"] = stage.body->cells.faces.size();
+        }
+        json["frames"] = Json::array();
+        for (const FrameReport& report : session.frames())
+            json["frames"].push_back(frame_json(report));
+        const Field* field = session.field();
+        const bool is_rbf = field && field->rbf();
+        json["field"] = {
+            {"kind", is_rbf ? (is_global ? "rbf-global" : "rbf") : "blend"},
+            {"centres", is_rbf ? field->rbf()->num_centres()
+                               : (stage.body ? stage.body->cells.size() : 0)},
+            {"residual", is_rbf ? field->rbf()->residual() / stage.body->frame.diagonal() : 0.0}};
+        const std::optional<Volume> volume = session.volume();
+        json["volume"] = volume ? Json{{"before", volume->before}, {"after", volume->after}}
+                                : Json(nullptr);
+        json["ms"] = {{"load", load_ms},   {"cells", cells_ms}, {"solve", solve_ms},
+                      {"field", field_ms}, {"write", write_ms}, {"total", ms_since(start)}};
+        json["peak_rss_mb"] = peak_rss_mb();
+        json["unused"] = unused_parts(session.parts(), is_global);
+        json["warnings"] = warnings;
+        write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+    }
+    return is_converged ? 0 : 7;
+}
+
+} // namespace
+
+void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto flags = std::make_shared<DeformFlags>();
+    CLI::App* command = app.add_subcommand(
+        "deform", "One scripted edit session: handles fix, grab and move parts; the rest "
+                  "follows.\n\n"
+                  "  cellwarp deform samples/bar.json -o bent.obj\n"
+                  "  cellwarp deform scan.ply --handles bend.handles -o 'bent-{frame:04}.ply' "
+                  "--json\n");
+    flags->session.add_to(*command);
+    command
+        ->add_option("-o,--output", flags->output,
+                     "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
+                     "stdout")
+        ->required();
+    command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
+}
+
+} // namespace cellwarp

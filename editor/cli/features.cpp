@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The one file that knows which optional parts this build has.
+#include "editor/cli/command.h"
+
+#ifdef CELLWARP_WITH_PICTURE
+#include "editor/cli/render.h"
+#endif
+
+namespace cellwarp
+{
+
+void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& common,
+                  [[maybe_unused]] int& exit_code)
+{
+#ifdef CELLWARP_WITH_PICTURE
+    add_render(app, common, exit_code);
+#endif
+}
+
+} // namespace cellwarp

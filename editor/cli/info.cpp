@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp info: what files hold.
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "editor/cli/command.h"
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+Json describe(const GeometryFile& file)
+{
+    const Geometry& geometry = file.geometry;
+    const ModelBox box = bounding_box(geometry.samples);
+    Json json;
+    json["format"] = geometry.format;
+    json["samples"] = geometry.samples.size();
+    json["faces"] = geometry.num_faces();
+    json["triangles"] = geometry.num_triangles();
+    json["box"] = {{box.low.x(), box.low.y(), box.low.z()},
+                   {box.high.x(), box.high.y(), box.high.z()}};
+    json["attributes"] = geometry.attributes;
+    json["writable"] = true;
+    return json;
+}
+
+std::string as_text(const Json& json)
+{
+    std::string text = fmt::format("  format      {}\n  samples     {}\n  faces       {} ({} "
+                                   "triangles)\n",
+                                   json["format"].get<std::string>(),
+                                   json["samples"].get<std::size_t>(),
+                                   json["faces"].get<std::size_t>(),
+                                   json["triangles"].get<std::size_t>());
+    const auto corner = [&](std::size_t k) {
+        std::string line;
+        for (const Json& x : json["box"][k])
+            line += " " + shortest(x.get<double>());
+        return line;
+    };
+    text += "  box        " + corner(0) + " to" + corner(1) + "\n";
+    std::string attributes;
+    for (const Json& name : json["attributes"])
+        attributes += (attributes.empty() ? "" : ", ") + name.get<std::string>();
+    return text + "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
+}
+
+int run(const std::vector<std::string>& files, const CommonFlags& common)
+{
+    Json all = Json::array();
+    std::string text;
+    for (const std::string& path : files)
+    {
+        const GeometryFile file = read_geometry(path);
+        print_warnings(file.geometry.warnings, common);
+        all.push_back(describe(file));
+        text += path + "\n" + as_text(all.back());
+    }
+    if (common.is_json)
+        text = (files.size() == 1 ? all[0] : Json{{"files", all}}).dump(2) + "\n";
+    write_file("-", text, Overwrite::Yes);
+    return 0;
+}
+
+} // namespace
+
+void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto files = std::make_shared<std::vector<std::string>>();
+    CLI::App* command = app.add_subcommand("info", "What geometry files hold.\n\n"
+                                                   "  cellwarp info bunny.obj\n"
+                                                   "  cellwarp info --json a.ply b.ply\n");
+    command->add_option("FILE", *files, "geometry files")->required();
+    command->callback([files, &common, &exit_code] { exit_code = run(*files, common); });
+}
+
+} // namespace cellwarp

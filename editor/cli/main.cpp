@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The command line: subcommands, signals, and the one place where errors become
+// messages and exit codes.
+#include <csignal>
+#include <new>
+#include <optional>
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include "editor/cli/command.h"
+#include "io/error.h"
+#include "solver/linear_solver.h"
+
+namespace
+{
+
+using namespace cellwarp;
+
+/// Outputs appear by a rename, so ending at once loses nothing.
+extern "C" void end_at_signal(int signal)
+{
+    remove_unfinished_outputs();
+    ::_exit(128 + signal);
+}
+
+void prepare_process()
+{
+    // Descriptors 0 to 2 must be open, or an output file could become one of them.
+    while (true)
+    {
+        const int file = ::open("/dev/null", O_RDWR);
+        if (file < 0 || file > 2)
+        {
+            if (file > 2)
+                ::close(file);
+            break;
+        }
+    }
+    std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);
+    std::signal(SIGINT, end_at_signal);
+    std::signal(SIGTERM, end_at_signal);
+    use_one_blas_thread();
+}
+
+int run(int argc, char** argv)
+{
+    CLI::App app("Bend any shape: fix one part, grab another, move it; the rest follows like "
+                 "an elastic body.\n\n"
+                 "  cellwarp deform samples/bar.json -o bent.obj\n"
+                 "  cellwarp render bent.obj -o bent.png\n",
+                 "cellwarp");
+    app.set_version_flag("--version", "cellwarp " CELLWARP_VERSION);
+    app.require_subcommand(1);
+    CommonFlags common;
+    int exit_code = 0;
+    std::optional<tbb::global_control> limit;
+    app.fallthrough();
+    app.add_option("--threads", common.threads,
+                   "threads, 0: all; the result is the same for every number")
+        ->check(CLI::Range(0, 4096));
+    app.add_flag("--quiet", common.is_quiet, "no warnings, no progress");
+    app.add_flag("--json", common.is_json, "one JSON object on stdout");
+    app.add_flag("--overwrite", common.overwrites, "replace an existing output");
+    app.parse_complete_callback([&] {
+        if (common.threads > 0)
+            limit.emplace(tbb::global_control::max_allowed_parallelism,
+                          static_cast<std::size_t>(common.threads));
+    });
+    add_deform(app, common, exit_code);
+    add_info(app, common, exit_code);
+    add_check(app, common, exit_code);
+    add_features(app, common, exit_code);
+    try
+    {
+        app.parse(argc, argv);
+    }
+    catch (const CLI::ParseError& error)
+    {
+        if (error.get_exit_code() == 0)
+            return app.exit(error);
+        fmt::print(stderr, "error: {}\n", error.what());
+        return static_cast<int>(Fault::Usage);
+    }
+    return exit_code;
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    prepare_process();
+    try
+    {
+        return run(argc, argv);
+    }
+    catch (const Error& error)
+    {
+        fmt::print(stderr, "error: {}\n", error.what());
+        return static_cast<int>(error.fault());
+    }
+    catch (const std::bad_alloc&)
+    {
+        fmt::print(stderr, "error: out of memory\n");
+        return static_cast<int>(Fault::Budget);
+    }
+    catch (const std::exception& error)
+    {
+        fmt::print(stderr, "error: internal error: {}\n", error.what());
+        return 1;
+    }
+}

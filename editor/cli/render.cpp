@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/render.h"
+
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "editor/picture/figures.h"
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+struct RenderFlags
+{
+    SessionFlags session;
+    std::string output, compare, frame = "rest", size = "1000x800", up = "y";
+    std::vector<double> view = {35.0, 20.0};
+    bool shows_cells = false;
+};
+
+PictureOptions picture_options(const RenderFlags& flags)
+{
+    PictureOptions options;
+    const std::size_t cross = flags.size.find('x');
+    const std::optional<std::int64_t> width = parse_integer(flags.size.substr(0, cross));
+    const std::optional<std::int64_t> height =
+        cross == std::string::npos ? std::nullopt : parse_integer(flags.size.substr(cross + 1));
+    if (!width || !height || *width < 1 || *height < 1 || *width > 8192 || *height > 8192)
+        throw Error(Fault::Usage, "--size: got " + in_quotes(flags.size) +
+                                      ", need WIDTHxHEIGHT up to 8192x8192");
+    options.width = static_cast<int>(*width);
+    options.height = static_cast<int>(*height);
+    options.azimuth = flags.view[0];
+    options.elevation = flags.view[1];
+    options.up = flags.up == "x" ? 0 : flags.up == "y" ? 1 : 2;
+    return options;
+}
+
+/// Solves up to the frame that is wanted: "rest", "last" or a number.
+void play(Session& session, const std::string& wanted)
+{
+    if (wanted == "rest")
+        return;
+    const std::optional<std::int64_t> number =
+        wanted == "last" ? std::nullopt : parse_integer(wanted);
+    if (wanted != "last" && !number)
+        throw Error(Fault::Usage,
+                    "--frame: got " + in_quotes(wanted) + ", need rest, last or a number");
+    while (const std::optional<std::int64_t> next = session.upcoming_frame())
+    {
+        session.next_frame(true);
+        if (number && *next == *number)
+            return;
+    }
+    if (number)
+        throw Error(Fault::Usage, "--frame: the handle file has no frame " + wanted);
+}
+
+int run(const RenderFlags& flags, const CommonFlags& common)
+{
+    const PictureOptions options = picture_options(flags);
+    check_output(flags.output, common.overwrite());
+    if (extension_of(flags.output) != "png" && flags.output != "-")
+        throw Error(Fault::Usage, flags.output + ": a picture is a .png");
+    std::vector<Figure> figures;
+    std::vector<std::string> warnings;
+    if (!flags.session.has_session() && !flags.shows_cells)
+    {
+        if (flags.frame != "rest")
+            throw Error(Fault::Usage, "--frame needs a scene or --handles");
+        figures.push_back(figure_of(read_geometry(flags.session.model).geometry));
+    }
+    else
+    {
+        SessionRequest request = read_request(flags.session);
+        if (!request.handles || request.handles->stages.empty() ||
+            request.handles->stages.front().frames.empty())
+        {
+            // Cells exist where something is to be deformed: one frame at rest.
+            if (!request.handles)
+                request.handles.emplace();
+            if (request.handles->stages.empty())
+                request.handles->stages.emplace_back();
+            request.handles->stages.front().frames.push_back({0, {}, 0});
+        }
+        Session session(read_geometry(request.model), std::move(*request.handles),
+                        request.settings);
+        play(session, flags.frame);
+        figures.push_back(figure_of(session));
+        if (flags.shows_cells)
+            add_cells(figures.back(), session);
+        warnings = session.warnings();
+    }
+    if (!flags.compare.empty())
+        figures.insert(figures.begin(), figure_of(read_geometry(flags.compare).geometry));
+    print_warnings(warnings, common);
+    write_file(flags.output, png_bytes(draw(figures, options)), common.overwrite());
+    return 0;
+}
+
+} // namespace
+
+void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto flags = std::make_shared<RenderFlags>();
+    CLI::App* command = app.add_subcommand(
+        "render", "A picture without a display.\n\n"
+                  "  cellwarp render bent.obj -o bent.png --compare bar.obj\n"
+                  "  cellwarp render samples/bar.json --frame last --cells -o cells.png\n");
+    flags->session.add_to(*command);
+    command->add_option("-o,--output", flags->output, "picture (.png)")->required();
+    command->add_flag("--cells", flags->shows_cells, "show the cells, as glass");
+    command->add_option("--compare", flags->compare, "geometry file to draw on the left");
+    command->add_option("--frame", flags->frame,
+                        "of a scene: rest, last or a frame's number (default rest)");
+    command->add_option("--view", flags->view, "azimuth and elevation of the viewer [degree]")
+        ->expected(2);
+    command->add_option("--up", flags->up, "axis that points up (default y)")
+        ->check(CLI::IsMember({"x", "y", "z"}));
+    command->add_option("--size", flags->size, "WIDTHxHEIGHT of one figure [pixel]");
+    command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
+}
+
+} // namespace cellwarp

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp render: pictures without a display. Only in builds with editor/picture.
+#pragma once
+
+#include "editor/cli/command.h"
+
+namespace cellwarp
+{
+
+void add_render(CLI::App& app, CommonFlags& common, int& exit_code);
+
+} // namespace cellwarp

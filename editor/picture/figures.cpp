@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/picture/figures.h"
+
+#include "octree/material.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr Colour kPlain = {205, 208, 214};
+
+Colour colour_of(Role role)
+{
+    switch (role)
+    {
+    case Role::Fixed: return {88, 124, 178};
+    case Role::Handle: return {236, 145, 60};
+    case Role::Pin: return {158, 96, 190};
+    case Role::Stiff: return {110, 168, 96};
+    }
+    return kPlain;
+}
+
+/// Balls that just cover the gaps of a cloud.
+constexpr double kBallShare = 0.45;
+
+} // namespace
+
+Figure figure_of(const Geometry& geometry)
+{
+    Figure figure;
+    figure.points = geometry.samples;
+    figure.triangles = triangles_of(geometry);
+    figure.colours = geometry.colours;
+    if (figure.colours.empty())
+        figure.colours.assign(figure.points.size(), kPlain);
+    if (figure.triangles.empty())
+    {
+        const ModelBox box = bounding_box(figure.points);
+        const double spacing = point_spacing(figure.points);
+        figure.point_radius =
+            kBallShare * (spacing > 0 ? spacing : std::max(1e-3, box.size().norm()));
+    }
+    return figure;
+}
+
+Figure figure_of(const Session& session)
+{
+    Figure figure = figure_of(session.model().geometry);
+    figure.points = session.patch().samples;
+    const StageView stage = session.stage();
+    if (stage.regions)
+        for (const Region& region : *stage.regions)
+            for (const std::uint32_t i : region.samples)
+                figure.colours[i] = colour_of(region.role);
+    return figure;
+}
+
+void add_cells(Figure& figure, const Session& session)
+{
+    const StageView stage = session.stage();
+    if (!stage.body)
+        return;
+    for (std::size_t c = 0; c < stage.body->cells.size(); ++c)
+    {
+        const Cell& cell = stage.body->cells.cells[c];
+        const Pose& pose = (*stage.poses)[c];
+        std::array<Eigen::Vector3d, 8> corners;
+        for (std::size_t k = 0; k < 8; ++k)
+        {
+            const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
+                                       k & 4 ? 0.5 : -0.5);
+            corners[k] = stage.body->frame.to_model(
+                image(pose, cell.centre, cell.box_centre + cell.edge * side));
+        }
+        figure.boxes.push_back(corners);
+        const int owner = (*stage.region_of_cell)[c];
+        figure.box_colours.push_back(
+            owner < 0 ? kPlain
+                      : colour_of((*stage.regions)[static_cast<std::size_t>(owner)].role));
+    }
+}
+
+} // namespace cellwarp

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Sessions as figures: a model with its regions in colour, and its cells.
+#pragma once
+
+#include "editor/picture/picture.h"
+#include "editor/session/session.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// Samples at their places, in the file's colours if it has any.
+Figure figure_of(const Geometry& geometry);
+
+/// The session's model where its last frame put it (at rest before the first), with
+/// the samples of fixed regions blue, handles orange, pins purple, stiff ones green.
+Figure figure_of(const Session& session);
+
+/// Adds the cells at their poses, coloured by what holds them.
+void add_cells(Figure& figure, const Session& session);
+
+} // namespace cellwarp

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Pictures without a display: rays, a key light and ambient occlusion.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace cellwarp
+{
+
+using Colour = std::array<std::uint8_t, 3>;
+
+/// What stands in a picture. All lengths in one unit; faces are seen from both sides.
+struct Figure
+{
+    std::vector<Eigen::Vector3d> points;
+    std::vector<std::array<std::uint32_t, 3>> triangles;
+    std::vector<Colour> colours;      ///< one a point
+    double point_radius = 0.0;        ///< > 0: points in no triangle are drawn as balls
+    /// Boxes drawn as glass over the rest: eight corners each, corner k at the upper
+    /// end of axis a if bit a of k is set.
+    std::vector<std::array<Eigen::Vector3d, 8>> boxes;
+    std::vector<Colour> box_colours;  ///< one a box
+};
+
+struct PictureOptions
+{
+    int width = 1000;           ///< [pixel] of one figure
+    int height = 800;
+    double azimuth = 35.0;      ///< [degree] of the viewer about the up axis
+    double elevation = 20.0;    ///< [degree] of the viewer above the ground
+    int up = 1;                 ///< axis that points up: 0, 1 or 2
+    int occlusion_rays = 16;    ///< a sample of a pixel
+};
+
+struct Image
+{
+    int width = 0, height = 0;
+    std::vector<std::uint8_t> rgb;
+};
+
+/// Draws the figures side by side, from one viewpoint and at one scale. The same
+/// input gives the same image. \pre figures are not empty
+Image draw(const std::vector<Figure>& figures, const PictureOptions& options);
+
+/// The image as a PNG file's bytes.
+std::string png_bytes(const Image& image);
+
+} // namespace cellwarp

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the region statements of a handle file mean for one model: which samples a
+// region names, which voxels belong to it, and which cells it prescribes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/session/path.h"
+#include "io/geometry.h"
+#include "io/handle_file.h"
+#include "octree/cells.h"
+#include "octree/pieces.h"
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+/// A geometric selector in model coordinates.
+struct RegionShape
+{
+    std::function<bool(const Eigen::Vector3d&)> holds;       ///< closed
+    std::function<double(const Eigen::Vector3d&)> distance;  ///< of a point outside
+};
+
+/// A region of one stage, all its selectors together.
+struct Region
+{
+    Role role = Role::Fixed;
+    std::string name;
+    double factor = 1.0;                 ///< of a stiff region
+    std::int64_t line = 0;               ///< of its first statement
+    std::vector<std::uint32_t> samples;  ///< sorted
+    /// Sorted; the ones named one by one (lists, labels, groups), twins included.
+    std::vector<std::uint32_t> listed;
+    std::vector<RegionShape> shapes;     ///< one a geometric selector
+
+    bool prescribes() const { return role != Role::Stiff; }
+    bool holds(const Eigen::Vector3d& model_point) const;
+};
+
+/// Resolves the statements. \p samples: the rest samples [model unit], in the order
+/// of \p geometry, which gives the groups. Throws Fault::Malformed for a group or
+/// label that does not exist, an index out of range, a label file of another length.
+std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
+                                    const Geometry& geometry,
+                                    const std::vector<Eigen::Vector3d>& samples,
+                                    const Units& units, const std::string& file);
+
+/// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
+std::string nearest_sample_note(const Region& region,
+                                const std::vector<Eigen::Vector3d>& samples);
+
+/// How much of each cell's material belongs to a region, by volume.
+struct RegionShares
+{
+    std::vector<double> of_cell;
+    bool has_voxels = false;  ///< false: no voxel centre lies in it
+};
+
+/// A voxel belongs to a region by its centre if it lies in a shape, and by its
+/// nearest sample through the material if that is listed. A region that holds
+/// samples but no voxel centre counts as the list of its samples.
+/// \p nearest is filled at the first region that needs it.
+RegionShares region_shares(const Region& region, const VoxelGrid& grid, const Pieces& pieces,
+                           const WorkFrame& frame, const std::vector<Eigen::Vector3d>& work_samples,
+                           std::vector<std::uint32_t>& nearest);
+
+/// Which region prescribes each cell, by index; -1 if none. The share must be at
+/// least half; of two such regions the larger share, then the first. A region that
+/// reaches no such cell takes all cells within 1e-6 of its largest share. Throws
+/// Fault::Unsolvable if a region is left without a cell because others hold them.
+std::vector<int> prescribing_regions(const std::vector<Region>& regions,
+                                     const std::vector<RegionShares>& shares,
+                                     const std::string& file);
+
+/// The stiffness factor of each cell; empty if no region is stiff.
+std::vector<double> cell_factors(const std::vector<Region>& regions,
+                                 const std::vector<RegionShares>& shares,
+                                 std::size_t num_cells);
+
+} // namespace cellwarp

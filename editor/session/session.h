@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A scripted edit session: a model, its cells, and the frames of a handle file. The
+// result is a function of the files and settings alone. No window, no printing.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/session/body.h"
+#include "editor/session/regions.h"
+#include "io/geometry.h"
+#include "io/handle_file.h"
+#include "solver/field/field.h"
+#include "solver/minimize.h"
+
+namespace cellwarp
+{
+
+struct SessionSettings
+{
+    CellSettings cells;
+    Method method = Method::Newton;
+    int max_iterations = 200;       ///< of one frame, all its steps together
+    double gradient_tolerance = 1e-6;
+    double time_budget = 0.0;       ///< [s] of one frame's solve, 0: no limit
+    FieldKind field = FieldKind::Rbf;
+    std::stop_token stop;
+};
+
+/// What one frame took and reached. Lengths are relative to the diagonal.
+struct FrameReport
+{
+    std::int64_t frame = 0;
+    SolveReport solve;       ///< of the last step; iterations of all
+    int steps = 0;
+    double handle_residual = 0.0;
+    double max_pair_gap = 0.0;
+    double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
+};
+
+/// What parts were built, counted where they are built.
+struct PartCounts
+{
+    int interior = 0, blend = 0, rbf = 0, normals = 0, faces = 0;
+};
+
+/// The cells of one stage as a value that outlives the session's next stage.
+struct StageView
+{
+    const Body* body = nullptr;
+    const std::vector<Region>* regions = nullptr;
+    const std::vector<int>* region_of_cell = nullptr;  ///< -1: none
+    const std::vector<Pose>* poses = nullptr;
+};
+
+/// Where the samples of closed meshes end; see session.cpp.
+struct Volume
+{
+    double before = 0.0, after = 0.0;  ///< [model unit^3]
+};
+
+class Session
+{
+public:
+    /// Builds the cells of the first stage and checks every statement of the file
+    /// against the model, so that what cannot be done fails before anything is.
+    /// Throws Error.
+    Session(GeometryFile model, HandleFile handles, SessionSettings settings);
+    ~Session();
+
+    /// Solves the next frame; false when there is none left. \p wants_samples: fit
+    /// the field and move the samples (a commit does so in any case).
+    bool next_frame(bool wants_samples);
+    /// The number of the frame that next_frame() would solve.
+    std::optional<std::int64_t> upcoming_frame() const;
+
+    const GeometryFile& model() const { return model_; }
+    /// The samples and directions after the last frame that wanted them.
+    const Patch& patch() const { return patch_; }
+    const std::vector<FrameReport>& frames() const { return reports_; }
+    const std::vector<std::string>& warnings() const { return warnings_; }
+    const PartCounts& parts() const { return parts_; }
+    /// The field of the last frame that wanted samples; may be null.
+    const Field* field() const;
+    StageView stage() const;
+    /// Null unless every edge has exactly two, opposite faces.
+    std::optional<Volume> volume() const;
+
+private:
+    struct StageState;
+
+    void start_stage(std::size_t stage);
+    void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
+    void solve_frame(const FrameStatement& frame, FrameReport& report);
+    void move_samples(FrameReport& report);
+    void commit();
+
+    GeometryFile model_;
+    HandleFile handles_;
+    SessionSettings settings_;
+    std::size_t stage_ = 0, frame_ = 0;
+    std::vector<Eigen::Vector3d> rest_;            ///< samples of this stage [model unit]
+    std::vector<Eigen::Vector3d> rest_directions_; ///< one a direction use
+    std::vector<DirectionUse> uses_;
+    Patch patch_;
+    std::vector<FrameReport> reports_;
+    std::vector<std::string> warnings_;
+    PartCounts parts_;
+    std::unique_ptr<StageState> state_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/bytes.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <utility>
+
+#include <fcntl.h>
+#include <limits.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+/// Bytes gathered before a write call: large enough that the calls cost nothing.
+constexpr std::size_t kBufferBytes = std::size_t(1) << 20;
+
+/// Temporaries that exist now. Fixed storage, because a signal handler reads it.
+constexpr int kSlots = 16;
+char temporaries[kSlots][PATH_MAX];
+std::atomic<bool> taken[kSlots];
+
+Error file_error(const std::string& path, const std::string& what)
+{
+    return Error(Fault::File, at({path, 0, ""}, what));
+}
+
+std::string reason() { return std::strerror(errno); }
+
+struct Descriptor
+{
+    int value;
+    ~Descriptor()
+    {
+        if (value > 0)
+            ::close(value);
+    }
+};
+
+/// Follows symbolic links to the file that a save must replace.
+std::string resolve(const std::string& path)
+{
+    std::error_code ignored;
+    if (!fs::is_symlink(fs::symlink_status(path, ignored)))
+        return path;
+    char resolved[PATH_MAX];
+    if (::realpath(path.c_str(), resolved))
+        return resolved;
+    const fs::path link = fs::read_symlink(path, ignored);
+    return link.is_absolute() ? link.string()
+                              : (fs::path(path).parent_path() / link).string();
+}
+
+std::string folder_of(const std::string& path)
+{
+    const std::string folder = fs::path(path).parent_path().string();
+    return folder.empty() ? "." : folder;
+}
+
+} // namespace
+
+std::string read_file(const std::string& path)
+{
+    Descriptor file{0};
+    struct stat before
+    {
+    };
+    if (path != "-")
+    {
+        // O_NONBLOCK: opening a pipe must not wait for its other end.
+        file.value = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+        if (file.value < 0)
+            throw file_error(path, "cannot open: " + reason());
+        if (::fstat(file.value, &before) != 0)
+            throw file_error(path, "cannot read: " + reason());
+        if (S_ISDIR(before.st_mode))
+            throw file_error(path, "is a directory, need a file");
+        if (!S_ISREG(before.st_mode))
+            throw file_error(path, "is no regular file");
+        if (static_cast<std::uint64_t>(before.st_size) > kMaxFileBytes)
+            throw file_error(path, "is larger than 4 GiB");
+    }
+    std::string bytes;
+    // One byte more than the size, so that a file that grew is noticed.
+    bytes.resize(path == "-" ? kBufferBytes : static_cast<std::size_t>(before.st_size) + 1);
+    std::size_t filled = 0;
+    for (;;)
+    {
+        const ssize_t got = ::read(file.value, bytes.data() + filled, bytes.size() - filled);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            throw file_error(path, "cannot read: " + reason());
+        if (got == 0)
+            break;
+        filled += static_cast<std::size_t>(got);
+        if (filled > kMaxFileBytes)
+            throw file_error(path, "is larger than 4 GiB");
+        if (filled == bytes.size())
+            bytes.resize(2 * bytes.size());
+    }
+    bytes.resize(filled);
+    if (path != "-")
+    {
+        struct stat after
+        {
+        };
+        ::fstat(file.value, &after);
+        if (filled != static_cast<std::size_t>(before.st_size) ||
+            before.st_size != after.st_size ||
+            before.st_mtim.tv_sec != after.st_mtim.tv_sec ||
+            before.st_mtim.tv_nsec != after.st_mtim.tv_nsec)
+            throw file_error(path, "changed while it was read");
+    }
+    return bytes;
+}
+
+void check_output(const std::string& path, Overwrite overwrite)
+{
+    if (path == "-")
+        return;
+    if (path.empty())
+        throw file_error("''", "an output needs a name");
+    const std::string target = resolve(path);
+    struct stat status
+    {
+    };
+    if (::stat(target.c_str(), &status) == 0)
+    {
+        if (S_ISDIR(status.st_mode))
+            throw file_error(path, "is a directory, need a file");
+        if (!S_ISREG(status.st_mode))
+            throw file_error(path, "is no regular file, will not replace it");
+        if (overwrite == Overwrite::No)
+            throw file_error(path, "exists already (use --overwrite to replace it)");
+        if (::access(target.c_str(), W_OK) != 0)
+            throw file_error(path, "cannot write: " + reason());
+    }
+    else if (errno != ENOENT)
+        throw file_error(path, "cannot write: " + reason());
+    const std::string folder = folder_of(target);
+    if (::stat(folder.c_str(), &status) != 0)
+        throw file_error(path, "cannot write into folder " + folder + ": " + reason());
+    if (!S_ISDIR(status.st_mode))
+        throw file_error(path, "cannot write into " + folder + ": it is no folder");
+    if (::access(folder.c_str(), W_OK | X_OK) != 0)
+        throw file_error(path, "cannot write into folder " + folder + ": " + reason());
+}
+
+AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
+    : path_(path), target_(resolve(path))
+{
+    check_output(path, overwrite);
+    const std::string folder = folder_of(target_);
+    temporary_ = (folder == "." ? std::string() : folder + "/") + ".cellwarp-save-XXXXXX";
+    for (int i = 0; i < kSlots && slot_ < 0; ++i)
+        if (!taken[i].load() && temporary_.size() < PATH_MAX)
+            slot_ = i;
+    file_ = ::mkostemp(temporary_.data(), O_CLOEXEC);
+    if (file_ < 0)
+        fail("cannot create a file beside it");
+    if (slot_ >= 0)
+    {
+        std::memcpy(temporaries[slot_], temporary_.c_str(), temporary_.size() + 1);
+        taken[slot_].store(true);
+    }
+    struct stat old
+    {
+    };
+    const bool existed = ::stat(target_.c_str(), &old) == 0;
+    const mode_t mask = ::umask(0);
+    ::umask(mask);
+    if (::fchmod(file_, existed ? old.st_mode & 07777 : 0666 & ~mask) != 0)
+        fail("cannot set its mode");
+    buffer_.reserve(kBufferBytes);
+}
+
+AtomicFile::~AtomicFile()
+{
+    if (file_ >= 0)
+        ::close(file_);
+    if (!temporary_.empty())
+        ::unlink(temporary_.c_str());
+    if (slot_ >= 0)
+        taken[slot_].store(false);
+}
+
+void AtomicFile::fail(const std::string& doing)
+{
+    const std::string why = reason();
+    if (file_ >= 0)
+        ::close(file_);
+    if (!temporary_.empty())
+        ::unlink(temporary_.c_str());
+    if (slot_ >= 0)
+        taken[slot_].store(false);
+    file_ = slot_ = -1;
+    temporary_.clear();
+    throw file_error(path_, doing + ": " + why);
+}
+
+void AtomicFile::write(std::string_view bytes)
+{
+    buffer_.append(bytes);
+    if (buffer_.size() >= kBufferBytes)
+        flush();
+}
+
+void AtomicFile::flush()
+{
+    std::size_t done = 0;
+    while (done < buffer_.size())
+    {
+        const ssize_t put = ::write(file_, buffer_.data() + done, buffer_.size() - done);
+        if (put < 0 && errno == EINTR)
+            continue;
+        if (put < 0)
+            fail("cannot write");
+        done += static_cast<std::size_t>(put);
+    }
+    buffer_.clear();
+}
+
+void AtomicFile::commit()
+{
+    flush();
+    if (::fsync(file_) != 0)
+        fail("cannot write");
+    if (::close(std::exchange(file_, -1)) != 0)
+        fail("cannot write");
+    if (::rename(temporary_.c_str(), target_.c_str()) != 0)
+        fail("cannot put it in place");
+    temporary_.clear();
+    if (slot_ >= 0)
+        taken[std::exchange(slot_, -1)].store(false);
+    // The rename is in place; a folder that cannot be synced is no failure.
+    const Descriptor folder{::open(folder_of(target_).c_str(), O_RDONLY | O_CLOEXEC)};
+    if (folder.value >= 0)
+        ::fsync(folder.value);
+}
+
+void write_file(const std::string& path, std::string_view bytes, Overwrite overwrite)
+{
+    if (path != "-")
+    {
+        AtomicFile file(path, overwrite);
+        file.write(bytes);
+        file.commit();
+        return;
+    }
+    for (std::size_t done = 0; done < bytes.size();)
+    {
+        const ssize_t put = ::write(1, bytes.data() + done, bytes.size() - done);
+        if (put < 0 && errno == EINTR)
+            continue;
+        if (put < 0)
+            throw file_error("stdout", "cannot write: " + reason());
+        done += static_cast<std::size_t>(put);
+    }
+}
+
+void remove_unfinished_outputs() noexcept
+{
+    for (int i = 0; i < kSlots; ++i)
+        if (taken[i].load())
+            ::unlink(temporaries[i]);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Which scanner reads which extension, and the one writer: a copy of the bytes
+// with the numbers that changed replaced.
+#include "io/geometry.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+
+#include "io/error.h"
+#include "io/number.h"
+#include "io/obj.h"
+#include "io/off.h"
+#include "io/ply.h"
+#include "io/stored_number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::string_view kFormats[] = {"obj", "ply", "off"};
+
+/// Largest coordinate: beyond it squares overflow.
+constexpr double kMaxCoordinate = 1e150;
+
+template <class Scanner>
+void scan_all(Scanner scanner, GeometryFile& file)
+{
+    scanner.scan(file.bytes, 0, true, file.geometry);
+    scanner.finish(file.geometry);
+}
+
+void check_magnitude(const GeometryFile& file)
+{
+    const Geometry& geometry = file.geometry;
+    for (std::size_t i = 0; i < geometry.samples.size(); ++i)
+        if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
+            throw malformed({file.path, 0, "sample " + std::to_string(i) + " (byte " +
+                                               std::to_string(
+                                                   geometry.sample_places.starts[3 * i]) +
+                                               ")"},
+                            "is beyond 1e150");
+}
+
+/// One number to replace.
+struct Edit
+{
+    std::uint64_t start;
+    Scalar scalar;
+    bool big_endian;
+    double value;
+};
+
+/// Numbers of a list of vectors in the order of their places. Vectors stand one
+/// after the other; within one the components may stand in any order (PLY).
+class EditStream
+{
+public:
+    EditStream(const Places& places, const std::vector<Eigen::Vector3d>& before,
+               const std::vector<Eigen::Vector3d>& after)
+        : places_(places), before_(before), after_(after)
+    {
+        load();
+    }
+    bool is_done() const { return vector_ == after_.size(); }
+    std::uint64_t start() const { return places_.starts[3 * vector_ + order_[next_]]; }
+    bool changes() const
+    {
+        const Eigen::Index k = static_cast<Eigen::Index>(order_[next_]);
+        return before_[vector_][k] != after_[vector_][k];
+    }
+    Edit edit() const
+    {
+        return {start(), places_.scalars[order_[next_]], places_.big_endian,
+                after_[vector_][static_cast<Eigen::Index>(order_[next_])]};
+    }
+    void advance()
+    {
+        if (++next_ == 3)
+        {
+            next_ = 0;
+            ++vector_;
+            load();
+        }
+    }
+
+private:
+    void load()
+    {
+        if (is_done())
+            return;
+        const std::uint64_t* starts = &places_.starts[3 * vector_];
+        std::sort(order_.begin(), order_.end(),
+                  [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
+    }
+
+    const Places& places_;
+    const std::vector<Eigen::Vector3d>& before_;
+    const std::vector<Eigen::Vector3d>& after_;
+    std::array<std::size_t, 3> order_ = {0, 1, 2};
+    std::size_t vector_ = 0, next_ = 0;
+};
+
+std::size_t token_length(std::string_view bytes, std::uint64_t start, char separator)
+{
+    std::size_t end = start;
+    while (end < bytes.size() && !is_blank(bytes[end]) && bytes[end] != '\n' &&
+           bytes[end] != '\r' && bytes[end] != '\\' && bytes[end] != separator)
+        ++end;
+    return end - start;
+}
+
+} // namespace
+
+bool is_geometry_format(std::string_view extension)
+{
+    return std::find(std::begin(kFormats), std::end(kFormats), extension) !=
+           std::end(kFormats);
+}
+
+std::string extension_of(const std::string& path)
+{
+    std::string extension = std::filesystem::path(path).extension().string();
+    if (!extension.empty())
+        extension.erase(0, 1);
+    std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
+        return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    });
+    return extension;
+}
+
+GeometryFile scan_geometry(std::string path, std::string bytes)
+{
+    GeometryFile file{std::move(path), std::move(bytes), {}};
+    const std::string extension = extension_of(file.path);
+    file.geometry.format = extension;
+    if (!is_geometry_format(extension))
+        throw Error(Fault::Usage, at({file.path, 0, ""},
+                                     "the extension is no known format (need obj, ply or "
+                                     "off)"));
+    if (file.bytes.empty())
+        throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
+    const bool may_be_binary = extension == "ply" && file.bytes.starts_with("ply");
+    if (const std::string guess = foreign_content(file.bytes);
+        !guess.empty() && !may_be_binary)
+        throw malformed({file.path, 0, ""}, "this looks like " + guess + ", need " + extension);
+    if (extension == "obj")
+        scan_all(ObjScanner(file.path), file);
+    else if (extension == "ply")
+        scan_all(PlyScanner(file.path, file.bytes.size()), file);
+    else
+        scan_all(OffScanner(file.path, file.bytes.size()), file);
+    check_magnitude(file);
+    return file;
+}
+
+GeometryFile read_geometry(const std::string& path)
+{
+    if (!is_geometry_format(extension_of(path)))
+        throw Error(Fault::Usage,
+                    at({path, 0, ""},
+                       "the extension is no known format (need obj, ply or off)"));
+    return scan_geometry(path, read_file(path));
+}
+
+std::vector<DirectionUse> direction_uses(const Geometry& geometry)
+{
+    std::vector<DirectionUse> uses;
+    for (std::size_t i = 0; i < geometry.direction_samples.size(); ++i)
+        uses.push_back({static_cast<std::uint32_t>(i), geometry.direction_samples[i]});
+    for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
+        if (geometry.corner_directions[c] != kNone)
+            uses.push_back({geometry.corner_directions[c], geometry.corners[c]});
+    const auto key = [](const DirectionUse& use) { return std::pair(use.direction, use.sample); };
+    std::sort(uses.begin(), uses.end(),
+              [&](const DirectionUse& a, const DirectionUse& b) { return key(a) < key(b); });
+    uses.erase(std::unique(uses.begin(), uses.end(),
+                           [&](const DirectionUse& a, const DirectionUse& b) {
+                               return key(a) == key(b);
+                           }),
+               uses.end());
+    return uses;
+}
+
+std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
+{
+    const Geometry& geometry = file.geometry;
+    const std::vector<DirectionUse> uses = direction_uses(geometry);
+    ObjSplit split;
+    if (!geometry.corner_directions.empty())
+        split = split_directions(geometry, uses, patch.directions, file.bytes);
+    else
+    {
+        split.directions = geometry.directions;
+        for (std::size_t use = 0; use < uses.size(); ++use)
+            split.directions[uses[use].direction] = patch.directions[use];
+    }
+    if (num_split)
+        *num_split = split.num_lines;
+
+    std::string out;
+    out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
+    std::uint64_t copied = 0;
+    const std::string_view bytes = file.bytes;
+    const auto replace = [&](std::uint64_t start, std::size_t length, std::string_view text) {
+        out.append(bytes.substr(copied, start - copied));
+        out.append(text);
+        copied = start + length;
+    };
+    std::string text;
+    const auto apply = [&](const Edit& edit) {
+        text.clear();
+        if (!store(edit.value, edit.scalar, edit.big_endian, text))
+            throw malformed({file.path, 0, "byte " + std::to_string(edit.start)},
+                            "the deformed value does not fit the type it is stored in (got " +
+                                shortest(edit.value) + ")");
+        const std::size_t size = stored_size(edit.scalar);
+        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start, ' '), text);
+    };
+    EditStream samples(geometry.sample_places, geometry.samples, patch.samples);
+    EditStream directions(geometry.direction_places, geometry.directions, split.directions);
+    std::size_t index = 0;
+    constexpr std::uint64_t kEnd = ~std::uint64_t(0);
+    for (;;)
+    {
+        const std::uint64_t s = samples.is_done() ? kEnd : samples.start();
+        const std::uint64_t d = directions.is_done() ? kEnd : directions.start();
+        const std::uint64_t i =
+            index == split.index_starts.size() ? kEnd : split.index_starts[index];
+        const std::uint64_t first = std::min({s, d, i});
+        if (first == kEnd)
+            break;
+        if (first == i)
+        {
+            replace(i, token_length(bytes, i, '/'), std::to_string(split.new_indices[index]));
+            ++index;
+            continue;
+        }
+        EditStream& stream = first == s ? samples : directions;
+        if (stream.changes())
+            apply(stream.edit());
+        stream.advance();
+    }
+    out.append(bytes.substr(copied));
+    out.append(split.lines);
+    return out;
+}
+
+} // namespace cellwarp

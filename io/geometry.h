@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A geometry file as plain values: samples, faces and directions, and the place
+// of every number that a deformation changes. Saving patches those places; every
+// other byte of the file passes through untouched.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/bytes.h"
+
+namespace cellwarp
+{
+
+/// How a number is stored in the bytes.
+enum class Scalar : std::uint8_t
+{
+    Text,     ///< a decimal token
+    TextInt,  ///< a decimal token that must stay an integer (ascii PLY)
+    Int8,
+    UInt8,
+    Int16,
+    UInt16,
+    Int32,
+    UInt32,
+    Float32,
+    Float64
+};
+
+/// Three numbers of one vector each, for a whole list of vectors: where in the
+/// bytes number k of vector i starts (places[3 * i + k]) and how it is stored.
+struct Places
+{
+    std::array<Scalar, 3> scalars = {Scalar::Text, Scalar::Text, Scalar::Text};
+    bool big_endian = false;
+    std::vector<std::uint64_t> starts;  ///< [byte]
+};
+
+/// Faces of one OBJ group or object; a name may come back.
+struct FaceGroup
+{
+    std::string name;
+    std::size_t first_face = 0;
+    std::size_t end_face = 0;
+};
+
+inline constexpr std::uint32_t kNone = 0xffffffffu;
+
+/// What a scanner found. Samples are in file order.
+struct Geometry
+{
+    std::string format;                     ///< "obj", "ply", ...
+    std::vector<Eigen::Vector3d> samples;   ///< [model unit]
+    std::vector<std::uint32_t> corners;     ///< sample index of every face corner
+    std::vector<std::uint64_t> face_ends;   ///< face f: corners [face_ends[f-1], face_ends[f])
+
+    /// Normals. In an OBJ a pool that the corners index; elsewhere direction i
+    /// belongs to sample direction_samples[i].
+    std::vector<Eigen::Vector3d> directions;
+    std::vector<std::uint32_t> direction_samples;
+    std::vector<std::uint32_t> corner_directions;      ///< OBJ: direction or kNone, a corner
+    std::vector<std::uint64_t> corner_direction_starts;///< [byte] of that index's token
+
+    std::vector<std::array<std::uint8_t, 3>> colours;  ///< empty, or one a sample
+    std::vector<FaceGroup> groups;
+    std::vector<std::string> attributes;    ///< what else a sample or face carries
+    std::vector<std::string> warnings;
+
+    Places sample_places;
+    Places direction_places;
+
+    std::size_t num_faces() const { return face_ends.size(); }
+    std::span<const std::uint32_t> face(std::size_t f) const
+    {
+        const std::size_t first = f == 0 ? 0 : face_ends[f - 1];
+        return std::span(corners).subspan(first, face_ends[f] - first);
+    }
+    /// Faces counted as a fan.
+    std::size_t num_triangles() const { return corners.size() - 2 * face_ends.size(); }
+};
+
+/// A geometry file in memory. Immutable.
+struct GeometryFile
+{
+    std::string path;
+    std::string bytes;
+    Geometry geometry;
+};
+
+/// The formats that can be read and written, by lower-case extension.
+bool is_geometry_format(std::string_view extension);
+
+/// "obj" of "dir/Name.OBJ"; empty without an extension.
+std::string extension_of(const std::string& path);
+
+/// Reads and checks the file whole. Throws Fault::File or Fault::Malformed; an
+/// unknown extension is Fault::Usage.
+GeometryFile read_geometry(const std::string& path);
+
+/// The same for bytes that are already in memory; \p path names them.
+GeometryFile scan_geometry(std::string path, std::string bytes);
+
+/// A direction as one of its samples sees it. An OBJ's vn that several samples
+/// share has several uses.
+struct DirectionUse
+{
+    std::uint32_t direction;
+    std::uint32_t sample;
+};
+
+/// Every pair of direction and sample that occurs, once, sorted.
+std::vector<DirectionUse> direction_uses(const Geometry& geometry);
+
+/// What a deformation changes, in the order of the file.
+struct Patch
+{
+    std::vector<Eigen::Vector3d> samples;     ///< as many as the geometry's
+    std::vector<Eigen::Vector3d> directions;  ///< one for each of direction_uses()
+};
+
+/// The file's bytes with \p patch in place. A number whose value does not change
+/// keeps its bytes. Where the uses of one OBJ direction end more than 1e-6 apart
+/// it is split: new vn lines at the end, and only those corners' index changes;
+/// \p num_split, if given, counts the new lines.
+/// Throws Fault::Malformed if a value does not fit its stored type.
+std::string patched(const GeometryFile& file, const Patch& patch,
+                    std::size_t* num_split = nullptr);
+
+} // namespace cellwarp

@@ -1,0 +1,513 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/handle_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "io/bytes.h"
+#include "io/geometry.h"
+#include "io/number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+std::string beside(const std::string& file, const std::string& name)
+{
+    const fs::path path(name);
+    return path.is_absolute() ? name : (fs::path(file).parent_path() / path).string();
+}
+
+/// The words of one statement; a word in double quotes may hold blanks and #.
+class Statement
+{
+public:
+    Statement(const std::string& file, std::int64_t line, std::string_view text)
+        : file_(file), line_(line)
+    {
+        for (std::size_t i = 0; i < text.size();)
+        {
+            if (is_blank(text[i]))
+                ++i;
+            else if (text[i] == '#')
+                break;
+            else if (text[i] == '"')
+            {
+                const std::size_t end = text.find('"', i + 1);
+                if (end == std::string_view::npos)
+                    throw malformed({file, line, ""}, "a double quote is not closed");
+                words_.emplace_back(text.substr(i + 1, end - i - 1));
+                i = end + 1;
+            }
+            else
+            {
+                std::size_t end = i;
+                while (end < text.size() && !is_blank(text[end]) && text[end] != '#')
+                    ++end;
+                words_.emplace_back(text.substr(i, end - i));
+                i = end;
+            }
+        }
+    }
+
+    bool is_empty() const { return words_.empty(); }
+    bool is_done() const { return next_ == words_.size(); }
+    const std::string& peek() const { return words_[next_]; }
+
+    const std::string& word(const std::string& field)
+    {
+        if (is_done())
+            fail(field, "is missing");
+        return words_[next_++];
+    }
+    double number(const std::string& field)
+    {
+        const std::string& text = word(field);
+        const std::optional<double> value = parse_double(text);
+        if (!value || !std::isfinite(*value))
+            fail(field, "got " + in_quotes(text) + ", need a finite number");
+        return *value;
+    }
+    std::vector<double> numbers(const std::string& field, int count)
+    {
+        std::vector<double> values;
+        for (int i = 0; i < count; ++i)
+            values.push_back(number(field + " number " + std::to_string(i + 1)));
+        return values;
+    }
+    Eigen::Vector3d vector(const std::string& field)
+    {
+        const std::vector<double> v = numbers(field, 3);
+        return {v[0], v[1], v[2]};
+    }
+    std::int64_t integer(const std::string& field)
+    {
+        const std::string& text = word(field);
+        const std::optional<std::int64_t> value = parse_integer(text);
+        if (!value)
+            fail(field, "got " + in_quotes(text) + ", need an integer");
+        return *value;
+    }
+    void end()
+    {
+        if (!is_done())
+            fail("", "one word too many (got " + in_quotes(words_[next_]) + ")");
+    }
+    [[noreturn]] void fail(const std::string& field, const std::string& what) const
+    {
+        throw malformed({file_, line_, field}, what);
+    }
+
+private:
+    const std::string& file_;
+    std::int64_t line_;
+    std::vector<std::string> words_;
+    std::size_t next_ = 0;
+};
+
+Selector parse_selector(Statement& words, const std::string& file)
+{
+    Selector selector;
+    const std::string kind = words.word("selector");
+    if (kind == "box")
+    {
+        selector.kind = Selector::Kind::Box;
+        selector.numbers = words.numbers("box", 6);
+        for (std::size_t k = 0; k < 3; ++k)
+            if (selector.numbers[k] > selector.numbers[k + 3])
+                words.fail("box", "its lower corner is above its upper one (got " +
+                                      shortest(selector.numbers[k]) + " > " +
+                                      shortest(selector.numbers[k + 3]) + ")");
+    }
+    else if (kind == "sphere" || kind == "capsule")
+    {
+        const bool is_sphere = kind == "sphere";
+        selector.kind = is_sphere ? Selector::Kind::Sphere : Selector::Kind::Capsule;
+        selector.numbers = words.numbers(kind, is_sphere ? 4 : 7);
+        if (!(selector.numbers.back() >= 0))
+            words.fail("radius", "got " + shortest(selector.numbers.back()) + ", need >= 0");
+    }
+    else if (kind == "halfspace")
+    {
+        selector.kind = Selector::Kind::Halfspace;
+        selector.numbers = words.numbers("halfspace", 4);
+        if (selector.numbers[0] == 0 && selector.numbers[1] == 0 && selector.numbers[2] == 0)
+            words.fail("normal", "got 0 0 0, need a direction");
+    }
+    else if (kind == "indices")
+    {
+        selector.kind = Selector::Kind::Indices;
+        do
+        {
+            const std::string& text = words.word("index");
+            const std::size_t dash = text.find('-', 1);
+            const std::optional<std::int64_t> first = parse_integer(text.substr(0, dash));
+            const std::optional<std::int64_t> last =
+                dash == std::string::npos ? first : parse_integer(text.substr(dash + 1));
+            if (!first || !last || *first < 0 || *last < *first)
+                words.fail("index", "got " + in_quotes(text) +
+                                        ", need a sample index or a range like 3-7");
+            selector.ranges.emplace_back(*first, *last);
+        } while (!words.is_done());
+    }
+    else if (kind == "labels")
+    {
+        selector.kind = Selector::Kind::Labels;
+        selector.name = beside(file, words.word("label file"));
+        selector.label = words.integer("label");
+    }
+    else if (kind == "group")
+    {
+        selector.kind = Selector::Kind::Group;
+        selector.name = words.word("group name");
+    }
+    else if (kind != "all")
+        words.fail("selector", "got " + in_quotes(kind) +
+                                   ", need box, sphere, capsule, halfspace, indices, labels, "
+                                   "group or all");
+    return selector;
+}
+
+RegionStatement parse_region(Role role, Statement& words, const std::string& file,
+                             std::int64_t line)
+{
+    RegionStatement region;
+    region.role = role;
+    region.line = line;
+    region.name = words.word("region name");
+    region.selector = parse_selector(words, file);
+    if (role == Role::Stiff && region.selector.kind == Selector::Kind::Indices)
+        words.fail("selector", "indices cannot carry the factor of a stiff region");
+    if (role == Role::Stiff)
+    {
+        region.factor = words.number("factor");
+        if (!(region.factor > 0))
+            words.fail("factor", "got " + shortest(region.factor) + ", need > 0");
+    }
+    words.end();
+    return region;
+}
+
+Operation parse_operation(Statement& words)
+{
+    Operation operation;
+    const std::string kind = words.word("operation");
+    if (kind == "translate" || kind == "to")
+    {
+        operation.kind =
+            kind == "to" ? Operation::Kind::To : Operation::Kind::Translate;
+        operation.vector = words.vector(kind);
+    }
+    else if (kind == "rotate")
+    {
+        operation.kind = Operation::Kind::Rotate;
+        operation.vector = words.vector("axis");
+        if (operation.vector.isZero(0))
+            words.fail("axis", "got 0 0 0, need a direction");
+        operation.degrees = words.number("degrees");
+        if (!words.is_done() && words.peek() == "about")
+        {
+            words.word("about");
+            operation.about = words.vector("about");
+        }
+    }
+    else if (kind == "matrix")
+    {
+        operation.kind = Operation::Kind::Matrix;
+        const std::vector<double> v = words.numbers("matrix", 16);
+        operation.matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(v.data());
+        if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
+            words.fail("matrix", "its last row is not 0 0 0 1");
+    }
+    else
+        words.fail("operation",
+                   "got " + in_quotes(kind) + ", need translate, rotate, matrix or to");
+    return operation;
+}
+
+/// Builds the file statement by statement and knows what may come next.
+class Parser
+{
+public:
+    explicit Parser(const std::string& path)
+    {
+        file_.path = path;
+        file_.stages.emplace_back();
+    }
+
+    void statement(std::string_view text, std::int64_t line)
+    {
+        Statement words(file_.path, line, text);
+        if (words.is_empty())
+            return;
+        const std::string keyword = words.word("statement");
+        if (!has_header_)
+        {
+            if (keyword != "cellwarp-handles" || words.integer("version") != 1)
+                words.fail("", "the first statement is wrong (got " + in_quotes(text) +
+                                   ", need 'cellwarp-handles 1')");
+            has_header_ = true;
+            words.end();
+            return;
+        }
+        Stage& stage = file_.stages.back();
+        if (const std::optional<Role> role = role_named(keyword))
+        {
+            if (!stage.frames.empty())
+                words.fail(keyword, "a region comes before the frames, or after a commit");
+            RegionStatement region = parse_region(*role, words, file_.path, line);
+            for (const RegionStatement& other : stage.regions)
+                if (other.name == region.name && other.role != region.role)
+                    words.fail(region.name, "is already a " + role_name(other.role) +
+                                                " region (line " + std::to_string(other.line) +
+                                                ")");
+            stage.regions.push_back(std::move(region));
+        }
+        else if (keyword == "units")
+        {
+            const std::string unit = words.word("units");
+            if (unit != "relative")
+                words.fail("units", "got " + in_quotes(unit) + ", need relative");
+            if (!stage.regions.empty() || file_.stages.size() > 1)
+                words.fail("units", "comes before the first region");
+            file_.is_relative = true;
+            words.end();
+        }
+        else if (keyword == "frame")
+            frame(words, line);
+        else if (keyword == "move")
+            move(words, line);
+        else if (keyword == "commit")
+        {
+            if (stage.frames.empty())
+                words.fail("commit", "no frame stands before it");
+            words.end();
+            file_.stages.emplace_back();
+        }
+        else
+            words.fail("", "unknown statement (got " + in_quotes(keyword) +
+                               ", need units, fixed, handle, pin, stiff, frame, move or "
+                               "commit)");
+    }
+
+    HandleFile finish(std::int64_t lines)
+    {
+        if (!has_header_)
+            throw malformed({file_.path, lines, ""},
+                            "the file is empty (need 'cellwarp-handles 1')");
+        return std::move(file_);
+    }
+
+private:
+    static std::optional<Role> role_named(const std::string& word)
+    {
+        for (const Role role : {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff})
+            if (word == role_name(role))
+                return role;
+        return std::nullopt;
+    }
+
+    void frame(Statement& words, std::int64_t line)
+    {
+        const std::int64_t number = words.integer("frame number");
+        if (number < 0 || number > 999999999)
+            words.fail("frame number",
+                       "got " + std::to_string(number) + ", need 0 to 999999999");
+        if (last_frame_ && number <= *last_frame_)
+            words.fail("frame number", "got " + std::to_string(number) +
+                                           ", need more than the last one, " +
+                                           std::to_string(*last_frame_));
+        words.end();
+        last_frame_ = number;
+        file_.stages.back().frames.push_back({number, {}, line});
+    }
+
+    void move(Statement& words, std::int64_t line)
+    {
+        Stage& stage = file_.stages.back();
+        if (stage.frames.empty())
+            words.fail("move", "no frame stands before it");
+        Move move;
+        move.line = line;
+        move.region = words.word("region name");
+        const auto region = std::find_if(stage.regions.begin(), stage.regions.end(),
+                                         [&](const RegionStatement& r) {
+                                             return r.name == move.region;
+                                         });
+        if (region == stage.regions.end())
+            words.fail(move.region, "no region has this name");
+        if (region->role != Role::Handle && region->role != Role::Pin)
+            words.fail(move.region, "is a " + role_name(region->role) +
+                                        " region, only a handle or a pin can be moved");
+        for (const Move& other : stage.frames.back().moves)
+            if (other.region == move.region)
+                words.fail(move.region, "is moved twice in this frame (line " +
+                                            std::to_string(other.line) + ")");
+        do
+        {
+            move.operations.push_back(parse_operation(words));
+            const Operation::Kind kind = move.operations.back().kind;
+            const bool is_pin = region->role == Role::Pin;
+            if (is_pin && (kind == Operation::Kind::Rotate || kind == Operation::Kind::Matrix))
+                words.fail(move.region, "a pin turns freely: it takes translate or to");
+            if (!is_pin && kind == Operation::Kind::To)
+                words.fail(move.region, "'to' is for a pin");
+            if (kind == Operation::Kind::To && move.operations.size() > 1)
+                words.fail(move.region, "'to' must be a pin's first operation");
+        } while (!words.is_done());
+        stage.frames.back().moves.push_back(std::move(move));
+    }
+
+    HandleFile file_;
+    bool has_header_ = false;
+    std::optional<std::int64_t> last_frame_;
+};
+
+/// All numbers of a text, with # comments left out.
+std::vector<double> all_numbers(const std::string& path, std::string_view text)
+{
+    std::vector<double> values;
+    LineReader lines(text, 0, true);
+    for (std::string_view line; lines.next(line);)
+    {
+        Tokens tokens(line.substr(0, line.find('#')), 0);
+        for (Token token; tokens.next(token);)
+        {
+            const std::optional<double> value = parse_double(token.text);
+            if (!value || !std::isfinite(*value))
+                throw malformed({path, lines.line_number(),
+                                 "number " + std::to_string(values.size() + 1)},
+                                "got " + in_quotes(token.text) + ", need a finite number");
+            values.push_back(*value);
+        }
+    }
+    return values;
+}
+
+std::vector<std::int64_t> as_labels(const std::string& path, const std::vector<double>& values,
+                                    std::size_t first)
+{
+    std::vector<std::int64_t> labels;
+    for (std::size_t i = first; i < values.size(); ++i)
+    {
+        if (values[i] != std::floor(values[i]) || std::abs(values[i]) > 2147483647.0)
+            throw malformed({path, 0, "label " + std::to_string(i - first)},
+                            "got " + shortest(values[i]) + ", need an integer");
+        labels.push_back(static_cast<std::int64_t>(values[i]));
+    }
+    return labels;
+}
+
+/// libigl's DMAT: "cols rows" and column-major text, or "0 0", a second header
+/// line and binary doubles.
+std::vector<std::int64_t> parse_dmat(const std::string& path, std::string_view bytes)
+{
+    LineReader lines(bytes, 0, true);
+    std::string_view line;
+    const auto header = [&] {
+        if (!lines.next(line))
+            throw malformed({path, 0, "header"}, "the file is empty (need 'cols rows')");
+        const std::vector<double> sizes = all_numbers(path, line);
+        if (sizes.size() != 2 || sizes[0] != std::floor(sizes[0]) ||
+            sizes[1] != std::floor(sizes[1]) || sizes[0] < 0 || sizes[1] < 0)
+            throw malformed({path, lines.line_number(), "header"},
+                            "got " + in_quotes(line) + ", need 'cols rows'");
+        if ((sizes[0] == 0) != (sizes[1] == 0) || sizes[0] > 1)
+            throw malformed({path, lines.line_number(), "header"},
+                            "got " + in_quotes(line) + ", need one column of labels");
+        return sizes[1];
+    };
+    const double rows = header();
+    std::vector<double> values;
+    if (rows > 0)
+        values = all_numbers(path, bytes.substr(lines.consumed()));
+    const double count = rows > 0 ? rows : header();
+    if (rows == 0)
+    {
+        const std::string_view data = bytes.substr(lines.consumed());
+        values.resize(data.size() / sizeof(double));
+        std::memcpy(values.data(), data.data(), values.size() * sizeof(double));
+    }
+    if (static_cast<double>(values.size()) != count)
+        throw malformed({path, 0, "header"}, "promises " + shortest(count) + " labels (got " +
+                                                 std::to_string(values.size()) + ")");
+    return as_labels(path, values, 0);
+}
+
+} // namespace
+
+std::string role_name(Role role)
+{
+    switch (role)
+    {
+    case Role::Fixed: return "fixed";
+    case Role::Handle: return "handle";
+    case Role::Pin: return "pin";
+    case Role::Stiff: return "stiff";
+    }
+    return {};
+}
+
+HandleFile parse_handles(const std::string& path, std::string_view text)
+{
+    if (const std::string guess = foreign_content(text); !guess.empty())
+        throw malformed({path, 0, ""}, "this looks like " + guess + ", need a handle file");
+    Parser parser(path);
+    text.remove_prefix(byte_order_mark(text));
+    LineReader lines(text, 0, true);
+    for (std::string_view line; lines.next(line);)
+        parser.statement(line, lines.line_number());
+    return parser.finish(lines.line_number());
+}
+
+HandleFile read_handles(const std::string& path)
+{
+    return parse_handles(path, read_file(path));
+}
+
+std::vector<std::int64_t> read_labels(const std::string& path)
+{
+    const std::string bytes = read_file(path);
+    if (extension_of(path) == "dmat")
+        return parse_dmat(path, bytes);
+    if (const std::string guess = foreign_content(bytes); !guess.empty())
+        throw malformed({path, 0, ""}, "this looks like " + guess + ", need labels");
+    return as_labels(path, all_numbers(path, bytes), 0);
+}
+
+HandleFile read_survey_pair(const std::string& sel, const std::string& def)
+{
+    const std::vector<double> values = all_numbers(def, read_file(def));
+    if (values.size() != 16)
+        throw malformed({def, 0, "matrix"},
+                        "got " + std::to_string(values.size()) + " numbers, need 16");
+    Operation operation;
+    operation.kind = Operation::Kind::Matrix;
+    operation.matrix =
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(values.data());
+    if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
+        throw malformed({def, 0, "matrix"}, "its last row is not 0 0 0 1");
+    HandleFile file;
+    file.path = def;
+    Stage& stage = file.stages.emplace_back();
+    const auto region = [&](Role role, const std::string& name, std::int64_t label) {
+        Selector selector;
+        selector.kind = Selector::Kind::Labels;
+        selector.name = sel;
+        selector.label = label;
+        stage.regions.push_back({role, name, selector, 1.0, 0});
+    };
+    region(Role::Fixed, "fixed", 0);
+    region(Role::Handle, "handle", 2);
+    stage.frames.push_back({1, {{"handle", {operation}, 0}}, 0});
+    return file;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Handle-transform files (*.handles) as plain values: what an edit session does
+// to a shape, statement by statement. What the statements mean for a model is
+// the session's business.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+enum class Role
+{
+    Fixed,
+    Handle,
+    Pin,
+    Stiff
+};
+
+/// The word of the file: "fixed", "handle", "pin" or "stiff".
+std::string role_name(Role role);
+
+/// Which samples a region statement names. Numbers are in the file's units.
+struct Selector
+{
+    enum class Kind
+    {
+        Box,        ///< numbers: x0 y0 z0 x1 y1 z1
+        Sphere,     ///< x y z r
+        Capsule,    ///< x0 y0 z0 x1 y1 z1 r
+        Halfspace,  ///< nx ny nz d
+        Indices,    ///< ranges
+        Labels,     ///< name: file (resolved against the handle file), label
+        Group,      ///< name
+        All
+    };
+    Kind kind = Kind::All;
+    std::vector<double> numbers;
+    std::vector<std::pair<std::int64_t, std::int64_t>> ranges;  ///< first and last
+    std::string name;
+    std::int64_t label = 0;
+};
+
+struct RegionStatement
+{
+    Role role = Role::Fixed;
+    std::string name;
+    Selector selector;
+    double factor = 1.0;  ///< of a stiff region; > 0
+    std::int64_t line = 0;
+};
+
+/// One step of a move, applied in the order written.
+struct Operation
+{
+    enum class Kind
+    {
+        Translate,  ///< vector
+        Rotate,     ///< vector: axis, degrees, about
+        Matrix,     ///< rows
+        To          ///< vector: where the pin goes
+    };
+    Kind kind = Kind::Translate;
+    Eigen::Vector3d vector = Eigen::Vector3d::Zero();
+    double degrees = 0.0;
+    std::optional<Eigen::Vector3d> about;
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+};
+
+struct Move
+{
+    std::string region;
+    std::vector<Operation> operations;
+    std::int64_t line = 0;
+};
+
+struct FrameStatement
+{
+    std::int64_t number = 0;
+    std::vector<Move> moves;
+    std::int64_t line = 0;
+};
+
+/// Regions and the frames that move them, up to a commit.
+struct Stage
+{
+    std::vector<RegionStatement> regions;
+    std::vector<FrameStatement> frames;
+};
+
+struct HandleFile
+{
+    std::string path;
+    bool is_relative = false;  ///< "units relative"
+    std::vector<Stage> stages; ///< one more than there are commits
+};
+
+/// Throws Fault::File or Fault::Malformed with line and field.
+HandleFile read_handles(const std::string& path);
+
+/// The same for text in memory.
+HandleFile parse_handles(const std::string& path, std::string_view text);
+
+/// The deformation survey's pair as a handle file: labels 0 fixed, 1 free,
+/// 2 handle of \p sel, and the one matrix of \p def, as frame 1.
+HandleFile read_survey_pair(const std::string& sel, const std::string& def);
+
+/// One integer a sample: a .sel (text, # comments) or a .dmat (libigl).
+std::vector<std::int64_t> read_labels(const std::string& path);
+
+} // namespace cellwarp

@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/obj.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "io/error.h"
+#include "io/number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::int64_t kMaxSamples = (std::int64_t(1) << 31) - 1;
+constexpr std::size_t kMaxCorners = 1000000;
+
+/// A face corner as written: "v", "v/vt", "v//vn" or "v/vt/vn"; 0 where missing.
+struct Corner
+{
+    std::int64_t vertex = 0, texture = 0, normal = 0;
+    std::uint64_t normal_start = 0;
+};
+
+bool parse_corner(const Token& token, Corner& corner)
+{
+    std::string_view rest = token.text;
+    std::uint64_t start = token.start;
+    for (int part = 0; part < 3; ++part)
+    {
+        const std::size_t slash = rest.find('/');
+        const std::string_view text = rest.substr(0, slash);
+        const bool may_be_empty = part == 1 && slash != std::string_view::npos;
+        if (!text.empty() || !may_be_empty)
+        {
+            const std::optional<std::int64_t> index = parse_integer(text);
+            if (!index || *index == 0)
+                return false;
+            (part == 0 ? corner.vertex : part == 1 ? corner.texture : corner.normal) = *index;
+            if (part == 2)
+                corner.normal_start = start;
+        }
+        if (slash == std::string_view::npos)
+            return true;
+        rest.remove_prefix(slash + 1);
+        start += slash + 1;
+    }
+    return false;
+}
+
+bool is_keyword(std::string_view word)
+{
+    return std::all_of(word.begin(), word.end(), [](char c) {
+        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
+               c == '_';
+    });
+}
+
+/// The statements that the format knows and that hold nothing for us.
+bool passes_through(std::string_view word)
+{
+    static constexpr std::string_view known[] = {
+        "vt",    "vp",    "l",        "p",          "s",      "mg",    "usemtl", "mtllib",
+        "usemap", "maplib", "curv",   "curv2",      "surf",   "parm",  "trim",   "hole",
+        "scrv",  "sp",    "end",      "con",        "deg",    "bmat",  "step",   "cstype",
+        "bevel", "lod",   "c_interp", "d_interp",   "ctech",  "stech", "res",    "bsp",
+        "bzp",   "cdc",   "cdp",      "call",       "csh",    "shadow_obj", "trace_obj"};
+    return std::find(std::begin(known), std::end(known), word) != std::end(known);
+}
+
+} // namespace
+
+std::size_t ObjScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
+                             Geometry& out)
+{
+    std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
+    LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
+    std::size_t done = skipped;
+    std::string_view line;
+    while (lines.next(line))
+    {
+        // A backslash continues the statement; it and the line end become blanks,
+        // so that every token keeps its place.
+        const std::uint64_t first = lines.line_start();
+        const std::int64_t number = lines.line_number();
+        if (!line.empty() && line.back() == '\\')
+        {
+            bool is_complete = false;
+            std::string_view next = line;
+            joined_.clear();
+            while (!is_complete)
+            {
+                is_complete = next.empty() || next.back() != '\\';
+                joined_.append(next.substr(0, next.size() - (is_complete ? 0 : 1)));
+                if (is_complete)
+                    break;
+                if (!lines.next(next))
+                {
+                    if (!is_last)
+                        return done;
+                    is_complete = true;
+                }
+                else
+                    joined_.resize(lines.line_start() - first, ' ');
+            }
+            line = joined_;
+        }
+        if (line.size() > (std::size_t(1) << 24))
+            throw malformed({file_, number, ""}, "the line is longer than 16 MB");
+        statement(line, first, number, out);
+        done = skipped + lines.consumed();
+        lines_ = lines.line_number();
+    }
+    return done;
+}
+
+void ObjScanner::statement(std::string_view line, std::uint64_t start, std::int64_t number,
+                           Geometry& out)
+{
+    Tokens tokens(line, start);
+    Token word;
+    if (!tokens.next(word) || word.text[0] == '#')
+        return;
+    if (word.text == "v")
+        vertex(tokens, number, out);
+    else if (word.text == "vn")
+        normal(tokens, number, out);
+    else if (word.text == "f" || word.text == "fo")
+        face(tokens, number, out);
+    else if (word.text == "g" || word.text == "o")
+    {
+        close_groups(out);
+        if (word.text == "o")
+            object_ = tokens.rest();
+        else
+        {
+            open_groups_.clear();
+            for (Token name; tokens.next(name);)
+                open_groups_.emplace_back(name.text);
+        }
+    }
+    else if (word.text == "vt")
+        ++num_texture_;
+    else if (!passes_through(word.text))
+    {
+        if (!is_keyword(word.text))
+            throw malformed({file_, number, ""},
+                            "this is no OBJ statement (got " + in_quotes(word.text) + ")");
+        ++num_unknown_;
+    }
+}
+
+namespace
+{
+
+/// The finite numbers of a statement, at most seven, each with its place.
+struct Numbers
+{
+    int count = 0;
+    std::array<double, 7> values;
+    std::array<std::uint64_t, 7> starts;
+
+    Eigen::Vector3d vector() const { return {values[0], values[1], values[2]}; }
+};
+
+Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line)
+{
+    Numbers numbers;
+    for (Token token; tokens.next(token) && token.text[0] != '#'; ++numbers.count)
+    {
+        const Where where{file, line, "number " + std::to_string(numbers.count + 1)};
+        if (numbers.count == 7)
+            throw malformed(where, "one too many (need at most 7)");
+        const std::optional<double> value = parse_double(token.text);
+        if (!value)
+            throw malformed(where, "is no number (got " + in_quotes(token.text) + ")");
+        if (!std::isfinite(*value))
+            throw malformed(where, "is not finite (got " + in_quotes(token.text) + ")");
+        numbers.values[static_cast<std::size_t>(numbers.count)] = *value;
+        numbers.starts[static_cast<std::size_t>(numbers.count)] = token.start;
+    }
+    return numbers;
+}
+
+} // namespace
+
+void ObjScanner::vertex(Tokens& tokens, std::int64_t line, Geometry& out)
+{
+    // x y z, x y z w, x y z r g b or x y z w r g b.
+    const Numbers numbers = read_numbers(tokens, file_, line);
+    if (numbers.count < 3 || numbers.count == 5)
+        throw malformed({file_, line, "vertex"},
+                        "got " + std::to_string(numbers.count) + " numbers, need 3, 4, 6 or 7");
+    out.samples.push_back(numbers.vector());
+    if (static_cast<std::int64_t>(out.samples.size()) > kMaxSamples)
+        throw malformed({file_, line, "vertex"}, "more than 2147483647 of them");
+    out.sample_places.starts.insert(out.sample_places.starts.end(), numbers.starts.begin(),
+                                    numbers.starts.begin() + 3);
+    if (numbers.count < 6)
+        return;
+    out.colours.resize(out.samples.size(), {200, 200, 200});
+    for (std::size_t k = 0; k < 3; ++k)
+    {
+        const std::size_t at = static_cast<std::size_t>(numbers.count) - 3 + k;
+        out.colours.back()[k] = static_cast<std::uint8_t>(
+            std::lround(255.0 * std::clamp(numbers.values[at], 0.0, 1.0)));
+    }
+}
+
+void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
+{
+    const Numbers numbers = read_numbers(tokens, file_, line);
+    if (numbers.count != 3)
+        throw malformed({file_, line, "normal"},
+                        "got " + std::to_string(numbers.count) + " numbers, need 3");
+    out.directions.push_back(numbers.vector());
+    out.direction_places.starts.insert(out.direction_places.starts.end(),
+                                       numbers.starts.begin(), numbers.starts.begin() + 3);
+}
+
+void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
+{
+    const std::size_t first = out.corners.size();
+    // An index is 1-based, or negative and counted back from what was read so far.
+    const auto resolve = [&](std::int64_t index, std::int64_t read, char kind) {
+        const std::int64_t value = index > 0 ? index - 1 : read + index;
+        if (value < 0 || value >= kMaxSamples)
+            throw malformed({file_, line, "face index"},
+                            "is out of range (got " + std::to_string(index) + ", " +
+                                std::to_string(read) + " read so far)");
+        if (value >= read)
+            forward_.push_back({value, line, kind});
+        return static_cast<std::uint32_t>(value);
+    };
+    for (Token token; tokens.next(token) && token.text[0] != '#';)
+    {
+        Corner corner;
+        if (!parse_corner(token, corner))
+            throw malformed({file_, line, "face index"},
+                            "is no index (got " + in_quotes(token.text) +
+                                ", need v, v/vt, v//vn or v/vt/vn)");
+        out.corners.push_back(
+            resolve(corner.vertex, static_cast<std::int64_t>(out.samples.size()), 'v'));
+        if (corner.texture != 0)
+            resolve(corner.texture, num_texture_, 't');
+        if (corner.normal != 0)
+        {
+            out.corner_directions.resize(out.corners.size() - 1, kNone);
+            out.corner_direction_starts.resize(out.corners.size() - 1, 0);
+            out.corner_directions.push_back(resolve(
+                corner.normal, static_cast<std::int64_t>(out.directions.size()), 'n'));
+            out.corner_direction_starts.push_back(corner.normal_start);
+        }
+    }
+    const std::size_t count = out.corners.size() - first;
+    if (count < 3 || count > kMaxCorners)
+        throw malformed({file_, line, "face"}, "got " + std::to_string(count) +
+                                                   " corners, need 3 to 1000000");
+    out.face_ends.push_back(out.corners.size());
+}
+
+void ObjScanner::close_groups(Geometry& out)
+{
+    const std::size_t end = out.face_ends.size();
+    if (end > groups_first_face_)
+    {
+        for (const std::string& name : open_groups_)
+            out.groups.push_back({name, groups_first_face_, end});
+        if (!object_.empty())
+            out.groups.push_back({object_, groups_first_face_, end});
+    }
+    groups_first_face_ = end;
+}
+
+void ObjScanner::finish(Geometry& out)
+{
+    close_groups(out);
+    for (const Forward& forward : forward_)
+    {
+        const std::size_t count = forward.kind == 'v'   ? out.samples.size()
+                                  : forward.kind == 'n' ? out.directions.size()
+                                                        : static_cast<std::size_t>(num_texture_);
+        if (forward.index >= static_cast<std::int64_t>(count))
+            throw malformed({file_, forward.line, "face index"},
+                            "is out of range (got " + std::to_string(forward.index + 1) +
+                                ", need at most " + std::to_string(count) + ")");
+    }
+    if (out.samples.empty())
+        throw malformed({file_, 0, ""}, lines_ == 0 ? "the file is empty: no vertices"
+                                                    : "no vertices");
+    if (!out.colours.empty())
+        out.colours.resize(out.samples.size(), {200, 200, 200});
+    if (!out.corner_directions.empty())
+    {
+        out.corner_directions.resize(out.corners.size(), kNone);
+        out.corner_direction_starts.resize(out.corners.size(), 0);
+    }
+    if (num_texture_ > 0)
+        out.attributes.push_back("texture coordinates");
+    if (!out.directions.empty())
+        out.attributes.push_back("normals");
+    if (!out.colours.empty())
+        out.attributes.push_back("colours");
+    if (!out.groups.empty())
+        out.attributes.push_back("groups");
+    if (num_unknown_ > 0)
+        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_unknown_) +
+                                                      " unknown statements pass through"));
+}
+
+ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionUse>& uses,
+                          const std::vector<Eigen::Vector3d>& values,
+                          std::string_view bytes)
+{
+    // Uses closer than this share one statement [relative to the direction's length].
+    constexpr double kSame = 1e-6;
+    ObjSplit split;
+    split.directions = geometry.directions;
+    std::vector<std::uint32_t> index_of_use(uses.size());
+    const std::string line_end = bytes.find("\r\n") != std::string_view::npos ? "\r\n" : "\n";
+    for (std::size_t first = 0; first < uses.size();)
+    {
+        std::size_t end = first;
+        while (end < uses.size() && uses[end].direction == uses[first].direction)
+            ++end;
+        // The first use keeps the statement; every other one joins the first
+        // statement that is near enough or opens a new one.
+        std::vector<std::pair<std::size_t, std::uint32_t>> statements;
+        for (std::size_t use = first; use < end; ++use)
+        {
+            const double tolerance = kSame * values[use].norm();
+            auto near = std::find_if(statements.begin(), statements.end(), [&](const auto& s) {
+                return (values[s.first] - values[use]).norm() <= tolerance;
+            });
+            if (near == statements.end())
+            {
+                std::uint32_t index = uses[use].direction + 1;
+                if (statements.empty())
+                    split.directions[uses[use].direction] = values[use];
+                else
+                {
+                    ++split.num_lines;
+                    index = static_cast<std::uint32_t>(geometry.directions.size() +
+                                                       split.num_lines);
+                    split.lines += "vn";
+                    for (int k = 0; k < 3; ++k)
+                        split.lines += " " + shortest(values[use][k]);
+                    split.lines += line_end;
+                }
+                near = statements.insert(statements.end(), {use, index});
+            }
+            index_of_use[use] = near->second;
+        }
+        first = end;
+    }
+    if (split.num_lines == 0)
+        return split;
+    if (!bytes.empty() && bytes.back() != '\n' && bytes.back() != '\r')
+        split.lines.insert(0, line_end);
+    for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
+    {
+        if (geometry.corner_directions[c] == kNone)
+            continue;
+        const DirectionUse wanted{geometry.corner_directions[c], geometry.corners[c]};
+        const auto use = std::lower_bound(
+            uses.begin(), uses.end(), wanted, [](const DirectionUse& a, const DirectionUse& b) {
+                return std::pair(a.direction, a.sample) < std::pair(b.direction, b.sample);
+            });
+        const std::uint32_t index = index_of_use[static_cast<std::size_t>(use - uses.begin())];
+        if (index != wanted.direction + 1)
+        {
+            split.index_starts.push_back(geometry.corner_direction_starts[c]);
+            split.new_indices.push_back(index);
+        }
+    }
+    return split;
+}
+
+} // namespace cellwarp

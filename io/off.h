@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Object File Format: OFF, and with colours and normals COFF, NOFF, CNOFF. A
+// stream of tokens: a record may break over lines.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "io/error.h"
+#include "io/geometry.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+class OffScanner
+{
+public:
+    OffScanner(std::string file, std::uint64_t file_bytes)
+        : file_(std::move(file)), file_bytes_(file_bytes)
+    {
+    }
+
+    std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
+                     Geometry& out);
+    void finish(Geometry& out);
+
+private:
+    enum class Expect
+    {
+        Magic,
+        Counts,
+        Vertices,
+        Faces,
+        End
+    };
+
+    void line(std::string_view text, std::uint64_t start, Geometry& out);
+    void magic(std::string_view& text, std::uint64_t& start);
+    void counts(Tokens& tokens);
+    bool vertex_token(const Token& token, Geometry& out);
+    bool face_token(const Token& token, Geometry& out);
+    void advance();
+    Where here() const;
+
+    std::string file_;
+    std::uint64_t file_bytes_;
+    std::int64_t lines_ = 0;
+    Expect expect_ = Expect::Magic;
+    bool has_normals_ = false, has_colours_ = false;
+    std::uint64_t num_vertices_ = 0, num_faces_ = 0, record_ = 0;
+    std::vector<std::uint64_t> starts_;  ///< of the vertex being read
+    std::vector<double> values_;
+    std::int64_t corners_left_ = -1;    ///< of the face being read; -1: count awaited
+};
+
+} // namespace cellwarp

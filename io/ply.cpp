@@ -1,0 +1,484 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/ply.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include "io/error.h"
+#include "io/number.h"
+#include "io/stored_number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::size_t kMaxHeaderBytes = std::size_t(1) << 20;
+constexpr std::size_t kMaxProperties = 1024;
+constexpr std::uint64_t kMaxSamples = (std::uint64_t(1) << 31) - 1;
+constexpr std::uint64_t kMaxCorners = 1000000;
+
+std::optional<Scalar> scalar_named(std::string_view name)
+{
+    if (name == "char" || name == "int8")
+        return Scalar::Int8;
+    if (name == "uchar" || name == "uint8")
+        return Scalar::UInt8;
+    if (name == "short" || name == "int16")
+        return Scalar::Int16;
+    if (name == "ushort" || name == "uint16")
+        return Scalar::UInt16;
+    if (name == "int" || name == "int32")
+        return Scalar::Int32;
+    if (name == "uint" || name == "uint32")
+        return Scalar::UInt32;
+    if (name == "float" || name == "float32")
+        return Scalar::Float32;
+    if (name == "double" || name == "float64")
+        return Scalar::Float64;
+    return std::nullopt;
+}
+
+bool is_real(Scalar type) { return type == Scalar::Float32 || type == Scalar::Float64; }
+
+} // namespace
+
+Where PlyScanner::here(std::uint64_t start, const std::string& field) const
+{
+    std::string place = elements_[element_].name + " " + std::to_string(record_);
+    if (encoding_ != Encoding::Ascii)
+        place += " (byte " + std::to_string(start) + ")";
+    if (!field.empty())
+        place += ": " + field;
+    return {file_, encoding_ == Encoding::Ascii ? lines_ : 0, place};
+}
+
+void PlyScanner::header_line(std::string_view line)
+{
+    const Where where{file_, lines_, "header"};
+    Tokens tokens(line, 0);
+    Token word;
+    if (!tokens.next(word) || word.text == "comment" || word.text == "obj_info")
+        return;
+    std::vector<std::string_view> words;
+    for (Token token; tokens.next(token);)
+        words.push_back(token.text);
+    if (word.text == "format")
+    {
+        if (has_format_ || words.size() != 2 || words[1] != "1.0")
+            throw malformed(where, "format is wrong (got " + in_quotes(line) +
+                                       ", need one 'format ENCODING 1.0')");
+        if (words[0] == "ascii")
+            encoding_ = Encoding::Ascii;
+        else if (words[0] == "binary_little_endian")
+            encoding_ = Encoding::Little;
+        else if (words[0] == "binary_big_endian")
+            encoding_ = Encoding::Big;
+        else
+            throw malformed(where, "format is unknown (got " + in_quotes(words[0]) +
+                                       ", need ascii, binary_little_endian or "
+                                       "binary_big_endian)");
+        has_format_ = true;
+    }
+    else if (word.text == "element")
+    {
+        const std::optional<std::int64_t> count =
+            words.size() == 2 ? parse_integer(words[1]) : std::nullopt;
+        if (!count || *count < 0)
+            throw malformed(where, "element count is wrong (got " + in_quotes(line) +
+                                       ", need 'element NAME COUNT' with COUNT >= 0)");
+        const auto same = [&](const Element& e) { return e.name == words[0]; };
+        if (std::any_of(elements_.begin(), elements_.end(), same))
+            throw malformed(where, "element " + in_quotes(words[0]) + " stands twice");
+        elements_.push_back({std::string(words[0]), static_cast<std::uint64_t>(*count),
+                             lines_, {}, 0});
+    }
+    else if (word.text == "property")
+    {
+        if (elements_.empty())
+            throw malformed(where, "property before any element");
+        std::vector<Property>& properties = elements_.back().properties;
+        Property property;
+        property.is_list = !words.empty() && words[0] == "list";
+        if (words.size() != (property.is_list ? 4u : 2u))
+            throw malformed(where, "property is wrong (got " + in_quotes(line) +
+                                       ", need 'property TYPE NAME' or 'property list "
+                                       "COUNT_TYPE TYPE NAME')");
+        const std::optional<Scalar> type = scalar_named(words[property.is_list ? 2 : 0]);
+        const std::optional<Scalar> count =
+            property.is_list ? scalar_named(words[1]) : Scalar::UInt8;
+        if (!type || !count)
+            throw malformed(where, "property type is unknown (got " + in_quotes(line) + ")");
+        if (is_real(*count))
+            throw malformed(where, "a list's count must be an integer (got " +
+                                       in_quotes(words[1]) + ")");
+        property.type = *type;
+        property.count_type = *count;
+        property.name = words.back();
+        const auto same = [&](const Property& p) { return p.name == property.name; };
+        if (std::any_of(properties.begin(), properties.end(), same))
+            throw malformed(where, "property " + in_quotes(property.name) + " stands twice");
+        if (properties.size() == kMaxProperties)
+            throw malformed(where, "more than 1024 properties in one element");
+        properties.push_back(property);
+    }
+    else
+        throw malformed(where, "this is no PLY header line (got " + in_quotes(line) + ")");
+}
+
+std::size_t PlyScanner::header(std::string_view part)
+{
+    const std::size_t mark = byte_order_mark(part);
+    const std::string_view text = part.substr(mark, kMaxHeaderBytes);
+    // The file's own line end: in a binary file the first data byte may be LF.
+    const std::size_t first_end = text.find_first_of("\r\n");
+    std::string_view line_end = "\n";
+    if (first_end != std::string_view::npos && text[first_end] == '\r')
+        line_end = text.substr(first_end).starts_with("\r\n") ? "\r\n" : "\r";
+    std::size_t next = 0;
+    for (;;)
+    {
+        const std::size_t end = text.find(line_end, next);
+        const bool is_ended = end != std::string_view::npos;
+        std::string_view line = text.substr(next, is_ended ? end - next : end);
+        ++lines_;
+        if (!line.empty() && line.back() == '\r')
+            line.remove_suffix(1);
+        while (!line.empty() && is_blank(line.back()))
+            line.remove_suffix(1);
+        if (lines_ == 1 && line != "ply")
+            throw malformed({file_, 1, ""},
+                            part.empty() ? "the file is empty"
+                                         : "is no PLY file (got " + in_quotes(line) +
+                                               ", need 'ply')");
+        if (!is_ended && line != "end_header")
+            throw malformed({file_, lines_, "header"},
+                            text.size() == kMaxHeaderBytes ? "is longer than 1 MB"
+                                                           : "ends before end_header");
+        next = is_ended ? end + line_end.size() : text.size();
+        if (line == "end_header")
+            break;
+        if (lines_ > 1)
+            header_line(line);
+    }
+    if (!has_format_)
+        throw malformed({file_, 0, "header"}, "no format line");
+    return mark + next;
+}
+
+void PlyScanner::assign_roles(Geometry& out)
+{
+    static constexpr std::string_view names[9] = {"x",  "y",   "z",     "nx",  "ny",
+                                                  "nz", "red", "green", "blue"};
+    bool has_vertex = false;
+    for (Element& element : elements_)
+    {
+        bool found[9] = {};
+        for (Property& property : element.properties)
+        {
+            element.min_bytes += stored_size(property.is_list ? property.count_type
+                                                              : property.type);
+            if (element.name == "vertex" && !property.is_list)
+                for (int role = 0; role < 9; ++role)
+                    if (property.name == names[role])
+                    {
+                        property.role = role;
+                        found[role] = true;
+                    }
+            if (element.name == "face" && property.is_list &&
+                (property.name == "vertex_indices" || property.name == "vertex_index"))
+                property.role = 9;
+        }
+        if (encoding_ == Encoding::Ascii)
+            element.min_bytes = 2 * element.properties.size();
+        const Where where{file_, element.line, "element " + element.name};
+        // A last ascii line may lack its line end: one byte of grace.
+        if (element.min_bytes > 0 && element.count > (file_bytes_ + 1) / element.min_bytes)
+            throw malformed(where, "the file is too short for its count (got " +
+                                       std::to_string(element.count) + " records in " +
+                                       std::to_string(file_bytes_) + " bytes)");
+        if (element.name != "vertex")
+            continue;
+        has_vertex = true;
+        num_samples_ = element.count;
+        if (!found[0] || !found[1] || !found[2])
+            throw malformed(where, "has no property x, y or z");
+        if (element.count == 0)
+            throw malformed(where, "no vertices");
+        if (element.count > kMaxSamples)
+            throw malformed(where, "more than 2147483647 vertices");
+        const bool has_normals = found[3] && found[4] && found[5];
+        const bool has_colours = found[6] && found[7] && found[8];
+        for (Property& property : element.properties)
+        {
+            const bool is_ascii = encoding_ == Encoding::Ascii;
+            const Scalar stored = !is_ascii               ? property.type
+                                  : is_real(property.type) ? Scalar::Text
+                                                           : Scalar::TextInt;
+            if ((property.role >= 3 && property.role < 6 && !has_normals) ||
+                (property.role >= 6 && (!has_colours || property.type != Scalar::UInt8)))
+                property.role = -1;
+            if (property.role >= 0 && property.role < 3)
+                out.sample_places.scalars[static_cast<std::size_t>(property.role)] = stored;
+            else if (property.role >= 3 && property.role < 6)
+                out.direction_places.scalars[static_cast<std::size_t>(property.role - 3)] =
+                    stored;
+            else if (property.role < 0)
+                out.attributes.push_back(property.name);
+        }
+        out.sample_places.big_endian = encoding_ == Encoding::Big;
+        out.direction_places.big_endian = encoding_ == Encoding::Big;
+        if (has_normals)
+            out.attributes.push_back("normals");
+        if (has_colours)
+            out.attributes.push_back("colours");
+    }
+    if (!has_vertex)
+        throw malformed({file_, 0, "header"}, "no vertices (no element vertex)");
+    for (const Element& element : elements_)
+        if (element.name != "vertex" && element.name != "face")
+            out.attributes.push_back("element " + element.name);
+}
+
+void PlyScanner::check_face(std::uint64_t count, std::uint64_t start) const
+{
+    if (count < 3 || count > kMaxCorners)
+        throw malformed(here(start), "got " + std::to_string(count) +
+                                         " corners, need 3 to 1000000");
+}
+
+void PlyScanner::add_corner(double index, std::uint64_t start, Geometry& out) const
+{
+    if (!(index >= 0 && index < static_cast<double>(num_samples_)) ||
+        index != std::floor(index))
+        throw malformed(here(start, "vertex index"),
+                        "is out of range (got " + shortest(index) + ", need 0 to " +
+                            std::to_string(num_samples_ - 1) + ")");
+    out.corners.push_back(static_cast<std::uint32_t>(index));
+}
+
+void PlyScanner::keep(const Element& element, const Record& record, Geometry& out)
+{
+    bool has_normal = false, has_colour = false;
+    for (const Property& property : element.properties)
+    {
+        has_normal |= property.role == 3;
+        has_colour |= property.role == 6;
+    }
+    const double* v = record.values;
+    for (int k = 0; k < 3; ++k)
+        if (!std::isfinite(v[k]))
+            throw malformed(here(record.starts[k], std::string(1, "xyz"[k])),
+                            "is not finite (got " + shortest(v[k]) + ")");
+    out.samples.emplace_back(v[0], v[1], v[2]);
+    out.sample_places.starts.insert(out.sample_places.starts.end(), record.starts,
+                                    record.starts + 3);
+    if (has_colour)
+        out.colours.push_back({static_cast<std::uint8_t>(v[6]),
+                               static_cast<std::uint8_t>(v[7]),
+                               static_cast<std::uint8_t>(v[8])});
+    if (!has_normal)
+        return;
+    // A normal that is none stays as it is: it takes no part.
+    const Eigen::Vector3d normal(v[3], v[4], v[5]);
+    if (!normal.allFinite() || normal.isZero(0))
+    {
+        num_bad_normals_ += normal.allFinite() ? 0 : 1;
+        return;
+    }
+    out.directions.push_back(normal);
+    out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
+    out.direction_places.starts.insert(out.direction_places.starts.end(), record.starts + 3,
+                                       record.starts + 6);
+}
+
+bool PlyScanner::ascii_record(const Element& element, std::string_view line,
+                              std::uint64_t start, Geometry& out)
+{
+    Tokens tokens(line, start);
+    Token token;
+    if (!element.properties.empty() && tokens.rest().empty())
+        return false;
+    Record record;
+    const auto number = [&](const std::string& name) {
+        if (!tokens.next(token))
+            throw malformed(here(token.start, name), "is missing");
+        const std::optional<double> value = parse_double(token.text);
+        if (!value)
+            throw malformed(here(token.start, name),
+                            "is no number (got " + in_quotes(token.text) + ")");
+        return *value;
+    };
+    for (const Property& property : element.properties)
+    {
+        const double value = number(property.name);
+        if (!property.is_list)
+        {
+            if (!is_real(property.type) && !fits_stored(property.type, value))
+                throw malformed(here(token.start, property.name),
+                                "does not fit its type (got " + in_quotes(token.text) + ")");
+            if (property.role >= 0)
+                record.values[property.role] = value;
+            if (property.role >= 0 && property.role < 6)
+                record.starts[property.role] = token.start;
+            continue;
+        }
+        if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value))
+            throw malformed(here(token.start, property.name),
+                            "is no list length (got " + in_quotes(token.text) + ")");
+        if (property.role == 9)
+            check_face(static_cast<std::uint64_t>(value), token.start);
+        for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(value); ++i)
+        {
+            const double item = number(property.name);
+            if (property.role == 9)
+                add_corner(item, token.start, out);
+        }
+        if (property.role == 9)
+            out.face_ends.push_back(out.corners.size());
+    }
+    if (tokens.next(token))
+        throw malformed(here(token.start), "has more values than properties (got " +
+                                               in_quotes(token.text) + ")");
+    if (element.name == "vertex")
+        keep(element, record, out);
+    return true;
+}
+
+bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
+                               std::uint64_t start, std::size_t& length, Geometry& out)
+{
+    const bool big = encoding_ == Encoding::Big;
+    Record record;
+    std::size_t at = 0;
+    for (const Property& property : element.properties)
+    {
+        const Scalar type = property.is_list ? property.count_type : property.type;
+        if (bytes.size() - at < stored_size(type))
+            return false;
+        const double value = load_stored(bytes.data() + at, type, big);
+        if (!property.is_list)
+        {
+            if (property.role >= 0)
+                record.values[property.role] = value;
+            if (property.role >= 0 && property.role < 6)
+                record.starts[property.role] = start + at;
+            at += stored_size(type);
+            continue;
+        }
+        if (value < 0)
+            throw malformed(here(start + at, property.name),
+                            "is no list length (got " + shortest(value) + ")");
+        const std::uint64_t count = static_cast<std::uint64_t>(value);
+        if (property.role == 9)
+            check_face(count, start + at);
+        at += stored_size(type);
+        const std::uint64_t size = count * stored_size(property.type);
+        if (size > file_bytes_ - (start + at))
+            throw malformed(here(start + at, property.name),
+                            "the list is longer than the file (got " +
+                                std::to_string(count) + " items)");
+        if (bytes.size() - at < size)
+            return false;
+        if (property.role == 9)
+        {
+            for (std::uint64_t i = 0; i < count; ++i)
+                add_corner(load_stored(bytes.data() + at + i * stored_size(property.type),
+                                       property.type, big),
+                           start + at, out);
+            out.face_ends.push_back(out.corners.size());
+        }
+        at += static_cast<std::size_t>(size);
+    }
+    if (element.name == "vertex")
+        keep(element, record, out);
+    length = at;
+    return true;
+}
+
+std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
+                             Geometry& out)
+{
+    std::size_t done = 0;
+    if (!has_header_)
+    {
+        done = header(part);
+        assign_roles(out);
+        has_header_ = true;
+    }
+    const auto next_element = [&] {
+        while (element_ < elements_.size() &&
+               (record_ == elements_[element_].count || elements_[element_].properties.empty()))
+        {
+            ++element_;
+            record_ = 0;
+        }
+        return element_ < elements_.size();
+    };
+    if (encoding_ == Encoding::Ascii)
+    {
+        LineReader lines(part.substr(done), start + done, is_last, lines_);
+        std::string_view line;
+        while (lines.next(line))
+        {
+            lines_ = lines.line_number();
+            if (line.find('\0') != std::string_view::npos)
+                throw malformed({file_, lines_, ""}, "holds binary data (a NUL byte)");
+            if (next_element())
+                record_ += ascii_record(elements_[element_], line, lines.line_start(), out);
+            else
+                trailing_ += Tokens(line, 0).rest().empty() ? 0 : line.size();
+        }
+        return done + lines.consumed();
+    }
+    while (next_element())
+    {
+        std::size_t length = 0;
+        const std::size_t corners = out.corners.size(), faces = out.face_ends.size();
+        if (!binary_record(elements_[element_], part.substr(done), start + done, length, out))
+        {
+            // Read again when there is more of it.
+            out.corners.resize(corners);
+            out.face_ends.resize(faces);
+            return done;
+        }
+        done += length;
+        ++record_;
+    }
+    trailing_ += part.size() - done;
+    return part.size();
+}
+
+void PlyScanner::finish(Geometry& out)
+{
+    while (element_ < elements_.size() &&
+           (record_ == elements_[element_].count || elements_[element_].properties.empty()))
+    {
+        ++element_;
+        record_ = 0;
+    }
+    if (element_ < elements_.size())
+    {
+        const Element& element = elements_[element_];
+        throw malformed({file_, encoding_ == Encoding::Ascii ? lines_ : 0,
+                         element.name + " " + std::to_string(record_) + " (byte " +
+                             std::to_string(file_bytes_) + ")"},
+                        "the file ends here (need " + std::to_string(element.count) +
+                            " records)");
+    }
+    if (trailing_ > 0)
+        out.warnings.push_back(at({file_, 0, ""}, std::to_string(trailing_) +
+                                                      " bytes after the last record pass "
+                                                      "through"));
+    if (num_bad_normals_ > 0)
+        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_bad_normals_) +
+                                                      " normals are not finite and stay as "
+                                                      "they are"));
+}
+
+} // namespace cellwarp

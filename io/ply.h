@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Stanford PLY: ascii and both binaries, any elements, properties and types.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "io/error.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// Reads a PLY part by part: the header in the first part, then whole records.
+class PlyScanner
+{
+public:
+    /// \p file_bytes: size of the whole file, to see through counts that lie.
+    PlyScanner(std::string file, std::uint64_t file_bytes)
+        : file_(std::move(file)), file_bytes_(file_bytes)
+    {
+    }
+
+    std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
+                     Geometry& out);
+    void finish(Geometry& out);
+
+private:
+    enum class Encoding
+    {
+        Ascii,
+        Little,
+        Big
+    };
+    struct Property
+    {
+        std::string name;
+        Scalar type = Scalar::Float32;
+        bool is_list = false;
+        Scalar count_type = Scalar::UInt8;
+        int role = -1;  ///< 0..2 position, 3..5 normal, 6..8 colour, 9 corner list
+    };
+    struct Element
+    {
+        std::string name;
+        std::uint64_t count = 0;
+        std::int64_t line = 0;
+        std::vector<Property> properties;
+        std::uint64_t min_bytes = 0;  ///< of a record
+    };
+    /// What one record gave.
+    struct Record
+    {
+        double values[9];
+        std::uint64_t starts[6];
+    };
+
+    std::size_t header(std::string_view part);
+    void header_line(std::string_view line);
+    void assign_roles(Geometry& out);
+    bool ascii_record(const Element& element, std::string_view line, std::uint64_t start,
+                      Geometry& out);
+    /// False if the record is not complete in \p bytes.
+    bool binary_record(const Element& element, std::string_view bytes, std::uint64_t start,
+                       std::size_t& length, Geometry& out);
+    void keep(const Element& element, const Record& record, Geometry& out);
+    void check_face(std::uint64_t count, std::uint64_t start) const;
+    void add_corner(double index, std::uint64_t start, Geometry& out) const;
+    Where here(std::uint64_t start, const std::string& field = {}) const;
+
+    std::string file_;
+    std::uint64_t file_bytes_;
+    bool has_header_ = false;
+    Encoding encoding_ = Encoding::Ascii;
+    bool has_format_ = false;
+    std::vector<Element> elements_;
+    std::uint64_t num_samples_ = 0;
+    std::size_t element_ = 0;    ///< being read
+    std::uint64_t record_ = 0;   ///< of that element
+    std::int64_t lines_ = 0;
+    std::size_t num_bad_normals_ = 0;
+    std::uint64_t trailing_ = 0; ///< [bytes] after the last record
+};
+
+} // namespace cellwarp

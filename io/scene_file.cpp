@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/scene_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include <nlohmann/json.hpp>
+
+#include "io/bytes.h"
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Json = nlohmann::json;
+
+constexpr int kMaxNesting = 128;
+
+/// Reads the keys of one JSON object and complains about the others.
+class Object
+{
+public:
+    Object(const Json& json, SceneFile& scene, std::string prefix)
+        : json_(json), scene_(scene), prefix_(std::move(prefix))
+    {
+        if (!json.is_object())
+            fail("", "need an object");
+    }
+
+    const Json* find(const std::string& key)
+    {
+        known_.push_back(key);
+        const auto found = json_.find(key);
+        return found == json_.end() ? nullptr : &*found;
+    }
+    void text(const std::string& key, std::optional<std::string>& out,
+              std::initializer_list<const char*> allowed = {})
+    {
+        const Json* value = find(key);
+        if (!value)
+            return;
+        if (!value->is_string())
+            fail(key, "need a text");
+        out = value->get<std::string>();
+        if (allowed.size() > 0 && std::none_of(allowed.begin(), allowed.end(),
+                                               [&](const char* a) { return *out == a; }))
+        {
+            std::string words;
+            for (const char* word : allowed)
+                words += (words.empty() ? "" : ", ") + std::string(word);
+            fail(key, "got " + in_quotes(*out) + ", need one of " + words);
+        }
+    }
+    void integer(const std::string& key, std::optional<std::int64_t>& out, std::int64_t low,
+                 std::int64_t high)
+    {
+        const Json* value = find(key);
+        if (!value)
+            return;
+        if (!value->is_number_integer() || value->get<double>() < static_cast<double>(low) ||
+            value->get<double>() > static_cast<double>(high))
+            fail(key, "got " + value->dump().substr(0, 40) + ", need an integer from " +
+                          std::to_string(low) + " to " + std::to_string(high));
+        out = value->get<std::int64_t>();
+    }
+    void number(const std::string& key, std::optional<double>& out, double low, double high)
+    {
+        const Json* value = find(key);
+        if (!value)
+            return;
+        if (!value->is_number() || !(value->get<double>() >= low) ||
+            !(value->get<double>() <= high))
+            fail(key, "got " + value->dump().substr(0, 40) + ", need a number from " +
+                          shortest(low) + " to " + shortest(high));
+        out = value->get<double>();
+    }
+    std::array<double, 3> vector(const std::string& key, const Json& value) const
+    {
+        std::array<double, 3> out{};
+        if (!value.is_array() || value.size() != 3)
+            fail(key, "need three numbers");
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            if (!value[k].is_number() || !std::isfinite(value[k].get<double>()))
+                fail(key, "need three finite numbers");
+            out[k] = value[k].get<double>();
+        }
+        return out;
+    }
+    void warn_of_the_rest() const
+    {
+        for (const auto& [key, value] : json_.items())
+            if (std::find(known_.begin(), known_.end(), key) == known_.end())
+                scene_.warnings.push_back(at({scene_.path, 0, prefix_ + key},
+                                             "unknown key, ignored"));
+    }
+    [[noreturn]] void fail(const std::string& key, const std::string& what) const
+    {
+        throw malformed({scene_.path, 0, prefix_ + key}, what);
+    }
+
+private:
+    const Json& json_;
+    SceneFile& scene_;
+    std::string prefix_;
+    std::vector<std::string> known_;
+};
+
+FrameBox read_frame(const Json& json, SceneFile& scene)
+{
+    Object object(json, scene, "cells.frame.");
+    FrameBox frame;
+    const Json* origin = object.find("origin");
+    const Json* axes = object.find("axes");
+    const Json* size = object.find("size");
+    if (!origin || !size)
+        object.fail("", "needs origin and size");
+    frame.origin = object.vector("origin", *origin);
+    frame.size = object.vector("size", *size);
+    for (std::size_t k = 0; k < 3; ++k)
+        frame.axes[k][k] = 1.0;
+    if (axes)
+    {
+        if (!axes->is_array() || axes->size() != 3)
+            object.fail("axes", "need three vectors");
+        for (std::size_t k = 0; k < 3; ++k)
+            frame.axes[k] = object.vector("axes", (*axes)[k]);
+    }
+    if (std::any_of(frame.size.begin(), frame.size.end(), [](double s) { return !(s >= 0); }) ||
+        std::all_of(frame.size.begin(), frame.size.end(), [](double s) { return s == 0; }))
+        object.fail("size", "need lengths >= 0, not all of them 0");
+    object.warn_of_the_rest();
+    return frame;
+}
+
+std::int64_t line_of(const std::string& text, std::size_t byte)
+{
+    const std::size_t end = std::min(byte, text.size());
+    return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
+}
+
+} // namespace
+
+SceneFile parse_scene(const std::string& path, const std::string& text)
+{
+    SceneFile scene;
+    scene.path = path;
+    Json json;
+    try
+    {
+        json = Json::parse(text, [&](int depth, Json::parse_event_t, Json&) {
+            if (depth > kMaxNesting)
+                throw malformed({path, 0, ""}, "is nested deeper than 128");
+            return true;
+        });
+    }
+    catch (const Json::parse_error& error)
+    {
+        throw malformed({path, line_of(text, error.byte > 0 ? error.byte - 1 : 0), ""},
+                        "is no JSON (byte " + std::to_string(error.byte) + ")");
+    }
+    catch (const Json::out_of_range&)
+    {
+        throw malformed({path, 0, ""}, "holds a number that is out of range");
+    }
+    Object root(json, scene, "");
+    const Json* version = root.find("cellwarp");
+    if (!version || !version->is_number_integer())
+        root.fail("cellwarp", "is missing (need \"cellwarp\": 1)");
+    if (version->get<std::int64_t>() != 1)
+        root.fail("cellwarp", "made by version " + version->dump() + ", need 1");
+    std::optional<std::string> model, handles;
+    root.text("model", model);
+    root.text("handles", handles);
+    if (!model || model->empty())
+        root.fail("model", "is missing");
+    const auto beside = [&](const std::string& name) {
+        const std::filesystem::path p(name);
+        return p.is_absolute() ? name
+                               : (std::filesystem::path(path).parent_path() / p).string();
+    };
+    scene.model = beside(*model);
+    scene.handles = handles ? beside(*handles) : "";
+    if (const Json* cells = root.find("cells"))
+    {
+        Object object(*cells, scene, "cells.");
+        object.text("fill", scene.fill, {"solid", "shell"});
+        object.integer("across", scene.across, 1, 1 << 20);
+        object.integer("max_depth", scene.max_depth, 0, 20);
+        object.number("threshold", scene.threshold, 0.0, 1e300);
+        object.number("gap", scene.gap, 1e-6, 1.0);
+        object.integer("max_cells", scene.max_cells, 1, std::int64_t(1) << 31);
+        if (const Json* frame = object.find("frame"))
+            scene.frame = read_frame(*frame, scene);
+        object.warn_of_the_rest();
+    }
+    if (const Json* field = root.find("field"))
+    {
+        Object object(*field, scene, "field.");
+        object.text("drag", scene.drag, {"blend", "closest4"});
+        object.text("release", scene.release, {"rbf", "rbf-global", "blend"});
+        object.warn_of_the_rest();
+    }
+    root.warn_of_the_rest();
+    return scene;
+}
+
+SceneFile read_scene(const std::string& path) { return parse_scene(path, read_file(path)); }
+
+} // namespace cellwarp

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Scene files (*.json) as plain values: a model, its handle file, and settings.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cellwarp
+{
+
+/// The octree's own frame: a point x has frame coordinates axes * (x - origin).
+struct FrameBox
+{
+    std::array<double, 3> origin{};
+    std::array<std::array<double, 3>, 3> axes{};  ///< rows: unit vectors, right-handed
+    std::array<double, 3> size{};                 ///< [model unit]; >= 0
+};
+
+/// What the scene says; what it leaves out stays empty and takes its default.
+struct SceneFile
+{
+    std::string path;
+    std::string model;    ///< resolved against the scene file
+    std::string handles;  ///< resolved; empty if none
+    std::optional<std::string> fill;      ///< "solid" or "shell"
+    std::optional<std::int64_t> across;   ///< >= 1
+    std::optional<std::int64_t> max_depth;
+    std::optional<double> threshold;
+    std::optional<double> gap;
+    std::optional<std::int64_t> max_cells;
+    std::optional<FrameBox> frame;
+    std::optional<std::string> drag;      ///< "blend" or "closest4"
+    std::optional<std::string> release;   ///< "rbf", "rbf-global" or "blend"
+    std::vector<std::string> warnings;
+};
+
+/// Throws Fault::File or Fault::Malformed with the line of a syntax error or the
+/// path of a wrong value ("cells.gap").
+SceneFile read_scene(const std::string& path);
+SceneFile parse_scene(const std::string& path, const std::string& text);
+
+} // namespace cellwarp

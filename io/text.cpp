@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/text.h"
+
+#include <cstring>
+
+namespace cellwarp
+{
+
+bool LineReader::next(std::string_view& line)
+{
+    if (next_ >= text_.size())
+        return false;
+    const std::string_view rest = text_.substr(next_);
+    const char* lf = static_cast<const char*>(std::memchr(rest.data(), '\n', rest.size()));
+    const std::size_t until_lf = lf ? static_cast<std::size_t>(lf - rest.data()) : rest.size();
+    const char* cr = static_cast<const char*>(std::memchr(rest.data(), '\r', until_lf));
+    std::size_t length = until_lf;
+    std::size_t end = lf ? until_lf + 1 : rest.size();
+    bool is_ended = lf != nullptr;
+    if (cr)
+    {
+        length = static_cast<std::size_t>(cr - rest.data());
+        // A CR at the very end may be the first half of CR LF.
+        is_ended = length + 1 < rest.size();
+        end = length + 1 + (is_ended && rest[length + 1] == '\n' ? 1 : 0);
+    }
+    if (!is_ended && !is_last_)
+        return false;
+    line = rest.substr(0, length);
+    line_start_ = start_ + next_;
+    next_ += end;
+    ++line_;
+    return true;
+}
+
+bool Tokens::next(Token& token)
+{
+    std::size_t first = 0;
+    while (first < rest_.size() && is_blank(rest_[first]))
+        ++first;
+    std::size_t end = first;
+    while (end < rest_.size() && !is_blank(rest_[end]))
+        ++end;
+    token = {rest_.substr(first, end - first), start_ + first};
+    rest_.remove_prefix(end);
+    start_ += end;
+    return !token.text.empty();
+}
+
+std::string_view Tokens::rest() const
+{
+    std::string_view rest = rest_;
+    while (!rest.empty() && is_blank(rest.front()))
+        rest.remove_prefix(1);
+    while (!rest.empty() && is_blank(rest.back()))
+        rest.remove_suffix(1);
+    return rest;
+}
+
+std::string foreign_content(std::string_view bytes)
+{
+    using namespace std::literals;
+    if (bytes.starts_with("PK\x03\x04"sv))
+        return "a ZIP archive";
+    if (bytes.starts_with("\x1f\x8b"sv))
+        return "gzip-compressed data";
+    if (bytes.starts_with("\xff\xfe"sv) || bytes.starts_with("\xfe\xff"sv))
+        return "UTF-16 text";
+    if (bytes.starts_with("version https://git-lfs"sv))
+        return "a git LFS pointer";
+    if (bytes.starts_with("glTF"sv))
+        return "a binary glTF";
+    const std::string_view head = bytes.substr(0, 512);
+    for (const std::string_view tag : {"<!DOCTYPE"sv, "<html"sv, "<HTML"sv, "<?xml"sv})
+        if (head.find(tag) != std::string_view::npos)
+            return "an HTML or XML page";
+    if (std::memchr(bytes.data(), 0, bytes.size()))
+        return "binary data (a NUL byte)";
+    return {};
+}
+
+std::size_t byte_order_mark(std::string_view bytes)
+{
+    return bytes.starts_with("\xef\xbb\xbf") ? 3 : 0;
+}
+
+} // namespace cellwarp

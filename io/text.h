@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Text in lines and tokens, with the place of each, for every text format.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace cellwarp
+{
+
+/// A token and where it starts.
+struct Token
+{
+    std::string_view text;
+    std::uint64_t start = 0;  ///< [byte] from the beginning of the file
+};
+
+/// Hands out the lines of a text: ended by LF, CR LF or CR, the last one perhaps
+/// by nothing. With \p is_last false a line that is not ended is held back.
+class LineReader
+{
+public:
+    LineReader(std::string_view text, std::uint64_t start, bool is_last,
+               std::int64_t lines_before = 0)
+        : text_(text), start_(start), is_last_(is_last), line_(lines_before)
+    {
+    }
+
+    /// False at the end. The line comes without its end.
+    bool next(std::string_view& line);
+    /// Number of the line that next() gave last, from 1.
+    std::int64_t line_number() const { return line_; }
+    /// Where that line starts [byte].
+    std::uint64_t line_start() const { return line_start_; }
+    /// How much of the text has been handed out [byte].
+    std::size_t consumed() const { return next_; }
+
+private:
+    std::string_view text_;
+    std::uint64_t start_;
+    bool is_last_;
+    std::int64_t line_;
+    std::uint64_t line_start_ = 0;
+    std::size_t next_ = 0;
+};
+
+/// Cuts a line into tokens at blanks and tabs.
+class Tokens
+{
+public:
+    Tokens(std::string_view line, std::uint64_t start) : rest_(line), start_(start) {}
+    /// False at the end of the line.
+    bool next(Token& token);
+    /// What is left, without leading blanks.
+    std::string_view rest() const;
+
+private:
+    std::string_view rest_;
+    std::uint64_t start_;
+};
+
+inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\v' || c == '\f'; }
+
+/// A guess at what bytes are that cannot be the text they should be ("a git LFS
+/// pointer", "a ZIP archive", "UTF-16 text"); empty if nothing speaks against it.
+std::string foreign_content(std::string_view bytes);
+
+/// The byte order mark that UTF-8 files may start with, or nothing.
+std::size_t byte_order_mark(std::string_view bytes);
+
+} // namespace cellwarp

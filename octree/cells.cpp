@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/cells.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <tuple>
+
+#include <tbb/parallel_for.h>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Least distance of a centroid to its face [voxel]: a piece that is a mere film
+/// on its box would otherwise be glued without bound.
+constexpr double kMinDistance = 0.25;
+
+double extent(const VoxelGrid& grid, int axis, int i)
+{
+    const std::vector<double>& lines = grid.lines(axis);
+    return lines[static_cast<std::size_t>(i) + 1] - lines[static_cast<std::size_t>(i)];
+}
+
+/// Mass properties of the pieces of one leaf; sums run about the leaf's box centre
+/// to keep their digits.
+void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                  std::size_t leaf_index, std::span<Cell> cells, int first_piece)
+{
+    const Leaf& leaf = octree.leaves()[leaf_index];
+    const VoxelBlock block = voxel_block(grid.shape(), leaf);
+    const double edge = grid.shape().voxel() * block.width;
+    Eigen::Vector3d box_centre;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const double middle = block.first[axis] + 0.5 * block.width;
+        box_centre[axis] =
+            0.5 * (grid.shape().size[axis] - grid.counts()[axis] * grid.shape().voxel()) +
+            middle * grid.shape().voxel();
+    }
+    std::vector<Eigen::Vector3d> first(cells.size(), Eigen::Vector3d::Zero());
+    std::vector<Eigen::Matrix3d> second(cells.size(), Eigen::Matrix3d::Zero());
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+            {
+                const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
+                const int piece = pieces.piece_of_voxel[grid.index(voxel)];
+                if (piece < 0)
+                    continue;
+                const std::size_t at = static_cast<std::size_t>(piece - first_piece);
+                const Eigen::Vector3d size(extent(grid, 0, voxel.x()), extent(grid, 1, voxel.y()),
+                                           extent(grid, 2, voxel.z()));
+                const double volume = size.prod();
+                const Eigen::Vector3d x = grid.centre(voxel) - box_centre;
+                cells[at].volume += volume;
+                first[at] += volume * x;
+                second[at] += volume * (x * x.transpose());
+                second[at].diagonal() += volume / 12.0 * size.cwiseAbs2();
+            }
+    for (std::size_t at = 0; at < cells.size(); ++at)
+    {
+        Cell& cell = cells[at];
+        const Eigen::Vector3d mean = first[at] / cell.volume;
+        cell.leaf = static_cast<int>(leaf_index);
+        cell.box_centre = box_centre;
+        cell.edge = edge;
+        cell.centre = box_centre + mean;
+        cell.second_moment = second[at] / cell.volume - mean * mean.transpose();
+    }
+}
+
+/// Faces from the pieces of one leaf to those above it on each axis.
+std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                             std::size_t leaf_index)
+{
+    const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
+    std::map<std::tuple<int, int, int>, Face> found;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const int last = block.first[axis] + block.width - 1;
+        if (last + 1 >= grid.counts()[axis])
+            continue;
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+            {
+                Eigen::Vector3i below;
+                below[axis] = last;
+                below[u] = block.first[u] + i;
+                below[v] = block.first[v] + j;
+                Eigen::Vector3i above = below;
+                above[axis] += 1;
+                const int a = pieces.piece_of_voxel[grid.index(below)];
+                const int b = pieces.piece_of_voxel[grid.index(above)];
+                if (a < 0 || b < 0)
+                    continue;
+                const double area = extent(grid, u, below[u]) * extent(grid, v, below[v]);
+                Eigen::Vector3d centre = grid.centre(below);
+                centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
+                Face& face = found[{a, axis, b}];
+                face.area += area;
+                face.centre += area * centre;
+            }
+    }
+    std::vector<Face> faces;
+    for (auto& [key, face] : found)
+    {
+        std::tie(face.a, face.axis, face.b) = key;
+        face.centre /= face.area;
+        faces.push_back(face);
+    }
+    return faces;
+}
+
+} // namespace
+
+Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces)
+{
+    const std::size_t num_leaves = octree.leaves().size();
+    Cells result;
+    result.cells.resize(pieces.size());
+    std::vector<std::size_t> first(num_leaves + 1, 0);
+    for (const int leaf : pieces.leaf_of_piece)
+        ++first[static_cast<std::size_t>(leaf) + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    std::vector<std::vector<Face>> faces(num_leaves);
+    tbb::parallel_for(std::size_t(0), num_leaves, [&](std::size_t i) {
+        measure_leaf(grid, octree, pieces, i,
+                     std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
+                     static_cast<int>(first[i]));
+        faces[i] = leaf_faces(grid, octree, pieces, i);
+    });
+    const double least = kMinDistance * grid.shape().voxel();
+    std::vector<std::vector<int>> neighbours(result.size());
+    for (std::vector<Face>& of_leaf : faces)
+        for (Face& face : of_leaf)
+        {
+            const std::size_t a = static_cast<std::size_t>(face.a);
+            const std::size_t b = static_cast<std::size_t>(face.b);
+            const double plane = face.centre[face.axis];
+            face.distance_a = std::max(least, plane - result.cells[a].centre[face.axis]);
+            face.distance_b = std::max(least, result.cells[b].centre[face.axis] - plane);
+            neighbours[a].push_back(face.b);
+            neighbours[b].push_back(face.a);
+            result.faces.push_back(face);
+        }
+    result.first_neighbour.push_back(0);
+    for (std::vector<int>& of_cell : neighbours)
+    {
+        std::sort(of_cell.begin(), of_cell.end());
+        result.neighbours.insert(result.neighbours.end(), of_cell.begin(), of_cell.end());
+        result.first_neighbour.push_back(static_cast<int>(result.neighbours.size()));
+    }
+    return result;
+}
+
+std::vector<int> connected_components(const Cells& cells)
+{
+    std::vector<int> root(cells.size());
+    std::iota(root.begin(), root.end(), 0);
+    const auto find = [&](int cell) {
+        while (root[static_cast<std::size_t>(cell)] != cell)
+        {
+            int& up = root[static_cast<std::size_t>(cell)];
+            up = root[static_cast<std::size_t>(up)];
+            cell = up;
+        }
+        return cell;
+    };
+    for (const Face& face : cells.faces)
+    {
+        const int a = find(face.a), b = find(face.b);
+        root[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+    }
+    std::vector<int> number(cells.size(), -1);
+    int count = 0;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+    {
+        const std::size_t first = static_cast<std::size_t>(find(static_cast<int>(i)));
+        if (number[first] < 0)
+            number[first] = count++;
+        number[i] = number[first];
+    }
+    return number;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The squared distance separates: along a line, with f the squared distance found
+// on the axes before, d(p) = min_q (p - q)^2 + f(q) is the lower envelope of
+// parabolas, which a stack builds in one sweep.
+#include "octree/distance_transform.h"
+
+#include <limits>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr float kFar = std::numeric_limits<float>::infinity();
+
+/// One line of \p count values, \p stride apart, in place.
+void transform_line(float* values, std::size_t stride, int count, std::vector<float>& f,
+                    std::vector<int>& site, std::vector<float>& from)
+{
+    f.resize(static_cast<std::size_t>(count));
+    site.resize(static_cast<std::size_t>(count));
+    from.resize(static_cast<std::size_t>(count) + 1);
+    int top = -1;
+    for (int q = 0; q < count; ++q)
+    {
+        const std::size_t at = static_cast<std::size_t>(q);
+        f[at] = values[at * stride];
+        if (f[at] == kFar)
+            continue;
+        float start = -kFar;
+        while (top >= 0)
+        {
+            const std::size_t p = static_cast<std::size_t>(site[static_cast<std::size_t>(top)]);
+            const float fq = f[at] + static_cast<float>(q) * static_cast<float>(q);
+            const float fp = f[p] + static_cast<float>(p) * static_cast<float>(p);
+            start = (fq - fp) / (2.0f * static_cast<float>(q - static_cast<int>(p)));
+            if (start > from[static_cast<std::size_t>(top)])
+                break;
+            --top;
+        }
+        if (top < 0)
+            start = -kFar;
+        ++top;
+        site[static_cast<std::size_t>(top)] = q;
+        from[static_cast<std::size_t>(top)] = start;
+    }
+    if (top < 0)
+        return;
+    int next = 0;
+    for (int q = 0; q < count; ++q)
+    {
+        while (next < top && from[static_cast<std::size_t>(next) + 1] < static_cast<float>(q))
+            ++next;
+        const int p = site[static_cast<std::size_t>(next)];
+        const float d = static_cast<float>(q - p);
+        values[static_cast<std::size_t>(q) * stride] = d * d + f[static_cast<std::size_t>(p)];
+    }
+}
+
+} // namespace
+
+std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
+                                     const Eigen::Vector3i& counts)
+{
+    std::vector<float> d(marks.size());
+    for (std::size_t i = 0; i < marks.size(); ++i)
+        d[i] = marks[i] ? 0.0f : kFar;
+    const std::size_t nx = static_cast<std::size_t>(counts.x());
+    const std::size_t ny = static_cast<std::size_t>(counts.y());
+    const std::size_t nz = static_cast<std::size_t>(counts.z());
+    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first) {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lines, 64), [&](const auto& range) {
+            std::vector<float> f, from;
+            std::vector<int> site;
+            for (std::size_t line = range.begin(); line < range.end(); ++line)
+                transform_line(d.data() + first(line), stride, count, f, site, from);
+        });
+    };
+    sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
+    sweep(nx * nz, nx, counts.y(),
+          [=](std::size_t line) { return line / nx * nx * ny + line % nx; });
+    sweep(nx * ny, nx * ny, counts.z(), [=](std::size_t line) { return line; });
+    return d;
+}
+
+} // namespace cellwarp

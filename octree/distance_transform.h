@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Exact Euclidean distances on a grid, for closing the gaps of soups and clouds.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace cellwarp
+{
+
+/// Squared distance of every voxel to the nearest one that is not 0 in \p marks,
+/// in voxels; infinity if there is none. Separable lower envelopes of parabolas,
+/// linear in the number of voxels. x runs fastest.
+std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
+                                     const Eigen::Vector3i& counts);
+
+} // namespace cellwarp

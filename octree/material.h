@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where the material of a shape is: on its surface, and inside where something
+// encloses it. Any samples will do: closed meshes, soups, clouds.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+using Triangle = std::array<std::uint32_t, 3>;
+
+/// A shape as samples; triangles index them. Samples in no triangle count as
+/// points.
+struct Shape
+{
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<Triangle> triangles;
+};
+
+enum class Fill
+{
+    Solid,  ///< the surface and what it encloses
+    Shell   ///< the surface alone, one voxel thick
+};
+
+/// How the inside was told from the outside.
+enum class InsideMethod
+{
+    None,     ///< shell
+    Winding,  ///< closed surface: winding number
+    Votes,    ///< nearly closed surface: most of six rays
+    Flood     ///< soup or cloud: what a flood from outside does not reach
+};
+
+struct Material
+{
+    VoxelGrid grid;
+    InsideMethod method = InsideMethod::None;
+    double spacing = 0.0;      ///< of the samples of a cloud; 0 for a surface
+    double seal_radius = 0.0;  ///< up to which openings were closed to find the inside
+};
+
+/// Whether the triangles, coincident corners joined, form a closed oriented
+/// surface; else the share of edges that lack their opposite.
+/// 0: closed. 1 if there is no triangle.
+double open_edge_share(const Shape& shape);
+
+/// The voxels of \p shape on the grid \p grid_shape. Every voxel that a triangle
+/// or sample touches is material (conservative, so connected through faces), and
+/// for Fill::Solid the inside; if nothing is enclosed, the result is a shell.
+/// Memory: about ten bytes a voxel while it runs.
+Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill);
+
+/// Typical distance of neighbouring points, coincident ones not counted; 0 if
+/// there are fewer than two places.
+double point_spacing(std::span<const Eigen::Vector3d> points);
+
+} // namespace cellwarp

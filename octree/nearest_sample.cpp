@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/nearest_sample.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Distances that the front takes together [voxel]: finer changes nothing that a
+/// majority of voxels would notice.
+constexpr double kStep = 0.25;
+
+} // namespace
+
+std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
+                                           std::span<const Eigen::Vector3d> samples)
+{
+    std::vector<std::uint32_t> nearest(grid.size(), kNoSample);
+    std::vector<float> distance(grid.size(), std::numeric_limits<float>::infinity());
+    struct Entry
+    {
+        std::size_t voxel;
+        std::uint32_t sample;
+        float distance;
+    };
+    // A queue by distance: one bucket a step.
+    std::vector<std::vector<Entry>> buckets(1);
+    const auto offer = [&](const Eigen::Vector3i& place, std::uint32_t sample) {
+        const std::size_t voxel = grid.index(place);
+        const float d = static_cast<float>(
+            (grid.centre(place) - samples[sample]).norm() / grid.shape().voxel());
+        if (!(d < distance[voxel]))
+            return;
+        distance[voxel] = d;
+        nearest[voxel] = sample;
+        const std::size_t bucket = static_cast<std::size_t>(d / kStep);
+        if (bucket >= buckets.size())
+            buckets.resize(bucket + 1);
+        buckets[bucket].push_back({voxel, sample, d});
+    };
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        offer(grid.locate(samples[i]), static_cast<std::uint32_t>(i));
+    for (std::size_t bucket = 0; bucket < buckets.size(); ++bucket)
+        for (std::size_t next = 0; next < buckets[bucket].size(); ++next)
+        {
+            const Entry entry = buckets[bucket][next];
+            if (entry.distance > distance[entry.voxel] || nearest[entry.voxel] != entry.sample)
+                continue;
+            const Eigen::Vector3i place = grid.coordinates(entry.voxel);
+            for (int axis = 0; axis < 3; ++axis)
+                for (const int step : {-1, 1})
+                {
+                    Eigen::Vector3i other = place;
+                    other[axis] += step;
+                    if (grid.contains(other) && grid.material()[grid.index(other)])
+                        offer(other, entry.sample);
+                }
+        }
+    return nearest;
+}
+
+} // namespace cellwarp

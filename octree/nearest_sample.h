@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Which sample each voxel of material is nearest to, measured through the material.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+inline constexpr std::uint32_t kNoSample = 0xffffffffu;
+
+/// For every voxel the sample nearest to its centre, handed on from voxel to voxel
+/// through faces of the material (so never across a gap), in order of distance.
+/// kNoSample where there is no material or no sample in reach. Linear in the
+/// number of voxels.
+std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
+                                           std::span<const Eigen::Vector3d> samples);
+
+} // namespace cellwarp

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/octree.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// The bits of a 21-bit number spread three apart.
+std::uint64_t spread(std::uint64_t x)
+{
+    x &= 0x1fffff;
+    x = (x | x << 32) & 0x1f00000000ffff;
+    x = (x | x << 16) & 0x1f0000ff0000ff;
+    x = (x | x << 8) & 0x100f00f00f00f00f;
+    x = (x | x << 4) & 0x10c30c30c30c30c3;
+    x = (x | x << 2) & 0x1249249249249249;
+    return x;
+}
+
+std::uint64_t morton(const Eigen::Vector3i& v)
+{
+    return spread(static_cast<std::uint64_t>(v.x())) |
+           spread(static_cast<std::uint64_t>(v.y())) << 1 |
+           spread(static_cast<std::uint64_t>(v.z())) << 2;
+}
+
+} // namespace
+
+Octree::Octree(const GridShape& shape, const MaterialTest& has_material)
+    : counts_(shape.coarsest * shape.leaves_per_coarsest()), max_depth_(shape.max_depth)
+{
+    const int width = shape.leaves_per_coarsest();
+    for (int k = 0; k < shape.coarsest.z(); ++k)
+        for (int j = 0; j < shape.coarsest.y(); ++j)
+            for (int i = 0; i < shape.coarsest.x(); ++i)
+            {
+                const Leaf leaf{Eigen::Vector3i(i, j, k) * width, 0};
+                if (has_material(leaf))
+                    leaves_.push_back(leaf);
+            }
+    sort();
+}
+
+Octree::Octree(std::vector<Leaf> leaves, const Eigen::Vector3i& counts, int max_depth)
+    : leaves_(std::move(leaves)), counts_(counts), max_depth_(max_depth)
+{
+    sort();
+}
+
+std::uint64_t Octree::key(const Leaf& leaf) const { return morton(leaf.corner); }
+
+void Octree::sort()
+{
+    std::sort(leaves_.begin(), leaves_.end(),
+              [&](const Leaf& a, const Leaf& b) { return key(a) < key(b); });
+    keys_.resize(leaves_.size());
+    std::transform(leaves_.begin(), leaves_.end(), keys_.begin(),
+                   [&](const Leaf& leaf) { return key(leaf); });
+}
+
+int Octree::find(const Eigen::Vector3i& finest) const
+{
+    if ((finest.array() < 0).any() || (finest.array() >= counts_.array()).any())
+        return -1;
+    const auto after = std::upper_bound(keys_.begin(), keys_.end(), morton(finest));
+    if (after == keys_.begin())
+        return -1;
+    const std::size_t at = static_cast<std::size_t>(after - keys_.begin()) - 1;
+    const Leaf& leaf = leaves_[at];
+    const bool is_inside = (finest.array() >= leaf.corner.array()).all() &&
+                           (finest.array() < leaf.corner.array() + width(leaf)).all();
+    return is_inside ? static_cast<int>(at) : -1;
+}
+
+Leaf Octree::parent(const Leaf& leaf) const
+{
+    const int w = 2 * width(leaf);
+    return {leaf.corner / w * w, leaf.level - 1};
+}
+
+std::vector<int> Octree::face_neighbours(const Leaf& box) const
+{
+    std::vector<int> found;
+    const int w = width(box);
+    for (int axis = 0; axis < 3; ++axis)
+        for (const int side : {-1, w})
+        {
+            const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+            Eigen::Vector3i place = box.corner;
+            place[axis] += side;
+            // Finest boxes along the face; a larger neighbour is met again and again.
+            for (int j = 0; j < w; ++j)
+                for (int i = 0; i < w; ++i)
+                {
+                    place[u] = box.corner[u] + i;
+                    place[v] = box.corner[v] + j;
+                    const int leaf = find(place);
+                    if (leaf >= 0)
+                        found.push_back(leaf);
+                }
+        }
+    std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
+    return found;
+}
+
+std::vector<int> Octree::unbalanced() const
+{
+    std::vector<int> coarse;
+    for (const Leaf& leaf : leaves_)
+    {
+        // A neighbour two levels coarser is found from any box of the face.
+        const int w = width(leaf);
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int side : {-1, w})
+            {
+                Eigen::Vector3i place = leaf.corner;
+                place[axis] += side;
+                const int other = find(place);
+                if (other >= 0 &&
+                    leaves_[static_cast<std::size_t>(other)].level < leaf.level - 1)
+                    coarse.push_back(other);
+            }
+    }
+    std::sort(coarse.begin(), coarse.end());
+    coarse.erase(std::unique(coarse.begin(), coarse.end()), coarse.end());
+    return coarse;
+}
+
+bool Octree::is_balanced() const { return unbalanced().empty(); }
+
+Octree Octree::split(std::span<const int> leaves, const MaterialTest& has_material) const
+{
+    std::vector<int> wanted(leaves.begin(), leaves.end());
+    Octree tree = *this;
+    while (!wanted.empty())
+    {
+        std::vector<bool> is_split(tree.leaves_.size(), false);
+        for (const int leaf : wanted)
+            is_split[static_cast<std::size_t>(leaf)] =
+                tree.leaves_[static_cast<std::size_t>(leaf)].level < max_depth_;
+        std::vector<Leaf> next;
+        for (std::size_t i = 0; i < tree.leaves_.size(); ++i)
+        {
+            const Leaf& leaf = tree.leaves_[i];
+            if (!is_split[i])
+            {
+                next.push_back(leaf);
+                continue;
+            }
+            const int half = width(leaf) / 2;
+            for (int child = 0; child < 8; ++child)
+            {
+                const Leaf part{leaf.corner + half * Eigen::Vector3i(child & 1, child >> 1 & 1,
+                                                                     child >> 2 & 1),
+                                leaf.level + 1};
+                if (has_material(part))
+                    next.push_back(part);
+            }
+        }
+        tree = Octree(std::move(next), counts_, max_depth_);
+        wanted = tree.unbalanced();
+    }
+    return tree;
+}
+
+Octree Octree::split_all(int level, const MaterialTest& has_material) const
+{
+    Octree tree = *this;
+    for (int done = 0; done < level; ++done)
+    {
+        std::vector<int> all;
+        for (std::size_t i = 0; i < tree.leaves_.size(); ++i)
+            if (tree.leaves_[i].level < level)
+                all.push_back(static_cast<int>(i));
+        tree = tree.split(all, has_material);
+    }
+    return tree;
+}
+
+Octree Octree::merge(std::span<const int> leaves) const
+{
+    Octree tree = *this;
+    for (const int given : leaves)
+    {
+        const Leaf leaf = leaves_[static_cast<std::size_t>(given)];
+        if (leaf.level == 0)
+            continue;
+        const Leaf box = parent(leaf);
+        const int box_width = 2 * width(leaf);
+        const auto lies_inside = [&](const Leaf& other) {
+            return (other.corner.array() >= box.corner.array()).all() &&
+                   (other.corner.array() < box.corner.array() + box_width).all();
+        };
+        bool may_merge = true, is_merged = false;
+        for (const Leaf& other : tree.leaves_)
+            if (lies_inside(other))
+            {
+                may_merge &= other.level == leaf.level;
+                is_merged |= other == box;
+            }
+        for (const int neighbour : tree.face_neighbours(box))
+            may_merge &= tree.leaves_[static_cast<std::size_t>(neighbour)].level <=
+                         box.level + 1;
+        if (!may_merge || is_merged)
+            continue;
+        std::vector<Leaf> next;
+        for (const Leaf& other : tree.leaves_)
+            if (!lies_inside(other))
+                next.push_back(other);
+        next.push_back(box);
+        tree = Octree(std::move(next), counts_, max_depth_);
+    }
+    return tree;
+}
+
+VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf)
+{
+    return {leaf.corner * shape.voxels_per_leaf,
+            shape.voxels_per_leaf << (shape.max_depth - leaf.level)};
+}
+
+MaterialTest material_test(const VoxelGrid& grid)
+{
+    return [&grid](const Leaf& leaf) {
+        const VoxelBlock block = voxel_block(grid.shape(), leaf);
+        for (int k = 0; k < block.width; ++k)
+            for (int j = 0; j < block.width; ++j)
+            {
+                const std::uint8_t* row = &grid.material()[grid.index(
+                    block.first.x(), block.first.y() + j, block.first.z() + k)];
+                if (std::any_of(row, row + block.width, [](std::uint8_t m) { return m != 0; }))
+                    return true;
+            }
+        return false;
+    };
+}
+
+} // namespace cellwarp

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Pieces: the connected parts of the material inside each leaf. Usually one a
+// leaf, two where two fingers pass through the same box.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "octree/octree.h"
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+/// Sorted by leaf; within a leaf by first voxel.
+struct Pieces
+{
+    std::vector<int> leaf_of_piece;
+    std::vector<std::int32_t> piece_of_voxel;  ///< -1 where there is no material
+    std::size_t size() const { return leaf_of_piece.size(); }
+};
+
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree);
+
+} // namespace cellwarp

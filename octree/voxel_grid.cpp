@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/voxel_grid.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Voxels along a finest leaf, at least: fewer, and the share of a leaf that is
+/// material, and with it the stiffness at the surface, is known too roughly.
+constexpr int kMinVoxelsPerLeaf = 4;
+
+/// By how much a side may differ from a whole number of leaves and still be cut
+/// into just so many [voxel]. The outermost voxels take up the difference.
+constexpr double kSlack = 0.5;
+
+} // namespace
+
+GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth, double max_voxel)
+{
+    GridShape shape;
+    shape.size = size;
+    shape.max_depth = max_depth;
+    const double longest = size.maxCoeff();
+    // A single point: one leaf of size one stands for it.
+    shape.edge = longest > 0 ? longest / across : 1.0;
+    const double finest = shape.edge / (1 << max_depth);
+    // The tolerance keeps the count from depending on the last bit of a scale.
+    const double wanted = max_voxel > 0 ? std::ceil(finest / max_voxel - 1e-9) : 0.0;
+    shape.voxels_per_leaf =
+        static_cast<int>(std::clamp(wanted, static_cast<double>(kMinVoxelsPerLeaf), 4096.0));
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const double leaves = size[axis] / shape.edge;
+        shape.coarsest[axis] =
+            std::max(1, static_cast<int>(std::ceil(leaves - kSlack * shape.voxel() / shape.edge)));
+    }
+    if (!(longest > 0))
+        shape.coarsest.setOnes();
+    return shape;
+}
+
+double num_voxels(const GridShape& shape)
+{
+    return (shape.coarsest.cast<double>() * static_cast<double>(shape.voxels_per_coarsest()))
+        .prod();
+}
+
+VoxelGrid::VoxelGrid(const GridShape& shape)
+    : shape_(shape), counts_(shape.coarsest * shape.voxels_per_coarsest())
+{
+    const double voxel = shape.voxel();
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const int n = counts_[axis];
+        offset_[axis] = 0.5 * (shape.size[axis] - n * voxel);
+        std::vector<double>& lines = lines_[static_cast<std::size_t>(axis)];
+        lines.resize(static_cast<std::size_t>(n) + 1);
+        for (int i = 0; i <= n; ++i)
+            lines[static_cast<std::size_t>(i)] = offset_[axis] + i * voxel;
+        // A flat shape keeps a voxel's thickness; anything else ends at its box.
+        if (shape.size[axis] > voxel)
+            for (double& line : lines)
+                line = std::clamp(line, 0.0, shape.size[axis]);
+        if (shape.size[axis] > voxel)
+        {
+            lines.front() = 0.0;
+            lines.back() = shape.size[axis];
+        }
+    }
+    material_.assign(static_cast<std::size_t>(counts_.x()) *
+                         static_cast<std::size_t>(counts_.y()) *
+                         static_cast<std::size_t>(counts_.z()),
+                     0);
+}
+
+Eigen::Vector3i VoxelGrid::coordinates(std::size_t index) const
+{
+    const std::size_t nx = static_cast<std::size_t>(counts_.x());
+    const std::size_t ny = static_cast<std::size_t>(counts_.y());
+    return {static_cast<int>(index % nx), static_cast<int>(index / nx % ny),
+            static_cast<int>(index / nx / ny)};
+}
+
+Eigen::Vector3d VoxelGrid::to_voxels(const Eigen::Vector3d& x) const
+{
+    return (x - offset_) / shape_.voxel();
+}
+
+Eigen::Vector3i VoxelGrid::locate(const Eigen::Vector3d& x) const
+{
+    const Eigen::Vector3d u = to_voxels(x);
+    Eigen::Vector3i v;
+    for (int axis = 0; axis < 3; ++axis)
+        v[axis] = static_cast<int>(std::clamp(std::floor(u[axis]), 0.0, counts_[axis] - 1.0));
+    return v;
+}
+
+Eigen::Vector3d VoxelGrid::centre(const Eigen::Vector3i& v) const
+{
+    Eigen::Vector3d x;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const std::vector<double>& l = lines(axis);
+        const std::size_t i = static_cast<std::size_t>(v[axis]);
+        x[axis] = 0.5 * (l[i] + l[i + 1]);
+    }
+    return x;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The fine grid on which a shape's material is found. Voxels only say where
+// material is; what moves are the cells made of them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace cellwarp
+{
+
+/// How the box of a shape is cut into leaves and voxels. All leaves and voxels
+/// are cubes, but for the outermost layer, which ends at the box.
+struct GridShape
+{
+    Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< of the box, one corner at 0
+    Eigen::Vector3i coarsest = Eigen::Vector3i::Ones();  ///< coarsest leaves on each axis
+    double edge = 1.0;        ///< of a coarsest leaf
+    int max_depth = 0;        ///< splits below the coarsest leaves; <= 20
+    int voxels_per_leaf = 4;  ///< along the edge of a finest leaf; >= 1
+
+    int leaves_per_coarsest() const { return 1 << max_depth; }  ///< finest ones, an axis
+    int voxels_per_coarsest() const { return voxels_per_leaf << max_depth; }
+    double voxel() const { return edge / voxels_per_coarsest(); }
+};
+
+/// The grid with \p across coarsest leaves along the longest side of \p size and
+/// voxels no larger than \p max_voxel. The leaves are centred on the box; a side
+/// that is a whole number of leaves, up to half a voxel, is cut into just so many.
+GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth,
+                     double max_voxel);
+
+/// Number of voxels of the grid, as a floating-point number: it may be huge.
+double num_voxels(const GridShape& shape);
+
+/// Which voxels hold material.
+class VoxelGrid
+{
+public:
+    explicit VoxelGrid(const GridShape& shape);
+
+    const GridShape& shape() const { return shape_; }
+    const Eigen::Vector3i& counts() const { return counts_; }
+    std::size_t size() const { return material_.size(); }
+
+    std::size_t index(int i, int j, int k) const
+    {
+        return (static_cast<std::size_t>(k) * static_cast<std::size_t>(counts_.y()) +
+                static_cast<std::size_t>(j)) *
+                   static_cast<std::size_t>(counts_.x()) +
+               static_cast<std::size_t>(i);
+    }
+    std::size_t index(const Eigen::Vector3i& v) const { return index(v.x(), v.y(), v.z()); }
+    Eigen::Vector3i coordinates(std::size_t index) const;
+    bool contains(const Eigen::Vector3i& v) const
+    {
+        return (v.array() >= 0).all() && (v.array() < counts_.array()).all();
+    }
+
+    /// The voxel of a point: half-open boxes; beyond the border the nearest one.
+    Eigen::Vector3i locate(const Eigen::Vector3d& x) const;
+    /// A point in units of voxels, from the grid's first corner.
+    Eigen::Vector3d to_voxels(const Eigen::Vector3d& x) const;
+    /// Where the voxels of one axis begin and end: counts + 1 positions.
+    const std::vector<double>& lines(int axis) const
+    {
+        return lines_[static_cast<std::size_t>(axis)];
+    }
+    Eigen::Vector3d centre(const Eigen::Vector3i& v) const;
+
+    std::vector<std::uint8_t>& material() { return material_; }
+    const std::vector<std::uint8_t>& material() const { return material_; }
+
+private:
+    GridShape shape_;
+    Eigen::Vector3i counts_;
+    Eigen::Vector3d offset_;  ///< first corner of the uncut grid
+    std::array<std::vector<double>, 3> lines_;
+    std::vector<std::uint8_t> material_;
+};
+
+} // namespace cellwarp

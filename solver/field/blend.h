@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The quick field: every point follows the cells closest to it, blended.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// A displacement and its derivative: column k is its change along axis k.
+struct FieldValue
+{
+    Eigen::Vector3d displacement = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d gradient = Eigen::Matrix3d::Zero();
+};
+
+/// How much a point follows a cell. The weights of a point sum to 1.
+struct Influence
+{
+    int cell = 0;
+    double weight = 0.0;
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< of the weight
+};
+
+/// Continuous weights (1 - d/s)^2+, d the distance to the centre of a cell's box
+/// and s its edge, over the point's own cell and the cells reached from it through
+/// glue between cells of positive weight. So parts that only lie side by side don't
+/// pull at each other. On a regular grid at most eight are positive.
+class ClosestCells
+{
+public:
+    explicit ClosestCells(const Cells& cells);
+
+    /// \p own: the cell whose material holds \p x. Replaces \p out.
+    void influences(const Eigen::Vector3d& x, int own, std::vector<Influence>& out) const;
+
+private:
+    std::vector<Eigen::Vector3d> box_centres_;
+    std::vector<double> edges_;
+    std::vector<int> first_neighbour_, neighbours_;
+};
+
+/// The four closest cells by centre, weights (1 - d_i / d_5)^2 with d_5 the
+/// distance of the fifth, equal where all of these vanish. The map jumps where the
+/// set changes. [Botsch07], weights of [Sumner07]
+class Closest4
+{
+public:
+    explicit Closest4(const Cells& cells);
+    ~Closest4();
+    Closest4(Closest4&&) noexcept;
+    Closest4& operator=(Closest4&&) noexcept;
+
+    /// Replaces \p out. The gradients are left 0: between its jumps the map is
+    /// turned by the blended rotations alone.
+    void influences(const Eigen::Vector3d& x, std::vector<Influence>& out) const;
+
+private:
+    struct Tree;
+    std::unique_ptr<Tree> tree_;
+};
+
+/// The poses of the influences, blended at \p x.
+FieldValue blended(std::span<const Influence> influences, std::span<const Pose> poses,
+                   const Cells& cells, const Eigen::Vector3d& x);
+
+} // namespace cellwarp

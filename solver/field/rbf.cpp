@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// With A_ij = |c_i - c_j|^3 and the columns of Q an orthonormal basis of the
+// polynomials at the centres, the weights lie in the complement of Q, where A is
+// positive definite (|r|^3 is conditionally so of order 2). With Z = I - Q Q^T,
+//   (Z A Z + t Q Q^T) w = Z f
+// is therefore symmetric positive definite for t > 0 and keeps w in that
+// complement; Z A Z is A plus products of rank at most 10. The polynomial takes
+// what is left, Q^T (f - A w).
+#include "solver/field/rbf.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+
+#include <lapacke.h>
+#include <tbb/parallel_for.h>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A polynomial term that adds less than this to the ones before it, relative to
+/// its size at the centres, is one that the centres do not determine.
+constexpr double kMinShare = 1e-8;
+
+/// Centres closer than this, relative to their extent, are one.
+constexpr double kSameCentre = 1e-9;
+
+double cube_of_distance(const Eigen::Vector3d& d)
+{
+    const double squared = d.squaredNorm();
+    return squared * std::sqrt(squared);
+}
+
+/// The first centre of every group of coincident ones.
+std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, double same)
+{
+    std::vector<std::size_t> order(centres.size());
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        return std::tuple(centres[a].x(), a) < std::tuple(centres[b].x(), b);
+    });
+    std::vector<bool> is_copy(centres.size(), false);
+    for (std::size_t i = 0; i < order.size(); ++i)
+        for (std::size_t j = i + 1;
+             j < order.size() && centres[order[j]].x() - centres[order[i]].x() <= same; ++j)
+            if (!is_copy[order[i]] && (centres[order[j]] - centres[order[i]]).norm() <= same)
+                is_copy[std::max(order[i], order[j])] = true;
+    std::vector<std::size_t> kept;
+    for (std::size_t i = 0; i < centres.size(); ++i)
+        if (!is_copy[i])
+            kept.push_back(i);
+    return kept;
+}
+
+} // namespace
+
+RbfField::Basis RbfField::basis(const Eigen::Vector3d& x)
+{
+    Basis b;
+    b << 1, x.x(), x.y(), x.z(), x.x() * x.x(), x.y() * x.y(), x.z() * x.z(), x.x() * x.y(),
+        x.y() * x.z(), x.z() * x.x();
+    return b;
+}
+
+double RbfField::memory_estimate(std::size_t num_centres)
+{
+    const double n = static_cast<double>(num_centres);
+    return 8.0 * n * (n + 40.0);
+}
+
+RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
+                   std::span<const Eigen::Vector3d> displacements)
+{
+    origin_.setZero();
+    for (const Eigen::Vector3d& c : centres)
+        origin_ += c / static_cast<double>(centres.size());
+    double extent = 0.0;
+    for (const Eigen::Vector3d& c : centres)
+        extent = std::max(extent, (c - origin_).norm());
+    const std::vector<std::size_t> kept = distinct(centres, kSameCentre * extent);
+    const Eigen::Index n = static_cast<Eigen::Index>(kept.size());
+    centres_.resize(3, n);
+    weights_.resize(3, n);
+    Eigen::MatrixXd f(n, 3), P(n, kTerms);
+    for (Eigen::Index i = 0; i < n; ++i)
+    {
+        const std::size_t at = kept[static_cast<std::size_t>(i)];
+        centres_.col(i) = centres[at] - origin_;
+        f.row(i) = displacements[at].transpose();
+        P.row(i) = basis(centres_.col(i)).transpose();
+    }
+
+    // Q R = the terms of P that are determined, in their order; Gram-Schmidt twice.
+    Eigen::MatrixXd Q(n, kTerms), R = Eigen::MatrixXd::Zero(kTerms, kTerms);
+    std::vector<int> terms;
+    for (int k = 0; k < kTerms && static_cast<Eigen::Index>(terms.size()) < n; ++k)
+    {
+        Eigen::VectorXd column = P.col(k);
+        const double size = column.norm();
+        const Eigen::Index rank = static_cast<Eigen::Index>(terms.size());
+        Eigen::VectorXd along = Eigen::VectorXd::Zero(rank);
+        for (int pass = 0; pass < 2; ++pass)
+        {
+            const Eigen::VectorXd part = Q.leftCols(rank).transpose() * column;
+            column -= Q.leftCols(rank) * part;
+            along += part;
+        }
+        if (!(column.norm() > kMinShare * size))
+            continue;
+        R.col(rank).head(rank) = along;
+        R(rank, rank) = column.norm();
+        Q.col(rank) = column / column.norm();
+        terms.push_back(k);
+    }
+    const Eigen::Index rank = static_cast<Eigen::Index>(terms.size());
+    Q.conservativeResize(n, rank);
+    R.conservativeResize(rank, rank);
+
+    Eigen::MatrixXd A(n, n);
+    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index j) {
+        for (Eigen::Index i = 0; i < n; ++i)
+            A(i, j) = cube_of_distance(centres_.col(i) - centres_.col(j));
+    });
+    const Eigen::MatrixXd B = A * Q;
+    const Eigen::MatrixXd Zf = f - Q * (Q.transpose() * f);
+    const double t = n > 1 ? A.cwiseAbs().sum() / static_cast<double>(n) : 1.0;
+    const Eigen::MatrixXd middle =
+        Q.transpose() * B + t * Eigen::MatrixXd::Identity(rank, rank);
+    const Eigen::MatrixXd left = Q * middle - B;
+    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index j) {
+        A.col(j) += left * Q.row(j).transpose() - Q * B.row(j).transpose();
+    });
+    Eigen::MatrixXd w = Zf;
+    const lapack_int order = static_cast<lapack_int>(n);
+    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, A.data(), order) == 0)
+        LAPACKE_dpotrs(LAPACK_COL_MAJOR, 'L', order, 3, A.data(), order, w.data(), order);
+    else
+        w.setZero();  // the residual tells
+
+    w -= Q * (Q.transpose() * w);
+    weights_ = w.transpose();
+    // A w again, column by column: A itself is overwritten by its factor.
+    Eigen::MatrixXd Aw(n, 3);
+    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index i) {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (Eigen::Index j = 0; j < n; ++j)
+            sum += cube_of_distance(centres_.col(i) - centres_.col(j)) * weights_.col(j);
+        Aw.row(i) = sum.transpose();
+    });
+    const Eigen::MatrixXd coefficients =
+        R.triangularView<Eigen::Upper>().solve(Q.transpose() * (f - Aw));
+    polynomial_.setZero();
+    for (Eigen::Index k = 0; k < rank; ++k)
+        polynomial_.col(terms[static_cast<std::size_t>(k)]) = coefficients.row(k).transpose();
+    for (Eigen::Index i = 0; i < n; ++i)
+    {
+        const Eigen::Vector3d reached =
+            Aw.row(i).transpose() + polynomial_ * basis(centres_.col(i));
+        residual_ = std::max(residual_, (reached - f.row(i).transpose()).norm());
+    }
+}
+
+Eigen::Vector3d RbfField::displacement(const Eigen::Vector3d& x) const
+{
+    const Eigen::Vector3d u = x - origin_;
+    const Eigen::Index n = centres_.cols();
+    const double *cx = centres_.data(), *cy = cx + n, *cz = cy + n;
+    const double *wx = weights_.data(), *wy = wx + n, *wz = wy + n;
+    // Lanes are added in a fixed order, whatever vector unit runs them.
+    constexpr int kLanes = 8;
+    double sx[kLanes] = {}, sy[kLanes] = {}, sz[kLanes] = {};
+    Eigen::Index j = 0;
+    for (; j + kLanes <= n; j += kLanes)
+        for (int l = 0; l < kLanes; ++l)
+        {
+            const double dx = u.x() - cx[j + l], dy = u.y() - cy[j + l], dz = u.z() - cz[j + l];
+            const double squared = dx * dx + dy * dy + dz * dz;
+            const double cube = squared * std::sqrt(squared);
+            sx[l] += cube * wx[j + l];
+            sy[l] += cube * wy[j + l];
+            sz[l] += cube * wz[j + l];
+        }
+    Eigen::Vector3d sum = polynomial_ * basis(u);
+    for (int l = 0; l < kLanes; ++l)
+        sum += Eigen::Vector3d(sx[l], sy[l], sz[l]);
+    for (; j < n; ++j)
+        sum += cube_of_distance(u - centres_.col(j)) * weights_.col(j);
+    return sum;
+}
+
+FieldValue RbfField::value(const Eigen::Vector3d& x) const
+{
+    // grad |r|^3 = 3 |r| r
+    const Eigen::Vector3d u = x - origin_;
+    FieldValue value;
+    value.displacement = displacement(x);
+    for (Eigen::Index j = 0; j < centres_.cols(); ++j)
+    {
+        const Eigen::Vector3d r = u - centres_.col(j);
+        value.gradient += weights_.col(j) * (3.0 * r.norm() * r).transpose();
+    }
+    Eigen::Matrix<double, kTerms, 3> slope = Eigen::Matrix<double, kTerms, 3>::Zero();
+    slope(1, 0) = slope(2, 1) = slope(3, 2) = 1.0;
+    slope(4, 0) = 2 * u.x();
+    slope(5, 1) = 2 * u.y();
+    slope(6, 2) = 2 * u.z();
+    slope.row(7) << u.y(), u.x(), 0;
+    slope.row(8) << 0, u.z(), u.y();
+    slope.row(9) << u.z(), 0, u.x();
+    value.gradient += polynomial_ * slope;
+    return value;
+}
+
+} // namespace cellwarp

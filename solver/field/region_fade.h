@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A field passes the samples of a region by a little. The difference to the
+// region's own motion is added: wholly at its samples, smoothly less outside, over
+// a cell or two of connected material.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "octree/point_tree.h"
+#include "solver/field/blend.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// Where one region's correction acts. Immutable.
+class RegionFade
+{
+public:
+    /// \p samples: rest places of the region's samples; \p sample_cells the cells
+    /// that hold them. \pre not empty
+    RegionFade(const Cells& cells, std::span<const Eigen::Vector3d> samples,
+               std::span<const int> sample_cells);
+
+    /// The distinct places of the samples, and the cells that hold them.
+    const std::vector<Eigen::Vector3d>& nodes() const { return tree_.points(); }
+    const std::vector<int>& node_cells() const { return node_cells_; }
+
+    /// How much the correction counts at a point: 1 at the nodes with a slope of 0,
+    /// then falling (twice continuously differentiable in the distance) to 0.
+    struct Weight
+    {
+        double value = 0.0;
+        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+        bool is_node = false;  ///< the point is a node
+    };
+    /// \p influences: of ClosestCells at \p x; the correction reaches only cells that
+    /// are near through the glue.
+    Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences) const;
+
+    /// Values given at the nodes, carried to \p x: a continuous average of the
+    /// nearest ones.
+    FieldValue average(const Eigen::Vector3d& x,
+                       std::span<const Eigen::Vector3d> node_values) const;
+
+    double radius() const { return radius_; }
+
+private:
+    PointTree tree_;
+    std::vector<int> node_cells_;
+    std::vector<bool> is_near_;  ///< a cell
+    double radius_ = 0.0;
+};
+
+/// A region in one frame: its motion, and by how much the field misses it.
+struct MovedRegion
+{
+    const RegionFade* fade = nullptr;
+    Motion motion;
+    bool may_turn = false;  ///< a pin: the motion tells where nodes go, not how they turn
+    std::vector<Eigen::Vector3d> misses;  ///< one a node: motion minus field
+};
+
+/// \p value of the field at \p x, corrected for the regions around \p x. At a node
+/// it is the region's motion to the bit.
+FieldValue with_regions(const FieldValue& value, const Eigen::Vector3d& x,
+                        std::span<const Influence> influences,
+                        std::span<const MovedRegion> regions);
+
+} // namespace cellwarp

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// CHOLMOD's supernodal L L^T. The simplicial L D L^T would call an indefinite
+// matrix a success, and a NaN goes through either: values are checked before,
+// status and diagonal after.
+#include "solver/linear_solver.h"
+
+#include <cmath>
+#include <cstring>
+
+#include <cholmod.h>
+
+extern "C" void openblas_set_num_threads(int);
+
+namespace cellwarp
+{
+
+struct LinearSolver::Library
+{
+    // Mutable: solving uses the library's workspace.
+    mutable cholmod_common common;
+    cholmod_factor* factor = nullptr;
+
+    Library() { cholmod_start(&common); }
+    ~Library()
+    {
+        cholmod_free_factor(&factor, &common);
+        cholmod_finish(&common);
+    }
+};
+
+namespace
+{
+
+/// The matrix as the library sees it; shares the values, which it does not change.
+cholmod_sparse view(const BlockMatrix& A)
+{
+    cholmod_sparse view;
+    std::memset(&view, 0, sizeof view);
+    view.nrow = view.ncol = static_cast<std::size_t>(A.rows());
+    view.nzmax = A.values().size();
+    view.p = const_cast<std::int32_t*>(A.column_starts().data());
+    view.i = const_cast<std::int32_t*>(A.row_indices().data());
+    view.x = const_cast<double*>(A.values().data());
+    view.stype = -1;
+    view.itype = CHOLMOD_INT;
+    view.xtype = CHOLMOD_REAL;
+    view.dtype = CHOLMOD_DOUBLE;
+    view.sorted = 1;
+    view.packed = 1;
+    return view;
+}
+
+} // namespace
+
+LinearSolver::LinearSolver(const BlockMatrix& A) : library_(std::make_unique<Library>())
+{
+    cholmod_common& common = library_->common;
+    common.print = 0;
+    common.supernodal = CHOLMOD_SUPERNODAL;
+    common.final_ll = 1;
+    cholmod_sparse matrix = view(A);
+    library_->factor = cholmod_analyze(&matrix, &common);
+}
+
+LinearSolver::~LinearSolver() = default;
+LinearSolver::LinearSolver(LinearSolver&&) noexcept = default;
+LinearSolver& LinearSolver::operator=(LinearSolver&&) noexcept = default;
+
+bool LinearSolver::factorize(const BlockMatrix& A)
+{
+    const Eigen::Map<const Eigen::VectorXd> values(A.values().data(),
+                                                   static_cast<Eigen::Index>(A.values().size()));
+    if (!library_->factor || !values.allFinite())
+        return false;
+    cholmod_sparse matrix = view(A);
+    cholmod_common& common = library_->common;
+    if (!cholmod_factorize(&matrix, library_->factor, &common) ||
+        common.status != CHOLMOD_OK ||
+        library_->factor->minor != library_->factor->n)
+        return false;
+    return std::isfinite(cholmod_rcond(library_->factor, &common));
+}
+
+Eigen::VectorXd LinearSolver::solve(const Eigen::VectorXd& b) const
+{
+    cholmod_dense right;
+    std::memset(&right, 0, sizeof right);
+    right.nrow = right.d = right.nzmax = static_cast<std::size_t>(b.size());
+    right.ncol = 1;
+    right.x = const_cast<double*>(b.data());
+    right.xtype = CHOLMOD_REAL;
+    right.dtype = CHOLMOD_DOUBLE;
+    cholmod_dense* x =
+        cholmod_solve(CHOLMOD_A, library_->factor, &right, &library_->common);
+    Eigen::VectorXd solution =
+        Eigen::Map<const Eigen::VectorXd>(static_cast<const double*>(x->x), b.size());
+    cholmod_free_dense(&x, &library_->common);
+    return solution;
+}
+
+double LinearSolver::factor_numbers() const { return library_->common.lnz; }
+
+void use_one_blas_thread() { openblas_set_num_threads(1); }
+
+} // namespace cellwarp

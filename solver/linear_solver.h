@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Sparse Cholesky. The only file behind it is linear_solver.cpp; nothing else
+// knows the library.
+#pragma once
+
+#include <memory>
+
+#include <Eigen/Core>
+
+#include "solver/block_matrix.h"
+
+namespace cellwarp
+{
+
+/// Keeps the ordering and symbolic factor of one sparsity structure; factorize()
+/// may be called for any values in it.
+class LinearSolver
+{
+public:
+    /// Analyses the structure of \p A.
+    explicit LinearSolver(const BlockMatrix& A);
+    ~LinearSolver();
+    LinearSolver(LinearSolver&&) noexcept;
+    LinearSolver& operator=(LinearSolver&&) noexcept;
+
+    /// False if \p A is not finite or not positive definite.
+    /// \pre \p A has the structure that was analysed.
+    [[nodiscard]] bool factorize(const BlockMatrix& A);
+
+    /// \pre the last factorize() returned true.
+    Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
+
+    /// Numbers in the factor, known from the analysis: memory is 8 bytes each.
+    double factor_numbers() const;
+
+private:
+    struct Library;
+    std::unique_ptr<Library> library_;
+};
+
+/// Sets the number of threads of the dense kernels to one: at these sizes more are
+/// slower, and their sums depend on the count.
+void use_one_blas_thread();
+
+} // namespace cellwarp
