@@ -36,7 +36,10 @@ Error file_error(const std::string& path, const std::string& what)
     return Error(Fault::File, at({path, 0, ""}, what));
 }
 
-std::string reason() { return std::strerror(errno); }
+std::string reason()
+{
+    return std::strerror(errno);
+}
 
 struct Descriptor
 {
@@ -93,11 +96,13 @@ std::string read_file(const std::string& path)
     }
     std::string bytes;
     // One byte more than the size, so that a file that grew is noticed.
-    bytes.resize(path == "-" ? kBufferBytes : static_cast<std::size_t>(before.st_size) + 1);
+    bytes.resize(path == "-" ? kBufferBytes
+                             : static_cast<std::size_t>(before.st_size) + 1);
     std::size_t filled = 0;
     for (;;)
     {
-        const ssize_t got = ::read(file.value, bytes.data() + filled, bytes.size() - filled);
+        const ssize_t got =
+            ::read(file.value, bytes.data() + filled, bytes.size() - filled);
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)

@@ -48,12 +48,12 @@ private:
     void flush();
     [[noreturn]] void fail(const std::string& doing);
 
-    std::string path_;    ///< as the user named it, for messages
-    std::string target_;  ///< where it ends, links resolved
+    std::string path_;   ///< as the user named it, for messages
+    std::string target_; ///< where it ends, links resolved
     std::string temporary_;
     std::string buffer_;
     int file_ = -1;
-    int slot_ = -1;       ///< in the table that the signal handler reads
+    int slot_ = -1; ///< in the table that the signal handler reads
 };
 
 /// Writes \p bytes to \p path atomically; "-" is stdout.

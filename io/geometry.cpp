@@ -40,10 +40,10 @@ void check_magnitude(const GeometryFile& file)
     const Geometry& geometry = file.geometry;
     for (std::size_t i = 0; i < geometry.samples.size(); ++i)
         if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
-            throw malformed({file.path, 0, "sample " + std::to_string(i) + " (byte " +
-                                               std::to_string(
-                                                   geometry.sample_places.starts[3 * i]) +
-                                               ")"},
+            throw malformed({file.path, 0,
+                             "sample " + std::to_string(i) + " (byte " +
+                                 std::to_string(geometry.sample_places.starts[3 * i]) +
+                                 ")"},
                             "is beyond 1e150");
 }
 
@@ -128,9 +128,10 @@ std::string extension_of(const std::string& path)
     std::string extension = std::filesystem::path(path).extension().string();
     if (!extension.empty())
         extension.erase(0, 1);
-    std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
-        return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    });
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](char c) {
+                       return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+                   });
     return extension;
 }
 
@@ -148,7 +149,8 @@ GeometryFile scan_geometry(std::string path, std::string bytes)
     const bool may_be_binary = extension == "ply" && file.bytes.starts_with("ply");
     if (const std::string guess = foreign_content(file.bytes);
         !guess.empty() && !may_be_binary)
-        throw malformed({file.path, 0, ""}, "this looks like " + guess + ", need " + extension);
+        throw malformed({file.path, 0, ""},
+                        "this looks like " + guess + ", need " + extension);
     if (extension == "obj")
         scan_all(ObjScanner(file.path), file);
     else if (extension == "ply")
@@ -162,9 +164,9 @@ GeometryFile scan_geometry(std::string path, std::string bytes)
 GeometryFile read_geometry(const std::string& path)
 {
     if (!is_geometry_format(extension_of(path)))
-        throw Error(Fault::Usage,
-                    at({path, 0, ""},
-                       "the extension is no known format (need obj, ply or off)"));
+        throw Error(
+            Fault::Usage,
+            at({path, 0, ""}, "the extension is no known format (need obj, ply or off)"));
     return scan_geometry(path, read_file(path));
 }
 
@@ -176,13 +178,14 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
     for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
         if (geometry.corner_directions[c] != kNone)
             uses.push_back({geometry.corner_directions[c], geometry.corners[c]});
-    const auto key = [](const DirectionUse& use) { return std::pair(use.direction, use.sample); };
+    const auto key = [](const DirectionUse& use)
+    { return std::pair(use.direction, use.sample); };
     std::sort(uses.begin(), uses.end(),
-              [&](const DirectionUse& a, const DirectionUse& b) { return key(a) < key(b); });
+              [&](const DirectionUse& a, const DirectionUse& b)
+              { return key(a) < key(b); });
     uses.erase(std::unique(uses.begin(), uses.end(),
-                           [&](const DirectionUse& a, const DirectionUse& b) {
-                               return key(a) == key(b);
-                           }),
+                           [&](const DirectionUse& a, const DirectionUse& b)
+                           { return key(a) == key(b); }),
                uses.end());
     return uses;
 }
@@ -207,23 +210,28 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
     out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
     std::uint64_t copied = 0;
     const std::string_view bytes = file.bytes;
-    const auto replace = [&](std::uint64_t start, std::size_t length, std::string_view text) {
+    const auto replace =
+        [&](std::uint64_t start, std::size_t length, std::string_view text)
+    {
         out.append(bytes.substr(copied, start - copied));
         out.append(text);
         copied = start + length;
     };
     std::string text;
-    const auto apply = [&](const Edit& edit) {
+    const auto apply = [&](const Edit& edit)
+    {
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
-            throw malformed({file.path, 0, "byte " + std::to_string(edit.start)},
-                            "the deformed value does not fit the type it is stored in (got " +
-                                shortest(edit.value) + ")");
+            throw malformed(
+                {file.path, 0, "byte " + std::to_string(edit.start)},
+                "the deformed value does not fit the type it is stored in (got " +
+                    shortest(edit.value) + ")");
         const std::size_t size = stored_size(edit.scalar);
         replace(edit.start, size > 0 ? size : token_length(bytes, edit.start, ' '), text);
     };
     EditStream samples(geometry.sample_places, geometry.samples, patch.samples);
-    EditStream directions(geometry.direction_places, geometry.directions, split.directions);
+    EditStream directions(geometry.direction_places, geometry.directions,
+                          split.directions);
     std::size_t index = 0;
     constexpr std::uint64_t kEnd = ~std::uint64_t(0);
     for (;;)
@@ -237,7 +245,8 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
             break;
         if (first == i)
         {
-            replace(i, token_length(bytes, i, '/'), std::to_string(split.new_indices[index]));
+            replace(i, token_length(bytes, i, '/'),
+                    std::to_string(split.new_indices[index]));
             ++index;
             continue;
         }

@@ -21,8 +21,8 @@ namespace cellwarp
 /// How a number is stored in the bytes.
 enum class Scalar : std::uint8_t
 {
-    Text,     ///< a decimal token
-    TextInt,  ///< a decimal token that must stay an integer (ascii PLY)
+    Text,    ///< a decimal token
+    TextInt, ///< a decimal token that must stay an integer (ascii PLY)
     Int8,
     UInt8,
     Int16,
@@ -39,7 +39,7 @@ struct Places
 {
     std::array<Scalar, 3> scalars = {Scalar::Text, Scalar::Text, Scalar::Text};
     bool big_endian = false;
-    std::vector<std::uint64_t> starts;  ///< [byte]
+    std::vector<std::uint64_t> starts; ///< [byte]
 };
 
 /// Faces of one OBJ group or object; a name may come back.
@@ -55,21 +55,22 @@ inline constexpr std::uint32_t kNone = 0xffffffffu;
 /// What a scanner found. Samples are in file order.
 struct Geometry
 {
-    std::string format;                     ///< "obj", "ply", ...
-    std::vector<Eigen::Vector3d> samples;   ///< [model unit]
-    std::vector<std::uint32_t> corners;     ///< sample index of every face corner
-    std::vector<std::uint64_t> face_ends;   ///< face f: corners [face_ends[f-1], face_ends[f])
+    std::string format;                   ///< "obj", "ply", ...
+    std::vector<Eigen::Vector3d> samples; ///< [model unit]
+    std::vector<std::uint32_t> corners;   ///< sample index of every face corner
+    std::vector<std::uint64_t>
+        face_ends; ///< face f: corners [face_ends[f-1], face_ends[f])
 
     /// Normals. In an OBJ a pool that the corners index; elsewhere direction i
     /// belongs to sample direction_samples[i].
     std::vector<Eigen::Vector3d> directions;
     std::vector<std::uint32_t> direction_samples;
-    std::vector<std::uint32_t> corner_directions;      ///< OBJ: direction or kNone, a corner
-    std::vector<std::uint64_t> corner_direction_starts;///< [byte] of that index's token
+    std::vector<std::uint32_t> corner_directions; ///< OBJ: direction or kNone, a corner
+    std::vector<std::uint64_t> corner_direction_starts; ///< [byte] of that index's token
 
-    std::vector<std::array<std::uint8_t, 3>> colours;  ///< empty, or one a sample
+    std::vector<std::array<std::uint8_t, 3>> colours; ///< empty, or one a sample
     std::vector<FaceGroup> groups;
-    std::vector<std::string> attributes;    ///< what else a sample or face carries
+    std::vector<std::string> attributes; ///< what else a sample or face carries
     std::vector<std::string> warnings;
 
     Places sample_places;
@@ -120,8 +121,8 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry);
 /// What a deformation changes, in the order of the file.
 struct Patch
 {
-    std::vector<Eigen::Vector3d> samples;     ///< as many as the geometry's
-    std::vector<Eigen::Vector3d> directions;  ///< one for each of direction_uses()
+    std::vector<Eigen::Vector3d> samples;    ///< as many as the geometry's
+    std::vector<Eigen::Vector3d> directions; ///< one for each of direction_uses()
 };
 
 /// The file's bytes with \p patch in place. A number whose value does not change

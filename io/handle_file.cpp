@@ -132,13 +132,15 @@ Selector parse_selector(Statement& words, const std::string& file)
         selector.kind = is_sphere ? Selector::Kind::Sphere : Selector::Kind::Capsule;
         selector.numbers = words.numbers(kind, is_sphere ? 4 : 7);
         if (!(selector.numbers.back() >= 0))
-            words.fail("radius", "got " + shortest(selector.numbers.back()) + ", need >= 0");
+            words.fail("radius",
+                       "got " + shortest(selector.numbers.back()) + ", need >= 0");
     }
     else if (kind == "halfspace")
     {
         selector.kind = Selector::Kind::Halfspace;
         selector.numbers = words.numbers("halfspace", 4);
-        if (selector.numbers[0] == 0 && selector.numbers[1] == 0 && selector.numbers[2] == 0)
+        if (selector.numbers[0] == 0 && selector.numbers[1] == 0 &&
+            selector.numbers[2] == 0)
             words.fail("normal", "got 0 0 0, need a direction");
     }
     else if (kind == "indices")
@@ -169,9 +171,10 @@ Selector parse_selector(Statement& words, const std::string& file)
         selector.name = words.word("group name");
     }
     else if (kind != "all")
-        words.fail("selector", "got " + in_quotes(kind) +
-                                   ", need box, sphere, capsule, halfspace, indices, labels, "
-                                   "group or all");
+        words.fail("selector",
+                   "got " + in_quotes(kind) +
+                       ", need box, sphere, capsule, halfspace, indices, labels, "
+                       "group or all");
     return selector;
 }
 
@@ -201,8 +204,7 @@ Operation parse_operation(Statement& words)
     const std::string kind = words.word("operation");
     if (kind == "translate" || kind == "to")
     {
-        operation.kind =
-            kind == "to" ? Operation::Kind::To : Operation::Kind::Translate;
+        operation.kind = kind == "to" ? Operation::Kind::To : Operation::Kind::Translate;
         operation.vector = words.vector(kind);
     }
     else if (kind == "rotate")
@@ -222,7 +224,8 @@ Operation parse_operation(Statement& words)
     {
         operation.kind = Operation::Kind::Matrix;
         const std::vector<double> v = words.numbers("matrix", 16);
-        operation.matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(v.data());
+        operation.matrix =
+            Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(v.data());
         if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
             words.fail("matrix", "its last row is not 0 0 0 1");
     }
@@ -261,13 +264,14 @@ public:
         if (const std::optional<Role> role = role_named(keyword))
         {
             if (!stage.frames.empty())
-                words.fail(keyword, "a region comes before the frames, or after a commit");
+                words.fail(keyword,
+                           "a region comes before the frames, or after a commit");
             RegionStatement region = parse_region(*role, words, file_.path, line);
             for (const RegionStatement& other : stage.regions)
                 if (other.name == region.name && other.role != region.role)
                     words.fail(region.name, "is already a " + role_name(other.role) +
-                                                " region (line " + std::to_string(other.line) +
-                                                ")");
+                                                " region (line " +
+                                                std::to_string(other.line) + ")");
             stage.regions.push_back(std::move(region));
         }
         else if (keyword == "units")
@@ -337,10 +341,9 @@ private:
         Move move;
         move.line = line;
         move.region = words.word("region name");
-        const auto region = std::find_if(stage.regions.begin(), stage.regions.end(),
-                                         [&](const RegionStatement& r) {
-                                             return r.name == move.region;
-                                         });
+        const auto region =
+            std::find_if(stage.regions.begin(), stage.regions.end(),
+                         [&](const RegionStatement& r) { return r.name == move.region; });
         if (region == stage.regions.end())
             words.fail(move.region, "no region has this name");
         if (region->role != Role::Handle && region->role != Role::Pin)
@@ -355,7 +358,8 @@ private:
             move.operations.push_back(parse_operation(words));
             const Operation::Kind kind = move.operations.back().kind;
             const bool is_pin = region->role == Role::Pin;
-            if (is_pin && (kind == Operation::Kind::Rotate || kind == Operation::Kind::Matrix))
+            if (is_pin &&
+                (kind == Operation::Kind::Rotate || kind == Operation::Kind::Matrix))
                 words.fail(move.region, "a pin turns freely: it takes translate or to");
             if (!is_pin && kind == Operation::Kind::To)
                 words.fail(move.region, "'to' is for a pin");
@@ -384,15 +388,16 @@ std::vector<double> all_numbers(const std::string& path, std::string_view text)
             if (!value || !std::isfinite(*value))
                 throw malformed({path, lines.line_number(),
                                  "number " + std::to_string(values.size() + 1)},
-                                "got " + in_quotes(token.text) + ", need a finite number");
+                                "got " + in_quotes(token.text) +
+                                    ", need a finite number");
             values.push_back(*value);
         }
     }
     return values;
 }
 
-std::vector<std::int64_t> as_labels(const std::string& path, const std::vector<double>& values,
-                                    std::size_t first)
+std::vector<std::int64_t> as_labels(const std::string& path,
+                                    const std::vector<double>& values, std::size_t first)
 {
     std::vector<std::int64_t> labels;
     for (std::size_t i = first; i < values.size(); ++i)
@@ -411,7 +416,8 @@ std::vector<std::int64_t> parse_dmat(const std::string& path, std::string_view b
 {
     LineReader lines(bytes, 0, true);
     std::string_view line;
-    const auto header = [&] {
+    const auto header = [&]
+    {
         if (!lines.next(line))
             throw malformed({path, 0, "header"}, "the file is empty (need 'cols rows')");
         const std::vector<double> sizes = all_numbers(path, line);
@@ -436,7 +442,8 @@ std::vector<std::int64_t> parse_dmat(const std::string& path, std::string_view b
         std::memcpy(values.data(), data.data(), values.size() * sizeof(double));
     }
     if (static_cast<double>(values.size()) != count)
-        throw malformed({path, 0, "header"}, "promises " + shortest(count) + " labels (got " +
+        throw malformed({path, 0, "header"}, "promises " + shortest(count) +
+                                                 " labels (got " +
                                                  std::to_string(values.size()) + ")");
     return as_labels(path, values, 0);
 }
@@ -447,10 +454,14 @@ std::string role_name(Role role)
 {
     switch (role)
     {
-    case Role::Fixed: return "fixed";
-    case Role::Handle: return "handle";
-    case Role::Pin: return "pin";
-    case Role::Stiff: return "stiff";
+    case Role::Fixed:
+        return "fixed";
+    case Role::Handle:
+        return "handle";
+    case Role::Pin:
+        return "pin";
+    case Role::Stiff:
+        return "stiff";
     }
     return {};
 }
@@ -458,7 +469,8 @@ std::string role_name(Role role)
 HandleFile parse_handles(const std::string& path, std::string_view text)
 {
     if (const std::string guess = foreign_content(text); !guess.empty())
-        throw malformed({path, 0, ""}, "this looks like " + guess + ", need a handle file");
+        throw malformed({path, 0, ""},
+                        "this looks like " + guess + ", need a handle file");
     Parser parser(path);
     text.remove_prefix(byte_order_mark(text));
     LineReader lines(text, 0, true);
@@ -497,7 +509,8 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
     HandleFile file;
     file.path = def;
     Stage& stage = file.stages.emplace_back();
-    const auto region = [&](Role role, const std::string& name, std::int64_t label) {
+    const auto region = [&](Role role, const std::string& name, std::int64_t label)
+    {
         Selector selector;
         selector.kind = Selector::Kind::Labels;
         selector.name = sel;

@@ -33,18 +33,18 @@ struct Selector
 {
     enum class Kind
     {
-        Box,        ///< numbers: x0 y0 z0 x1 y1 z1
-        Sphere,     ///< x y z r
-        Capsule,    ///< x0 y0 z0 x1 y1 z1 r
-        Halfspace,  ///< nx ny nz d
-        Indices,    ///< ranges
-        Labels,     ///< name: file (resolved against the handle file), label
-        Group,      ///< name
+        Box,       ///< numbers: x0 y0 z0 x1 y1 z1
+        Sphere,    ///< x y z r
+        Capsule,   ///< x0 y0 z0 x1 y1 z1 r
+        Halfspace, ///< nx ny nz d
+        Indices,   ///< ranges
+        Labels,    ///< name: file (resolved against the handle file), label
+        Group,     ///< name
         All
     };
     Kind kind = Kind::All;
     std::vector<double> numbers;
-    std::vector<std::pair<std::int64_t, std::int64_t>> ranges;  ///< first and last
+    std::vector<std::pair<std::int64_t, std::int64_t>> ranges; ///< first and last
     std::string name;
     std::int64_t label = 0;
 };
@@ -54,7 +54,7 @@ struct RegionStatement
     Role role = Role::Fixed;
     std::string name;
     Selector selector;
-    double factor = 1.0;  ///< of a stiff region; > 0
+    double factor = 1.0; ///< of a stiff region; > 0
     std::int64_t line = 0;
 };
 
@@ -63,10 +63,10 @@ struct Operation
 {
     enum class Kind
     {
-        Translate,  ///< vector
-        Rotate,     ///< vector: axis, degrees, about
-        Matrix,     ///< rows
-        To          ///< vector: where the pin goes
+        Translate, ///< vector
+        Rotate,    ///< vector: axis, degrees, about
+        Matrix,    ///< rows
+        To         ///< vector: where the pin goes
     };
     Kind kind = Kind::Translate;
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();

@@ -18,7 +18,8 @@ bool is_underflow(std::string_view token)
     if (e != std::string_view::npos)
         return e + 1 < token.size() && token[e + 1] == '-';
     const std::size_t digit = token.find_first_not_of("+-");
-    return digit != std::string_view::npos && (token[digit] == '0' || token[digit] == '.');
+    return digit != std::string_view::npos &&
+           (token[digit] == '0' || token[digit] == '.');
 }
 
 } // namespace

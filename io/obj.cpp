@@ -41,7 +41,9 @@ bool parse_corner(const Token& token, Corner& corner)
             const std::optional<std::int64_t> index = parse_integer(text);
             if (!index || *index == 0)
                 return false;
-            (part == 0 ? corner.vertex : part == 1 ? corner.texture : corner.normal) = *index;
+            (part == 0   ? corner.vertex
+             : part == 1 ? corner.texture
+                         : corner.normal) = *index;
             if (part == 2)
                 corner.normal_start = start;
         }
@@ -55,21 +57,24 @@ bool parse_corner(const Token& token, Corner& corner)
 
 bool is_keyword(std::string_view word)
 {
-    return std::all_of(word.begin(), word.end(), [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-               c == '_';
-    });
+    return std::all_of(word.begin(), word.end(),
+                       [](char c)
+                       {
+                           return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') ||
+                                  (c >= '0' && c <= '9') || c == '_';
+                       });
 }
 
 /// The statements that the format knows and that hold nothing for us.
 bool passes_through(std::string_view word)
 {
     static constexpr std::string_view known[] = {
-        "vt",    "vp",    "l",        "p",          "s",      "mg",    "usemtl", "mtllib",
-        "usemap", "maplib", "curv",   "curv2",      "surf",   "parm",  "trim",   "hole",
-        "scrv",  "sp",    "end",      "con",        "deg",    "bmat",  "step",   "cstype",
-        "bevel", "lod",   "c_interp", "d_interp",   "ctech",  "stech", "res",    "bsp",
-        "bzp",   "cdc",   "cdp",      "call",       "csh",    "shadow_obj", "trace_obj"};
+        "vt",     "vp",     "l",          "p",        "s",     "mg",       "usemtl",
+        "mtllib", "usemap", "maplib",     "curv",     "curv2", "surf",     "parm",
+        "trim",   "hole",   "scrv",       "sp",       "end",   "con",      "deg",
+        "bmat",   "step",   "cstype",     "bevel",    "lod",   "c_interp", "d_interp",
+        "ctech",  "stech",  "res",        "bsp",      "bzp",   "cdc",      "cdp",
+        "call",   "csh",    "shadow_obj", "trace_obj"};
     return std::find(std::begin(known), std::end(known), word) != std::end(known);
 }
 
@@ -119,8 +124,8 @@ std::size_t ObjScanner::scan(std::string_view part, std::uint64_t start, bool is
     return done;
 }
 
-void ObjScanner::statement(std::string_view line, std::uint64_t start, std::int64_t number,
-                           Geometry& out)
+void ObjScanner::statement(std::string_view line, std::uint64_t start,
+                           std::int64_t number, Geometry& out)
 {
     Tokens tokens(line, start);
     Token word;
@@ -149,8 +154,8 @@ void ObjScanner::statement(std::string_view line, std::uint64_t start, std::int6
     else if (!passes_through(word.text))
     {
         if (!is_keyword(word.text))
-            throw malformed({file_, number, ""},
-                            "this is no OBJ statement (got " + in_quotes(word.text) + ")");
+            throw malformed({file_, number, ""}, "this is no OBJ statement (got " +
+                                                     in_quotes(word.text) + ")");
         ++num_unknown_;
     }
 }
@@ -194,13 +199,13 @@ void ObjScanner::vertex(Tokens& tokens, std::int64_t line, Geometry& out)
     // x y z, x y z w, x y z r g b or x y z w r g b.
     const Numbers numbers = read_numbers(tokens, file_, line);
     if (numbers.count < 3 || numbers.count == 5)
-        throw malformed({file_, line, "vertex"},
-                        "got " + std::to_string(numbers.count) + " numbers, need 3, 4, 6 or 7");
+        throw malformed({file_, line, "vertex"}, "got " + std::to_string(numbers.count) +
+                                                     " numbers, need 3, 4, 6 or 7");
     out.samples.push_back(numbers.vector());
     if (static_cast<std::int64_t>(out.samples.size()) > kMaxSamples)
         throw malformed({file_, line, "vertex"}, "more than 2147483647 of them");
-    out.sample_places.starts.insert(out.sample_places.starts.end(), numbers.starts.begin(),
-                                    numbers.starts.begin() + 3);
+    out.sample_places.starts.insert(out.sample_places.starts.end(),
+                                    numbers.starts.begin(), numbers.starts.begin() + 3);
     if (numbers.count < 6)
         return;
     out.colours.resize(out.samples.size(), {200, 200, 200});
@@ -220,14 +225,16 @@ void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
                         "got " + std::to_string(numbers.count) + " numbers, need 3");
     out.directions.push_back(numbers.vector());
     out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                       numbers.starts.begin(), numbers.starts.begin() + 3);
+                                       numbers.starts.begin(),
+                                       numbers.starts.begin() + 3);
 }
 
 void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
 {
     const std::size_t first = out.corners.size();
     // An index is 1-based, or negative and counted back from what was read so far.
-    const auto resolve = [&](std::int64_t index, std::int64_t read, char kind) {
+    const auto resolve = [&](std::int64_t index, std::int64_t read, char kind)
+    {
         const std::int64_t value = index > 0 ? index - 1 : read + index;
         if (value < 0 || value >= kMaxSamples)
             throw malformed({file_, line, "face index"},
@@ -259,8 +266,8 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
     }
     const std::size_t count = out.corners.size() - first;
     if (count < 3 || count > kMaxCorners)
-        throw malformed({file_, line, "face"}, "got " + std::to_string(count) +
-                                                   " corners, need 3 to 1000000");
+        throw malformed({file_, line, "face"},
+                        "got " + std::to_string(count) + " corners, need 3 to 1000000");
     out.face_ends.push_back(out.corners.size());
 }
 
@@ -282,17 +289,18 @@ void ObjScanner::finish(Geometry& out)
     close_groups(out);
     for (const Forward& forward : forward_)
     {
-        const std::size_t count = forward.kind == 'v'   ? out.samples.size()
-                                  : forward.kind == 'n' ? out.directions.size()
-                                                        : static_cast<std::size_t>(num_texture_);
+        const std::size_t count = forward.kind == 'v' ? out.samples.size()
+                                  : forward.kind == 'n'
+                                      ? out.directions.size()
+                                      : static_cast<std::size_t>(num_texture_);
         if (forward.index >= static_cast<std::int64_t>(count))
             throw malformed({file_, forward.line, "face index"},
                             "is out of range (got " + std::to_string(forward.index + 1) +
                                 ", need at most " + std::to_string(count) + ")");
     }
     if (out.samples.empty())
-        throw malformed({file_, 0, ""}, lines_ == 0 ? "the file is empty: no vertices"
-                                                    : "no vertices");
+        throw malformed({file_, 0, ""},
+                        lines_ == 0 ? "the file is empty: no vertices" : "no vertices");
     if (!out.colours.empty())
         out.colours.resize(out.samples.size(), {200, 200, 200});
     if (!out.corner_directions.empty())
@@ -309,8 +317,9 @@ void ObjScanner::finish(Geometry& out)
     if (!out.groups.empty())
         out.attributes.push_back("groups");
     if (num_unknown_ > 0)
-        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_unknown_) +
-                                                      " unknown statements pass through"));
+        out.warnings.push_back(
+            at({file_, 0, ""},
+               std::to_string(num_unknown_) + " unknown statements pass through"));
 }
 
 ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionUse>& uses,
@@ -322,7 +331,8 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
     ObjSplit split;
     split.directions = geometry.directions;
     std::vector<std::uint32_t> index_of_use(uses.size());
-    const std::string line_end = bytes.find("\r\n") != std::string_view::npos ? "\r\n" : "\n";
+    const std::string line_end =
+        bytes.find("\r\n") != std::string_view::npos ? "\r\n" : "\n";
     for (std::size_t first = 0; first < uses.size();)
     {
         std::size_t end = first;
@@ -334,9 +344,10 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
         for (std::size_t use = first; use < end; ++use)
         {
             const double tolerance = kSame * values[use].norm();
-            auto near = std::find_if(statements.begin(), statements.end(), [&](const auto& s) {
-                return (values[s.first] - values[use]).norm() <= tolerance;
-            });
+            auto near = std::find_if(
+                statements.begin(), statements.end(),
+                [&](const auto& s)
+                { return (values[s.first] - values[use]).norm() <= tolerance; });
             if (near == statements.end())
             {
                 std::uint32_t index = uses[use].direction + 1;
@@ -367,11 +378,14 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
         if (geometry.corner_directions[c] == kNone)
             continue;
         const DirectionUse wanted{geometry.corner_directions[c], geometry.corners[c]};
-        const auto use = std::lower_bound(
-            uses.begin(), uses.end(), wanted, [](const DirectionUse& a, const DirectionUse& b) {
-                return std::pair(a.direction, a.sample) < std::pair(b.direction, b.sample);
-            });
-        const std::uint32_t index = index_of_use[static_cast<std::size_t>(use - uses.begin())];
+        const auto use =
+            std::lower_bound(uses.begin(), uses.end(), wanted,
+                             [](const DirectionUse& a, const DirectionUse& b) {
+                                 return std::pair(a.direction, a.sample) <
+                                        std::pair(b.direction, b.sample);
+                             });
+        const std::uint32_t index =
+            index_of_use[static_cast<std::size_t>(use - uses.begin())];
         if (index != wanted.direction + 1)
         {
             split.index_starts.push_back(geometry.corner_direction_starts[c]);

@@ -37,13 +37,13 @@ private:
     void face(Tokens& tokens, std::int64_t line, Geometry& out);
     void close_groups(Geometry& out);
 
-    struct Forward  ///< an index that pointed past what was read so far
+    struct Forward ///< an index that pointed past what was read so far
     {
         std::int64_t index, line;
         char kind;
     };
     std::string file_;
-    std::string joined_;  ///< a statement continued over lines
+    std::string joined_; ///< a statement continued over lines
     std::int64_t lines_ = 0;
     std::int64_t num_texture_ = 0;
     std::vector<Forward> forward_;
@@ -56,11 +56,11 @@ private:
 /// New vn lines and index changes where the uses of a direction part company.
 struct ObjSplit
 {
-    std::string lines;                           ///< to append to the file
+    std::string lines; ///< to append to the file
     std::size_t num_lines = 0;
-    std::vector<std::uint64_t> index_starts;     ///< [byte] of the indices to replace
-    std::vector<std::uint32_t> new_indices;      ///< 1-based
-    std::vector<Eigen::Vector3d> directions;     ///< of the original vn statements
+    std::vector<std::uint64_t> index_starts; ///< [byte] of the indices to replace
+    std::vector<std::uint32_t> new_indices;  ///< 1-based
+    std::vector<Eigen::Vector3d> directions; ///< of the original vn statements
 };
 
 /// Decides which vn must be split. \p uses and \p values as in Patch.

@@ -44,9 +44,11 @@ void OffScanner::magic(std::string_view& text, std::uint64_t& start)
     // Prefixes in the format's order: ST, C, N, 4, n; then OFF, perhaps glued to
     // the first count.
     const std::size_t off = text.find("OFF");
-    const std::string_view prefix = text.substr(0, off == std::string_view::npos ? 0 : off);
+    const std::string_view prefix =
+        text.substr(0, off == std::string_view::npos ? 0 : off);
     if (off == std::string_view::npos || off > 4)
-        throw malformed(here(), "is no OFF file (got " + in_quotes(text) + ", need 'OFF')");
+        throw malformed(here(),
+                        "is no OFF file (got " + in_quotes(text) + ", need 'OFF')");
     std::string_view rest = prefix;
     has_colours_ = rest.starts_with('C');
     rest.remove_prefix(has_colours_ ? 1 : 0);
@@ -77,8 +79,9 @@ void OffScanner::counts(Tokens& tokens)
     if (count == 0)
         return;
     if (count == 1)
-        throw malformed(here(), "counts are wrong (got one number, need vertices, faces and "
-                                "edges)");
+        throw malformed(here(),
+                        "counts are wrong (got one number, need vertices, faces and "
+                        "edges)");
     // A vertex takes at least 6 bytes ("0 0 0\n"), a face 8.
     if (values[0] > kMaxSamples ||
         static_cast<std::uint64_t>(values[0]) > (file_bytes_ + 1) / 6)
@@ -136,8 +139,9 @@ bool OffScanner::face_token(const Token& token, Geometry& out)
         return false;
     }
     if (*value < 0 || *value >= static_cast<std::int64_t>(num_vertices_))
-        throw malformed(here(), "vertex index is out of range (got " + in_quotes(token.text) +
-                                    ", need 0 to " + std::to_string(num_vertices_ - 1) + ")");
+        throw malformed(here(), "vertex index is out of range (got " +
+                                    in_quotes(token.text) + ", need 0 to " +
+                                    std::to_string(num_vertices_ - 1) + ")");
     out.corners.push_back(static_cast<std::uint32_t>(*value));
     if (--corners_left_ > 0)
         return false;
@@ -170,8 +174,8 @@ void OffScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
     for (Token token; tokens.next(token);)
     {
         if (expect_ == Expect::End)
-            throw malformed({file_, lines_, ""},
-                            "more than the counted records (got " + in_quotes(token.text) + ")");
+            throw malformed({file_, lines_, ""}, "more than the counted records (got " +
+                                                     in_quotes(token.text) + ")");
         const bool rest_is_colour = expect_ == Expect::Vertices ? vertex_token(token, out)
                                                                 : face_token(token, out);
         advance();
@@ -208,10 +212,11 @@ void OffScanner::finish(Geometry& out)
     if (expect_ != Expect::End)
     {
         const Where where = here();
-        throw malformed(where, "the file ends here (need " +
-                                   std::to_string(expect_ == Expect::Vertices ? num_vertices_
-                                                                              : num_faces_) +
-                                   ")");
+        throw malformed(
+            where,
+            "the file ends here (need " +
+                std::to_string(expect_ == Expect::Vertices ? num_vertices_ : num_faces_) +
+                ")");
     }
     if (has_normals_)
         out.attributes.push_back("normals");

@@ -52,9 +52,9 @@ private:
     Expect expect_ = Expect::Magic;
     bool has_normals_ = false, has_colours_ = false;
     std::uint64_t num_vertices_ = 0, num_faces_ = 0, record_ = 0;
-    std::vector<std::uint64_t> starts_;  ///< of the vertex being read
+    std::vector<std::uint64_t> starts_; ///< of the vertex being read
     std::vector<double> values_;
-    std::int64_t corners_left_ = -1;    ///< of the face being read; -1: count awaited
+    std::int64_t corners_left_ = -1; ///< of the face being read; -1: count awaited
 };
 
 } // namespace cellwarp

@@ -44,7 +44,10 @@ std::optional<Scalar> scalar_named(std::string_view name)
     return std::nullopt;
 }
 
-bool is_real(Scalar type) { return type == Scalar::Float32 || type == Scalar::Float64; }
+bool is_real(Scalar type)
+{
+    return type == Scalar::Float32 || type == Scalar::Float64;
+}
 
 } // namespace
 
@@ -95,8 +98,8 @@ void PlyScanner::header_line(std::string_view line)
         const auto same = [&](const Element& e) { return e.name == words[0]; };
         if (std::any_of(elements_.begin(), elements_.end(), same))
             throw malformed(where, "element " + in_quotes(words[0]) + " stands twice");
-        elements_.push_back({std::string(words[0]), static_cast<std::uint64_t>(*count),
-                             lines_, {}, 0});
+        elements_.push_back(
+            {std::string(words[0]), static_cast<std::uint64_t>(*count), lines_, {}, 0});
     }
     else if (word.text == "property")
     {
@@ -113,7 +116,8 @@ void PlyScanner::header_line(std::string_view line)
         const std::optional<Scalar> count =
             property.is_list ? scalar_named(words[1]) : Scalar::UInt8;
         if (!type || !count)
-            throw malformed(where, "property type is unknown (got " + in_quotes(line) + ")");
+            throw malformed(where,
+                            "property type is unknown (got " + in_quotes(line) + ")");
         if (is_real(*count))
             throw malformed(where, "a list's count must be an integer (got " +
                                        in_quotes(words[1]) + ")");
@@ -122,13 +126,15 @@ void PlyScanner::header_line(std::string_view line)
         property.name = words.back();
         const auto same = [&](const Property& p) { return p.name == property.name; };
         if (std::any_of(properties.begin(), properties.end(), same))
-            throw malformed(where, "property " + in_quotes(property.name) + " stands twice");
+            throw malformed(where,
+                            "property " + in_quotes(property.name) + " stands twice");
         if (properties.size() == kMaxProperties)
             throw malformed(where, "more than 1024 properties in one element");
         properties.push_back(property);
     }
     else
-        throw malformed(where, "this is no PLY header line (got " + in_quotes(line) + ")");
+        throw malformed(where,
+                        "this is no PLY header line (got " + in_quotes(line) + ")");
 }
 
 std::size_t PlyScanner::header(std::string_view part)
@@ -152,13 +158,13 @@ std::size_t PlyScanner::header(std::string_view part)
         while (!line.empty() && is_blank(line.back()))
             line.remove_suffix(1);
         if (lines_ == 1 && line != "ply")
-            throw malformed({file_, 1, ""},
-                            part.empty() ? "the file is empty"
-                                         : "is no PLY file (got " + in_quotes(line) +
-                                               ", need 'ply')");
+            throw malformed({file_, 1, ""}, part.empty()
+                                                ? "the file is empty"
+                                                : "is no PLY file (got " +
+                                                      in_quotes(line) + ", need 'ply')");
         if (!is_ended && line != "end_header")
-            throw malformed({file_, lines_, "header"},
-                            text.size() == kMaxHeaderBytes ? "is longer than 1 MB"
+            throw malformed({file_, lines_, "header"}, text.size() == kMaxHeaderBytes
+                                                           ? "is longer than 1 MB"
                                                            : "ends before end_header");
         next = is_ended ? end + line_end.size() : text.size();
         if (line == "end_header")
@@ -181,8 +187,8 @@ void PlyScanner::assign_roles(Geometry& out)
         bool found[9] = {};
         for (Property& property : element.properties)
         {
-            element.min_bytes += stored_size(property.is_list ? property.count_type
-                                                              : property.type);
+            element.min_bytes +=
+                stored_size(property.is_list ? property.count_type : property.type);
             if (element.name == "vertex" && !property.is_list)
                 for (int role = 0; role < 9; ++role)
                     if (property.name == names[role])
@@ -198,7 +204,8 @@ void PlyScanner::assign_roles(Geometry& out)
             element.min_bytes = 2 * element.properties.size();
         const Where where{file_, element.line, "element " + element.name};
         // A last ascii line may lack its line end: one byte of grace.
-        if (element.min_bytes > 0 && element.count > (file_bytes_ + 1) / element.min_bytes)
+        if (element.min_bytes > 0 &&
+            element.count > (file_bytes_ + 1) / element.min_bytes)
             throw malformed(where, "the file is too short for its count (got " +
                                        std::to_string(element.count) + " records in " +
                                        std::to_string(file_bytes_) + " bytes)");
@@ -217,17 +224,18 @@ void PlyScanner::assign_roles(Geometry& out)
         for (Property& property : element.properties)
         {
             const bool is_ascii = encoding_ == Encoding::Ascii;
-            const Scalar stored = !is_ascii               ? property.type
+            const Scalar stored = !is_ascii                ? property.type
                                   : is_real(property.type) ? Scalar::Text
                                                            : Scalar::TextInt;
             if ((property.role >= 3 && property.role < 6 && !has_normals) ||
                 (property.role >= 6 && (!has_colours || property.type != Scalar::UInt8)))
                 property.role = -1;
             if (property.role >= 0 && property.role < 3)
-                out.sample_places.scalars[static_cast<std::size_t>(property.role)] = stored;
-            else if (property.role >= 3 && property.role < 6)
-                out.direction_places.scalars[static_cast<std::size_t>(property.role - 3)] =
+                out.sample_places.scalars[static_cast<std::size_t>(property.role)] =
                     stored;
+            else if (property.role >= 3 && property.role < 6)
+                out.direction_places
+                    .scalars[static_cast<std::size_t>(property.role - 3)] = stored;
             else if (property.role < 0)
                 out.attributes.push_back(property.name);
         }
@@ -248,8 +256,8 @@ void PlyScanner::assign_roles(Geometry& out)
 void PlyScanner::check_face(std::uint64_t count, std::uint64_t start) const
 {
     if (count < 3 || count > kMaxCorners)
-        throw malformed(here(start), "got " + std::to_string(count) +
-                                         " corners, need 3 to 1000000");
+        throw malformed(here(start),
+                        "got " + std::to_string(count) + " corners, need 3 to 1000000");
 }
 
 void PlyScanner::add_corner(double index, std::uint64_t start, Geometry& out) const
@@ -293,8 +301,8 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.direction_places.starts.insert(out.direction_places.starts.end(), record.starts + 3,
-                                       record.starts + 6);
+    out.direction_places.starts.insert(out.direction_places.starts.end(),
+                                       record.starts + 3, record.starts + 6);
 }
 
 bool PlyScanner::ascii_record(const Element& element, std::string_view line,
@@ -305,7 +313,8 @@ bool PlyScanner::ascii_record(const Element& element, std::string_view line,
     if (!element.properties.empty() && tokens.rest().empty())
         return false;
     Record record;
-    const auto number = [&](const std::string& name) {
+    const auto number = [&](const std::string& name)
+    {
         if (!tokens.next(token))
             throw malformed(here(token.start, name), "is missing");
         const std::optional<double> value = parse_double(token.text);
@@ -321,7 +330,8 @@ bool PlyScanner::ascii_record(const Element& element, std::string_view line,
         {
             if (!is_real(property.type) && !fits_stored(property.type, value))
                 throw malformed(here(token.start, property.name),
-                                "does not fit its type (got " + in_quotes(token.text) + ")");
+                                "does not fit its type (got " + in_quotes(token.text) +
+                                    ")");
             if (property.role >= 0)
                 record.values[property.role] = value;
             if (property.role >= 0 && property.role < 6)
@@ -411,9 +421,10 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
         assign_roles(out);
         has_header_ = true;
     }
-    const auto next_element = [&] {
-        while (element_ < elements_.size() &&
-               (record_ == elements_[element_].count || elements_[element_].properties.empty()))
+    const auto next_element = [&]
+    {
+        while (element_ < elements_.size() && (record_ == elements_[element_].count ||
+                                               elements_[element_].properties.empty()))
         {
             ++element_;
             record_ = 0;
@@ -430,7 +441,8 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
             if (line.find('\0') != std::string_view::npos)
                 throw malformed({file_, lines_, ""}, "holds binary data (a NUL byte)");
             if (next_element())
-                record_ += ascii_record(elements_[element_], line, lines.line_start(), out);
+                record_ +=
+                    ascii_record(elements_[element_], line, lines.line_start(), out);
             else
                 trailing_ += Tokens(line, 0).rest().empty() ? 0 : line.size();
         }
@@ -440,7 +452,8 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
     {
         std::size_t length = 0;
         const std::size_t corners = out.corners.size(), faces = out.face_ends.size();
-        if (!binary_record(elements_[element_], part.substr(done), start + done, length, out))
+        if (!binary_record(elements_[element_], part.substr(done), start + done, length,
+                           out))
         {
             // Read again when there is more of it.
             out.corners.resize(corners);
@@ -456,8 +469,8 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
 
 void PlyScanner::finish(Geometry& out)
 {
-    while (element_ < elements_.size() &&
-           (record_ == elements_[element_].count || elements_[element_].properties.empty()))
+    while (element_ < elements_.size() && (record_ == elements_[element_].count ||
+                                           elements_[element_].properties.empty()))
     {
         ++element_;
         record_ = 0;
@@ -476,9 +489,10 @@ void PlyScanner::finish(Geometry& out)
                                                       " bytes after the last record pass "
                                                       "through"));
     if (num_bad_normals_ > 0)
-        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_bad_normals_) +
-                                                      " normals are not finite and stay as "
-                                                      "they are"));
+        out.warnings.push_back(
+            at({file_, 0, ""}, std::to_string(num_bad_normals_) +
+                                   " normals are not finite and stay as "
+                                   "they are"));
 }
 
 } // namespace cellwarp

@@ -41,7 +41,7 @@ private:
         Scalar type = Scalar::Float32;
         bool is_list = false;
         Scalar count_type = Scalar::UInt8;
-        int role = -1;  ///< 0..2 position, 3..5 normal, 6..8 colour, 9 corner list
+        int role = -1; ///< 0..2 position, 3..5 normal, 6..8 colour, 9 corner list
     };
     struct Element
     {
@@ -49,7 +49,7 @@ private:
         std::uint64_t count = 0;
         std::int64_t line = 0;
         std::vector<Property> properties;
-        std::uint64_t min_bytes = 0;  ///< of a record
+        std::uint64_t min_bytes = 0; ///< of a record
     };
     /// What one record gave.
     struct Record
@@ -64,8 +64,8 @@ private:
     bool ascii_record(const Element& element, std::string_view line, std::uint64_t start,
                       Geometry& out);
     /// False if the record is not complete in \p bytes.
-    bool binary_record(const Element& element, std::string_view bytes, std::uint64_t start,
-                       std::size_t& length, Geometry& out);
+    bool binary_record(const Element& element, std::string_view bytes,
+                       std::uint64_t start, std::size_t& length, Geometry& out);
     void keep(const Element& element, const Record& record, Geometry& out);
     void check_face(std::uint64_t count, std::uint64_t start) const;
     void add_corner(double index, std::uint64_t start, Geometry& out) const;
@@ -78,8 +78,8 @@ private:
     bool has_format_ = false;
     std::vector<Element> elements_;
     std::uint64_t num_samples_ = 0;
-    std::size_t element_ = 0;    ///< being read
-    std::uint64_t record_ = 0;   ///< of that element
+    std::size_t element_ = 0;  ///< being read
+    std::uint64_t record_ = 0; ///< of that element
     std::int64_t lines_ = 0;
     std::size_t num_bad_normals_ = 0;
     std::uint64_t trailing_ = 0; ///< [bytes] after the last record

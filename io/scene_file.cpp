@@ -56,19 +56,21 @@ public:
             fail(key, "got " + in_quotes(*out) + ", need one of " + words);
         }
     }
-    void integer(const std::string& key, std::optional<std::int64_t>& out, std::int64_t low,
-                 std::int64_t high)
+    void integer(const std::string& key, std::optional<std::int64_t>& out,
+                 std::int64_t low, std::int64_t high)
     {
         const Json* value = find(key);
         if (!value)
             return;
-        if (!value->is_number_integer() || value->get<double>() < static_cast<double>(low) ||
+        if (!value->is_number_integer() ||
+            value->get<double>() < static_cast<double>(low) ||
             value->get<double>() > static_cast<double>(high))
             fail(key, "got " + value->dump().substr(0, 40) + ", need an integer from " +
                           std::to_string(low) + " to " + std::to_string(high));
         out = value->get<std::int64_t>();
     }
-    void number(const std::string& key, std::optional<double>& out, double low, double high)
+    void number(const std::string& key, std::optional<double>& out, double low,
+                double high)
     {
         const Json* value = find(key);
         if (!value)
@@ -96,8 +98,8 @@ public:
     {
         for (const auto& [key, value] : json_.items())
             if (std::find(known_.begin(), known_.end(), key) == known_.end())
-                scene_.warnings.push_back(at({scene_.path, 0, prefix_ + key},
-                                             "unknown key, ignored"));
+                scene_.warnings.push_back(
+                    at({scene_.path, 0, prefix_ + key}, "unknown key, ignored"));
     }
     [[noreturn]] void fail(const std::string& key, const std::string& what) const
     {
@@ -131,8 +133,10 @@ FrameBox read_frame(const Json& json, SceneFile& scene)
         for (std::size_t k = 0; k < 3; ++k)
             frame.axes[k] = object.vector("axes", (*axes)[k]);
     }
-    if (std::any_of(frame.size.begin(), frame.size.end(), [](double s) { return !(s >= 0); }) ||
-        std::all_of(frame.size.begin(), frame.size.end(), [](double s) { return s == 0; }))
+    if (std::any_of(frame.size.begin(), frame.size.end(),
+                    [](double s) { return !(s >= 0); }) ||
+        std::all_of(frame.size.begin(), frame.size.end(),
+                    [](double s) { return s == 0; }))
         object.fail("size", "need lengths >= 0, not all of them 0");
     object.warn_of_the_rest();
     return frame;
@@ -141,7 +145,8 @@ FrameBox read_frame(const Json& json, SceneFile& scene)
 std::int64_t line_of(const std::string& text, std::size_t byte)
 {
     const std::size_t end = std::min(byte, text.size());
-    return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end), '\n');
+    return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end),
+                          '\n');
 }
 
 } // namespace
@@ -153,11 +158,14 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     Json json;
     try
     {
-        json = Json::parse(text, [&](int depth, Json::parse_event_t, Json&) {
-            if (depth > kMaxNesting)
-                throw malformed({path, 0, ""}, "is nested deeper than 128");
-            return true;
-        });
+        json = Json::parse(
+            text,
+            [&](int depth, Json::parse_event_t, Json&)
+            {
+                if (depth > kMaxNesting)
+                    throw malformed({path, 0, ""}, "is nested deeper than 128");
+                return true;
+            });
     }
     catch (const Json::parse_error& error)
     {
@@ -179,7 +187,8 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     root.text("handles", handles);
     if (!model || model->empty())
         root.fail("model", "is missing");
-    const auto beside = [&](const std::string& name) {
+    const auto beside = [&](const std::string& name)
+    {
         const std::filesystem::path p(name);
         return p.is_absolute() ? name
                                : (std::filesystem::path(path).parent_path() / p).string();
@@ -210,6 +219,9 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     return scene;
 }
 
-SceneFile read_scene(const std::string& path) { return parse_scene(path, read_file(path)); }
+SceneFile read_scene(const std::string& path)
+{
+    return parse_scene(path, read_file(path));
+}
 
 } // namespace cellwarp

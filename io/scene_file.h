@@ -15,25 +15,25 @@ namespace cellwarp
 struct FrameBox
 {
     std::array<double, 3> origin{};
-    std::array<std::array<double, 3>, 3> axes{};  ///< rows: unit vectors, right-handed
-    std::array<double, 3> size{};                 ///< [model unit]; >= 0
+    std::array<std::array<double, 3>, 3> axes{}; ///< rows: unit vectors, right-handed
+    std::array<double, 3> size{};                ///< [model unit]; >= 0
 };
 
 /// What the scene says; what it leaves out stays empty and takes its default.
 struct SceneFile
 {
     std::string path;
-    std::string model;    ///< resolved against the scene file
-    std::string handles;  ///< resolved; empty if none
-    std::optional<std::string> fill;      ///< "solid" or "shell"
-    std::optional<std::int64_t> across;   ///< >= 1
+    std::string model;                  ///< resolved against the scene file
+    std::string handles;                ///< resolved; empty if none
+    std::optional<std::string> fill;    ///< "solid" or "shell"
+    std::optional<std::int64_t> across; ///< >= 1
     std::optional<std::int64_t> max_depth;
     std::optional<double> threshold;
     std::optional<double> gap;
     std::optional<std::int64_t> max_cells;
     std::optional<FrameBox> frame;
-    std::optional<std::string> drag;      ///< "blend" or "closest4"
-    std::optional<std::string> release;   ///< "rbf", "rbf-global" or "blend"
+    std::optional<std::string> drag;    ///< "blend" or "closest4"
+    std::optional<std::string> release; ///< "rbf", "rbf-global" or "blend"
     std::vector<std::string> warnings;
 };
 

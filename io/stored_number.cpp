@@ -66,15 +66,20 @@ std::size_t stored_size(Scalar type)
     switch (type)
     {
     case Scalar::Text:
-    case Scalar::TextInt: return 0;
+    case Scalar::TextInt:
+        return 0;
     case Scalar::Int8:
-    case Scalar::UInt8: return 1;
+    case Scalar::UInt8:
+        return 1;
     case Scalar::Int16:
-    case Scalar::UInt16: return 2;
+    case Scalar::UInt16:
+        return 2;
     case Scalar::Int32:
     case Scalar::UInt32:
-    case Scalar::Float32: return 4;
-    case Scalar::Float64: return 8;
+    case Scalar::Float32:
+        return 4;
+    case Scalar::Float64:
+        return 8;
     }
     return 0;
 }
@@ -84,15 +89,24 @@ double load_stored(const char* bytes, Scalar type, bool big_endian)
     switch (type)
     {
     case Scalar::Text:
-    case Scalar::TextInt: break;
-    case Scalar::Int8: return load<std::int8_t>(bytes, big_endian);
-    case Scalar::UInt8: return load<std::uint8_t>(bytes, big_endian);
-    case Scalar::Int16: return load<std::int16_t>(bytes, big_endian);
-    case Scalar::UInt16: return load<std::uint16_t>(bytes, big_endian);
-    case Scalar::Int32: return load<std::int32_t>(bytes, big_endian);
-    case Scalar::UInt32: return load<std::uint32_t>(bytes, big_endian);
-    case Scalar::Float32: return static_cast<double>(load<float>(bytes, big_endian));
-    case Scalar::Float64: return load<double>(bytes, big_endian);
+    case Scalar::TextInt:
+        break;
+    case Scalar::Int8:
+        return load<std::int8_t>(bytes, big_endian);
+    case Scalar::UInt8:
+        return load<std::uint8_t>(bytes, big_endian);
+    case Scalar::Int16:
+        return load<std::int16_t>(bytes, big_endian);
+    case Scalar::UInt16:
+        return load<std::uint16_t>(bytes, big_endian);
+    case Scalar::Int32:
+        return load<std::int32_t>(bytes, big_endian);
+    case Scalar::UInt32:
+        return load<std::uint32_t>(bytes, big_endian);
+    case Scalar::Float32:
+        return static_cast<double>(load<float>(bytes, big_endian));
+    case Scalar::Float64:
+        return load<double>(bytes, big_endian);
     }
     return 0.0;
 }
@@ -101,13 +115,20 @@ bool fits_stored(Scalar type, double value)
 {
     switch (type)
     {
-    case Scalar::Int8: return fits<std::int8_t>(value);
-    case Scalar::UInt8: return fits<std::uint8_t>(value);
-    case Scalar::Int16: return fits<std::int16_t>(value);
-    case Scalar::UInt16: return fits<std::uint16_t>(value);
-    case Scalar::Int32: return fits<std::int32_t>(value);
-    case Scalar::UInt32: return fits<std::uint32_t>(value);
-    default: return true;
+    case Scalar::Int8:
+        return fits<std::int8_t>(value);
+    case Scalar::UInt8:
+        return fits<std::uint8_t>(value);
+    case Scalar::Int16:
+        return fits<std::int16_t>(value);
+    case Scalar::UInt16:
+        return fits<std::uint16_t>(value);
+    case Scalar::Int32:
+        return fits<std::int32_t>(value);
+    case Scalar::UInt32:
+        return fits<std::uint32_t>(value);
+    default:
+        return true;
     }
 }
 
@@ -115,18 +136,30 @@ bool store(double value, Scalar type, bool big_endian, std::string& out)
 {
     switch (type)
     {
-    case Scalar::Text: out += shortest(value); return std::isfinite(value);
-    case Scalar::TextInt: out += shortest(std::nearbyint(value)); return std::isfinite(value);
-    case Scalar::Int8: return append_rounded<std::int8_t>(value, big_endian, out);
-    case Scalar::UInt8: return append_rounded<std::uint8_t>(value, big_endian, out);
-    case Scalar::Int16: return append_rounded<std::int16_t>(value, big_endian, out);
-    case Scalar::UInt16: return append_rounded<std::uint16_t>(value, big_endian, out);
-    case Scalar::Int32: return append_rounded<std::int32_t>(value, big_endian, out);
-    case Scalar::UInt32: return append_rounded<std::uint32_t>(value, big_endian, out);
+    case Scalar::Text:
+        out += shortest(value);
+        return std::isfinite(value);
+    case Scalar::TextInt:
+        out += shortest(std::nearbyint(value));
+        return std::isfinite(value);
+    case Scalar::Int8:
+        return append_rounded<std::int8_t>(value, big_endian, out);
+    case Scalar::UInt8:
+        return append_rounded<std::uint8_t>(value, big_endian, out);
+    case Scalar::Int16:
+        return append_rounded<std::int16_t>(value, big_endian, out);
+    case Scalar::UInt16:
+        return append_rounded<std::uint16_t>(value, big_endian, out);
+    case Scalar::Int32:
+        return append_rounded<std::int32_t>(value, big_endian, out);
+    case Scalar::UInt32:
+        return append_rounded<std::uint32_t>(value, big_endian, out);
     case Scalar::Float32:
         append(static_cast<float>(value), big_endian, out);
         return std::isfinite(static_cast<float>(value));
-    case Scalar::Float64: append(value, big_endian, out); return std::isfinite(value);
+    case Scalar::Float64:
+        append(value, big_endian, out);
+        return std::isfinite(value);
     }
     return false;
 }

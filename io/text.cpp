@@ -11,8 +11,10 @@ bool LineReader::next(std::string_view& line)
     if (next_ >= text_.size())
         return false;
     const std::string_view rest = text_.substr(next_);
-    const char* lf = static_cast<const char*>(std::memchr(rest.data(), '\n', rest.size()));
-    const std::size_t until_lf = lf ? static_cast<std::size_t>(lf - rest.data()) : rest.size();
+    const char* lf =
+        static_cast<const char*>(std::memchr(rest.data(), '\n', rest.size()));
+    const std::size_t until_lf =
+        lf ? static_cast<std::size_t>(lf - rest.data()) : rest.size();
     const char* cr = static_cast<const char*>(std::memchr(rest.data(), '\r', until_lf));
     std::size_t length = until_lf;
     std::size_t end = lf ? until_lf + 1 : rest.size();

@@ -13,7 +13,7 @@ namespace cellwarp
 struct Token
 {
     std::string_view text;
-    std::uint64_t start = 0;  ///< [byte] from the beginning of the file
+    std::uint64_t start = 0; ///< [byte] from the beginning of the file
 };
 
 /// Hands out the lines of a text: ended by LF, CR LF or CR, the last one perhaps
@@ -60,7 +60,10 @@ private:
     std::uint64_t start_;
 };
 
-inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\v' || c == '\f'; }
+inline bool is_blank(char c)
+{
+    return c == ' ' || c == '\t' || c == '\v' || c == '\f';
+}
 
 /// A guess at what bytes are that cannot be the text they should be ("a git LFS
 /// pointer", "a ZIP archive", "UTF-16 text"); empty if nothing speaks against it.

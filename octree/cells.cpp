@@ -52,7 +52,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 if (piece < 0)
                     continue;
                 const std::size_t at = static_cast<std::size_t>(piece - first_piece);
-                const Eigen::Vector3d size(extent(grid, 0, voxel.x()), extent(grid, 1, voxel.y()),
+                const Eigen::Vector3d size(extent(grid, 0, voxel.x()),
+                                           extent(grid, 1, voxel.y()),
                                            extent(grid, 2, voxel.z()));
                 const double volume = size.prod();
                 const Eigen::Vector3d x = grid.centre(voxel) - box_centre;
@@ -74,8 +75,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 }
 
 /// Faces from the pieces of one leaf to those above it on each axis.
-std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                             std::size_t leaf_index)
+std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
+                             const Pieces& pieces, std::size_t leaf_index)
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
     std::map<std::tuple<int, int, int>, Face> found;
@@ -128,12 +129,16 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         ++first[static_cast<std::size_t>(leaf) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::vector<Face>> faces(num_leaves);
-    tbb::parallel_for(std::size_t(0), num_leaves, [&](std::size_t i) {
-        measure_leaf(grid, octree, pieces, i,
-                     std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
-                     static_cast<int>(first[i]));
-        faces[i] = leaf_faces(grid, octree, pieces, i);
-    });
+    tbb::parallel_for(
+        std::size_t(0), num_leaves,
+        [&](std::size_t i)
+        {
+            measure_leaf(
+                grid, octree, pieces, i,
+                std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
+                static_cast<int>(first[i]));
+            faces[i] = leaf_faces(grid, octree, pieces, i);
+        });
     const double least = kMinDistance * grid.shape().voxel();
     std::vector<std::vector<int>> neighbours(result.size());
     for (std::vector<Face>& of_leaf : faces)
@@ -162,7 +167,8 @@ std::vector<int> connected_components(const Cells& cells)
 {
     std::vector<int> root(cells.size());
     std::iota(root.begin(), root.end(), 0);
-    const auto find = [&](int cell) {
+    const auto find = [&](int cell)
+    {
         while (root[static_cast<std::size_t>(cell)] != cell)
         {
             int& up = root[static_cast<std::size_t>(cell)];

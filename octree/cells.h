@@ -19,9 +19,9 @@ namespace cellwarp
 struct Cell
 {
     int leaf = 0;
-    Eigen::Vector3d box_centre = Eigen::Vector3d::Zero();  ///< of the leaf
-    double edge = 0.0;                                     ///< of the leaf
-    Eigen::Vector3d centre = Eigen::Vector3d::Zero();      ///< centroid of the piece
+    Eigen::Vector3d box_centre = Eigen::Vector3d::Zero(); ///< of the leaf
+    double edge = 0.0;                                    ///< of the leaf
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();     ///< centroid of the piece
     double volume = 0.0;
     /// (1/V) int (x - centre)(x - centre)^T over the piece.
     Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();
@@ -34,7 +34,7 @@ struct Face
     int axis = 0;
     double area = 0.0;
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    double distance_a = 0.0, distance_b = 0.0;  ///< of the centroids to the face's plane
+    double distance_a = 0.0, distance_b = 0.0; ///< of the centroids to the face's plane
 };
 
 /// Rest state: immutable once built. Faces are sorted by (a, axis, b).
@@ -42,14 +42,16 @@ struct Cells
 {
     std::vector<Cell> cells;
     std::vector<Face> faces;
-    std::vector<int> first_neighbour;  ///< cells + 1 offsets into neighbours
-    std::vector<int> neighbours;       ///< cells glued to a cell, ascending
+    std::vector<int> first_neighbour; ///< cells + 1 offsets into neighbours
+    std::vector<int> neighbours;      ///< cells glued to a cell, ascending
 
     std::size_t size() const { return cells.size(); }
     std::span<const int> neighbours_of(int cell) const
     {
-        const std::size_t first = static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell)]);
-        const std::size_t end = static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell) + 1]);
+        const std::size_t first =
+            static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell)]);
+        const std::size_t end =
+            static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell) + 1]);
         return std::span(neighbours).subspan(first, end - first);
     }
 };

@@ -34,7 +34,8 @@ void transform_line(float* values, std::size_t stride, int count, std::vector<fl
         float start = -kFar;
         while (top >= 0)
         {
-            const std::size_t p = static_cast<std::size_t>(site[static_cast<std::size_t>(top)]);
+            const std::size_t p =
+                static_cast<std::size_t>(site[static_cast<std::size_t>(top)]);
             const float fq = f[at] + static_cast<float>(q) * static_cast<float>(q);
             const float fp = f[p] + static_cast<float>(p) * static_cast<float>(p);
             start = (fq - fp) / (2.0f * static_cast<float>(q - static_cast<int>(p)));
@@ -53,11 +54,13 @@ void transform_line(float* values, std::size_t stride, int count, std::vector<fl
     int next = 0;
     for (int q = 0; q < count; ++q)
     {
-        while (next < top && from[static_cast<std::size_t>(next) + 1] < static_cast<float>(q))
+        while (next < top &&
+               from[static_cast<std::size_t>(next) + 1] < static_cast<float>(q))
             ++next;
         const int p = site[static_cast<std::size_t>(next)];
         const float d = static_cast<float>(q - p);
-        values[static_cast<std::size_t>(q) * stride] = d * d + f[static_cast<std::size_t>(p)];
+        values[static_cast<std::size_t>(q) * stride] =
+            d * d + f[static_cast<std::size_t>(p)];
     }
 }
 
@@ -72,13 +75,17 @@ std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
     const std::size_t nx = static_cast<std::size_t>(counts.x());
     const std::size_t ny = static_cast<std::size_t>(counts.y());
     const std::size_t nz = static_cast<std::size_t>(counts.z());
-    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first) {
-        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lines, 64), [&](const auto& range) {
-            std::vector<float> f, from;
-            std::vector<int> site;
-            for (std::size_t line = range.begin(); line < range.end(); ++line)
-                transform_line(d.data() + first(line), stride, count, f, site, from);
-        });
+    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
+    {
+        tbb::parallel_for(
+            tbb::blocked_range<std::size_t>(0, lines, 64),
+            [&](const auto& range)
+            {
+                std::vector<float> f, from;
+                std::vector<int> site;
+                for (std::size_t line = range.begin(); line < range.end(); ++line)
+                    transform_line(d.data() + first(line), stride, count, f, site, from);
+            });
     };
     sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
     sweep(nx * nz, nx, counts.y(),

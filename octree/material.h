@@ -27,31 +27,26 @@ struct Shape
 
 enum class Fill
 {
-    Solid,  ///< the surface and what it encloses
-    Shell   ///< the surface alone, one voxel thick
+    Solid, ///< the surface and what it encloses
+    Shell  ///< the surface alone: one voxel thick, or a cloud's spacing
 };
 
 /// How the inside was told from the outside.
 enum class InsideMethod
 {
-    None,     ///< shell
-    Winding,  ///< closed surface: winding number
-    Votes,    ///< nearly closed surface: most of six rays
-    Flood     ///< soup or cloud: what a flood from outside does not reach
+    None,    ///< shell
+    Winding, ///< closed surface: winding number
+    Votes,   ///< nearly closed surface: most of six rays
+    Flood    ///< soup or cloud: what a flood from outside does not reach
 };
 
 struct Material
 {
     VoxelGrid grid;
     InsideMethod method = InsideMethod::None;
-    double spacing = 0.0;      ///< of the samples of a cloud; 0 for a surface
-    double seal_radius = 0.0;  ///< up to which openings were closed to find the inside
+    double spacing = 0.0;     ///< of the samples of a cloud; 0 for a surface
+    double seal_radius = 0.0; ///< up to which openings were closed to find the inside
 };
-
-/// Whether the triangles, coincident corners joined, form a closed oriented
-/// surface; else the share of edges that lack their opposite.
-/// 0: closed. 1 if there is no triangle.
-double open_edge_share(const Shape& shape);
 
 /// The voxels of \p shape on the grid \p grid_shape. Every voxel that a triangle
 /// or sample touches is material (conservative, so connected through faces), and

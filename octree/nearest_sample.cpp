@@ -29,10 +29,11 @@ std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
     };
     // A queue by distance: one bucket a step.
     std::vector<std::vector<Entry>> buckets(1);
-    const auto offer = [&](const Eigen::Vector3i& place, std::uint32_t sample) {
+    const auto offer = [&](const Eigen::Vector3i& place, std::uint32_t sample)
+    {
         const std::size_t voxel = grid.index(place);
-        const float d = static_cast<float>(
-            (grid.centre(place) - samples[sample]).norm() / grid.shape().voxel());
+        const float d = static_cast<float>((grid.centre(place) - samples[sample]).norm() /
+                                           grid.shape().voxel());
         if (!(d < distance[voxel]))
             return;
         distance[voxel] = d;
@@ -48,7 +49,8 @@ std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
         for (std::size_t next = 0; next < buckets[bucket].size(); ++next)
         {
             const Entry entry = buckets[bucket][next];
-            if (entry.distance > distance[entry.voxel] || nearest[entry.voxel] != entry.sample)
+            if (entry.distance > distance[entry.voxel] ||
+                nearest[entry.voxel] != entry.sample)
                 continue;
             const Eigen::Vector3i place = grid.coordinates(entry.voxel);
             for (int axis = 0; axis < 3; ++axis)

@@ -52,7 +52,10 @@ Octree::Octree(std::vector<Leaf> leaves, const Eigen::Vector3i& counts, int max_
     sort();
 }
 
-std::uint64_t Octree::key(const Leaf& leaf) const { return morton(leaf.corner); }
+std::uint64_t Octree::key(const Leaf& leaf) const
+{
+    return morton(leaf.corner);
+}
 
 void Octree::sort()
 {
@@ -132,7 +135,10 @@ std::vector<int> Octree::unbalanced() const
     return coarse;
 }
 
-bool Octree::is_balanced() const { return unbalanced().empty(); }
+bool Octree::is_balanced() const
+{
+    return unbalanced().empty();
+}
 
 Octree Octree::split(std::span<const int> leaves, const MaterialTest& has_material) const
 {
@@ -156,7 +162,8 @@ Octree Octree::split(std::span<const int> leaves, const MaterialTest& has_materi
             const int half = width(leaf) / 2;
             for (int child = 0; child < 8; ++child)
             {
-                const Leaf part{leaf.corner + half * Eigen::Vector3i(child & 1, child >> 1 & 1,
+                const Leaf part{leaf.corner + half * Eigen::Vector3i(child & 1,
+                                                                     child >> 1 & 1,
                                                                      child >> 2 & 1),
                                 leaf.level + 1};
                 if (has_material(part))
@@ -193,7 +200,8 @@ Octree Octree::merge(std::span<const int> leaves) const
             continue;
         const Leaf box = parent(leaf);
         const int box_width = 2 * width(leaf);
-        const auto lies_inside = [&](const Leaf& other) {
+        const auto lies_inside = [&](const Leaf& other)
+        {
             return (other.corner.array() >= box.corner.array()).all() &&
                    (other.corner.array() < box.corner.array() + box_width).all();
         };
@@ -205,8 +213,8 @@ Octree Octree::merge(std::span<const int> leaves) const
                 is_merged |= other == box;
             }
         for (const int neighbour : tree.face_neighbours(box))
-            may_merge &= tree.leaves_[static_cast<std::size_t>(neighbour)].level <=
-                         box.level + 1;
+            may_merge &=
+                tree.leaves_[static_cast<std::size_t>(neighbour)].level <= box.level + 1;
         if (!may_merge || is_merged)
             continue;
         std::vector<Leaf> next;
@@ -227,14 +235,16 @@ VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf)
 
 MaterialTest material_test(const VoxelGrid& grid)
 {
-    return [&grid](const Leaf& leaf) {
+    return [&grid](const Leaf& leaf)
+    {
         const VoxelBlock block = voxel_block(grid.shape(), leaf);
         for (int k = 0; k < block.width; ++k)
             for (int j = 0; j < block.width; ++j)
             {
                 const std::uint8_t* row = &grid.material()[grid.index(
                     block.first.x(), block.first.y() + j, block.first.z() + k)];
-                if (std::any_of(row, row + block.width, [](std::uint8_t m) { return m != 0; }))
+                if (std::any_of(row, row + block.width,
+                                [](std::uint8_t m) { return m != 0; }))
                     return true;
             }
         return false;

@@ -19,7 +19,7 @@ namespace cellwarp
 struct Leaf
 {
     Eigen::Vector3i corner = Eigen::Vector3i::Zero();
-    int level = 0;  ///< 0 for the coarsest grid
+    int level = 0; ///< 0 for the coarsest grid
 
     bool operator==(const Leaf& other) const
     {
@@ -67,7 +67,7 @@ private:
 
     std::vector<Leaf> leaves_;
     std::vector<std::uint64_t> keys_;
-    Eigen::Vector3i counts_;  ///< finest leaves on each axis
+    Eigen::Vector3i counts_; ///< finest leaves on each axis
     int max_depth_ = 0;
 };
 

@@ -16,7 +16,7 @@ namespace cellwarp
 struct Pieces
 {
     std::vector<int> leaf_of_piece;
-    std::vector<std::int32_t> piece_of_voxel;  ///< -1 where there is no material
+    std::vector<std::int32_t> piece_of_voxel; ///< -1 where there is no material
     std::size_t size() const { return leaf_of_piece.size(); }
 };
 

@@ -28,7 +28,8 @@ struct Cloud
 };
 
 using Tree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>, Cloud, 3>;
+    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Cloud>,
+                                        Cloud, 3>;
 
 } // namespace
 
@@ -51,7 +52,10 @@ PointTree::~PointTree() = default;
 PointTree::PointTree(PointTree&&) noexcept = default;
 PointTree& PointTree::operator=(PointTree&&) noexcept = default;
 
-const std::vector<Eigen::Vector3d>& PointTree::points() const { return index_->cloud.points; }
+const std::vector<Eigen::Vector3d>& PointTree::points() const
+{
+    return index_->cloud.points;
+}
 
 PointTree::Neighbour PointTree::nearest(const Eigen::Vector3d& x) const
 {

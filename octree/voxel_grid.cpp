@@ -20,7 +20,8 @@ constexpr double kSlack = 0.5;
 
 } // namespace
 
-GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth, double max_voxel)
+GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth,
+                     double max_voxel)
 {
     GridShape shape;
     shape.size = size;
@@ -31,13 +32,13 @@ GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth, dou
     const double finest = shape.edge / (1 << max_depth);
     // The tolerance keeps the count from depending on the last bit of a scale.
     const double wanted = max_voxel > 0 ? std::ceil(finest / max_voxel - 1e-9) : 0.0;
-    shape.voxels_per_leaf =
-        static_cast<int>(std::clamp(wanted, static_cast<double>(kMinVoxelsPerLeaf), 4096.0));
+    shape.voxels_per_leaf = static_cast<int>(
+        std::clamp(wanted, static_cast<double>(kMinVoxelsPerLeaf), 4096.0));
     for (int axis = 0; axis < 3; ++axis)
     {
         const double leaves = size[axis] / shape.edge;
-        shape.coarsest[axis] =
-            std::max(1, static_cast<int>(std::ceil(leaves - kSlack * shape.voxel() / shape.edge)));
+        shape.coarsest[axis] = std::max(
+            1, static_cast<int>(std::ceil(leaves - kSlack * shape.voxel() / shape.edge)));
     }
     if (!(longest > 0))
         shape.coarsest.setOnes();
@@ -46,7 +47,8 @@ GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth, dou
 
 double num_voxels(const GridShape& shape)
 {
-    return (shape.coarsest.cast<double>() * static_cast<double>(shape.voxels_per_coarsest()))
+    return (shape.coarsest.cast<double>() *
+            static_cast<double>(shape.voxels_per_coarsest()))
         .prod();
 }
 
@@ -96,7 +98,8 @@ Eigen::Vector3i VoxelGrid::locate(const Eigen::Vector3d& x) const
     const Eigen::Vector3d u = to_voxels(x);
     Eigen::Vector3i v;
     for (int axis = 0; axis < 3; ++axis)
-        v[axis] = static_cast<int>(std::clamp(std::floor(u[axis]), 0.0, counts_[axis] - 1.0));
+        v[axis] =
+            static_cast<int>(std::clamp(std::floor(u[axis]), 0.0, counts_[axis] - 1.0));
     return v;
 }
 

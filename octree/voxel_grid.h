@@ -16,13 +16,13 @@ namespace cellwarp
 /// are cubes, but for the outermost layer, which ends at the box.
 struct GridShape
 {
-    Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< of the box, one corner at 0
-    Eigen::Vector3i coarsest = Eigen::Vector3i::Ones();  ///< coarsest leaves on each axis
-    double edge = 1.0;        ///< of a coarsest leaf
-    int max_depth = 0;        ///< splits below the coarsest leaves; <= 20
-    int voxels_per_leaf = 4;  ///< along the edge of a finest leaf; >= 1
+    Eigen::Vector3d size = Eigen::Vector3d::Zero();     ///< of the box, one corner at 0
+    Eigen::Vector3i coarsest = Eigen::Vector3i::Ones(); ///< coarsest leaves on each axis
+    double edge = 1.0;                                  ///< of a coarsest leaf
+    int max_depth = 0;       ///< splits below the coarsest leaves; <= 20
+    int voxels_per_leaf = 4; ///< along the edge of a finest leaf; >= 1
 
-    int leaves_per_coarsest() const { return 1 << max_depth; }  ///< finest ones, an axis
+    int leaves_per_coarsest() const { return 1 << max_depth; } ///< finest ones, an axis
     int voxels_per_coarsest() const { return voxels_per_leaf << max_depth; }
     double voxel() const { return edge / voxels_per_coarsest(); }
 };
@@ -53,7 +53,10 @@ public:
                    static_cast<std::size_t>(counts_.x()) +
                static_cast<std::size_t>(i);
     }
-    std::size_t index(const Eigen::Vector3i& v) const { return index(v.x(), v.y(), v.z()); }
+    std::size_t index(const Eigen::Vector3i& v) const
+    {
+        return index(v.x(), v.y(), v.z());
+    }
     Eigen::Vector3i coordinates(std::size_t index) const;
     bool contains(const Eigen::Vector3i& v) const
     {
@@ -77,7 +80,7 @@ public:
 private:
     GridShape shape_;
     Eigen::Vector3i counts_;
-    Eigen::Vector3d offset_;  ///< first corner of the uncut grid
+    Eigen::Vector3d offset_; ///< first corner of the uncut grid
     std::array<std::vector<double>, 3> lines_;
     std::vector<std::uint8_t> material_;
 };

@@ -8,7 +8,8 @@
 namespace cellwarp
 {
 
-BlockMatrix::BlockMatrix(std::span<const int> sizes, std::vector<std::pair<int, int>> pairs)
+BlockMatrix::BlockMatrix(std::span<const int> sizes,
+                         std::vector<std::pair<int, int>> pairs)
 {
     first_.resize(sizes.size() + 1, 0);
     std::partial_sum(sizes.begin(), sizes.end(), first_.begin() + 1);
@@ -52,7 +53,10 @@ int BlockMatrix::find(int row, int column) const
     return static_cast<int>(found - blocks_.begin());
 }
 
-BlockMatrix::Block BlockMatrix::diagonal(int block) { return this->block(find(block, block)); }
+BlockMatrix::Block BlockMatrix::diagonal(int block)
+{
+    return this->block(find(block, block));
+}
 
 BlockMatrix::Block BlockMatrix::block(int found)
 {
@@ -63,7 +67,10 @@ BlockMatrix::Block BlockMatrix::block(int found)
     return Block(start, size(row), size(column), Eigen::OuterStride<>(height));
 }
 
-void BlockMatrix::set_zero() { std::fill(values_.begin(), values_.end(), 0.0); }
+void BlockMatrix::set_zero()
+{
+    std::fill(values_.begin(), values_.end(), 0.0);
+}
 
 Eigen::VectorXd BlockMatrix::multiply(const Eigen::VectorXd& x) const
 {

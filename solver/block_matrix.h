@@ -48,11 +48,15 @@ public:
     double norm() const;
 
 private:
-    static int at(const std::vector<int>& v, int i) { return v[static_cast<std::size_t>(i)]; }
+    static int at(const std::vector<int>& v, int i)
+    {
+        return v[static_cast<std::size_t>(i)];
+    }
 
-    std::vector<int> first_;  ///< scalar row of each block, blocks + 1
-    std::vector<std::pair<int, int>> blocks_;  ///< (column, row), sorted, diagonal included
-    std::vector<int> row_offset_;              ///< of each block inside its column
+    std::vector<int> first_; ///< scalar row of each block, blocks + 1
+    std::vector<std::pair<int, int>>
+        blocks_;                  ///< (column, row), sorted, diagonal included
+    std::vector<int> row_offset_; ///< of each block inside its column
     std::vector<std::int32_t> column_starts_, row_indices_;
     std::vector<double> values_;
 };

@@ -37,7 +37,8 @@ int rotations_about(const std::vector<Eigen::Vector3d>& points)
 
 } // namespace
 
-std::vector<Component> find_components(const Cells& cells, std::vector<Constraint>& constraints)
+std::vector<Component> find_components(const Cells& cells,
+                                       std::vector<Constraint>& constraints)
 {
     const std::vector<int> number = connected_components(cells);
     std::vector<Component> components;
@@ -70,8 +71,9 @@ std::vector<Component> find_components(const Cells& cells, std::vector<Constrain
 
 Pose held_at_pin(const Pose& pose, const Constraint& pin, const Eigen::Vector3d& centre)
 {
-    return {pose.R, centre + (pin.held_now - pin.held_rest) -
-                        (pose.R - Eigen::Matrix3d::Identity()) * (pin.held_rest - centre)};
+    return {pose.R,
+            centre + (pin.held_now - pin.held_rest) -
+                (pose.R - Eigen::Matrix3d::Identity()) * (pin.held_rest - centre)};
 }
 
 } // namespace cellwarp

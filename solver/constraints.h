@@ -17,15 +17,15 @@ namespace cellwarp
 enum class Hold
 {
     Free,
-    Prescribed,  ///< its pose is given
-    Pinned,      ///< one of its points is given, it turns about it
-    Idle         ///< no region holds its component: it stays at rest
+    Prescribed, ///< its pose is given
+    Pinned,     ///< one of its points is given, it turns about it
+    Idle        ///< no region holds its component: it stays at rest
 };
 
 struct Constraint
 {
     Hold hold = Hold::Free;
-    Eigen::Vector3d held_rest = Eigen::Vector3d::Zero();  ///< of a pinned cell
+    Eigen::Vector3d held_rest = Eigen::Vector3d::Zero(); ///< of a pinned cell
     Eigen::Vector3d held_now = Eigen::Vector3d::Zero();
 };
 
@@ -33,12 +33,13 @@ struct Constraint
 struct Component
 {
     std::vector<int> cells;
-    bool is_held = false;    ///< by a prescribed or pinned cell
-    int free_rotations = 0;  ///< of the whole component: 3 about one pin, 1 about an axis
+    bool is_held = false;   ///< by a prescribed or pinned cell
+    int free_rotations = 0; ///< of the whole component: 3 about one pin, 1 about an axis
 };
 
 /// The components, by first cell; sets Hold::Idle in the ones that nothing holds.
-std::vector<Component> find_components(const Cells& cells, std::vector<Constraint>& constraints);
+std::vector<Component> find_components(const Cells& cells,
+                                       std::vector<Constraint>& constraints);
 
 /// Moves a pinned cell so that its held point is where it must be.
 Pose held_at_pin(const Pose& pose, const Constraint& pin, const Eigen::Vector3d& centre);

@@ -40,8 +40,8 @@ std::array<Term, 5> terms(const GlueFace& face, const Pose& a, const Pose& b)
     // At c_a the arm of a is 0 and that of b is R_b (c_a - c_b); at c_b in turn.
     t[0] = {face.stiffness * face.share_a, true, gap + b.R * face.offset, zero,
             -(b.R * face.offset)};
-    t[1] = {face.stiffness * face.share_b, true, gap + a.R * face.offset, a.R * face.offset,
-            zero};
+    t[1] = {face.stiffness * face.share_b, true, gap + a.R * face.offset,
+            a.R * face.offset, zero};
     for (int k = 0; k < 3; ++k)
     {
         Term& term = t[static_cast<std::size_t>(2 + k)];
@@ -64,7 +64,8 @@ Eigen::Matrix3d arm_curvature(const Eigen::Vector3d& d, const Eigen::Vector3d& r
 Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
 {
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(S);
-    return eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+    return eigen.eigenvectors() *
+           eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
 } // namespace
@@ -116,7 +117,8 @@ double glue_energy(const GlueFace& face, const Pose& a, const Pose& b)
     return energy;
 }
 
-Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a, const Pose& b)
+Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
+                                           const Pose& b)
 {
     Eigen::Matrix<double, 12, 1> gradient = Eigen::Matrix<double, 12, 1>::Zero();
     for (const Term& term : terms(face, a, b))
@@ -133,7 +135,8 @@ Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a, 
     return gradient;
 }
 
-GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b, Curvature curvature)
+GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
+                     Curvature curvature)
 {
     GlueBlock block;
     block.gradient = glue_gradient(face, a, b);
@@ -163,11 +166,14 @@ GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b, Curvatu
 double glue_energy(const Glue& glue, std::span<const Pose> poses)
 {
     std::vector<double> energies(glue.faces.size());
-    tbb::parallel_for(std::size_t(0), glue.faces.size(), [&](std::size_t f) {
-        const GlueFace& face = glue.faces[f];
-        energies[f] = glue_energy(face, poses[static_cast<std::size_t>(face.a)],
-                                  poses[static_cast<std::size_t>(face.b)]);
-    });
+    tbb::parallel_for(std::size_t(0), glue.faces.size(),
+                      [&](std::size_t f)
+                      {
+                          const GlueFace& face = glue.faces[f];
+                          energies[f] =
+                              glue_energy(face, poses[static_cast<std::size_t>(face.a)],
+                                          poses[static_cast<std::size_t>(face.b)]);
+                      });
     double sum = 0.0;
     for (const double energy : energies)
         sum += energy;

@@ -19,9 +19,9 @@ namespace cellwarp
 struct GlueFace
 {
     int a = 0, b = 0;
-    double stiffness = 0.0;          ///< w_ij [length], times the factor of stiff regions
-    Eigen::Vector3d offset;          ///< c_b - c_a
-    double share_a = 0.0, share_b = 0.0;  ///< V_a / (V_a + V_b), V_b / (V_a + V_b)
+    double stiffness = 0.0; ///< w_ij [length], times the factor of stiff regions
+    Eigen::Vector3d offset; ///< c_b - c_a
+    double share_a = 0.0, share_b = 0.0; ///< V_a / (V_a + V_b), V_b / (V_a + V_b)
     /// Columns l_k with sum l_k l_k^T = the volume-weighted mean of the second moments.
     Eigen::Matrix3d moment_root;
 };
@@ -30,7 +30,7 @@ struct GlueFace
 struct Glue
 {
     std::vector<GlueFace> faces;
-    std::vector<int> first_face;  ///< cells + 1 offsets into faces_of_cell
+    std::vector<int> first_face; ///< cells + 1 offsets into faces_of_cell
     std::vector<int> faces_of_cell;
 };
 
@@ -47,8 +47,8 @@ double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
 /// How much of the second derivative.
 enum class Curvature
 {
-    GaussNewton,  ///< J^T J: positive semi-definite
-    Exact         ///< with the curvature of the rotations
+    GaussNewton, ///< J^T J: positive semi-definite
+    Exact        ///< with the curvature of the rotations
 };
 
 /// Second-order model of one face in the twists of its cells: rows and columns
@@ -60,10 +60,12 @@ struct GlueBlock
     Eigen::Matrix<double, 12, 12> hessian = Eigen::Matrix<double, 12, 12>::Zero();
 };
 
-GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b, Curvature curvature);
+GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
+                     Curvature curvature);
 
 /// The gradient alone.
-Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a, const Pose& b);
+Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
+                                           const Pose& b);
 
 /// Sum over all faces, in their order.
 double glue_energy(const Glue& glue, std::span<const Pose> poses);

@@ -68,15 +68,14 @@ LinearSolver& LinearSolver::operator=(LinearSolver&&) noexcept = default;
 
 bool LinearSolver::factorize(const BlockMatrix& A)
 {
-    const Eigen::Map<const Eigen::VectorXd> values(A.values().data(),
-                                                   static_cast<Eigen::Index>(A.values().size()));
+    const Eigen::Map<const Eigen::VectorXd> values(
+        A.values().data(), static_cast<Eigen::Index>(A.values().size()));
     if (!library_->factor || !values.allFinite())
         return false;
     cholmod_sparse matrix = view(A);
     cholmod_common& common = library_->common;
     if (!cholmod_factorize(&matrix, library_->factor, &common) ||
-        common.status != CHOLMOD_OK ||
-        library_->factor->minor != library_->factor->n)
+        common.status != CHOLMOD_OK || library_->factor->minor != library_->factor->n)
         return false;
     return std::isfinite(cholmod_rcond(library_->factor, &common));
 }
@@ -98,8 +97,14 @@ Eigen::VectorXd LinearSolver::solve(const Eigen::VectorXd& b) const
     return solution;
 }
 
-double LinearSolver::factor_numbers() const { return library_->common.lnz; }
+double LinearSolver::factor_numbers() const
+{
+    return library_->common.lnz;
+}
 
-void use_one_blas_thread() { openblas_set_num_threads(1); }
+void use_one_blas_thread()
+{
+    openblas_set_num_threads(1);
+}
 
 } // namespace cellwarp

@@ -52,13 +52,19 @@ std::string stop_name(Stop stop)
 {
     switch (stop)
     {
-    case Stop::NotRun: return "not run";
-    case Stop::Converged: return "converged";
-    case Stop::IterationLimit: return "iteration limit";
-    case Stop::TimeLimit: return "time limit";
-    case Stop::Stopped: return "stopped";
+    case Stop::NotRun:
+        return "not run";
+    case Stop::Converged:
+        return "converged";
+    case Stop::IterationLimit:
+        return "iteration limit";
+    case Stop::TimeLimit:
+        return "time limit";
+    case Stop::Stopped:
+        return "stopped";
     case Stop::NoDescent:
-    case Stop::NotPositiveDefinite: return "no descent";
+    case Stop::NotPositiveDefinite:
+        return "no descent";
     }
     return {};
 }
@@ -74,7 +80,8 @@ Minimizer::Minimizer(const Cells& cells, const Glue& glue,
         centres_.push_back(cells.cells[i].centre);
         const Hold hold = constraints_[i].hold;
         const bool is_unknown = hold == Hold::Free || hold == Hold::Pinned;
-        unknown_of_cell_.push_back(is_unknown ? static_cast<int>(cell_of_unknown_.size()) : -1);
+        unknown_of_cell_.push_back(is_unknown ? static_cast<int>(cell_of_unknown_.size())
+                                              : -1);
         if (is_unknown)
         {
             cell_of_unknown_.push_back(static_cast<int>(i));
@@ -120,11 +127,14 @@ void Minimizer::set_held_points(std::span<const Constraint> constraints)
 Residual Minimizer::residual(std::span<const Pose> poses) const
 {
     std::vector<Eigen::Matrix<double, 12, 1>> gradients(glue_.faces.size());
-    tbb::parallel_for(std::size_t(0), glue_.faces.size(), [&](std::size_t f) {
-        const GlueFace& face = glue_.faces[f];
-        gradients[f] = glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
-                                     poses[static_cast<std::size_t>(face.b)]);
-    });
+    tbb::parallel_for(std::size_t(0), glue_.faces.size(),
+                      [&](std::size_t f)
+                      {
+                          const GlueFace& face = glue_.faces[f];
+                          gradients[f] =
+                              glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
+                                            poses[static_cast<std::size_t>(face.b)]);
+                      });
     double uncancelled = 0.0, rounding = 0.0;
     for (const int cell : cell_of_unknown_)
     {
@@ -132,8 +142,8 @@ Residual Minimizer::residual(std::span<const Pose> poses) const
         for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
              k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
         {
-            const std::size_t f =
-                static_cast<std::size_t>(glue_.faces_of_cell[static_cast<std::size_t>(k)]);
+            const std::size_t f = static_cast<std::size_t>(
+                glue_.faces_of_cell[static_cast<std::size_t>(k)]);
             const GlueFace& face = glue_.faces[f];
             forces += gradients[f].segment<6>(face.a == cell ? 0 : 6).norm();
             sizes += 2.0 * face.stiffness *
@@ -150,93 +160,105 @@ Residual Minimizer::residual(std::span<const Pose> poses) const
 Eigen::VectorXd Minimizer::reduced_gradient(std::span<const Pose> poses) const
 {
     Eigen::VectorXd gradient(matrix_.rows());
-    tbb::parallel_for(0, num_unknown_cells(), [&](int u) {
-        const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
-        Twist sum = Twist::Zero();
-        for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
-             k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
+    tbb::parallel_for(
+        0, num_unknown_cells(),
+        [&](int u)
         {
-            const GlueFace& face = glue_.faces[static_cast<std::size_t>(
-                glue_.faces_of_cell[static_cast<std::size_t>(k)])];
-            sum += glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
-                                 poses[static_cast<std::size_t>(face.b)])
-                       .segment<6>(face.a == cell ? 0 : 6);
-        }
-        const Constraint& constraint = constraints_[static_cast<std::size_t>(cell)];
-        if (constraint.hold == Hold::Pinned)
-        {
-            const Eigen::Vector3d q =
-                poses[static_cast<std::size_t>(cell)].p - constraint.held_now;
-            gradient.segment<3>(matrix_.first(u)) = pin_basis(q).transpose() * sum;
-        }
-        else
-            gradient.segment<6>(matrix_.first(u)) = sum;
-    });
+            const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
+            Twist sum = Twist::Zero();
+            for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
+                 k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
+            {
+                const GlueFace& face = glue_.faces[static_cast<std::size_t>(
+                    glue_.faces_of_cell[static_cast<std::size_t>(k)])];
+                sum += glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
+                                     poses[static_cast<std::size_t>(face.b)])
+                           .segment<6>(face.a == cell ? 0 : 6);
+            }
+            const Constraint& constraint = constraints_[static_cast<std::size_t>(cell)];
+            if (constraint.hold == Hold::Pinned)
+            {
+                const Eigen::Vector3d q =
+                    poses[static_cast<std::size_t>(cell)].p - constraint.held_now;
+                gradient.segment<3>(matrix_.first(u)) = pin_basis(q).transpose() * sum;
+            }
+            else
+                gradient.segment<6>(matrix_.first(u)) = sum;
+        });
     return gradient;
 }
 
 void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
 {
-    tbb::parallel_for(std::size_t(0), glue_.faces.size(), [&](std::size_t f) {
-        const GlueFace& face = glue_.faces[f];
-        face_blocks_[f] = glue_block(face, poses[static_cast<std::size_t>(face.a)],
-                                     poses[static_cast<std::size_t>(face.b)], curvature);
-    });
+    tbb::parallel_for(std::size_t(0), glue_.faces.size(),
+                      [&](std::size_t f)
+                      {
+                          const GlueFace& face = glue_.faces[f];
+                          face_blocks_[f] = glue_block(
+                              face, poses[static_cast<std::size_t>(face.a)],
+                              poses[static_cast<std::size_t>(face.b)], curvature);
+                      });
     matrix_.set_zero();
-    const auto q_of = [&](int cell) -> Eigen::Vector3d {
+    const auto q_of = [&](int cell) -> Eigen::Vector3d
+    {
         return poses[static_cast<std::size_t>(cell)].p -
                constraints_[static_cast<std::size_t>(cell)].held_now;
     };
-    const auto is_pinned = [&](int cell) {
-        return constraints_[static_cast<std::size_t>(cell)].hold == Hold::Pinned;
-    };
-    tbb::parallel_for(0, num_unknown_cells(), [&](int u) {
-        const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
-        Eigen::Matrix<double, 6, 6> sum = Eigen::Matrix<double, 6, 6>::Zero();
-        Eigen::Vector3d force = Eigen::Vector3d::Zero();
-        for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
-             k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
+    const auto is_pinned = [&](int cell)
+    { return constraints_[static_cast<std::size_t>(cell)].hold == Hold::Pinned; };
+    tbb::parallel_for(
+        0, num_unknown_cells(),
+        [&](int u)
         {
-            const std::size_t f =
-                static_cast<std::size_t>(glue_.faces_of_cell[static_cast<std::size_t>(k)]);
-            const int at = glue_.faces[f].a == cell ? 0 : 6;
-            sum += face_blocks_[f].hessian.block<6, 6>(at, at);
-            force += face_blocks_[f].gradient.segment<3>(at + 3);
-        }
-        if (!is_pinned(cell))
+            const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
+            Eigen::Matrix<double, 6, 6> sum = Eigen::Matrix<double, 6, 6>::Zero();
+            Eigen::Vector3d force = Eigen::Vector3d::Zero();
+            for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
+                 k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
+            {
+                const std::size_t f = static_cast<std::size_t>(
+                    glue_.faces_of_cell[static_cast<std::size_t>(k)]);
+                const int at = glue_.faces[f].a == cell ? 0 : 6;
+                sum += face_blocks_[f].hessian.block<6, 6>(at, at);
+                force += face_blocks_[f].gradient.segment<3>(at + 3);
+            }
+            if (!is_pinned(cell))
+            {
+                matrix_.diagonal(u) = sum;
+                return;
+            }
+            const Eigen::Vector3d q = q_of(cell);
+            const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
+            Eigen::Matrix3d block = P.transpose() * sum * P;
+            if (curvature == Curvature::Exact)
+                block += 0.5 * (force * q.transpose() + q * force.transpose()) -
+                         force.dot(q) * Eigen::Matrix3d::Identity();
+            if (turns_freely_[static_cast<std::size_t>(u)])
+                block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
+                         Eigen::Matrix3d::Identity();
+            matrix_.diagonal(u) = block;
+        });
+    tbb::parallel_for(
+        std::size_t(0), glue_.faces.size(),
+        [&](std::size_t f)
         {
-            matrix_.diagonal(u) = sum;
-            return;
-        }
-        const Eigen::Vector3d q = q_of(cell);
-        const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
-        Eigen::Matrix3d block = P.transpose() * sum * P;
-        if (curvature == Curvature::Exact)
-            block += 0.5 * (force * q.transpose() + q * force.transpose()) -
-                     force.dot(q) * Eigen::Matrix3d::Identity();
-        if (turns_freely_[static_cast<std::size_t>(u)])
-            block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
-                     Eigen::Matrix3d::Identity();
-        matrix_.diagonal(u) = block;
-    });
-    tbb::parallel_for(std::size_t(0), glue_.faces.size(), [&](std::size_t f) {
-        if (block_of_face_[f] < 0)
-            return;
-        const GlueFace& face = glue_.faces[f];
-        const int a = unknown_of_cell_[static_cast<std::size_t>(face.a)];
-        const int b = unknown_of_cell_[static_cast<std::size_t>(face.b)];
-        // The block of the larger unknown's rows and the smaller one's columns.
-        const bool a_is_row = a > b;
-        const int row_cell = a_is_row ? face.a : face.b;
-        const int column_cell = a_is_row ? face.b : face.a;
-        Eigen::MatrixXd block =
-            face_blocks_[f].hessian.block<6, 6>(a_is_row ? 0 : 6, a_is_row ? 6 : 0);
-        if (is_pinned(row_cell))
-            block = (pin_basis(q_of(row_cell)).transpose() * block).eval();
-        if (is_pinned(column_cell))
-            block = (block * pin_basis(q_of(column_cell))).eval();
-        matrix_.block(block_of_face_[f]) = block;
-    });
+            if (block_of_face_[f] < 0)
+                return;
+            const GlueFace& face = glue_.faces[f];
+            const int a = unknown_of_cell_[static_cast<std::size_t>(face.a)];
+            const int b = unknown_of_cell_[static_cast<std::size_t>(face.b)];
+            // The block of the larger unknown's rows and the smaller one's columns.
+            const bool a_is_row = a > b;
+            const int row_cell = a_is_row ? face.a : face.b;
+            const int column_cell = a_is_row ? face.b : face.a;
+            Eigen::MatrixXd block =
+                face_blocks_[f].hessian.block<6, 6>(a_is_row ? 0 : 6, a_is_row ? 6 : 0);
+            if (is_pinned(row_cell))
+                block = (pin_basis(q_of(row_cell)).transpose() * block).eval();
+            if (is_pinned(column_cell))
+                block = (block * pin_basis(q_of(column_cell))).eval();
+            matrix_.block(block_of_face_[f]) = block;
+        });
 }
 
 void Minimizer::add_damping(double factor)
@@ -271,8 +293,8 @@ bool Minimizer::factorize(std::span<const Pose> poses, Method method, SolveRepor
     return false;
 }
 
-std::vector<Pose> Minimizer::stepped(std::span<const Pose> poses, const Eigen::VectorXd& step,
-                                     double length) const
+std::vector<Pose> Minimizer::stepped(std::span<const Pose> poses,
+                                     const Eigen::VectorXd& step, double length) const
 {
     std::vector<Pose> next(poses.begin(), poses.end());
     for (int u = 0; u < num_unknown_cells(); ++u)
@@ -280,7 +302,8 @@ std::vector<Pose> Minimizer::stepped(std::span<const Pose> poses, const Eigen::V
         const std::size_t cell =
             static_cast<std::size_t>(cell_of_unknown_[static_cast<std::size_t>(u)]);
         Twist twist = Twist::Zero();
-        twist.head(matrix_.size(u)) = length * step.segment(matrix_.first(u), matrix_.size(u));
+        twist.head(matrix_.size(u)) =
+            length * step.segment(matrix_.first(u), matrix_.size(u));
         next[cell] = moved(poses[cell], twist);
         if (constraints_[cell].hold == Hold::Pinned)
             next[cell] = held_at_pin(next[cell], constraints_[cell], centres_[cell]);
@@ -299,7 +322,8 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
     const double scale =
         options.gradient_scale > 0 ? options.gradient_scale : first.gradient;
     double gradient_norm = first.gradient;
-    const auto finish = [&](Stop stop) {
+    const auto finish = [&](Stop stop)
+    {
         report.stop = stop;
         report.energy_after = energy;
         report.gradient = scale > 0 ? gradient_norm / scale : 0.0;
@@ -317,7 +341,8 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
         if (options.stop.stop_requested())
             return finish(Stop::Stopped);
         if (options.time_budget > 0 &&
-            std::chrono::duration<double>(Clock::now() - start).count() > options.time_budget)
+            std::chrono::duration<double>(Clock::now() - start).count() >
+                options.time_budget)
             return finish(Stop::TimeLimit);
 
         const Eigen::VectorXd gradient = reduced_gradient(poses);
@@ -334,7 +359,8 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
         const bool is_hidden = -slope <= kEnergyRounding * energy;
         bool is_accepted = false;
         double length = 1.0;
-        for (int halving = 0; halving <= kMaxHalvings && !is_accepted; ++halving, length *= 0.5)
+        for (int halving = 0; halving <= kMaxHalvings && !is_accepted;
+             ++halving, length *= 0.5)
         {
             std::vector<Pose> trial = stepped(poses, step, length);
             const double trial_energy = glue_energy(glue_, trial);

@@ -21,8 +21,8 @@ namespace cellwarp
 
 enum class Method
 {
-    GaussNewton,  ///< J^T J, as in [Botsch07]
-    Newton        ///< the exact Hessian where it is positive definite, else J^T J
+    GaussNewton, ///< J^T J, as in [Botsch07]
+    Newton       ///< the exact Hessian where it is positive definite, else J^T J
 };
 
 enum class Stop
@@ -46,9 +46,9 @@ struct SolveOptions
     /// Converged when the gradient is at most this times gradient_scale, or when no
     /// descent is left at the level of rounding.
     double gradient_tolerance = 1e-6;
-    double gradient_scale = 0.0;  ///< see Residual; 0: the first gradient
-    double time_budget = 0.0;     ///< [s], 0: no limit; checked between iterations
-    std::stop_token stop;
+    double gradient_scale = 0.0; ///< see Residual; 0: the first gradient
+    double time_budget = 0.0;    ///< [s], 0: no limit; checked between iterations
+    std::stop_token stop = {};
 };
 
 /// Starts as "not run": an unfilled report cannot look good.
@@ -56,11 +56,11 @@ struct SolveReport
 {
     Stop stop = Stop::NotRun;
     int iterations = -1;
-    int newton_iterations = 0;      ///< of them with the exact Hessian
+    int newton_iterations = 0; ///< of them with the exact Hessian
     double energy_before = -1.0;
     double energy_after = -1.0;
-    double gradient = -1.0;         ///< norm at the end, relative to the scale
-    double backward_error = 0.0;    ///< worst |b - Ax| / (|A| |x| + |b|) of a linear solve
+    double gradient = -1.0;      ///< norm at the end, relative to the scale
+    double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a linear solve
     int damped_factorisations = 0;
 };
 
@@ -68,8 +68,8 @@ struct SolveReport
 struct Residual
 {
     double gradient = 0.0;
-    double uncancelled = 0.0;  ///< of the pair forces, each cell's added as lengths
-    double rounding = 0.0;     ///< what rounding of the positions alone may leave
+    double uncancelled = 0.0; ///< of the pair forces, each cell's added as lengths
+    double rounding = 0.0;    ///< what rounding of the positions alone may leave
 };
 
 /// The unknowns of one choice of constraints, with everything that lasts between
@@ -79,7 +79,8 @@ class Minimizer
 {
 public:
     /// Keeps copies of what it needs; \p components from find_components().
-    Minimizer(const Cells& cells, const Glue& glue, std::span<const Constraint> constraints,
+    Minimizer(const Cells& cells, const Glue& glue,
+              std::span<const Constraint> constraints,
               std::span<const Component> components);
 
     int num_unknown_cells() const { return static_cast<int>(cell_of_unknown_.size()); }
@@ -106,10 +107,10 @@ private:
     Glue glue_;
     std::vector<Eigen::Vector3d> centres_;
     std::vector<Constraint> constraints_;
-    std::vector<int> unknown_of_cell_;  ///< -1 where there is none
+    std::vector<int> unknown_of_cell_; ///< -1 where there is none
     std::vector<int> cell_of_unknown_;
-    std::vector<bool> turns_freely_;    ///< unknowns that a proximal term holds
-    std::vector<int> block_of_face_;    ///< off-diagonal block, -1 if a side is known
+    std::vector<bool> turns_freely_; ///< unknowns that a proximal term holds
+    std::vector<int> block_of_face_; ///< off-diagonal block, -1 if a side is known
     std::vector<GlueBlock> face_blocks_;
     BlockMatrix matrix_;
     std::optional<LinearSolver> solver_;

@@ -31,10 +31,11 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::size_t samples = session.model().geometry.samples.size();
     std::string text;
     if (common.is_json)
-        text = Json{{"model", request.model}, {"samples", samples},   {"cells", cells},
-                    {"regions", regions},     {"frames", num_frames}, {"warnings", warnings}}
-                   .dump(2) +
-               "\n";
+        text =
+            Json{{"model", request.model}, {"samples", samples},   {"cells", cells},
+                 {"regions", regions},     {"frames", num_frames}, {"warnings", warnings}}
+                .dump(2) +
+            "\n";
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames);
@@ -47,11 +48,11 @@ int run(const SessionFlags& flags, const CommonFlags& common)
 void add_check(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<SessionFlags>();
-    CLI::App* command =
-        app.add_subcommand("check", "Reads and validates everything a scene names; solves "
-                                    "nothing.\n\n"
-                                    "  cellwarp check samples/bar.json\n"
-                                    "  cellwarp check scan.ply --handles bend.handles\n");
+    CLI::App* command = app.add_subcommand(
+        "check", "Reads and validates everything a scene names; solves "
+                 "nothing.\n\n"
+                 "  cellwarp check samples/bar.json\n"
+                 "  cellwarp check scan.ply --handles bend.handles\n");
     flags->add_to(*command);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

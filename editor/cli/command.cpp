@@ -64,22 +64,28 @@ Number in_range(const char* flag, Number value, Number low, Number high)
 void SessionFlags::add_to(CLI::App& app)
 {
     const SessionSettings defaults;
-    app.add_option("MODEL", model, "geometry file (obj, ply, off) or scene (json)")->required();
+    app.add_option("MODEL", model, "geometry file (obj, ply, off) or scene (json)")
+        ->required();
     app.add_option("--handles", handles, "handle file: regions and frames");
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
-    app.add_flag("--preview", is_preview, "stop at the drag-quality field (closest-cell blend)");
-    app.add_option("--across", across,
-                   "coarsest cells along the longest side (default: so many that there are "
-                   "1,000 to 2,500 cells)");
-    app.add_option("--max-depth", max_depth, "splits below the coarsest cells (default 0)");
-    app.add_option("--threshold", threshold,
-                   "refinement threshold, of the diagonal; accepted, nothing is refined yet");
+    app.add_flag("--preview", is_preview,
+                 "stop at the drag-quality field (closest-cell blend)");
+    app.add_option(
+        "--across", across,
+        "coarsest cells along the longest side (default: so many that there are "
+        "1,000 to 2,500 cells)");
+    app.add_option("--max-depth", max_depth,
+                   "splits below the coarsest cells (default 0)");
+    app.add_option(
+        "--threshold", threshold,
+        "refinement threshold, of the diagonal; accepted, nothing is refined yet");
     app.add_option("--fill", fill, "solid or shell (default solid)");
-    app.add_option("--gap", gap,
-                   fmt::format("parts farther apart than this, of the diagonal, are never "
-                               "glued (default {})",
-                               defaults.cells.gap));
+    app.add_option(
+        "--gap", gap,
+        fmt::format("parts farther apart than this, of the diagonal, are never "
+                    "glued (default {})",
+                    defaults.cells.gap));
     app.add_option("--max-cells", max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
     app.add_option("--solver", solver, "newton or gauss-newton (default newton)");
@@ -119,8 +125,9 @@ SessionRequest read_request(const SessionFlags& flags)
     else if (!handles.empty())
         request.handles = read_handles(handles);
 
-    const auto number = [](const char* flag, const auto& given, const auto& in_scene, auto low,
-                           auto high, auto fallback) {
+    const auto number = [](const char* flag, const auto& given, const auto& in_scene,
+                           auto low, auto high, auto fallback)
+    {
         using Number = decltype(fallback);
         if (given)
             return static_cast<Number>(
@@ -128,7 +135,8 @@ SessionRequest read_request(const SessionFlags& flags)
                          static_cast<std::decay_t<decltype(*given)>>(high)));
         return in_scene ? static_cast<Number>(*in_scene) : fallback;
     };
-    cells.across = number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
+    cells.across =
+        number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
     cells.max_depth =
         number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, cells.max_depth);
     cells.gap = number("--gap", flags.gap, scene.gap, 1e-6, 1.0, cells.gap);
@@ -138,11 +146,12 @@ SessionRequest read_request(const SessionFlags& flags)
     settings.max_iterations =
         number("--max-iterations", flags.max_iterations, std::optional<std::int64_t>(), 0,
                1000000, settings.max_iterations);
-    settings.time_budget =
-        number("--time", flags.time, std::optional<double>(), 0.0, 1e9, settings.time_budget);
+    settings.time_budget = number("--time", flags.time, std::optional<double>(), 0.0, 1e9,
+                                  settings.time_budget);
     const std::string fill = flags.fill ? *flags.fill : scene.fill.value_or("solid");
     if (fill != "solid" && fill != "shell")
-        throw Error(Fault::Usage, "--fill: got " + in_quotes(fill) + ", need solid or shell");
+        throw Error(Fault::Usage,
+                    "--fill: got " + in_quotes(fill) + ", need solid or shell");
     cells.fill = fill == "solid" ? Fill::Solid : Fill::Shell;
     cells.frame = scene.frame;
     cells.frame_file = scene.path;
@@ -150,15 +159,15 @@ SessionRequest read_request(const SessionFlags& flags)
         flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
     const std::string solver = flags.solver.value_or("newton");
     if (solver != "newton" && solver != "gauss-newton")
-        throw Error(Fault::Usage,
-                    "--solver: got " + in_quotes(solver) + ", need newton or gauss-newton");
+        throw Error(Fault::Usage, "--solver: got " + in_quotes(solver) +
+                                      ", need newton or gauss-newton");
     settings.method = solver == "newton" ? Method::Newton : Method::GaussNewton;
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
     request.release = scene.release.value_or("rbf");
     const std::string drag = scene.drag.value_or("blend");
     const bool is_blend = flags.is_preview || request.release == "blend";
-    settings.field = !is_blend             ? FieldKind::Rbf
+    settings.field = !is_blend            ? FieldKind::Rbf
                      : drag == "closest4" ? FieldKind::Closest4
                                           : FieldKind::Blend;
     return request;

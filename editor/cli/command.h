@@ -42,7 +42,7 @@ struct SessionFlags
     bool is_preview = false, is_tight = false;
 
     void add_to(CLI::App& app);
-    bool has_session() const;  ///< a scene, or a model with handles
+    bool has_session() const; ///< a scene, or a model with handles
 };
 
 /// A subcommand: its flags are added to the app, its run() gives the exit code.
@@ -58,7 +58,7 @@ struct SessionRequest
     std::string model;
     std::optional<HandleFile> handles;
     SessionSettings settings;
-    std::string release = "rbf";  ///< name of the release field as the scene spells it
+    std::string release = "rbf"; ///< name of the release field as the scene spells it
     std::vector<std::string> warnings;
 };
 

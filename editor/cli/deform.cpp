@@ -48,7 +48,8 @@ public:
     bool has_frame() const { return has_frame_; }
     std::string of(std::int64_t frame) const
     {
-        return has_frame_ ? fmt::format("{}{:0{}}{}", before_, frame, width_, after_) : pattern_;
+        return has_frame_ ? fmt::format("{}{:0{}}{}", before_, frame, width_, after_)
+                          : pattern_;
     }
 
 private:
@@ -126,10 +127,11 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     const std::string format = extension_of(request.model);
     if (is_geometry_format(format) && flags.output != "-" &&
         extension_of(name.of(0)) != format)
-        throw Error(Fault::Usage, fmt::format("{}: the output has the model's format (got {}, "
-                                              "need .{})",
-                                              flags.output,
-                                              in_quotes("." + extension_of(name.of(0))), format));
+        throw Error(Fault::Usage,
+                    fmt::format("{}: the output has the model's format (got {}, "
+                                "need .{})",
+                                flags.output, in_quotes("." + extension_of(name.of(0))),
+                                format));
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
     if (name.has_frame())
         for (const std::int64_t frame : frames)
@@ -144,16 +146,18 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     const double build_ms = ms_since(build_start);
     double write_ms = 0.0;
     std::vector<std::string> warnings = request.warnings;
-    const auto write = [&](const std::string& path) {
+    const auto write = [&](const std::string& path)
+    {
         const Clock::time_point write_start = Clock::now();
         std::size_t num_split = 0;
         const std::string bytes = patched(session.model(), session.patch(), &num_split);
         write_file(path, bytes, common.overwrite());
         write_ms += ms_since(write_start);
         if (num_split > 0)
-            warnings.push_back(fmt::format("{}: {} normals were split: their corners need "
-                                           "different directions now",
-                                           path, num_split));
+            warnings.push_back(
+                fmt::format("{}: {} normals were split: their corners need "
+                            "different directions now",
+                            path, num_split));
     };
     Progress progress(common, "frame", frames.size());
     for (std::size_t i = 0; i < frames.size(); ++i)
@@ -176,12 +180,13 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         if (report.solve.stop != Stop::Converged)
         {
             is_converged = false;
-            warnings.push_back(fmt::format("frame {} did not converge ({}, gradient {:.3g})",
-                                           report.frame, stop_name(report.solve.stop),
-                                           report.solve.gradient));
+            warnings.push_back(fmt::format(
+                "frame {} did not converge ({}, gradient {:.3g})", report.frame,
+                stop_name(report.solve.stop), report.solve.gradient));
         }
     }
-    warnings.insert(warnings.begin(), session.warnings().begin(), session.warnings().end());
+    warnings.insert(warnings.begin(), session.warnings().begin(),
+                    session.warnings().end());
     print_warnings(warnings, common);
     if (common.is_json)
     {
@@ -196,10 +201,11 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         if (stage.body)
             for (std::size_t c = 0; c < stage.body->cells.size(); ++c)
             {
-                const std::size_t level = static_cast<std::size_t>(
-                    stage.body->octree
-                        .leaves()[static_cast<std::size_t>(stage.body->cells.cells[c].leaf)]
-                        .level);
+                const std::size_t level =
+                    static_cast<std::size_t>(stage.body->octree
+                                                 .leaves()[static_cast<std::size_t>(
+                                                     stage.body->cells.cells[c].leaf)]
+                                                 .level);
                 per_depth.resize(std::max(per_depth.size(), level + 1), 0);
                 ++per_depth[level];
                 free_cells += (*stage.region_of_cell)[c] < 0;
@@ -222,12 +228,15 @@ int run(const DeformFlags& flags, const CommonFlags& common)
             {"kind", is_rbf ? (is_global ? "rbf-global" : "rbf") : "blend"},
             {"centres", is_rbf ? field->rbf()->num_centres()
                                : (stage.body ? stage.body->cells.size() : 0)},
-            {"residual", is_rbf ? field->rbf()->residual() / stage.body->frame.diagonal() : 0.0}};
+            {"residual",
+             is_rbf ? field->rbf()->residual() / stage.body->frame.diagonal() : 0.0}};
         const std::optional<Volume> volume = session.volume();
-        json["volume"] = volume ? Json{{"before", volume->before}, {"after", volume->after}}
-                                : Json(nullptr);
-        json["ms"] = {{"load", load_ms},   {"cells", cells_ms}, {"solve", solve_ms},
-                      {"field", field_ms}, {"write", write_ms}, {"total", ms_since(start)}};
+        json["volume"] = volume
+                             ? Json{{"before", volume->before}, {"after", volume->after}}
+                             : Json(nullptr);
+        json["ms"] = {{"load", load_ms},   {"cells", cells_ms},
+                      {"solve", solve_ms}, {"field", field_ms},
+                      {"write", write_ms}, {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_rss_mb();
         json["unused"] = unused_parts(session.parts(), is_global);
         json["warnings"] = warnings;
@@ -242,16 +251,18 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<DeformFlags>();
     CLI::App* command = app.add_subcommand(
-        "deform", "One scripted edit session: handles fix, grab and move parts; the rest "
-                  "follows.\n\n"
-                  "  cellwarp deform samples/bar.json -o bent.obj\n"
-                  "  cellwarp deform scan.ply --handles bend.handles -o 'bent-{frame:04}.ply' "
-                  "--json\n");
+        "deform",
+        "One scripted edit session: handles fix, grab and move parts; the rest "
+        "follows.\n\n"
+        "  cellwarp deform samples/bar.json -o bent.obj\n"
+        "  cellwarp deform scan.ply --handles bend.handles -o 'bent-{frame:04}.ply' "
+        "--json\n");
     flags->session.add_to(*command);
     command
-        ->add_option("-o,--output", flags->output,
-                     "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
-                     "stdout")
+        ->add_option(
+            "-o,--output", flags->output,
+            "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
+            "stdout")
         ->required();
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

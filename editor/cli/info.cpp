@@ -32,13 +32,13 @@ Json describe(const GeometryFile& file)
 
 std::string as_text(const Json& json)
 {
-    std::string text = fmt::format("  format      {}\n  samples     {}\n  faces       {} ({} "
-                                   "triangles)\n",
-                                   json["format"].get<std::string>(),
-                                   json["samples"].get<std::size_t>(),
-                                   json["faces"].get<std::size_t>(),
-                                   json["triangles"].get<std::size_t>());
-    const auto corner = [&](std::size_t k) {
+    std::string text = fmt::format(
+        "  format      {}\n  samples     {}\n  faces       {} ({} "
+        "triangles)\n",
+        json["format"].get<std::string>(), json["samples"].get<std::size_t>(),
+        json["faces"].get<std::size_t>(), json["triangles"].get<std::size_t>());
+    const auto corner = [&](std::size_t k)
+    {
         std::string line;
         for (const Json& x : json["box"][k])
             line += " " + shortest(x.get<double>());
@@ -73,9 +73,10 @@ int run(const std::vector<std::string>& files, const CommonFlags& common)
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto files = std::make_shared<std::vector<std::string>>();
-    CLI::App* command = app.add_subcommand("info", "What geometry files hold.\n\n"
-                                                   "  cellwarp info bunny.obj\n"
-                                                   "  cellwarp info --json a.ply b.ply\n");
+    CLI::App* command =
+        app.add_subcommand("info", "What geometry files hold.\n\n"
+                                   "  cellwarp info bunny.obj\n"
+                                   "  cellwarp info --json a.ply b.ply\n");
     command->add_option("FILE", *files, "geometry files")->required();
     command->callback([files, &common, &exit_code] { exit_code = run(*files, common); });
 }

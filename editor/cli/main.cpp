@@ -49,11 +49,12 @@ void prepare_process()
 
 int run(int argc, char** argv)
 {
-    CLI::App app("Bend any shape: fix one part, grab another, move it; the rest follows like "
-                 "an elastic body.\n\n"
-                 "  cellwarp deform samples/bar.json -o bent.obj\n"
-                 "  cellwarp render bent.obj -o bent.png\n",
-                 "cellwarp");
+    CLI::App app(
+        "Bend any shape: fix one part, grab another, move it; the rest follows like "
+        "an elastic body.\n\n"
+        "  cellwarp deform samples/bar.json -o bent.obj\n"
+        "  cellwarp render bent.obj -o bent.png\n",
+        "cellwarp");
     app.set_version_flag("--version", "cellwarp " CELLWARP_VERSION);
     app.require_subcommand(1);
     CommonFlags common;
@@ -66,11 +67,13 @@ int run(int argc, char** argv)
     app.add_flag("--quiet", common.is_quiet, "no warnings, no progress");
     app.add_flag("--json", common.is_json, "one JSON object on stdout");
     app.add_flag("--overwrite", common.overwrites, "replace an existing output");
-    app.parse_complete_callback([&] {
-        if (common.threads > 0)
-            limit.emplace(tbb::global_control::max_allowed_parallelism,
-                          static_cast<std::size_t>(common.threads));
-    });
+    app.parse_complete_callback(
+        [&]
+        {
+            if (common.threads > 0)
+                limit.emplace(tbb::global_control::max_allowed_parallelism,
+                              static_cast<std::size_t>(common.threads));
+        });
     add_deform(app, common, exit_code);
     add_info(app, common, exit_code);
     add_check(app, common, exit_code);

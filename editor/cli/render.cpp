@@ -29,7 +29,8 @@ PictureOptions picture_options(const RenderFlags& flags)
     const std::size_t cross = flags.size.find('x');
     const std::optional<std::int64_t> width = parse_integer(flags.size.substr(0, cross));
     const std::optional<std::int64_t> height =
-        cross == std::string::npos ? std::nullopt : parse_integer(flags.size.substr(cross + 1));
+        cross == std::string::npos ? std::nullopt
+                                   : parse_integer(flags.size.substr(cross + 1));
     if (!width || !height || *width < 1 || *height < 1 || *width > 8192 || *height > 8192)
         throw Error(Fault::Usage, "--size: got " + in_quotes(flags.size) +
                                       ", need WIDTHxHEIGHT up to 8192x8192");
@@ -49,8 +50,8 @@ void play(Session& session, const std::string& wanted)
     const std::optional<std::int64_t> number =
         wanted == "last" ? std::nullopt : parse_integer(wanted);
     if (wanted != "last" && !number)
-        throw Error(Fault::Usage,
-                    "--frame: got " + in_quotes(wanted) + ", need rest, last or a number");
+        throw Error(Fault::Usage, "--frame: got " + in_quotes(wanted) +
+                                      ", need rest, last or a number");
     while (const std::optional<std::int64_t> next = session.upcoming_frame())
     {
         session.next_frame(true);
@@ -109,16 +110,19 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<RenderFlags>();
     CLI::App* command = app.add_subcommand(
-        "render", "A picture without a display.\n\n"
-                  "  cellwarp render bent.obj -o bent.png --compare bar.obj\n"
-                  "  cellwarp render samples/bar.json --frame last --cells -o cells.png\n");
+        "render",
+        "A picture without a display.\n\n"
+        "  cellwarp render bent.obj -o bent.png --compare bar.obj\n"
+        "  cellwarp render samples/bar.json --frame last --cells -o cells.png\n");
     flags->session.add_to(*command);
     command->add_option("-o,--output", flags->output, "picture (.png)")->required();
     command->add_flag("--cells", flags->shows_cells, "show the cells, as glass");
     command->add_option("--compare", flags->compare, "geometry file to draw on the left");
     command->add_option("--frame", flags->frame,
                         "of a scene: rest, last or a frame's number (default rest)");
-    command->add_option("--view", flags->view, "azimuth and elevation of the viewer [degree]")
+    command
+        ->add_option("--view", flags->view,
+                     "azimuth and elevation of the viewer [degree]")
         ->expected(2);
     command->add_option("--up", flags->up, "axis that points up (default y)")
         ->check(CLI::IsMember({"x", "y", "z"}));

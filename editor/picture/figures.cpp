@@ -15,16 +15,20 @@ Colour colour_of(Role role)
 {
     switch (role)
     {
-    case Role::Fixed: return {88, 124, 178};
-    case Role::Handle: return {236, 145, 60};
-    case Role::Pin: return {158, 96, 190};
-    case Role::Stiff: return {110, 168, 96};
+    case Role::Fixed:
+        return {88, 124, 178};
+    case Role::Handle:
+        return {236, 145, 60};
+    case Role::Pin:
+        return {158, 96, 190};
+    case Role::Stiff:
+        return {110, 168, 96};
     }
     return kPlain;
 }
 
 /// Balls that just cover the gaps of a cloud.
-constexpr double kBallShare = 0.45;
+constexpr double kBallShare = 0.7;
 
 } // namespace
 
@@ -78,8 +82,9 @@ void add_cells(Figure& figure, const Session& session)
         figure.boxes.push_back(corners);
         const int owner = (*stage.region_of_cell)[c];
         figure.box_colours.push_back(
-            owner < 0 ? kPlain
-                      : colour_of((*stage.regions)[static_cast<std::size_t>(owner)].role));
+            owner < 0
+                ? kPlain
+                : colour_of((*stage.regions)[static_cast<std::size_t>(owner)].role));
     }
 }
 

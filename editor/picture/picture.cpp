@@ -26,23 +26,23 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kSamples = 2;             ///< an axis of a pixel
+constexpr int kSamples = 2; ///< an axis of a pixel
 constexpr double kMargin = 1.08;
-constexpr double kCrease = 40.0;        ///< [degree]
-constexpr double kGlass = 0.45;         ///< opacity of boxes
-constexpr double kEdgeWidth = 0.03;     ///< of the lines on boxes [edge]
-constexpr float kInk = 0.25f;           ///< brightness of those lines
+constexpr double kCrease = 40.0;    ///< [degree]
+constexpr double kGlass = 0.45;     ///< opacity of boxes
+constexpr double kEdgeWidth = 0.03; ///< of the lines on boxes [edge]
+constexpr float kInk = 0.25f;       ///< brightness of those lines
 
 /// A figure as the ray tracer sees it, in units of the picture's extent.
 class Traced
 {
 public:
-    Traced(RTCDevice device, const Figure& figure, const Eigen::Vector3d& centre, double extent)
+    Traced(RTCDevice device, const Figure& figure, const Eigen::Vector3d& centre,
+           double extent)
         : figure_(figure), scene_(rtcNewScene(device)), glass_(rtcNewScene(device))
     {
-        const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3f {
-            return ((x - centre) / extent).cast<float>();
-        };
+        const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3f
+        { return ((x - centre) / extent).cast<float>(); };
         std::vector<bool> is_used(figure.points.size(), false);
         for (const auto& t : figure.triangles)
             for (const std::uint32_t corner : t)
@@ -55,8 +55,8 @@ public:
                 figure.points.size()));
             for (std::size_t i = 0; i < figure.points.size(); ++i)
                 Eigen::Map<Eigen::Vector3f>(v + 3 * i) = place(figure.points[i]);
-            void* t = rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                                              3 * sizeof(std::uint32_t),
+            void* t = rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0,
+                                              RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t),
                                               figure.triangles.size());
             std::copy_n(figure.triangles.data(), figure.triangles.size(),
                         static_cast<std::array<std::uint32_t, 3>*>(t));
@@ -68,7 +68,8 @@ public:
                 balls_.push_back(static_cast<std::uint32_t>(i));
         if (!balls_.empty())
         {
-            const RTCGeometry balls = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
+            const RTCGeometry balls =
+                rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
             float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
                 balls, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float),
                 balls_.size()));
@@ -86,14 +87,16 @@ public:
                 boxes, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
                 8 * figure.boxes.size()));
             std::uint32_t* q = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-                boxes, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4, 4 * sizeof(std::uint32_t),
-                6 * figure.boxes.size()));
-            static constexpr std::uint32_t sides[6][4] = {{0, 2, 6, 4}, {1, 3, 7, 5}, {0, 1, 5, 4},
-                                                          {2, 3, 7, 6}, {0, 1, 3, 2}, {4, 5, 7, 6}};
+                boxes, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4,
+                4 * sizeof(std::uint32_t), 6 * figure.boxes.size()));
+            static constexpr std::uint32_t sides[6][4] = {{0, 2, 6, 4}, {1, 3, 7, 5},
+                                                          {0, 1, 5, 4}, {2, 3, 7, 6},
+                                                          {0, 1, 3, 2}, {4, 5, 7, 6}};
             for (std::uint32_t b = 0; b < figure.boxes.size(); ++b)
             {
                 for (std::size_t k = 0; k < 8; ++k)
-                    Eigen::Map<Eigen::Vector3f>(v + 3 * (8 * b + k)) = place(figure.boxes[b][k]);
+                    Eigen::Map<Eigen::Vector3f>(v + 3 * (8 * b + k)) =
+                        place(figure.boxes[b][k]);
                 for (const auto& side : sides)
                     for (const std::uint32_t corner : side)
                         *q++ = 8 * b + corner;
@@ -131,7 +134,7 @@ public:
             if (normal.dot(flat) < 0)
                 normal = -normal;
             const float light = shade(normal, direction) * openness(x, flat, seed, rays);
-            seen << light * colour, 1.0f;
+            seen = opaque(light * colour);
         }
         if (figure_.boxes.empty())
             return seen;
@@ -144,18 +147,21 @@ public:
             normal = -normal;
         const float u = box.hit.u, v = box.hit.v, edge = static_cast<float>(kEdgeWidth);
         const bool is_line = std::min({u, v, 1 - u, 1 - v}) < edge;
-        const Eigen::Vector3f colour =
-            (is_line ? kInk : 1.0f) * shade(normal, direction) *
-            to_float(figure_.box_colours[box.hit.primID / 6]);
+        const Eigen::Vector3f colour = (is_line ? kInk : 1.0f) *
+                                       shade(normal, direction) *
+                                       to_float(figure_.box_colours[box.hit.primID / 6]);
         const float cover = is_line ? 0.9f : static_cast<float>(kGlass);
-        Eigen::Vector4f glass;
-        glass << colour, 1.0f;
+        const Eigen::Vector4f glass = opaque(colour);
         const Eigen::Vector4f behind =
             seen.w() > 0 ? seen : Eigen::Vector4f(Eigen::Vector4f::Ones());
         return cover * glass + (1 - cover) * behind;
     }
 
 private:
+    static Eigen::Vector4f opaque(const Eigen::Vector3f& c)
+    {
+        return {c.x(), c.y(), c.z(), 1.0f};
+    }
     static Eigen::Vector3f to_float(const Colour& c)
     {
         return Eigen::Vector3f(c[0], c[1], c[2]) / 255.0f;
@@ -195,7 +201,8 @@ private:
             }
     }
 
-    void surface(const RTCRayHit& hit, Eigen::Vector3f& normal, Eigen::Vector3f& colour) const
+    void surface(const RTCRayHit& hit, Eigen::Vector3f& normal,
+                 Eigen::Vector3f& colour) const
     {
         if (hit.hit.geomID == ball_id_ && !balls_.empty())
         {
@@ -215,7 +222,8 @@ private:
             normal = sum.normalized();
     }
 
-    static RTCRayHit trace(RTCScene scene, const Eigen::Vector3f& o, const Eigen::Vector3f& d)
+    static RTCRayHit trace(RTCScene scene, const Eigen::Vector3f& o,
+                           const Eigen::Vector3f& d)
     {
         RTCIntersectContext context;
         rtcInitIntersectContext(&context);
@@ -242,8 +250,8 @@ private:
     }
 
     /// Share of the sky that a point sees, softened.
-    float openness(const Eigen::Vector3f& x, const Eigen::Vector3f& normal, std::uint32_t seed,
-                   int rays) const
+    float openness(const Eigen::Vector3f& x, const Eigen::Vector3f& normal,
+                   std::uint32_t seed, int rays) const
     {
         if (rays <= 0)
             return 1.0f;
@@ -280,7 +288,8 @@ private:
     {
         // PCG: one multiplication, good enough for 16 rays.
         state = state * 747796405u + 2891336453u;
-        const std::uint32_t word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+        const std::uint32_t word =
+            ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
         return static_cast<float>((word >> 22u ^ word) >> 8) / 16777216.0f;
     }
 
@@ -291,12 +300,12 @@ private:
     std::vector<Eigen::Vector3f> normals_;
 
 public:
-    Eigen::Vector3f key_light_ = Eigen::Vector3f::UnitZ();  ///< set once, before looking
+    Eigen::Vector3f key_light_ = Eigen::Vector3f::UnitZ(); ///< set once, before looking
 };
 
 struct View
 {
-    Eigen::Vector3d right, up, back;  ///< unit vectors; the viewer looks along -back
+    Eigen::Vector3d right, up, back; ///< unit vectors; the viewer looks along -back
 };
 
 View view_of(const PictureOptions& options)
@@ -307,7 +316,8 @@ View view_of(const PictureOptions& options)
     const Eigen::Vector3d front = Eigen::Vector3d::Unit((options.up + 1) % 3);
     const Eigen::Vector3d side = up.cross(front);
     View view;
-    view.back = std::cos(e) * (std::cos(a) * front - std::sin(a) * side) + std::sin(e) * up;
+    view.back =
+        std::cos(e) * (std::cos(a) * front - std::sin(a) * side) + std::sin(e) * up;
     view.right = up.cross(view.back).normalized();
     view.up = view.back.cross(view.right);
     return view;
@@ -320,7 +330,8 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     const View view = view_of(options);
     // The rectangle that all figures need, seen from the viewer.
     Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
-    const auto include = [&](const Eigen::Vector3d& x) {
+    const auto include = [&](const Eigen::Vector3d& x)
+    {
         const Eigen::Vector3d seen(view.right.dot(x), view.up.dot(x), view.back.dot(x));
         low = low.cwiseMin(seen);
         high = high.cwiseMax(seen);
@@ -339,10 +350,11 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     double extent = std::max((high - low).maxCoeff(), 2.0 * figures.front().point_radius);
     if (!(extent > 0))
         extent = 1.0;
-    const double unit = kMargin * std::max({(high.x() - low.x()) / options.width,
-                                            (high.y() - low.y()) / options.height,
-                                            extent * 1e-3 / options.width}) /
-                        extent;
+    const double unit =
+        kMargin *
+        std::max({(high.x() - low.x()) / options.width,
+                  (high.y() - low.y()) / options.height, extent * 1e-3 / options.width}) /
+        extent;
 
     const RTCDevice device = rtcNewDevice("threads=1");
     Image image;
@@ -354,36 +366,47 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     for (std::size_t f = 0; f < figures.size(); ++f)
     {
         Traced traced(device, figures[f], centre, extent);
-        traced.key_light_ =
-            (-0.45 * view.right + 0.75 * view.up + 0.6 * view.back).normalized().cast<float>();
+        traced.key_light_ = (-0.45 * view.right + 0.75 * view.up + 0.6 * view.back)
+                                .normalized()
+                                .cast<float>();
         const Eigen::Vector3f direction = -view.back.cast<float>();
-        tbb::parallel_for(0, options.height, [&](int row) {
-            for (int column = 0; column < options.width; ++column)
+        tbb::parallel_for(
+            0, options.height,
+            [&](int row)
             {
-                Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-                for (int s = 0; s < kSamples * kSamples; ++s)
+                for (int column = 0; column < options.width; ++column)
                 {
-                    const double x = column + (s % kSamples + 0.5) / kSamples - 0.5 * options.width;
-                    const double y = 0.5 * options.height - row - (s / kSamples + 0.5) / kSamples;
-                    const Eigen::Vector3d origin =
-                        unit * (x * view.right + y * view.up) + 2.0 * view.back;
-                    const std::uint32_t seed =
-                        static_cast<std::uint32_t>((row * options.width + column) * 4 + s) *
-                        2654435761u;
-                    const Eigen::Vector4f seen = traced.look(origin.cast<float>(), direction, seed,
-                                                             options.occlusion_rays);
-                    sum += seen.head<3>() + (1.0f - seen.w()) * Eigen::Vector3f::Ones();
+                    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+                    for (int s = 0; s < kSamples * kSamples; ++s)
+                    {
+                        const double x = column + (s % kSamples + 0.5) / kSamples -
+                                         0.5 * options.width;
+                        const double y =
+                            0.5 * options.height - row - (s / kSamples + 0.5) / kSamples;
+                        const Eigen::Vector3d origin =
+                            unit * (x * view.right + y * view.up) + 2.0 * view.back;
+                        const std::uint32_t seed =
+                            static_cast<std::uint32_t>(
+                                (row * options.width + column) * 4 + s) *
+                            2654435761u;
+                        const Eigen::Vector4f seen =
+                            traced.look(origin.cast<float>(), direction, seed,
+                                        options.occlusion_rays);
+                        sum +=
+                            seen.head<3>() + (1.0f - seen.w()) * Eigen::Vector3f::Ones();
+                    }
+                    const std::size_t pixel =
+                        3 * (static_cast<std::size_t>(row) *
+                                 static_cast<std::size_t>(image.width) +
+                             f * static_cast<std::size_t>(options.width) +
+                             static_cast<std::size_t>(column));
+                    for (int k = 0; k < 3; ++k)
+                        image.rgb[pixel + static_cast<std::size_t>(k)] =
+                            static_cast<std::uint8_t>(std::lround(
+                                255.0f *
+                                std::clamp(sum[k] / (kSamples * kSamples), 0.0f, 1.0f)));
                 }
-                const std::size_t pixel =
-                    3 * (static_cast<std::size_t>(row) * static_cast<std::size_t>(image.width) +
-                         f * static_cast<std::size_t>(options.width) +
-                         static_cast<std::size_t>(column));
-                for (int k = 0; k < 3; ++k)
-                    image.rgb[pixel + static_cast<std::size_t>(k)] = static_cast<std::uint8_t>(
-                        std::lround(255.0f * std::clamp(sum[k] / (kSamples * kSamples), 0.0f,
-                                                        1.0f)));
-            }
-        });
+            });
     }
     rtcReleaseDevice(device);
     return image;
@@ -393,7 +416,8 @@ std::string png_bytes(const Image& image)
 {
     std::string bytes;
     stbi_write_png_to_func(
-        [](void* out, void* data, int size) {
+        [](void* out, void* data, int size)
+        {
             static_cast<std::string*>(out)->append(static_cast<const char*>(data),
                                                    static_cast<std::size_t>(size));
         },

@@ -19,22 +19,22 @@ struct Figure
 {
     std::vector<Eigen::Vector3d> points;
     std::vector<std::array<std::uint32_t, 3>> triangles;
-    std::vector<Colour> colours;      ///< one a point
-    double point_radius = 0.0;        ///< > 0: points in no triangle are drawn as balls
+    std::vector<Colour> colours; ///< one a point
+    double point_radius = 0.0;   ///< > 0: points in no triangle are drawn as balls
     /// Boxes drawn as glass over the rest: eight corners each, corner k at the upper
     /// end of axis a if bit a of k is set.
     std::vector<std::array<Eigen::Vector3d, 8>> boxes;
-    std::vector<Colour> box_colours;  ///< one a box
+    std::vector<Colour> box_colours; ///< one a box
 };
 
 struct PictureOptions
 {
-    int width = 1000;           ///< [pixel] of one figure
+    int width = 1000; ///< [pixel] of one figure
     int height = 800;
-    double azimuth = 35.0;      ///< [degree] of the viewer about the up axis
-    double elevation = 20.0;    ///< [degree] of the viewer above the ground
-    int up = 1;                 ///< axis that points up: 0, 1 or 2
-    int occlusion_rays = 16;    ///< a sample of a pixel
+    double azimuth = 35.0;   ///< [degree] of the viewer about the up axis
+    double elevation = 20.0; ///< [degree] of the viewer above the ground
+    int up = 1;              ///< axis that points up: 0, 1 or 2
+    int occlusion_rays = 16; ///< a sample of a pixel
 };
 
 struct Image

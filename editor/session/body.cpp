@@ -31,7 +31,8 @@ constexpr double kProbeVoxels = 96.0;
 constexpr double kBytesPerVoxel = 20.0;
 
 /// Volume of material tells how many cells a grid has before it is built.
-int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill, double max_voxel)
+int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
+                     double max_voxel)
 {
     const double longest = size.maxCoeff();
     if (!(longest > 0))
@@ -43,7 +44,8 @@ int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
     {
         const GridShape candidate = grid_shape(size, across, 0, 0.0);
         std::vector<bool> has_material(
-            static_cast<std::size_t>(candidate.coarsest.cast<std::int64_t>().prod()), false);
+            static_cast<std::size_t>(candidate.coarsest.cast<std::int64_t>().prod()),
+            false);
         const Eigen::Vector3d corner =
             0.5 * (size - candidate.edge * candidate.coarsest.cast<double>());
         std::size_t count = 0;
@@ -55,9 +57,9 @@ int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
             std::size_t leaf = 0;
             for (int axis = 2; axis >= 0; --axis)
                 leaf = leaf * static_cast<std::size_t>(candidate.coarsest[axis]) +
-                       static_cast<std::size_t>(std::clamp(
-                           static_cast<int>(x[axis] / candidate.edge), 0,
-                           candidate.coarsest[axis] - 1));
+                       static_cast<std::size_t>(
+                           std::clamp(static_cast<int>(x[axis] / candidate.edge), 0,
+                                      candidate.coarsest[axis] - 1));
             if (!has_material[leaf])
             {
                 has_material[leaf] = true;
@@ -88,32 +90,36 @@ std::vector<Triangle> triangles_of(const Geometry& geometry)
 Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
                 const CellSettings& settings)
 {
-    const WorkFrame frame = settings.frame ? given_frame(*settings.frame, settings.frame_file)
-                                           : automatic_frame(bounding_box(samples));
+    const WorkFrame frame = settings.frame
+                                ? given_frame(*settings.frame, settings.frame_file)
+                                : automatic_frame(bounding_box(samples));
     Shape shape;
     shape.triangles = triangles_of(geometry);
     shape.samples.reserve(samples.size());
     for (const Eigen::Vector3d& x : samples)
         shape.samples.push_back(frame.to_work(x));
     const double max_voxel = settings.gap / kVoxelsPerGap * frame.diagonal();
-    const int across = settings.across > 0
-                           ? settings.across
-                           : automatic_across(shape, frame.size, settings.fill, max_voxel);
+    const int across = settings.across > 0 ? settings.across
+                                           : automatic_across(shape, frame.size,
+                                                              settings.fill, max_voxel);
     const GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
     const double bytes = kBytesPerVoxel * num_voxels(grid);
-    if ((settings.max_memory > 0 && bytes > settings.max_memory) || num_voxels(grid) > 4e9)
-        throw Error(Fault::Budget,
-                    fmt::format("the voxels need about {:.1f} GB (limit {:.1f} GB): a larger "
-                                "--gap, or a smaller --across or --max-depth, needs less",
-                                bytes / 1e9, settings.max_memory / 1e9));
+    if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
+        num_voxels(grid) > 4e9)
+        throw Error(
+            Fault::Budget,
+            fmt::format("the voxels need about {:.1f} GB (limit {:.1f} GB): a larger "
+                        "--gap, or a smaller --across or --max-depth, needs less",
+                        bytes / 1e9, settings.max_memory / 1e9));
     Material material = find_material(shape, grid, settings.fill);
     const MaterialTest has_material = material_test(material.grid);
     const Octree coarsest(grid, has_material);
     if (static_cast<std::int64_t>(coarsest.leaves().size()) > settings.max_cells)
-        throw Error(Fault::Budget,
-                    fmt::format("the coarsest grid has {} cells, more than max_cells {}: use a "
-                                "smaller --across",
-                                coarsest.leaves().size(), settings.max_cells));
+        throw Error(
+            Fault::Budget,
+            fmt::format("the coarsest grid has {} cells, more than max_cells {}: use a "
+                        "smaller --across",
+                        coarsest.leaves().size(), settings.max_cells));
     std::vector<std::string> warnings;
     Octree octree = coarsest;
     for (int level = 1; level <= settings.max_depth; ++level)
@@ -121,10 +127,10 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
         Octree finer = octree.split_all(level, has_material);
         if (static_cast<std::int64_t>(finer.leaves().size()) > settings.max_cells)
         {
-            warnings.push_back(fmt::format("refinement stopped at depth {}: depth {} has {} "
-                                           "cells, more than max_cells {}",
-                                           level - 1, level, finer.leaves().size(),
-                                           settings.max_cells));
+            warnings.push_back(
+                fmt::format("refinement stopped at depth {}: depth {} has {} "
+                            "cells, more than max_cells {}",
+                            level - 1, level, finer.leaves().size(), settings.max_cells));
             break;
         }
         octree = std::move(finer);
@@ -143,7 +149,8 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
     body.cell_of_sample.reserve(body.samples.size());
     for (const Eigen::Vector3d& x : body.samples)
         body.cell_of_sample.push_back(
-            body.pieces.piece_of_voxel[body.material.grid.index(body.material.grid.locate(x))]);
+            body.pieces
+                .piece_of_voxel[body.material.grid.index(body.material.grid.locate(x))]);
     if (settings.fill == Fill::Solid && body.material.method == InsideMethod::None)
         body.warnings.push_back("nothing is enclosed: the shape is treated as a shell");
     const double sealed = 2.0 * body.material.seal_radius / frame.diagonal();

@@ -22,20 +22,20 @@ namespace cellwarp
 struct CellSettings
 {
     Fill fill = Fill::Solid;
-    int across = 0;               ///< coarsest cells along the longest side; 0: automatic
-    int max_depth = 0;            ///< splits below them
-    double gap = 0.008;           ///< [diagonal] parts farther apart are never glued
+    int across = 0;     ///< coarsest cells along the longest side; 0: automatic
+    int max_depth = 0;  ///< splits below them
+    double gap = 0.008; ///< [diagonal] parts farther apart are never glued
     std::int64_t max_cells = 200000;
-    double max_memory = 0.0;      ///< [byte], 0: no limit
-    std::optional<FrameBox> frame;  ///< default: the model's bounding box
-    std::string frame_file;         ///< the scene that gives it
+    double max_memory = 0.0;       ///< [byte], 0: no limit
+    std::optional<FrameBox> frame; ///< default: the model's bounding box
+    std::string frame_file;        ///< the scene that gives it
 };
 
 /// Immutable once built.
 struct Body
 {
     WorkFrame frame;
-    std::vector<Eigen::Vector3d> samples;  ///< rest places [work]
+    std::vector<Eigen::Vector3d> samples; ///< rest places [work]
     Material material;
     Octree octree;
     Pieces pieces;

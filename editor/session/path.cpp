@@ -20,8 +20,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kMaxTurn = std::numbers::pi / 4.0;  ///< of a part [rad]
-constexpr double kMaxWay = 0.25;                     ///< of a part [diagonal]
+constexpr double kMaxTurn = std::numbers::pi / 4.0; ///< of a part [rad]
+constexpr double kMaxWay = 0.25;                    ///< of a part [diagonal]
 constexpr int kMaxParts = 64;
 
 /// Steps of a path along which its length is measured: finer than any part.
@@ -58,10 +58,12 @@ Motion motion_of(const Step& step)
 {
     switch (step.kind)
     {
-    case Step::Kind::Translate: return {Eigen::Matrix3d::Identity(), step.vector};
+    case Step::Kind::Translate:
+        return {Eigen::Matrix3d::Identity(), step.vector};
     case Step::Kind::Rotate:
         return about_point(rotation_about(step.vector, step.angle), step.about);
-    case Step::Kind::Screw: return step.motion;
+    case Step::Kind::Screw:
+        return step.motion;
     }
     return {};
 }
@@ -69,10 +71,11 @@ Motion motion_of(const Step& step)
 bool are_same(const std::vector<Step>& a, const std::vector<Step>& b)
 {
     return a.size() == b.size() &&
-           std::equal(a.begin(), a.end(), b.begin(), [](const Step& x, const Step& y) {
-               return x.kind == y.kind &&
-                      (x.kind != Step::Kind::Rotate || x.vector == y.vector);
-           });
+           std::equal(a.begin(), a.end(), b.begin(),
+                      [](const Step& x, const Step& y) {
+                          return x.kind == y.kind &&
+                                 (x.kind != Step::Kind::Rotate || x.vector == y.vector);
+                      });
 }
 
 Step at_zero(Step step)
@@ -100,19 +103,21 @@ Motion rigid_motion(const Operation& operation, const Units& units, const Where&
                     std::vector<std::string>& warnings)
 {
     Eigen::Matrix3d R = operation.matrix.topLeftCorner<3, 3>();
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU |
+                                                       Eigen::ComputeFullV);
     const Eigen::Matrix3d nearest = svd.matrixU() * svd.matrixV().transpose();
     const double distance = (R - nearest).norm(), determinant = R.determinant();
     if (!(determinant > 0) || !(distance <= 1e-4))
-        throw malformed(where,
-                        std::string(determinant < 0    ? "is a mirror, "
-                                    : determinant == 0 ? "is singular, "
-                                                       : "is no rotation, ") +
-                            "need a rigid motion (determinant " + shortest(determinant) +
-                            ", distance from an orthogonal matrix " + shortest(distance) + ")");
+        throw malformed(where, std::string(determinant < 0    ? "is a mirror, "
+                                           : determinant == 0 ? "is singular, "
+                                                              : "is no rotation, ") +
+                                   "need a rigid motion (determinant " +
+                                   shortest(determinant) +
+                                   ", distance from an orthogonal matrix " +
+                                   shortest(distance) + ")");
     if (distance > 1e-6)
-        warnings.push_back(at(where, "was re-orthonormalised (off by " + shortest(distance) +
-                                         ")"));
+        warnings.push_back(
+            at(where, "was re-orthonormalised (off by " + shortest(distance) + ")"));
     if (distance > 1e-15)
         R = nearest;
     const Eigen::Vector3d t = operation.matrix.topRightCorner<3, 1>();
@@ -127,19 +132,19 @@ Motion rigid_motion(const Operation& operation, const Units& units, const Where&
 
 Eigen::Vector3d Units::point(const Eigen::Vector3d& given) const
 {
-    return frame.to_work(is_relative ? Eigen::Vector3d(box.low + given.cwiseProduct(box.size()))
-                                     : given);
+    return frame.to_work(
+        is_relative ? Eigen::Vector3d(box.low + given.cwiseProduct(box.size())) : given);
 }
 
 Eigen::Vector3d Units::vector(const Eigen::Vector3d& given) const
 {
-    return frame.vector_to_work(is_relative ? Eigen::Vector3d(given.cwiseProduct(box.size()))
-                                            : given);
+    return frame.vector_to_work(
+        is_relative ? Eigen::Vector3d(given.cwiseProduct(box.size())) : given);
 }
 
-std::vector<Step> steps_of(const Move& move, const Units& units, const Eigen::Vector3d& centre,
-                           const Eigen::Vector3d& place, const std::string& file,
-                           std::vector<std::string>& warnings)
+std::vector<Step> steps_of(const Move& move, const Units& units,
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
+                           const std::string& file, std::vector<std::string>& warnings)
 {
     std::vector<Step> steps;
     for (const Operation& operation : move.operations)
@@ -150,7 +155,9 @@ std::vector<Step> steps_of(const Move& move, const Units& units, const Eigen::Ve
         case Operation::Kind::Translate:
             step.vector = units.vector(operation.vector);
             break;
-        case Operation::Kind::To: step.vector = units.point(operation.vector) - place; break;
+        case Operation::Kind::To:
+            step.vector = units.point(operation.vector) - place;
+            break;
         case Operation::Kind::Rotate:
         {
             step.kind = Step::Kind::Rotate;
@@ -167,7 +174,8 @@ std::vector<Step> steps_of(const Move& move, const Units& units, const Eigen::Ve
                 rigid_motion(operation, units, {file, move.line, "matrix"}, warnings);
             break;
         }
-        if (!step.vector.allFinite() || !step.about.allFinite() || !step.motion.t.allFinite())
+        if (!step.vector.allFinite() || !step.about.allFinite() ||
+            !step.motion.t.allFinite())
             throw malformed({file, move.line, move.region},
                             "moves beyond what numbers can hold");
         steps.push_back(step);
@@ -218,7 +226,8 @@ int Path::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
         turn += rotation_vector(next.R * last.R.transpose()).norm();
         for (int k = 0; k < 8; ++k)
         {
-            const Eigen::Vector3d corner(k & 1 ? high.x() : low.x(), k & 2 ? high.y() : low.y(),
+            const Eigen::Vector3d corner(k & 1 ? high.x() : low.x(),
+                                         k & 2 ? high.y() : low.y(),
                                          k & 4 ? high.z() : low.z());
             ways[static_cast<std::size_t>(k)] += (next(corner) - last(corner)).norm();
         }
@@ -233,7 +242,8 @@ int Path::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
     // A hair of tolerance: 45 degrees are one part whatever the rounding.
     const double parts =
         std::max(turn / kMaxTurn, diagonal > 0 ? way / (kMaxWay * diagonal) : 0.0) - 1e-9;
-    return static_cast<int>(std::clamp(std::ceil(parts), 1.0, static_cast<double>(kMaxParts)));
+    return static_cast<int>(
+        std::clamp(std::ceil(parts), 1.0, static_cast<double>(kMaxParts)));
 }
 
 } // namespace cellwarp

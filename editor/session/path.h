@@ -20,10 +20,10 @@ struct Units
 {
     WorkFrame frame;
     bool is_relative = false;
-    ModelBox box;  ///< of the rest samples [model unit]
+    ModelBox box; ///< of the rest samples [model unit]
 
-    Eigen::Vector3d point(const Eigen::Vector3d& given) const;   ///< [work]
-    Eigen::Vector3d vector(const Eigen::Vector3d& given) const;  ///< [work]
+    Eigen::Vector3d point(const Eigen::Vector3d& given) const;  ///< [work]
+    Eigen::Vector3d vector(const Eigen::Vector3d& given) const; ///< [work]
 };
 
 /// One operation as a motion of work space that can be taken in part.
@@ -36,19 +36,19 @@ struct Step
         Screw
     };
     Kind kind = Kind::Translate;
-    Eigen::Vector3d vector = Eigen::Vector3d::Zero();  ///< translation, or unit axis
-    double angle = 0.0;                                ///< [rad]
+    Eigen::Vector3d vector = Eigen::Vector3d::Zero(); ///< translation, or unit axis
+    double angle = 0.0;                               ///< [rad]
     Eigen::Vector3d about = Eigen::Vector3d::Zero();
-    Motion motion;                                     ///< of a Screw
+    Motion motion; ///< of a Screw
 };
 
 /// Operations in the order written, in work coordinates. \p centre: default centre
 /// of rotations; \p place: where a pin rests. A matrix that is no rigid motion to
 /// 1e-4 is Fault::Malformed; one that is off by more than 1e-6 is mended and gives
 /// a warning.
-std::vector<Step> steps_of(const Move& move, const Units& units, const Eigen::Vector3d& centre,
-                           const Eigen::Vector3d& place, const std::string& file,
-                           std::vector<std::string>& warnings);
+std::vector<Step> steps_of(const Move& move, const Units& units,
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
+                           const std::string& file, std::vector<std::string>& warnings);
 
 /// All steps, one after the other.
 Motion motion_of(const std::vector<Step>& steps);

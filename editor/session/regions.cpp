@@ -37,29 +37,35 @@ RegionShape shape_of(const Selector& selector, const Units& units)
     const std::vector<double>& n = selector.numbers;
     const Eigen::Vector3d low = units.box.low, size = units.box.size();
     const bool is_relative = units.is_relative;
-    const auto relative = [=](const Eigen::Vector3d& x) {
+    const auto relative = [=](const Eigen::Vector3d& x)
+    {
         Eigen::Vector3d u = x;
         if (is_relative)
             for (int k = 0; k < 3; ++k)
                 u[k] = size[k] > 0 ? (x[k] - low[k]) / size[k] : 0.0;
         return u;
     };
-    const auto absolute = [=](const Eigen::Vector3d& u) {
-        return is_relative ? Eigen::Vector3d(low + u.cwiseProduct(size)) : u;
-    };
+    const auto absolute = [=](const Eigen::Vector3d& u)
+    { return is_relative ? Eigen::Vector3d(low + u.cwiseProduct(size)) : u; };
     switch (selector.kind)
     {
     case Selector::Kind::Box:
     {
         const Eigen::Vector3d first(n[0], n[1], n[2]), last(n[3], n[4], n[5]);
         const Eigen::Vector3d unit = is_relative ? size : Eigen::Vector3d::Ones();
-        return {[=](const Eigen::Vector3d& x) {
+        return {[=](const Eigen::Vector3d& x)
+                {
                     const Eigen::Array3d u = relative(x).array();
                     return (u >= first.array()).all() && (u <= last.array()).all();
                 },
-                [=](const Eigen::Vector3d& x) {
+                [=](const Eigen::Vector3d& x)
+                {
                     const Eigen::Vector3d u = relative(x);
-                    return (first - u).cwiseMax(u - last).cwiseMax(0.0).cwiseProduct(unit).norm();
+                    return (first - u)
+                        .cwiseMax(u - last)
+                        .cwiseMax(0.0)
+                        .cwiseProduct(unit)
+                        .norm();
                 }};
     }
     case Selector::Kind::Sphere:
@@ -71,7 +77,8 @@ RegionShape shape_of(const Selector& selector, const Units& units)
         const double r = n.back() * (is_relative ? size.norm() : 1.0);
         const Eigen::Vector3d axis = b - a;
         const double squared = axis.squaredNorm();
-        const auto from_axis = [=](const Eigen::Vector3d& x) {
+        const auto from_axis = [=](const Eigen::Vector3d& x)
+        {
             const double t =
                 squared > 0 ? std::clamp((x - a).dot(axis) / squared, 0.0, 1.0) : 0.0;
             return (x - a - t * axis).stableNorm();
@@ -84,9 +91,8 @@ RegionShape shape_of(const Selector& selector, const Units& units)
         const Eigen::Vector3d normal(n[0], n[1], n[2]);
         const double d = n[3], unit = is_relative ? size.norm() : 1.0;
         return {[=](const Eigen::Vector3d& x) { return normal.dot(relative(x)) >= d; },
-                [=](const Eigen::Vector3d& x) {
-                    return unit * (d - normal.dot(relative(x))) / normal.norm();
-                }};
+                [=](const Eigen::Vector3d& x)
+                { return unit * (d - normal.dot(relative(x))) / normal.norm(); }};
     }
     default:
         return {[](const Eigen::Vector3d&) { return true; },
@@ -118,7 +124,7 @@ public:
     }
 
 private:
-    static constexpr double kCell = 1024.0;  ///< [tolerance]
+    static constexpr double kCell = 1024.0; ///< [tolerance]
 
     std::array<double, 3> key(const Eigen::Vector3d& x) const
     {
@@ -128,13 +134,12 @@ private:
                 tolerance_ > 0 ? std::floor(x[axis] / (kCell * tolerance_)) : x[axis];
         return k;
     }
-    bool has_near(const std::map<std::array<double, 3>, std::vector<std::uint32_t>>& cells,
-                  const Eigen::Vector3d& x) const
+    bool
+    has_near(const std::map<std::array<double, 3>, std::vector<std::uint32_t>>& cells,
+             const Eigen::Vector3d& x) const
     {
-        const std::array<double, 3> low =
-            key(x - Eigen::Vector3d::Constant(tolerance_));
-        const std::array<double, 3> high =
-            key(x + Eigen::Vector3d::Constant(tolerance_));
+        const std::array<double, 3> low = key(x - Eigen::Vector3d::Constant(tolerance_));
+        const std::array<double, 3> high = key(x + Eigen::Vector3d::Constant(tolerance_));
         for (const double i : {low[0], high[0]})
             for (const double j : {low[1], high[1]})
                 for (const double k : {low[2], high[2]})
@@ -154,10 +159,10 @@ private:
 };
 
 /// The samples that a list selector names, without twins.
-std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
-                                          const Geometry& geometry, std::size_t num_samples,
-                                          const std::string& file,
-                                          std::map<std::string, std::vector<std::int64_t>>& labels)
+std::vector<std::uint32_t>
+listed_samples(const RegionStatement& statement, const Geometry& geometry,
+               std::size_t num_samples, const std::string& file,
+               std::map<std::string, std::vector<std::int64_t>>& labels)
 {
     const Selector& selector = statement.selector;
     const Where where{file, statement.line, statement.name};
@@ -234,8 +239,8 @@ std::string nearest_sample_note(const Region& region,
                 nearest = i;
             }
     return region.shapes.empty() ? " (it lists no sample)"
-                                 : " (the nearest sample, " + std::to_string(nearest) + ", is " +
-                                       shortest(least) + " away)";
+                                 : " (the nearest sample, " + std::to_string(nearest) +
+                                       ", is " + shortest(least) + " away)";
 }
 
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
@@ -261,8 +266,9 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
         Region& region = regions[found->second];
         if (region.factor != statement.factor)
             throw malformed({file, statement.line, statement.name},
-                            "has another factor than on line " + std::to_string(region.line) +
-                                " (got " + shortest(statement.factor) + ", need " +
+                            "has another factor than on line " +
+                                std::to_string(region.line) + " (got " +
+                                shortest(statement.factor) + ", need " +
                                 shortest(region.factor) + ")");
         if (is_geometric(statement.selector.kind))
             region.shapes.push_back(shape_of(statement.selector, units));
@@ -293,12 +299,13 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
     return regions;
 }
 
-RegionShares region_shares(const Region& region, const VoxelGrid& grid, const Pieces& pieces,
-                           const WorkFrame& frame,
+RegionShares region_shares(const Region& region, const VoxelGrid& grid,
+                           const Pieces& pieces, const WorkFrame& frame,
                            const std::vector<Eigen::Vector3d>& work_samples,
                            std::vector<std::uint32_t>& nearest)
 {
-    const auto volume = [&](const Eigen::Vector3i& v) {
+    const auto volume = [&](const Eigen::Vector3i& v)
+    {
         double product = 1.0;
         for (int axis = 0; axis < 3; ++axis)
         {
@@ -311,7 +318,8 @@ RegionShares region_shares(const Region& region, const VoxelGrid& grid, const Pi
     // One slice of voxels at a time; slices are added in their order.
     const std::size_t slice = static_cast<std::size_t>(grid.counts().x()) *
                               static_cast<std::size_t>(grid.counts().y());
-    const auto gather = [&](const std::vector<std::uint32_t>& list, bool with_shapes) {
+    const auto gather = [&](const std::vector<std::uint32_t>& list, bool with_shapes)
+    {
         std::vector<bool> is_listed;
         if (!list.empty())
         {
@@ -322,19 +330,23 @@ RegionShares region_shares(const Region& region, const VoxelGrid& grid, const Pi
                 is_listed[i] = true;
         }
         std::vector<std::uint8_t> is_inside(grid.size(), 0);
-        tbb::parallel_for(0, grid.counts().z(), [&](int k) {
-            const std::size_t first = slice * static_cast<std::size_t>(k);
-            for (std::size_t i = first; i < first + slice; ++i)
+        tbb::parallel_for(
+            0, grid.counts().z(),
+            [&](int k)
             {
-                if (pieces.piece_of_voxel[i] < 0)
-                    continue;
-                if (!list.empty() && nearest[i] != kNoSample && is_listed[nearest[i]])
-                    is_inside[i] = 1;
-                else if (with_shapes && !region.shapes.empty() &&
-                         region.holds(frame.to_model(grid.centre(grid.coordinates(i)))))
-                    is_inside[i] = 1;
-            }
-        });
+                const std::size_t first = slice * static_cast<std::size_t>(k);
+                for (std::size_t i = first; i < first + slice; ++i)
+                {
+                    if (pieces.piece_of_voxel[i] < 0)
+                        continue;
+                    if (!list.empty() && nearest[i] != kNoSample && is_listed[nearest[i]])
+                        is_inside[i] = 1;
+                    else if (with_shapes && !region.shapes.empty() &&
+                             region.holds(
+                                 frame.to_model(grid.centre(grid.coordinates(i)))))
+                        is_inside[i] = 1;
+                }
+            });
         RegionShares shares;
         shares.of_cell.assign(pieces.size(), 0.0);
         std::vector<double> whole(pieces.size(), 0.0);
@@ -379,7 +391,8 @@ std::vector<int> prescribing_regions(const std::vector<Region>& regions,
     std::vector<int> owner(num_cells, -1);
     std::vector<double> owned_share(num_cells, 0.0);
     std::vector<int> num_owned(regions.size(), 0);
-    const auto take = [&](std::size_t region, std::size_t cell, double share) {
+    const auto take = [&](std::size_t region, std::size_t cell, double share)
+    {
         if (owner[cell] >= 0)
         {
             if (share <= owned_share[cell] + kSameShare)
@@ -444,7 +457,8 @@ std::vector<double> cell_factors(const std::vector<Region>& regions,
             *std::max_element(shares[r].of_cell.begin(), shares[r].of_cell.end());
         const double needed = largest >= kMajority ? kMajority : largest - kSameShare;
         for (std::size_t c = 0; c < num_cells; ++c)
-            if (shares[r].of_cell[c] >= needed && shares[r].of_cell[c] > best[c] + kSameShare)
+            if (shares[r].of_cell[c] >= needed &&
+                shares[r].of_cell[c] > best[c] + kSameShare)
             {
                 best[c] = shares[r].of_cell[c];
                 factors[c] = regions[r].factor;

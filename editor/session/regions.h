@@ -23,8 +23,8 @@ namespace cellwarp
 /// A geometric selector in model coordinates.
 struct RegionShape
 {
-    std::function<bool(const Eigen::Vector3d&)> holds;       ///< closed
-    std::function<double(const Eigen::Vector3d&)> distance;  ///< of a point outside
+    std::function<bool(const Eigen::Vector3d&)> holds;      ///< closed
+    std::function<double(const Eigen::Vector3d&)> distance; ///< of a point outside
 };
 
 /// A region of one stage, all its selectors together.
@@ -32,12 +32,12 @@ struct Region
 {
     Role role = Role::Fixed;
     std::string name;
-    double factor = 1.0;                 ///< of a stiff region
-    std::int64_t line = 0;               ///< of its first statement
-    std::vector<std::uint32_t> samples;  ///< sorted
+    double factor = 1.0;                ///< of a stiff region
+    std::int64_t line = 0;              ///< of its first statement
+    std::vector<std::uint32_t> samples; ///< sorted
     /// Sorted; the ones named one by one (lists, labels, groups), twins included.
     std::vector<std::uint32_t> listed;
-    std::vector<RegionShape> shapes;     ///< one a geometric selector
+    std::vector<RegionShape> shapes; ///< one a geometric selector
 
     bool prescribes() const { return role != Role::Stiff; }
     bool holds(const Eigen::Vector3d& model_point) const;
@@ -59,15 +59,16 @@ std::string nearest_sample_note(const Region& region,
 struct RegionShares
 {
     std::vector<double> of_cell;
-    bool has_voxels = false;  ///< false: no voxel centre lies in it
+    bool has_voxels = false; ///< false: no voxel centre lies in it
 };
 
 /// A voxel belongs to a region by its centre if it lies in a shape, and by its
 /// nearest sample through the material if that is listed. A region that holds
 /// samples but no voxel centre counts as the list of its samples.
 /// \p nearest is filled at the first region that needs it.
-RegionShares region_shares(const Region& region, const VoxelGrid& grid, const Pieces& pieces,
-                           const WorkFrame& frame, const std::vector<Eigen::Vector3d>& work_samples,
+RegionShares region_shares(const Region& region, const VoxelGrid& grid,
+                           const Pieces& pieces, const WorkFrame& frame,
+                           const std::vector<Eigen::Vector3d>& work_samples,
                            std::vector<std::uint32_t>& nearest);
 
 /// Which region prescribes each cell, by index; -1 if none. The share must be at

@@ -49,7 +49,8 @@ bool agree(const Motion& a, const Motion& b, double scale)
 }
 
 /// Twice the area vector's flux: six times the volume of a fan-triangulated mesh.
-double enclosed_volume(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples)
+double enclosed_volume(const Geometry& geometry,
+                       const std::vector<Eigen::Vector3d>& samples)
 {
     const Eigen::Vector3d origin = samples.front();
     double sum = 0.0;
@@ -58,7 +59,8 @@ double enclosed_volume(const Geometry& geometry, const std::vector<Eigen::Vector
         const std::span<const std::uint32_t> corners = geometry.face(f);
         const Eigen::Vector3d a = samples[corners[0]] - origin;
         for (std::size_t k = 2; k < corners.size(); ++k)
-            sum += a.dot((samples[corners[k - 1]] - origin).cross(samples[corners[k]] - origin));
+            sum += a.dot(
+                (samples[corners[k - 1]] - origin).cross(samples[corners[k]] - origin));
     }
     return sum / 6.0;
 }
@@ -79,11 +81,13 @@ bool is_closed(const Geometry& geometry)
     std::sort(edges.begin(), edges.end());
     if (std::adjacent_find(edges.begin(), edges.end()) != edges.end())
         return false;
-    return std::all_of(edges.begin(), edges.end(), [&](const auto& edge) {
-        return edge.first != edge.second &&
-               std::binary_search(edges.begin(), edges.end(),
-                                  std::pair(edge.second, edge.first));
-    });
+    return std::all_of(edges.begin(), edges.end(),
+                       [&](const auto& edge)
+                       {
+                           return edge.first != edge.second &&
+                                  std::binary_search(edges.begin(), edges.end(),
+                                                     std::pair(edge.second, edge.first));
+                       });
 }
 
 /// A normal after the map with Jacobian J: the cofactor matrix keeps it normal to
@@ -115,7 +119,7 @@ struct Session::StageState
     std::optional<Minimizer> minimizer;
     std::vector<Pose> poses;
     std::vector<std::vector<std::size_t>> cells_of_region;
-    std::vector<Eigen::Vector3d> box_low, box_high;   ///< of each region's samples [work]
+    std::vector<Eigen::Vector3d> box_low, box_high; ///< of each region's samples [work]
     std::vector<std::optional<RegionFade>> fades;
     struct Overlap
     {
@@ -130,8 +134,13 @@ struct Session::StageState
 };
 
 Session::~Session() = default;
+Session::Session(Session&&) noexcept = default;
+Session& Session::operator=(Session&&) noexcept = default;
 
-const Field* Session::field() const { return state_ ? state_->field.get() : nullptr; }
+const Field* Session::field() const
+{
+    return state_ ? state_->field.get() : nullptr;
+}
 
 StageView Session::stage() const
 {
@@ -139,7 +148,8 @@ StageView Session::stage() const
 }
 
 Session::Session(GeometryFile model, HandleFile handles, SessionSettings settings)
-    : model_(std::move(model)), handles_(std::move(handles)), settings_(std::move(settings))
+    : model_(std::move(model)), handles_(std::move(handles)),
+      settings_(std::move(settings))
 {
     const Geometry& geometry = model_.geometry;
     rest_ = geometry.samples;
@@ -171,8 +181,23 @@ void Session::start_stage(std::size_t stage)
     for (const std::string& warning : body.warnings)
         warnings_.push_back(warning);
     Units units{body.frame, handles_.is_relative, bounding_box(rest_)};
-    state_.reset(new StageState{std::move(body), units, {}, {}, {}, {}, {}, {}, {}, {}, {}, {},
-                                {}, {}, {}, {}, nullptr});
+    state_.reset(new StageState{std::move(body),
+                                units,
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                {},
+                                nullptr});
     StageState& s = *state_;
     s.regions =
         resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path);
@@ -224,7 +249,8 @@ void Session::start_stage(std::size_t stage)
             continue;
         const Region& region = s.regions[static_cast<std::size_t>(owner)];
         s.cells_of_region[static_cast<std::size_t>(owner)].push_back(c);
-        s.constraints[c].hold = region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
+        s.constraints[c].hold =
+            region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
         s.constraints[c].held_rest = s.body.cells.cells[c].centre;
     }
     // A pinned cell is held at the mean of the pin's samples in it, if there are any.
@@ -235,8 +261,8 @@ void Session::start_stage(std::size_t stage)
         std::map<int, std::pair<Eigen::Vector3d, int>> sums;
         for (const std::uint32_t i : s.regions[r].samples)
         {
-            auto [found, is_new] = sums.try_emplace(s.body.cell_of_sample[i],
-                                                    Eigen::Vector3d::Zero(), 0);
+            auto [found, is_new] =
+                sums.try_emplace(s.body.cell_of_sample[i], Eigen::Vector3d::Zero(), 0);
             found->second.first += s.body.samples[i] - s.box_low[r];
             ++found->second.second;
         }
@@ -252,15 +278,18 @@ void Session::start_stage(std::size_t stage)
         std::count_if(s.components.begin(), s.components.end(),
                       [](const Component& component) { return !component.is_held; }));
     if (num_idle > 0)
-        warnings_.push_back(fmt::format("{} of {} components have no region: they stay at rest",
-                                        num_idle, s.components.size()));
+        warnings_.push_back(
+            fmt::format("{} of {} components have no region: they stay at rest", num_idle,
+                        s.components.size()));
     for (const Component& component : s.components)
         if (component.free_rotations > 0)
-            warnings_.push_back(fmt::format(
-                "a component of {} cells is held by {} alone: {} of its rotations are free and "
-                "are kept as they are",
-                component.cells.size(), component.free_rotations == 3 ? "one pin" : "pins in a line",
-                component.free_rotations));
+            warnings_.push_back(
+                fmt::format("a component of {} cells is held by {} alone: {} of its "
+                            "rotations are free and "
+                            "are kept as they are",
+                            component.cells.size(),
+                            component.free_rotations == 3 ? "one pin" : "pins in a line",
+                            component.free_rotations));
     s.minimizer.emplace(s.body.cells, s.glue, s.constraints, s.components);
     for (const Cell& cell : s.body.cells.cells)
         s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
@@ -303,21 +332,23 @@ void Session::start_stage(std::size_t stage)
         for (std::size_t r = 0; r < s.regions.size(); ++r)
         {
             const auto move = std::find_if(frame.moves.begin(), frame.moves.end(),
-                                           [&](const Move& m) { return m.region == s.regions[r].name; });
+                                           [&](const Move& m)
+                                           { return m.region == s.regions[r].name; });
             std::vector<Step> next = now[r];
             if (move != frame.moves.end())
             {
                 const Eigen::Vector3d centre = 0.5 * (s.box_low[r] + s.box_high[r]);
-                const bool is_placed =
-                    std::any_of(move->operations.begin(), move->operations.end(),
-                                [](const Operation& o) { return o.kind == Operation::Kind::To; });
-                if (is_placed &&
-                    (s.box_high[r] - s.box_low[r]).norm() > 1e-9 * s.body.frame.diagonal())
+                const bool is_placed = std::any_of(
+                    move->operations.begin(), move->operations.end(),
+                    [](const Operation& o) { return o.kind == Operation::Kind::To; });
+                if (is_placed && (s.box_high[r] - s.box_low[r]).norm() >
+                                     1e-9 * s.body.frame.diagonal())
                     throw malformed({handles_.path, move->line, move->region},
                                     "'to' needs a pin of one place; this one has " +
                                         std::to_string(s.regions[r].samples.size()) +
                                         " samples, use translate");
-                next = steps_of(*move, units, centre, s.box_low[r], handles_.path, warnings_);
+                next = steps_of(*move, units, centre, s.box_low[r], handles_.path,
+                                warnings_);
             }
             const Path path = paths.emplace_back(now[r], next);
             now[r] = std::move(next);
@@ -329,10 +360,11 @@ void Session::start_stage(std::size_t stage)
                 const Eigen::Vector3d centre = 0.5 * (s.box_low[r] + s.box_high[r]);
                 if ((motions.back()(centre) - centre).norm() >
                     kExtremeMove * s.body.frame.diagonal())
-                    warnings_.push_back(fmt::format(
-                        "frame {}: {} moves by more than {} diagonals: the shape is stretched "
-                        "to an extreme",
-                        frame.number, s.regions[r].name, kExtremeMove));
+                    warnings_.push_back(fmt::format("frame {}: {} moves by more than {} "
+                                                    "diagonals: the shape is stretched "
+                                                    "to an extreme",
+                                                    frame.number, s.regions[r].name,
+                                                    kExtremeMove));
             }
         }
         s.num_parts.push_back(parts);
@@ -347,20 +379,23 @@ void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t li
     {
         const Eigen::Vector3d& x = s.body.samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
-        const double scale = std::max(s.body.frame.diagonal(), motions[overlap.a](x).norm());
+        const double scale =
+            std::max(s.body.frame.diagonal(), motions[overlap.a](x).norm());
         if (!(apart <= kSameMotion * scale))
-            throw malformed({handles_.path, line, s.regions[overlap.a].name},
-                            fmt::format("and {} (line {}) both hold sample {} and move it "
-                                        "differently ({:.3g} of the diagonal apart)",
-                                        s.regions[overlap.b].name, s.regions[overlap.b].line,
-                                        overlap.sample, apart / s.body.frame.diagonal()));
+            throw malformed(
+                {handles_.path, line, s.regions[overlap.a].name},
+                fmt::format("and {} (line {}) both hold sample {} and move it "
+                            "differently ({:.3g} of the diagonal apart)",
+                            s.regions[overlap.b].name, s.regions[overlap.b].line,
+                            overlap.sample, apart / s.body.frame.diagonal()));
     }
 }
 
 std::optional<std::int64_t> Session::upcoming_frame() const
 {
     std::size_t stage = stage_, frame = frame_;
-    while (stage < handles_.stages.size() && frame >= handles_.stages[stage].frames.size())
+    while (stage < handles_.stages.size() &&
+           frame >= handles_.stages[stage].frames.size())
     {
         ++stage;
         frame = 0;
@@ -453,7 +488,8 @@ void Session::solve_frame(const FrameStatement&, FrameReport& report)
                 if (owner < 0)
                     continue;
                 const Motion& change = changes[static_cast<std::size_t>(owner)];
-                has_handle |= s.regions[static_cast<std::size_t>(owner)].role != Role::Pin;
+                has_handle |=
+                    s.regions[static_cast<std::size_t>(owner)].role != Role::Pin;
                 if (step)
                     is_rigid &= agree(*step, change, std::max(1.0, change.t.norm()));
                 step = &change;
@@ -493,8 +529,8 @@ void Session::solve_frame(const FrameStatement&, FrameReport& report)
         report.solve = solve;
         if (is_last)
             break;
-        is_given_up = solve.stop == Stop::IterationLimit || solve.stop == Stop::TimeLimit ||
-                      solve.stop == Stop::Stopped;
+        is_given_up = solve.stop == Stop::IterationLimit ||
+                      solve.stop == Stop::TimeLimit || solve.stop == Stop::Stopped;
         last = std::move(motions);
     }
     report.solve.iterations = iterations;
@@ -534,13 +570,14 @@ void Session::move_samples(FrameReport& report)
             rbf_centres(s.body.cells, s.poses, s.constraints).points.size();
         const double bytes = RbfField::memory_estimate(centres);
         if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
-            throw Error(Fault::Budget,
-                        fmt::format("the release field of {} centres needs about {:.1f} GB "
-                                    "(limit {:.1f} GB): fewer cells, or --preview, need less",
-                                    centres, bytes / 1e9, settings_.cells.max_memory / 1e9));
+            throw Error(
+                Fault::Budget,
+                fmt::format("the release field of {} centres needs about {:.1f} GB "
+                            "(limit {:.1f} GB): fewer cells, or --preview, need less",
+                            centres, bytes / 1e9, settings_.cells.max_memory / 1e9));
     }
-    s.field = std::make_unique<Field>(settings_.field, s.body.cells, s.poses, s.constraints,
-                                      std::move(moved));
+    s.field = std::make_unique<Field>(settings_.field, s.body.cells, s.poses,
+                                      s.constraints, std::move(moved));
     ++(settings_.field == FieldKind::Rbf ? parts_.rbf : parts_.blend);
     report.fit_ms = ms_since(start);
 
@@ -558,8 +595,8 @@ void Session::move_samples(FrameReport& report)
             s.field->value(s.body.samples[i], s.body.cell_of_sample[i]).gradient;
         if (gradient.isZero(0))
             continue;
-        const Eigen::Matrix3d J = Eigen::Matrix3d::Identity() +
-                                  frame.axes.transpose() * gradient * frame.axes;
+        const Eigen::Matrix3d J =
+            Eigen::Matrix3d::Identity() + frame.axes.transpose() * gradient * frame.axes;
         patch_.directions[u] = turned_normal(J, rest_directions_[u]);
     }
     parts_.normals += !uses_.empty();
@@ -574,8 +611,8 @@ void Session::move_samples(FrameReport& report)
             const Eigen::Vector3d& x = s.body.samples[i];
             const Eigen::Vector3d wanted =
                 (motions[r].R - Eigen::Matrix3d::Identity()) * x + motions[r].t;
-            report.handle_residual =
-                std::max(report.handle_residual, (displacements[i] - wanted).norm() / diagonal);
+            report.handle_residual = std::max(
+                report.handle_residual, (displacements[i] - wanted).norm() / diagonal);
         }
 }
 

@@ -27,18 +27,18 @@ struct SessionSettings
 {
     CellSettings cells;
     Method method = Method::Newton;
-    int max_iterations = 200;       ///< of one frame, all its steps together
+    int max_iterations = 200; ///< of one frame, all its steps together
     double gradient_tolerance = 1e-6;
-    double time_budget = 0.0;       ///< [s] of one frame's solve, 0: no limit
+    double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldKind field = FieldKind::Rbf;
-    std::stop_token stop;
+    std::stop_token stop = {};
 };
 
 /// What one frame took and reached. Lengths are relative to the diagonal.
 struct FrameReport
 {
     std::int64_t frame = 0;
-    SolveReport solve;       ///< of the last step; iterations of all
+    SolveReport solve; ///< of the last step; iterations of all
     int steps = 0;
     double handle_residual = 0.0;
     double max_pair_gap = 0.0;
@@ -56,14 +56,14 @@ struct StageView
 {
     const Body* body = nullptr;
     const std::vector<Region>* regions = nullptr;
-    const std::vector<int>* region_of_cell = nullptr;  ///< -1: none
+    const std::vector<int>* region_of_cell = nullptr; ///< -1: none
     const std::vector<Pose>* poses = nullptr;
 };
 
 /// Where the samples of closed meshes end; see session.cpp.
 struct Volume
 {
-    double before = 0.0, after = 0.0;  ///< [model unit^3]
+    double before = 0.0, after = 0.0; ///< [model unit^3]
 };
 
 class Session
@@ -74,6 +74,8 @@ public:
     /// Throws Error.
     Session(GeometryFile model, HandleFile handles, SessionSettings settings);
     ~Session();
+    Session(Session&&) noexcept;
+    Session& operator=(Session&&) noexcept;
 
     /// Solves the next frame; false when there is none left. \p wants_samples: fit
     /// the field and move the samples (a commit does so in any case).

@@ -91,8 +91,8 @@ WorkFrame given_frame(const FrameBox& box, const std::string& file)
         for (int c = 0; c < 3; ++c)
             frame.axes(k, c) =
                 box.axes[static_cast<std::size_t>(k)][static_cast<std::size_t>(c)];
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(frame.axes,
-                                                Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(frame.axes, Eigen::ComputeFullU |
+                                                                Eigen::ComputeFullV);
     const Eigen::Matrix3d nearest = svd.matrixU() * svd.matrixV().transpose();
     const double distance = (frame.axes - nearest).norm();
     if (!(distance <= 1e-4) || !(nearest.determinant() > 0))

@@ -16,10 +16,10 @@ namespace cellwarp
 
 struct WorkFrame
 {
-    Eigen::Vector3d origin = Eigen::Vector3d::Zero();    ///< [model unit]
-    Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  ///< rows: unit vectors
-    int exponent = 0;  ///< one model unit is 2^exponent work units
-    Eigen::Vector3d size = Eigen::Vector3d::Zero();      ///< of the box [work]
+    Eigen::Vector3d origin = Eigen::Vector3d::Zero();   ///< [model unit]
+    Eigen::Matrix3d axes = Eigen::Matrix3d::Identity(); ///< rows: unit vectors
+    int exponent = 0; ///< one model unit is 2^exponent work units
+    Eigen::Vector3d size = Eigen::Vector3d::Zero(); ///< of the box [work]
 
     double diagonal() const { return size.norm(); }
     Eigen::Vector3d to_work(const Eigen::Vector3d& point) const;

@@ -24,7 +24,8 @@ void ClosestCells::influences(const Eigen::Vector3d& x, int own,
 {
     out.clear();
     // With u = (1 - d/s)^2: grad u = -2 (1 - d/s) / s * (x - c) / d.
-    const auto weigh = [&](int cell) {
+    const auto weigh = [&](int cell)
+    {
         const std::size_t c = static_cast<std::size_t>(cell);
         const Eigen::Vector3d arm = x - box_centres_[c];
         const double d = arm.norm(), rest = 1.0 - d / edges_[c];
@@ -48,9 +49,9 @@ void ClosestCells::influences(const Eigen::Vector3d& x, int own,
         for (int k = first_neighbour_[c]; k < first_neighbour_[c + 1]; ++k)
         {
             const int other = neighbours_[static_cast<std::size_t>(k)];
-            const bool is_known = std::any_of(out.begin(), out.end(), [&](const Influence& i) {
-                return i.cell == other;
-            });
+            const bool is_known =
+                std::any_of(out.begin(), out.end(),
+                            [&](const Influence& i) { return i.cell == other; });
             if (!is_known)
                 weigh(other);
         }
@@ -107,9 +108,11 @@ void Closest4::influences(const Eigen::Vector3d& x, std::vector<Influence>& out)
     double sum = 0.0;
     for (std::size_t i = 0; i < std::min<std::size_t>(4, near.size()); ++i)
     {
-        const double rest =
-            near.size() > 4 && fifth > 0 ? 1.0 - std::sqrt(near[i].distance_squared) / fifth : 1.0;
-        out.push_back({static_cast<int>(near[i].index), rest * rest, Eigen::Vector3d::Zero()});
+        const double rest = near.size() > 4 && fifth > 0
+                                ? 1.0 - std::sqrt(near[i].distance_squared) / fifth
+                                : 1.0;
+        out.push_back(
+            {static_cast<int>(near[i].index), rest * rest, Eigen::Vector3d::Zero()});
         sum += rest * rest;
     }
     for (Influence& influence : out)

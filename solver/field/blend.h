@@ -26,7 +26,7 @@ struct Influence
 {
     int cell = 0;
     double weight = 0.0;
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();  ///< of the weight
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero(); ///< of the weight
 };
 
 /// Continuous weights (1 - d/s)^2+, d the distance to the centre of a cell's box

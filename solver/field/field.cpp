@@ -20,6 +20,8 @@ RbfCentres rbf_centres(const Cells& cells, std::span<const Pose> poses,
     double finest = std::numeric_limits<double>::infinity();
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
+        if (constraints[i].hold == Hold::Idle)
+            continue;
         const Eigen::Vector3d& centre = cells.cells[i].centre;
         centres.points.push_back(centre);
         centres.displacements.push_back(displacement(poses[i], centre, centre));
@@ -32,8 +34,8 @@ RbfCentres rbf_centres(const Cells& cells, std::span<const Pose> poses,
         bool is_shared_by_different = false;
     };
     std::map<std::array<std::int64_t, 3>, Corner> corners;
-    const Eigen::Vector3d origin = cells.cells.empty() ? Eigen::Vector3d::Zero()
-                                                       : cells.cells.front().box_centre;
+    const Eigen::Vector3d origin =
+        cells.cells.empty() ? Eigen::Vector3d::Zero() : cells.cells.front().box_centre;
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
         if (constraints[i].hold != Hold::Prescribed)
@@ -68,6 +70,9 @@ Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
              std::span<const Constraint> constraints, std::vector<MovedRegion> regions)
     : kind_(kind), cells_(cells), poses_(std::move(poses)), closest_(cells)
 {
+    is_idle_.assign(cells.size(), false);
+    for (std::size_t i = 0; i < constraints.size(); ++i)
+        is_idle_[i] = constraints[i].hold == Hold::Idle;
     if (kind == FieldKind::Closest4)
         closest4_.emplace(cells);
     if (kind == FieldKind::Rbf)
@@ -80,8 +85,9 @@ Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
         const std::vector<Eigen::Vector3d>& nodes = region.fade->nodes();
         region.misses = displacements(nodes, region.fade->node_cells());
         for (std::size_t i = 0; i < nodes.size(); ++i)
-            region.misses[i] = (region.motion.R - Eigen::Matrix3d::Identity()) * nodes[i] +
-                               region.motion.t - region.misses[i];
+            region.misses[i] =
+                (region.motion.R - Eigen::Matrix3d::Identity()) * nodes[i] +
+                region.motion.t - region.misses[i];
     }
     regions_ = std::move(regions);
 }
@@ -90,8 +96,9 @@ FieldValue Field::base(const Eigen::Vector3d& x, std::span<const Influence> infl
                        std::vector<Influence>& near, bool wants_gradient) const
 {
     if (rbf_)
-        return wants_gradient ? rbf_->value(x)
-                              : FieldValue{rbf_->displacement(x), Eigen::Matrix3d::Zero()};
+        return wants_gradient
+                   ? rbf_->value(x)
+                   : FieldValue{rbf_->displacement(x), Eigen::Matrix3d::Zero()};
     if (!closest4_)
         return blended(influences, poses_, cells_, x);
     closest4_->influences(x, near);
@@ -100,6 +107,8 @@ FieldValue Field::base(const Eigen::Vector3d& x, std::span<const Influence> infl
 
 FieldValue Field::value(const Eigen::Vector3d& x, int own) const
 {
+    if (is_idle_[static_cast<std::size_t>(own)])
+        return {};
     std::vector<Influence> influences, near;
     closest_.influences(x, own, influences);
     return with_regions(base(x, influences, near, true), x, influences, regions_);
@@ -110,13 +119,19 @@ std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3
 {
     std::vector<Eigen::Vector3d> result(points.size());
     tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, points.size(), 256), [&](const auto& range) {
+        tbb::blocked_range<std::size_t>(0, points.size(), 256),
+        [&](const auto& range)
+        {
             std::vector<Influence> influences, near;
             for (std::size_t i = range.begin(); i < range.end(); ++i)
             {
+                result[i].setZero();
+                if (is_idle_[static_cast<std::size_t>(own[i])])
+                    continue;
                 closest_.influences(points[i], own[i], influences);
                 const FieldValue value = base(points[i], influences, near, false);
-                result[i] = with_regions(value, points[i], influences, regions_).displacement;
+                result[i] =
+                    with_regions(value, points[i], influences, regions_).displacement;
             }
         });
     return result;

@@ -22,9 +22,9 @@ namespace cellwarp
 
 enum class FieldKind
 {
-    Blend,     ///< continuous blend of the closest cells
-    Closest4,  ///< the paper's four closest
-    Rbf        ///< one triharmonic interpolant
+    Blend,    ///< continuous blend of the closest cells
+    Closest4, ///< the paper's four closest
+    Rbf       ///< one triharmonic interpolant
 };
 
 /// Centres of the RBF and where they go: the centres of all cells, and the corners
@@ -42,7 +42,8 @@ RbfCentres rbf_centres(const Cells& cells, std::span<const Pose> poses,
 class Field
 {
 public:
-    /// The misses of \p regions are found here.
+    /// The misses of \p regions are found here. Idle cells hold their material at
+    /// rest, whatever the others do.
     Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
           std::span<const Constraint> constraints, std::vector<MovedRegion> regions);
 
@@ -64,6 +65,7 @@ private:
     FieldKind kind_;
     const Cells& cells_;
     std::vector<Pose> poses_;
+    std::vector<bool> is_idle_; ///< a cell
     std::vector<MovedRegion> regions_;
     ClosestCells closest_;
     std::optional<Closest4> closest4_;

@@ -40,14 +40,16 @@ std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, doub
 {
     std::vector<std::size_t> order(centres.size());
     std::iota(order.begin(), order.end(), std::size_t(0));
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-        return std::tuple(centres[a].x(), a) < std::tuple(centres[b].x(), b);
-    });
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b)
+              { return std::tuple(centres[a].x(), a) < std::tuple(centres[b].x(), b); });
     std::vector<bool> is_copy(centres.size(), false);
     for (std::size_t i = 0; i < order.size(); ++i)
         for (std::size_t j = i + 1;
-             j < order.size() && centres[order[j]].x() - centres[order[i]].x() <= same; ++j)
-            if (!is_copy[order[i]] && (centres[order[j]] - centres[order[i]]).norm() <= same)
+             j < order.size() && centres[order[j]].x() - centres[order[i]].x() <= same;
+             ++j)
+            if (!is_copy[order[i]] &&
+                (centres[order[j]] - centres[order[i]]).norm() <= same)
                 is_copy[std::max(order[i], order[j])] = true;
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < centres.size(); ++i)
@@ -61,8 +63,8 @@ std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, doub
 RbfField::Basis RbfField::basis(const Eigen::Vector3d& x)
 {
     Basis b;
-    b << 1, x.x(), x.y(), x.z(), x.x() * x.x(), x.y() * x.y(), x.z() * x.z(), x.x() * x.y(),
-        x.y() * x.z(), x.z() * x.x();
+    b << 1, x.x(), x.y(), x.z(), x.x() * x.x(), x.y() * x.y(), x.z() * x.z(),
+        x.x() * x.y(), x.y() * x.z(), x.z() * x.x();
     return b;
 }
 
@@ -121,41 +123,54 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
     R.conservativeResize(rank, rank);
 
     Eigen::MatrixXd A(n, n);
-    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index j) {
-        for (Eigen::Index i = 0; i < n; ++i)
-            A(i, j) = cube_of_distance(centres_.col(i) - centres_.col(j));
-    });
+    tbb::parallel_for(Eigen::Index(0), n,
+                      [&](Eigen::Index j)
+                      {
+                          for (Eigen::Index i = 0; i < n; ++i)
+                              A(i, j) =
+                                  cube_of_distance(centres_.col(i) - centres_.col(j));
+                      });
     const Eigen::MatrixXd B = A * Q;
-    const Eigen::MatrixXd Zf = f - Q * (Q.transpose() * f);
     const double t = n > 1 ? A.cwiseAbs().sum() / static_cast<double>(n) : 1.0;
     const Eigen::MatrixXd middle =
         Q.transpose() * B + t * Eigen::MatrixXd::Identity(rank, rank);
     const Eigen::MatrixXd left = Q * middle - B;
-    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index j) {
-        A.col(j) += left * Q.row(j).transpose() - Q * B.row(j).transpose();
-    });
-    Eigen::MatrixXd w = Zf;
+    tbb::parallel_for(Eigen::Index(0), n,
+                      [&](Eigen::Index j) {
+                          A.col(j) +=
+                              left * Q.row(j).transpose() - Q * B.row(j).transpose();
+                      });
     const lapack_int order = static_cast<lapack_int>(n);
-    if (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, A.data(), order) == 0)
-        LAPACKE_dpotrs(LAPACK_COL_MAJOR, 'L', order, 3, A.data(), order, w.data(), order);
-    else
-        w.setZero();  // the residual tells
-
-    w -= Q * (Q.transpose() * w);
+    const bool is_factored =
+        LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, A.data(), order) == 0;
+    // Solved, and mended once: close centres cost digits that the second pass finds.
+    Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, 3), Aw = w;
+    for (int pass = 0; pass < 2 && is_factored; ++pass)
+    {
+        const Eigen::MatrixXd missing = f - Aw;
+        Eigen::MatrixXd step = missing - Q * (Q.transpose() * missing);
+        LAPACKE_dpotrs(LAPACK_COL_MAJOR, 'L', order, 3, A.data(), order, step.data(),
+                       order);
+        w += step - Q * (Q.transpose() * step);
+        // The factor stands where A was: its entries once more.
+        tbb::parallel_for(Eigen::Index(0), n,
+                          [&](Eigen::Index i)
+                          {
+                              Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+                              for (Eigen::Index j = 0; j < n; ++j)
+                                  sum += cube_of_distance(centres_.col(i) -
+                                                          centres_.col(j)) *
+                                         w.row(j).transpose();
+                              Aw.row(i) = sum.transpose();
+                          });
+    }
     weights_ = w.transpose();
-    // A w again, column by column: A itself is overwritten by its factor.
-    Eigen::MatrixXd Aw(n, 3);
-    tbb::parallel_for(Eigen::Index(0), n, [&](Eigen::Index i) {
-        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-        for (Eigen::Index j = 0; j < n; ++j)
-            sum += cube_of_distance(centres_.col(i) - centres_.col(j)) * weights_.col(j);
-        Aw.row(i) = sum.transpose();
-    });
     const Eigen::MatrixXd coefficients =
         R.triangularView<Eigen::Upper>().solve(Q.transpose() * (f - Aw));
     polynomial_.setZero();
     for (Eigen::Index k = 0; k < rank; ++k)
-        polynomial_.col(terms[static_cast<std::size_t>(k)]) = coefficients.row(k).transpose();
+        polynomial_.col(terms[static_cast<std::size_t>(k)]) =
+            coefficients.row(k).transpose();
     for (Eigen::Index i = 0; i < n; ++i)
     {
         const Eigen::Vector3d reached =
@@ -177,7 +192,8 @@ Eigen::Vector3d RbfField::displacement(const Eigen::Vector3d& x) const
     for (; j + kLanes <= n; j += kLanes)
         for (int l = 0; l < kLanes; ++l)
         {
-            const double dx = u.x() - cx[j + l], dy = u.y() - cy[j + l], dz = u.z() - cz[j + l];
+            const double dx = u.x() - cx[j + l], dy = u.y() - cy[j + l],
+                         dz = u.z() - cz[j + l];
             const double squared = dx * dx + dy * dy + dz * dz;
             const double cube = squared * std::sqrt(squared);
             sx[l] += cube * wx[j + l];

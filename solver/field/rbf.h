@@ -41,7 +41,7 @@ private:
     using Basis = Eigen::Matrix<double, kTerms, 1>;
     static Basis basis(const Eigen::Vector3d& x);
 
-    Eigen::Vector3d origin_;  ///< mean of the centres
+    Eigen::Vector3d origin_; ///< mean of the centres
     Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor> centres_, weights_;
     Eigen::Matrix<double, 3, kTerms> polynomial_;
     double residual_ = 0.0;

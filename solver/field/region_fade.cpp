@@ -51,7 +51,8 @@ std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> points)
 }
 
 template <class Value>
-std::vector<Value> picked(std::span<const Value> values, const std::vector<std::size_t>& kept)
+std::vector<Value> picked(std::span<const Value> values,
+                          const std::vector<std::size_t>& kept)
 {
     std::vector<Value> result;
     for (const std::size_t i : kept)
@@ -155,7 +156,8 @@ FieldValue RegionFade::average(const Eigen::Vector3d& x,
         return result;
     }
     // The distance of a node as a number with its gradient.
-    const auto distance = [&](const PointTree::Neighbour& node) {
+    const auto distance = [&](const PointTree::Neighbour& node)
+    {
         const double d = std::sqrt(node.distance_squared);
         return Dual(d, (x - nodes()[node.index]) / d);
     };
@@ -170,10 +172,9 @@ FieldValue RegionFade::average(const Eigen::Vector3d& x,
     }
     for (std::size_t i = 0; i < near.size(); ++i)
     {
-        const Dual share = sum.value() > 0
-                               ? Dual(weights[i] / sum)
-                               : Dual(1.0 / static_cast<double>(near.size()),
-                                      Eigen::Vector3d::Zero());
+        const Dual share = sum.value() > 0 ? Dual(weights[i] / sum)
+                                           : Dual(1.0 / static_cast<double>(near.size()),
+                                                  Eigen::Vector3d::Zero());
         const Eigen::Vector3d& value = node_values[near[i].index];
         result.displacement += share.value() * value;
         result.gradient += value * share.derivatives().transpose();
@@ -204,7 +205,8 @@ FieldValue with_regions(const FieldValue& value, const Eigen::Vector3d& x,
     }
     if (active.empty())
         return value;
-    const auto product_without = [&](const Active* left_out) {
+    const auto product_without = [&](const Active* left_out)
+    {
         Dual product(1.0, Eigen::Vector3d::Zero());
         for (const Active& other : active)
             if (&other != left_out)
@@ -228,7 +230,8 @@ FieldValue with_regions(const FieldValue& value, const Eigen::Vector3d& x,
     }
     for (std::size_t r = 0; r < active.size(); ++r)
     {
-        const FieldValue miss = active[r].region->fade->average(x, active[r].region->misses);
+        const FieldValue miss =
+            active[r].region->fade->average(x, active[r].region->misses);
         const Dual share = shares[r] / total;
         result.displacement += share.value() * miss.displacement;
         result.gradient += share.value() * miss.gradient +

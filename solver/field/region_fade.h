@@ -36,7 +36,7 @@ public:
     {
         double value = 0.0;
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-        bool is_node = false;  ///< the point is a node
+        bool is_node = false; ///< the point is a node
     };
     /// \p influences: of ClosestCells at \p x; the correction reaches only cells that
     /// are near through the glue.
@@ -52,7 +52,7 @@ public:
 private:
     PointTree tree_;
     std::vector<int> node_cells_;
-    std::vector<bool> is_near_;  ///< a cell
+    std::vector<bool> is_near_; ///< a cell
     double radius_ = 0.0;
 };
 
@@ -61,8 +61,8 @@ struct MovedRegion
 {
     const RegionFade* fade = nullptr;
     Motion motion;
-    bool may_turn = false;  ///< a pin: the motion tells where nodes go, not how they turn
-    std::vector<Eigen::Vector3d> misses;  ///< one a node: motion minus field
+    bool may_turn = false; ///< a pin: the motion tells where nodes go, not how they turn
+    std::vector<Eigen::Vector3d> misses; ///< one a node: motion minus field
 };
 
 /// \p value of the field at \p x, corrected for the regions around \p x. At a node

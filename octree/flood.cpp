@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Marks are widened by r until a flood from outside no longer enters; then the
+// outside is widened by r in turn (a closing), so that the surface stays where it is.
+#include "octree/flood.h"
+
+#include <algorithm>
+#include <numeric>
+#include <vector>
+
+#include "octree/distance_transform.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// An inside smaller than this share of the surface voxels is a pocket between
+/// marks, not an inside.
+constexpr double kMinInsideShare = 0.02;
+
+/// A copy of the grid's marks with a free border all around, so that a flood can
+/// come from every side.
+struct PaddedMarks
+{
+    Eigen::Vector3i counts;
+    int border;
+    std::vector<std::uint8_t> marks;
+
+    PaddedMarks(const VoxelGrid& grid, int width)
+        : counts((grid.counts().array() + 2 * width).matrix()), border(width)
+    {
+        marks.assign(static_cast<std::size_t>(counts.x()) *
+                         static_cast<std::size_t>(counts.y()) *
+                         static_cast<std::size_t>(counts.z()),
+                     0);
+        for (int k = 0; k < grid.counts().z(); ++k)
+            for (int j = 0; j < grid.counts().y(); ++j)
+                std::copy_n(&grid.material()[grid.index(0, j, k)], grid.counts().x(),
+                            &marks[at(0, j, k)]);
+    }
+    std::size_t at(int i, int j, int k) const
+    {
+        return (static_cast<std::size_t>(k + border) *
+                    static_cast<std::size_t>(counts.y()) +
+                static_cast<std::size_t>(j + border)) *
+                   static_cast<std::size_t>(counts.x()) +
+               static_cast<std::size_t>(i + border);
+    }
+};
+
+/// 1 for the voxels farther than r from a mark that a flood from the first voxel,
+/// through faces, reaches.
+std::vector<std::uint8_t> flooded(const std::vector<float>& distances, float r_squared,
+                                  const Eigen::Vector3i& counts)
+{
+    std::vector<std::uint8_t> reached(distances.size(), 0);
+    const std::ptrdiff_t step[3] = {1, counts.x(),
+                                    static_cast<std::ptrdiff_t>(counts.x()) * counts.y()};
+    std::vector<std::size_t> stack = {0};
+    reached[0] = 1;
+    while (!stack.empty())
+    {
+        const std::size_t voxel = stack.back();
+        stack.pop_back();
+        const std::size_t nx = static_cast<std::size_t>(counts.x());
+        const std::size_t ny = static_cast<std::size_t>(counts.y());
+        const std::size_t place[3] = {voxel % nx, voxel / nx % ny, voxel / nx / ny};
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int direction : {-1, 1})
+            {
+                if (place[axis] ==
+                    (direction < 0 ? 0 : static_cast<std::size_t>(counts[axis] - 1)))
+                    continue;
+                const std::size_t next = static_cast<std::size_t>(
+                    static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
+                if (!reached[next] && distances[next] > r_squared)
+                {
+                    reached[next] = 1;
+                    stack.push_back(next);
+                }
+            }
+    }
+    return reached;
+}
+
+} // namespace
+
+double fill_by_flood(VoxelGrid& grid, int max_radius,
+                     const std::function<bool(std::size_t)>& may_fill)
+{
+    const PaddedMarks padded(grid, max_radius + 2);
+    const std::vector<float> distances = squared_distances(padded.marks, padded.counts);
+    const std::size_t num_marks = static_cast<std::size_t>(
+        std::count(grid.material().begin(), grid.material().end(), std::uint8_t(1)));
+    std::size_t best_inside = 0;
+    int best_radius = -1;
+    std::vector<std::uint8_t> best_reached;
+    for (int r = 0; r <= max_radius; ++r)
+    {
+        const float r_squared = static_cast<float>(r * r);
+        std::vector<std::uint8_t> reached = flooded(distances, r_squared, padded.counts);
+        std::size_t inside = 0;
+        for (std::size_t i = 0; i < reached.size(); ++i)
+            inside += !reached[i] && distances[i] > r_squared;
+        if (inside > best_inside)
+        {
+            best_inside = inside;
+            best_radius = r;
+            best_reached = std::move(reached);
+        }
+    }
+    if (static_cast<double>(best_inside) <
+        std::max(1.0, kMinInsideShare * static_cast<double>(num_marks)))
+        return -1.0;
+    const std::vector<float> outside = squared_distances(best_reached, padded.counts);
+    const float r_squared = static_cast<float>(best_radius * best_radius);
+    for (int k = 0; k < grid.counts().z(); ++k)
+        for (int j = 0; j < grid.counts().y(); ++j)
+            for (int i = 0; i < grid.counts().x(); ++i)
+            {
+                const std::size_t voxel = grid.index(i, j, k);
+                if (outside[padded.at(i, j, k)] > r_squared && may_fill(voxel))
+                    grid.material()[voxel] = 1;
+            }
+    return best_radius;
+}
+
+void spread(VoxelGrid& grid, double r)
+{
+    const std::vector<float> distances =
+        squared_distances(grid.material(), grid.counts());
+    for (std::size_t i = 0; i < grid.size(); ++i)
+        grid.material()[i] = distances[i] <= static_cast<float>(r * r);
+}
+
+void join_fragments(VoxelGrid& grid, int reach)
+{
+    std::vector<std::uint8_t>& material = grid.material();
+    constexpr std::int32_t kFree = -1;
+    std::vector<std::int32_t> part(grid.size(), kFree);
+    const auto for_neighbours = [&](std::size_t voxel, auto&& visit)
+    {
+        const Eigen::Vector3i place = grid.coordinates(voxel);
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int step : {-1, 1})
+            {
+                Eigen::Vector3i other = place;
+                other[axis] += step;
+                if (grid.contains(other))
+                    visit(grid.index(other));
+            }
+    };
+    std::int32_t num_parts = 0;
+    std::vector<std::size_t> front;
+    for (std::size_t seed = 0; seed < grid.size(); ++seed)
+    {
+        if (!material[seed] || part[seed] != kFree)
+            continue;
+        part[seed] = num_parts;
+        std::vector<std::size_t> stack = {seed};
+        while (!stack.empty())
+        {
+            const std::size_t voxel = stack.back();
+            stack.pop_back();
+            front.push_back(voxel);
+            for_neighbours(voxel,
+                           [&](std::size_t other)
+                           {
+                               if (material[other] && part[other] == kFree)
+                               {
+                                   part[other] = num_parts;
+                                   stack.push_back(other);
+                               }
+                           });
+        }
+        ++num_parts;
+    }
+    if (num_parts < 2)
+        return;
+    // All parts grow at once; where two fronts meet there is a link, shortest first.
+    struct Link
+    {
+        int length;
+        std::size_t a, b;
+    };
+    std::vector<Link> links;
+    std::vector<std::size_t> from(grid.size());
+    for (const std::size_t voxel : front)
+        from[voxel] = voxel;
+    std::sort(front.begin(), front.end());
+    for (int distance = 0; distance <= reach / 2 && !front.empty(); ++distance)
+    {
+        std::vector<std::size_t> next;
+        for (const std::size_t voxel : front)
+            for_neighbours(voxel,
+                           [&](std::size_t other)
+                           {
+                               if (part[other] == kFree)
+                               {
+                                   part[other] = part[voxel];
+                                   from[other] = voxel;
+                                   next.push_back(other);
+                               }
+                               else if (part[other] != part[voxel])
+                                   links.push_back({2 * distance, voxel, other});
+                           });
+        front = std::move(next);
+    }
+    std::stable_sort(links.begin(), links.end(),
+                     [](const Link& a, const Link& b) { return a.length < b.length; });
+    std::vector<std::int32_t> root(static_cast<std::size_t>(num_parts));
+    std::iota(root.begin(), root.end(), 0);
+    const auto find = [&](std::int32_t i)
+    {
+        while (root[static_cast<std::size_t>(i)] != i)
+            i = root[static_cast<std::size_t>(i)] =
+                root[static_cast<std::size_t>(root[static_cast<std::size_t>(i)])];
+        return i;
+    };
+    for (const Link& link : links)
+    {
+        const std::int32_t a = find(part[link.a]), b = find(part[link.b]);
+        if (a == b)
+            continue;
+        root[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+        for (std::size_t voxel : {link.a, link.b})
+            for (; !material[voxel]; voxel = from[voxel])
+                material[voxel] = 1;
+    }
+}
+
+} // namespace cellwarp

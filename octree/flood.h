@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The inside of soups and clouds: what a flood from outside does not reach once
+// their openings are closed; and the joining of what should be one piece.
+#pragma once
+
+#include <functional>
+
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+/// Fills what marks enclose once openings up to a radius are closed; the radius, at
+/// most \p max_radius [voxel], is the one that encloses most. Nothing is added on the
+/// outside. Only voxels that \p may_fill accepts are filled. Returns the radius
+/// [voxel], or -1 if nothing is enclosed.
+double fill_by_flood(VoxelGrid& grid, int max_radius,
+                     const std::function<bool(std::size_t)>& may_fill);
+
+/// Widens every mark to a ball of radius \p r [voxel]: a sheet of points becomes
+/// connected. (A closing would take off again all that lies between its points.)
+void spread(VoxelGrid& grid, double r);
+
+/// Joins parts of the material that are at most \p reach voxels apart, nearest ones
+/// first, by the voxels in between. Samples of one surface may otherwise touch at
+/// an edge only, and would not be glued.
+void join_fragments(VoxelGrid& grid, int reach);
+
+} // namespace cellwarp

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Along the line through the centres of a voxel column the winding number is the sum
+// of the signs of the crossings below. It is not zero in overlapping parts, where
+// parity would say outside. Of a surface with a few holes each ray may be wrong: the
+// six rays of a voxel vote.
+#include "octree/winding.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Sample numbers with coincident samples joined to the first of them.
+std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples)
+{
+    std::vector<std::uint32_t> order(samples.size()), joined(samples.size());
+    std::iota(order.begin(), order.end(), 0u);
+    const auto key = [&](std::uint32_t i)
+    { return std::tuple(samples[i].x(), samples[i].y(), samples[i].z()); };
+    std::sort(order.begin(), order.end(),
+              [&](std::uint32_t a, std::uint32_t b)
+              {
+                  return std::tuple_cat(key(a), std::tuple(a)) <
+                         std::tuple_cat(key(b), std::tuple(b));
+              });
+    std::uint32_t first = 0;
+    for (std::size_t i = 0; i < order.size(); ++i)
+    {
+        if (i == 0 || key(order[i]) != key(first))
+            first = order[i];
+        joined[order[i]] = first;
+    }
+    return joined;
+}
+
+/// A triangle with its smallest corner first, the orientation kept.
+Triangle canonical(Triangle t)
+{
+    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+    return t;
+}
+
+/// Where the lines through the voxel centres along one axis cross the triangles.
+struct Crossing
+{
+    std::uint64_t column;
+    double height; ///< [voxel]
+    int sign;
+    bool operator<(const Crossing& other) const
+    {
+        return std::tuple(column, height, sign) <
+               std::tuple(other.column, other.height, other.sign);
+    }
+};
+
+/// Side of the point (x, y) seen along the edge a -> b, never 0: a point on the
+/// edge counts as moved by an infinitely small (e, e^2), the same for both
+/// triangles of the edge.
+int side(const double* a, const double* b, double x, double y)
+{
+    const bool swapped = std::pair(b[0], b[1]) < std::pair(a[0], a[1]);
+    if (swapped)
+        std::swap(a, b);
+    const double cross = (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
+    const double value = cross != 0 ? cross : b[1] != a[1] ? -(b[1] - a[1]) : b[0] - a[0];
+    const int sign = value > 0 ? 1 : value < 0 ? -1 : 0;
+    return swapped ? -sign : sign;
+}
+
+std::vector<Crossing> crossings(const Shape& shape,
+                                const std::vector<Triangle>& triangles,
+                                const VoxelGrid& grid, int axis)
+{
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    std::vector<Crossing> found;
+    for (const Triangle& t : triangles)
+    {
+        double p[3][2], h[3];
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            const Eigen::Vector3d x = grid.to_voxels(shape.samples[t[k]]);
+            p[k][0] = x[u];
+            p[k][1] = x[v];
+            h[k] = x[axis];
+        }
+        int low[2], high[2];
+        for (int d = 0; d < 2; ++d)
+        {
+            const double end = grid.counts()[d == 0 ? u : v] - 1.0;
+            low[d] = static_cast<int>(std::clamp(
+                std::ceil(std::min({p[0][d], p[1][d], p[2][d]}) - 0.5), 0.0, end + 1));
+            high[d] = static_cast<int>(std::clamp(
+                std::floor(std::max({p[0][d], p[1][d], p[2][d]}) - 0.5), -1.0, end));
+        }
+        for (int j = low[1]; j <= high[1]; ++j)
+            for (int i = low[0]; i <= high[0]; ++i)
+            {
+                const double x = i + 0.5, y = j + 0.5;
+                const int s0 = side(p[0], p[1], x, y), s1 = side(p[1], p[2], x, y),
+                          s2 = side(p[2], p[0], x, y);
+                if (s0 != s1 || s1 != s2 || s0 == 0)
+                    continue;
+                const double area = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) -
+                                    (p[1][1] - p[0][1]) * (p[2][0] - p[0][0]);
+                if (area == 0)
+                    continue;
+                const double w1 = ((x - p[0][0]) * (p[2][1] - p[0][1]) -
+                                   (y - p[0][1]) * (p[2][0] - p[0][0])) /
+                                  area;
+                const double w2 = ((p[1][0] - p[0][0]) * (y - p[0][1]) -
+                                   (p[1][1] - p[0][1]) * (x - p[0][0])) /
+                                  area;
+                const std::uint64_t column =
+                    static_cast<std::uint64_t>(j) *
+                        static_cast<std::uint64_t>(grid.counts()[u]) +
+                    static_cast<std::uint64_t>(i);
+                found.push_back(
+                    {column, h[0] + w1 * (h[1] - h[0]) + w2 * (h[2] - h[0]), s0});
+            }
+    }
+    std::sort(found.begin(), found.end());
+    return found;
+}
+
+/// Calls \p visit(voxel index, winding number seen from below, from above) for the
+/// voxels of all columns that are crossed.
+template <class Visit>
+void walk_columns(const std::vector<Crossing>& found, const VoxelGrid& grid, int axis,
+                  Visit&& visit)
+{
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    for (std::size_t first = 0; first < found.size();)
+    {
+        std::size_t end = first;
+        int total = 0;
+        while (end < found.size() && found[end].column == found[first].column)
+            total += found[end++].sign;
+        Eigen::Vector3i voxel;
+        voxel[u] = static_cast<int>(found[first].column %
+                                    static_cast<std::uint64_t>(grid.counts()[u]));
+        voxel[v] = static_cast<int>(found[first].column /
+                                    static_cast<std::uint64_t>(grid.counts()[u]));
+        int below = 0;
+        std::size_t next = first;
+        for (int h = 0; h < grid.counts()[axis]; ++h)
+        {
+            while (next < end && found[next].height < h + 0.5)
+                below += found[next++].sign;
+            voxel[axis] = h;
+            visit(grid.index(voxel), below, total - below);
+        }
+        first = end;
+    }
+}
+
+} // namespace
+
+std::vector<Triangle> bounding_triangles(const Shape& shape)
+{
+    const std::vector<std::uint32_t> joined = joined_samples(shape.samples);
+    std::vector<Triangle> triangles;
+    triangles.reserve(shape.triangles.size());
+    for (const Triangle& t : shape.triangles)
+    {
+        const Triangle j = {joined[t[0]], joined[t[1]], joined[t[2]]};
+        if (j[0] != j[1] && j[1] != j[2] && j[2] != j[0])
+            triangles.push_back(canonical(j));
+    }
+    std::sort(triangles.begin(), triangles.end());
+    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+    return triangles;
+}
+
+double open_edge_share(const std::vector<Triangle>& triangles)
+{
+    if (triangles.empty())
+        return 1.0;
+    // Each edge once as (low, high), its direction as a sign.
+    std::vector<std::pair<std::uint64_t, int>> edges;
+    edges.reserve(3 * triangles.size());
+    for (const Triangle& t : triangles)
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            const std::uint64_t a = t[k], b = t[(k + 1) % 3];
+            edges.emplace_back(std::min(a, b) << 32 | std::max(a, b), a < b ? 1 : -1);
+        }
+    std::sort(edges.begin(), edges.end());
+    std::size_t open = 0, total = 0;
+    for (std::size_t i = 0; i < edges.size(); ++total)
+    {
+        int balance = 0;
+        const std::uint64_t edge = edges[i].first;
+        for (; i < edges.size() && edges[i].first == edge; ++i)
+            balance += edges[i].second;
+        open += balance != 0;
+    }
+    return static_cast<double>(open) / static_cast<double>(total);
+}
+
+void fill_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
+                     VoxelGrid& grid)
+{
+    walk_columns(crossings(shape, triangles, grid, 2), grid, 2,
+                 [&](std::size_t voxel, int below, int)
+                 {
+                     if (below != 0)
+                         grid.material()[voxel] = 1;
+                 });
+}
+
+std::vector<std::uint8_t> inside_votes(const Shape& shape,
+                                       const std::vector<Triangle>& triangles,
+                                       const VoxelGrid& grid)
+{
+    std::vector<std::uint8_t> votes(grid.size(), 0);
+    for (int axis = 0; axis < 3; ++axis)
+        walk_columns(crossings(shape, triangles, grid, axis), grid, axis,
+                     [&](std::size_t voxel, int below, int above)
+                     {
+                         votes[voxel] = static_cast<std::uint8_t>(
+                             votes[voxel] + (below != 0) + (above != 0));
+                     });
+    return votes;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The inside of closed and nearly closed surfaces, from the crossings of lines.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "octree/material.h"
+#include "octree/voxel_grid.h"
+
+namespace cellwarp
+{
+
+/// The triangles that bound something: coincident corners joined, degenerate ones
+/// and repeated copies dropped.
+std::vector<Triangle> bounding_triangles(const Shape& shape);
+
+/// The share of edges that lack their opposite; 0: closed and oriented, 1: no
+/// triangle. \p triangles from bounding_triangles().
+double open_edge_share(const std::vector<Triangle>& triangles);
+
+/// Marks the voxels around which a closed surface winds.
+void fill_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
+                     VoxelGrid& grid);
+
+/// How many of the six axis rays of each voxel say that it is inside.
+std::vector<std::uint8_t> inside_votes(const Shape& shape,
+                                       const std::vector<Triangle>& triangles,
+                                       const VoxelGrid& grid);
+
+} // namespace cellwarp

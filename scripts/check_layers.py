@@ -1,0 +1,83 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks the arrows between the rooms, and that every library keeps to its place.
+
+usage: check_layers.py [ROOT]     exit 1 and a line for each include that is not allowed
+"""
+import os
+import re
+import sys
+
+# Room -> rooms that it may include. The longest prefix of a path is its room.
+ROOMS = {
+    "io": {"io"},
+    "octree": {"octree"},
+    "solver": {"solver", "octree"},
+    "solver/field": {"solver/field", "solver", "octree"},
+    "editor/session": {"editor/session", "io", "octree", "solver", "solver/field"},
+    "editor/picture": {"editor/picture", "editor/session", "io", "octree", "solver",
+                       "solver/field"},
+    "editor/cli": {"editor/cli", "editor/picture", "editor/session", "io", "solver"},
+    "tests": None,
+}
+# Third-party header -> the files or rooms that may include it.
+LIBRARIES = {
+    "cholmod.h": {"solver/linear_solver.cpp"},
+    "lapacke.h": {"solver/field/rbf.cpp"},
+    "nanoflann.hpp": {"octree/point_tree.cpp"},
+    "embree3/": {"editor/picture"},
+    "stb/": {"editor/picture"},
+    "CLI/": {"editor/cli"},
+    "nlohmann/": {"io/scene_file.cpp", "editor/cli", "tests"},
+    "gtest/": {"tests"},
+}
+# Optional parts may be named only here, outside their own room.
+OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"}}
+
+INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
+
+
+def room_of(path):
+    rooms = [r for r in ROOMS if path.startswith(r + "/")]
+    return max(rooms, key=len) if rooms else None
+
+
+def problems_of(path, text):
+    room = room_of(path)
+    for mark, name in INCLUDE.findall(text):
+        target = room_of(name) if mark == '"' else None
+        if mark == '"' and target is None:
+            yield "%s includes \"%s\", which is in no room" % (path, name)
+        elif target and ROOMS[room] is not None and target not in ROOMS[room]:
+            yield "%s may not include %s" % (room, name)
+        for optional, allowed in OPTIONAL.items():
+            if target == optional and room not in (optional, "tests") and path not in allowed:
+                yield "%s names the optional part %s" % (path, optional)
+        for library, places in LIBRARIES.items():
+            if mark == "<" and name.startswith(library) and not any(
+                    path == p or path.startswith(p + "/") for p in places):
+                yield "%s may not include <%s>" % (path, name)
+
+
+def main():
+    root = sys.argv[1] if len(sys.argv) > 1 else os.path.join(
+        os.path.dirname(os.path.abspath(__file__)), "..")
+    problems, count = [], 0
+    for top in ("io", "octree", "solver", "editor", "tests"):
+        for folder, _, names in os.walk(os.path.join(root, top)):
+            for name in sorted(names):
+                if not name.endswith((".h", ".cpp")):
+                    continue
+                path = os.path.relpath(os.path.join(folder, name), root).replace(os.sep, "/")
+                with open(os.path.join(folder, name), encoding="utf-8") as file:
+                    problems += problems_of(path, file.read())
+                count += 1
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    if count == 0:
+        print("no source file found", file=sys.stderr)
+    sys.exit(1 if problems or count == 0 else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,341 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes the sample models and their scenes from formulas.
+
+usage: make_samples.py [FOLDER]        (default: samples/ beside this script's folder)
+
+bar       a closed box, 1 x 1 x 4, twisted by 135 degrees
+plate     a closed slab with bumps and normals; one edge is bent up
+creature  a smooth closed body with limbs, a head, ears and a tail; two frames
+vase      an open shell of revolution; its rim is tilted and pulled
+cloud     points with colours on a torus, no faces; one side is turned and lifted
+"""
+import math
+import os
+import random
+import struct
+import sys
+
+
+def write(folder, name, text):
+    data = text if isinstance(text, bytes) else text.encode()
+    with open(os.path.join(folder, name), "wb") as file:
+        file.write(data)
+
+
+def obj(points, faces, comment):
+    lines = ["# " + comment]
+    lines += ["v %.6g %.6g %.6g" % tuple(p) for p in points]
+    lines += ["f " + " ".join(str(i + 1) for i in face) for face in faces]
+    return "\n".join(lines) + "\n"
+
+
+def scene(folder, name, model, handles, extra=""):
+    write(folder, name + ".handles", handles)
+    write(folder, name + ".json",
+          '{\n  "cellwarp": 1,\n  "model": "%s",\n  "handles": "%s.handles"%s\n}\n'
+          % (model, name, extra))
+
+
+def grid_box(counts, place):
+    """Quads of a closed box surface; place maps grid numbers to a point."""
+    numbers, points, faces = {}, [], []
+
+    def vertex(i, j, k):
+        if (i, j, k) not in numbers:
+            numbers[i, j, k] = len(points)
+            points.append(place(i, j, k))
+        return numbers[i, j, k]
+
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for side in (0, counts[axis]):
+            for a in range(counts[u]):
+                for b in range(counts[v]):
+                    quad = []
+                    for da, db in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                        at = [0, 0, 0]
+                        at[axis], at[u], at[v] = side, a + da, b + db
+                        quad.append(vertex(*at))
+                    faces.append(quad if side else quad[::-1])
+    return points, faces
+
+
+def check_closed(faces):
+    """Every edge has exactly two, opposite faces."""
+    edges = set()
+    for face in faces:
+        for edge in zip(face, face[1:] + face[:1]):
+            assert edge not in edges, "an edge has two faces of one direction"
+            edges.add(edge)
+    assert all((b, a) in edges for a, b in edges), "an edge has one face"
+
+
+def bar(folder):
+    points, faces = grid_box((16, 16, 64),
+                             lambda i, j, k: (i / 16 - 0.5, j / 16 - 0.5, k / 16))
+    write(folder, "bar.obj", obj(points, faces, "closed box, 1 x 1 x 4"))
+    scene(folder, "bar", "bar.obj", """cellwarp-handles 1
+# The far end turns by 135 degrees about the bar's axis.
+fixed  foot  box -1 -1 -1  1 1 0.25
+handle head  box -1 -1 3.75  1 1 5
+frame 1
+move head rotate 0 0 1 135
+""")
+
+
+def plate(folder):
+    def height(x, y):
+        return 0.06 + 0.03 * math.sin(9 * x) * math.sin(9 * y) + \
+            0.05 * math.exp(-40 * ((x - 1.0) ** 2 + (y - 0.5) ** 2))
+
+    nx, ny, nz = 120, 60, 3
+    points, faces = grid_box((nx, ny, nz), lambda i, j, k:
+                             (2 * i / nx, j / ny, height(2 * i / nx, j / ny) * k / nz))
+    normals = [[0.0, 0.0, 0.0] for _ in points]
+    for face in faces:
+        a, b, c = (points[face[k]] for k in (0, 1, 2))
+        u = [b[k] - a[k] for k in range(3)]
+        v = [c[k] - a[k] for k in range(3)]
+        n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+        for corner in face:
+            for k in range(3):
+                normals[corner][k] += n[k]
+    head = """ply
+format binary_little_endian 1.0
+comment a slab with bumps
+element vertex %d
+property float x
+property float y
+property float z
+property float nx
+property float ny
+property float nz
+element face %d
+property list uchar int vertex_indices
+end_header
+""" % (len(points), len(faces))
+    data = head.encode()
+    for p, n in zip(points, normals):
+        length = math.sqrt(sum(x * x for x in n))
+        data += struct.pack("<6f", *p, *(x / length for x in n))
+    for face in faces:
+        data += struct.pack("<B4i", 4, *face)
+    write(folder, "plate.ply", data)
+    scene(folder, "plate", "plate.ply", """cellwarp-handles 1
+# One edge is bent up and over by a quarter turn.
+fixed  left   box -1 -1 -1  0.2 2 1
+handle right  box 1.8 -1 -1  3 2 1
+frame 1
+move right rotate 0 1 0 -90 about 1.25 0.5 0.05  translate -0.25 0 0.55
+""")
+
+
+def smooth_union(distances, k):
+    """Smooth minimum: exp-weighted, so that the order does not matter."""
+    least = min(distances)
+    return least - k * math.log(sum(math.exp((least - d) / k) for d in distances))
+
+
+def capsule(p, a, b, ra, rb):
+    ab = [b[k] - a[k] for k in range(3)]
+    ap = [p[k] - a[k] for k in range(3)]
+    t = sum(x * y for x, y in zip(ap, ab)) / max(1e-12, sum(x * x for x in ab))
+    t = min(1.0, max(0.0, t))
+    return math.dist(p, [a[k] + t * ab[k] for k in range(3)]) - (ra + t * (rb - ra))
+
+
+def creature_parts():
+    parts = [((0, 0.95, 0), (0, 1.45, 0), 0.27, 0.30),      # trunk
+             ((0, 1.45, 0), (0, 1.95, 0.04), 0.16, 0.14),   # neck
+             ((0, 2.05, 0.02), (0, 2.05, 0.14), 0.27, 0.22),  # head
+             ((0, 1.98, 0.2), (0, 1.95, 0.42), 0.13, 0.09),  # snout
+             ((0, 0.85, -0.15), (0, 0.55, -0.6), 0.13, 0.09),  # tail
+             ((0, 0.55, -0.6), (0, 0.75, -1.05), 0.09, 0.05)]
+    for s in (-1, 1):
+        parts += [((0.24 * s, 1.50, 0), (0.68 * s, 1.36, 0.02), 0.13, 0.11),  # arm
+                  ((0.68 * s, 1.36, 0.02), (1.10 * s, 1.44, 0.10), 0.11, 0.09),
+                  ((1.10 * s, 1.44, 0.10), (1.24 * s, 1.47, 0.13), 0.12, 0.10),  # hand
+                  ((0.16 * s, 0.86, 0), (0.24 * s, 0.46, 0.04), 0.17, 0.14),  # leg
+                  ((0.24 * s, 0.46, 0.04), (0.27 * s, 0.10, -0.02), 0.14, 0.11),
+                  ((0.27 * s, 0.08, -0.02), (0.29 * s, 0.07, 0.24), 0.11, 0.10),  # foot
+                  ((0.15 * s, 2.25, 0.0), (0.30 * s, 2.50, -0.04), 0.09, 0.04)]  # ear
+    return parts
+
+
+def creature(folder):
+    parts = creature_parts()
+    h = 0.0262
+    low, high = (-1.5, -0.2, -1.3), (1.5, 2.7, 0.7)
+    n = [int(math.ceil((high[k] - low[k]) / h)) for k in range(3)]
+
+    def value(p):
+        return smooth_union([capsule(p, *part) for part in parts], 0.045)
+
+    # Only grid points near the surface are computed exactly: from the parts' boxes
+    # a bound of the distance is enough to skip the rest.
+    cache = {}
+
+    def at(i, j, k):
+        key = (i, j, k)
+        if key not in cache:
+            cache[key] = value((low[0] + i * h, low[1] + j * h, low[2] + k * h))
+        return cache[key]
+
+    near = set()
+    step = 6
+    for i in range(0, n[0] + 1, step):
+        for j in range(0, n[1] + 1, step):
+            for k in range(0, n[2] + 1, step):
+                if abs(at(i, j, k)) < 1.2 * step * h + 0.15:
+                    near.add((i, j, k))
+    # Surface nets: a vertex in each cube with a sign change, a quad across each edge
+    # with one; then the vertices move onto the surface.
+    numbers, points, faces = {}, [], []
+
+    def vertex(cube):
+        if cube not in numbers:
+            crossings = []
+            for axis in range(3):
+                for a in (0, 1):
+                    for b in (0, 1):
+                        p = list(cube)
+                        p[(axis + 1) % 3] += a
+                        p[(axis + 2) % 3] += b
+                        q = list(p)
+                        q[axis] += 1
+                        x, y = at(*p), at(*q)
+                        if (x < 0) != (y < 0):
+                            t = x / (x - y)
+                            crossings.append([p[m] + t * (q[m] - p[m]) for m in range(3)])
+            numbers[cube] = len(points)
+            points.append([low[m] + h * sum(c[m] for c in crossings) / len(crossings)
+                           for m in range(3)])
+        return numbers[cube]
+
+    for corner in sorted(near):
+        for i in range(corner[0], min(corner[0] + step, n[0])):
+            for j in range(corner[1], min(corner[1] + step, n[1])):
+                for k in range(corner[2], min(corner[2] + step, n[2])):
+                    inside = at(i, j, k) < 0
+                    for axis in range(3):
+                        q = [i, j, k]
+                        q[axis] += 1
+                        if inside == (at(*q) < 0):
+                            continue
+                        quad = []
+                        for a, b in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                            cube = [i, j, k]
+                            cube[(axis + 1) % 3] -= a
+                            cube[(axis + 2) % 3] -= b
+                            quad.append(vertex(tuple(cube)))
+                        faces.append(quad if inside else quad[::-1])
+    for p in points:
+        for _ in range(4):
+            f = value(p)
+            g = []
+            for m in range(3):
+                q = list(p)
+                q[m] += 1e-4
+                g.append((value(q) - f) / 1e-4)
+            squared = max(1e-6, sum(x * x for x in g))
+            for m in range(3):
+                p[m] -= f * g[m] / squared
+    check_closed(faces)
+    write(folder, "creature.obj", obj(points, faces, "a creature, quads"))
+    scene(folder, "creature", "creature.obj", """cellwarp-handles 1
+# Standing on its feet it looks to the side and raises one arm, then waves it.
+fixed  feet  box -2 -1 -1  2 0.2 0.6
+handle head  sphere 0 2.08 0.08  0.30
+handle hand  sphere 1.22 1.46 0.12  0.16
+frame 1
+move head rotate 0 1 0 40
+move hand rotate 0 0 1 50  translate -0.15 0.6 0
+frame 2
+move hand rotate 0 0 1 95  translate -0.5 0.85 0.1
+""")
+
+
+def vase(folder):
+    rings, around = 80, 120
+    points, faces = [(0.0, 0.0, 0.0)], []
+    for i in range(1, rings + 1):
+        t = i / rings
+        # A flat foot, then a belly, a neck and a rim.
+        if t < 0.15:
+            r, y = 0.45 * t / 0.15, 0.0
+        else:
+            s = (t - 0.15) / 0.85
+            r = 0.45 + 0.28 * math.sin(math.pi * s ** 0.8) - 0.28 * s ** 2 + 0.22 * s ** 6
+            y = 1.6 * s
+        for a in range(around):
+            phi = 2 * math.pi * a / around
+            points.append((r * math.cos(phi), y, r * math.sin(phi)))
+
+    def at(i, a):
+        return 0 if i == 0 else 1 + (i - 1) * around + a % around
+
+    for a in range(around):
+        faces.append((0, at(1, a), at(1, a + 1)))
+        for i in range(1, rings):
+            faces.append((at(i, a), at(i + 1, a), at(i + 1, a + 1), at(i, a + 1)))
+    write(folder, "vase.obj", obj(points, faces, "an open shell of revolution"))
+    scene(folder, "vase", "vase.obj", """cellwarp-handles 1
+units relative
+# The foot stands, the rim is tilted and pulled to one side.
+fixed  foot  box -0.1 -0.1 -0.1  1.1 0.06 1.1
+handle rim   box -0.1 0.93 -0.1  1.1 1.1 1.1
+frame 1
+move rim rotate 0 0 1 -50  translate 0.35 0.05 0
+""", ',\n  "cells": {"fill": "shell", "across": 24}')
+
+
+def cloud(folder):
+    rng = random.Random(7)
+    big, small, count = 1.0, 0.28, 40000
+    data = ("""ply
+format binary_little_endian 1.0
+comment points on a torus, coloured by their angle
+element vertex %d
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+property float intensity
+end_header
+""" % count).encode()
+    made = 0
+    while made < count:
+        a, b = rng.uniform(0, 2 * math.pi), rng.uniform(0, 2 * math.pi)
+        if rng.random() * (big + small) > big + small * math.cos(b):
+            continue  # keeps the points even by area
+        r = big + small * math.cos(b)
+        stripe = 0.5 + 0.5 * math.cos(6 * a + 2 * b)
+        colour = [int(255 * (0.25 + 0.7 * x)) for x in
+                  (stripe, 0.5 + 0.5 * math.sin(a), 0.5 + 0.5 * math.cos(a))]
+        data += struct.pack("<3f3Bf", r * math.cos(a), small * math.sin(b), r * math.sin(a),
+                            *colour, rng.random())
+        made += 1
+    write(folder, "cloud.ply", data)
+    scene(folder, "cloud", "cloud.ply", """cellwarp-handles 1
+# One side of the ring stays, the other is lifted and turned.
+fixed  left   box -2 -1 -1  -0.9 1 1
+handle right  box 0.9 -1 -1  2 1 1
+frame 1
+move right rotate 1 0 0 90  translate 0 0.5 0
+""")
+
+
+def main():
+    here = os.path.dirname(os.path.abspath(__file__))
+    folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
+    os.makedirs(folder, exist_ok=True)
+    for make in (bar, plate, creature, vase, cloud):
+        make(folder)
+        print("made", make.__name__)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,18 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Installs the Debian packages that are missing, and says so. Sourced by run and test.
+packages="g++ cmake ninja-build libeigen3-dev libsuitesparse-dev libopenblas-dev
+    liblapacke-dev libtbb-dev libnanoflann-dev libcli11-dev nlohmann-json3-dev libfmt-dev
+    libembree-dev libstb-dev libgtest-dev python3 clang-format"
+missing=""
+for package in $packages; do
+    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' ||
+        missing="$missing $package"
+done
+if [ -n "$missing" ]; then
+    echo "installing:$missing" >&2
+    as_root=""
+    [ "$(id -u)" = 0 ] || as_root=sudo
+    $as_root apt-get update -q >&2 || true
+    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -q $missing >&2
+fi

@@ -1,0 +1,387 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The program as scripts see it: exit codes, streams and files.
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "io/geometry.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::bytes_of;
+using support::contains;
+
+namespace
+{
+
+struct Result
+{
+    int code = -1;
+    std::string out, err;
+};
+
+/// Runs the program; no shell comes between.
+Result run(const std::vector<std::string>& arguments)
+{
+    const support::Folder folder;
+    const std::string out = folder / "out", err = folder / "err";
+    const pid_t child = ::fork();
+    if (child == 0)
+    {
+        ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), 1);
+        ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT, 0600), 2);
+        std::vector<char*> argv = {const_cast<char*>(CELLWARP_BINARY)};
+        for (const std::string& argument : arguments)
+            argv.push_back(const_cast<char*>(argument.c_str()));
+        argv.push_back(nullptr);
+        ::execv(CELLWARP_BINARY, argv.data());
+        ::_exit(99);
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
+            bytes_of(out), bytes_of(err)};
+}
+
+/// A small bar with a handle file in a folder of its own.
+struct Files
+{
+    support::Folder folder;
+    std::string model, handles, out;
+
+    Files()
+    {
+        model = folder.write("bar.obj", support::obj_text(support::box_shape(
+                                            {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4)));
+        handles = folder.write("bar.handles",
+                               "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 0.3\n"
+                               "handle head box -1 -1 3.7 1 1 5\n"
+                               "frame 1\nmove head rotate 0 0 1 30\n"
+                               "frame 12\nmove head rotate 0 0 1 60\n");
+        out = folder / "out.obj";
+    }
+    Result deform(std::vector<std::string> more = {}) const
+    {
+        std::vector<std::string> arguments = {"deform", model, "--handles", handles,
+                                              "-o",     out,   "--across",  "12"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return run(arguments);
+    }
+};
+
+std::size_t num_files(const support::Folder& folder)
+{
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder.path()), {}));
+}
+
+} // namespace
+
+TEST(Cli, help_and_version_are_there)
+{
+    for (const char* command : {"deform", "info", "check"})
+    {
+        const Result result = run({command, "--help"});
+        EXPECT_EQ(result.code, 0);
+        EXPECT_TRUE(contains(result.out, std::string("  cellwarp ") + command));
+        EXPECT_LT(result.out.find("  cellwarp "), result.out.find("Usage"));
+    }
+    EXPECT_EQ(run({"--help"}).code, 0);
+    EXPECT_TRUE(contains(run({"--version"}).out, "cellwarp 0."));
+}
+
+TEST(Cli, deform_writes_the_last_frame_or_one_a_frame)
+{
+    const Files files;
+    EXPECT_EQ(files.deform().code, 0);
+    const std::string last = bytes_of(files.out);
+    EXPECT_NE(last, bytes_of(files.model));
+    const Result frames =
+        run({"deform", files.model, "--handles", files.handles, "--across", "12", "-o",
+             files.folder / "f-{frame:04}.obj"});
+    EXPECT_EQ(frames.code, 0) << frames.err;
+    EXPECT_EQ(bytes_of(files.folder / "f-0012.obj"), last);
+    EXPECT_NE(bytes_of(files.folder / "f-0001.obj"), last);
+    EXPECT_EQ(run({"deform", files.model, "--handles", files.handles, "--across", "12",
+                   "-o", files.folder / "g-{frame}.obj"})
+                  .code,
+              0);
+    EXPECT_EQ(bytes_of(files.folder / "g-12.obj"), last);
+}
+
+TEST(Cli, json_has_every_key)
+{
+    const Files files;
+    const Result result = files.deform({"--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    for (const char* key :
+         {"model", "samples", "faces", "cells", "free_cells", "depth", "cells_per_depth",
+          "frames", "field", "volume", "ms", "peak_rss_mb", "unused", "warnings"})
+        EXPECT_TRUE(json.contains(key)) << key;
+    ASSERT_EQ(json["frames"].size(), 2u);
+    for (const char* key : {"frame", "iterations", "energy_before", "energy_after",
+                            "gradient", "stop", "handle_residual", "max_pair_gap", "ms"})
+        EXPECT_TRUE(json["frames"][1].contains(key)) << key;
+    for (const char* key : {"cells", "solve", "field_fit", "field_apply"})
+        EXPECT_TRUE(json["frames"][1]["ms"].contains(key)) << key;
+    for (const char* key : {"load", "cells", "solve", "field", "write", "total"})
+        EXPECT_TRUE(json["ms"].contains(key)) << key;
+    EXPECT_EQ(json["frames"][1]["stop"], "converged");
+    EXPECT_EQ(json["field"]["kind"], "rbf");
+    EXPECT_LT(json["field"]["residual"], 1e-9);
+    EXPECT_NEAR(json["volume"]["before"].get<double>(), 4.0, 1e-9);
+    EXPECT_EQ(json["free_cells"].get<int>() < json["cells"].get<int>(), true);
+    const std::vector<std::string> unused = json["unused"];
+    EXPECT_TRUE(std::find(unused.begin(), unused.end(), "blend") != unused.end());
+    EXPECT_TRUE(std::find(unused.begin(), unused.end(), "interior") == unused.end());
+    const nlohmann::json preview =
+        nlohmann::json::parse(files.deform({"--json", "--preview", "--overwrite"}).out);
+    EXPECT_EQ(preview["field"]["kind"], "blend");
+    const std::vector<std::string> not_needed = preview["unused"];
+    EXPECT_TRUE(std::find(not_needed.begin(), not_needed.end(), "rbf") !=
+                not_needed.end());
+    EXPECT_TRUE(std::find(not_needed.begin(), not_needed.end(), "blend") ==
+                not_needed.end());
+}
+
+TEST(Cli, output_is_the_same_to_the_bit_for_every_number_of_threads)
+{
+    const Files files;
+    std::string first;
+    for (const char* threads : {"1", "2", "4", "0", "64"})
+    {
+        ASSERT_EQ(files.deform({"--threads", threads, "--overwrite"}).code, 0);
+        if (first.empty())
+            first = bytes_of(files.out);
+        EXPECT_EQ(bytes_of(files.out), first);
+    }
+}
+
+TEST(Cli, usage_errors_exit_with_2)
+{
+    const Files files;
+    for (const std::vector<std::string>& arguments :
+         std::vector<std::vector<std::string>>{
+             {},
+             {"bend"},
+             {"deform"},
+             {"deform", files.model},
+             {"deform", files.model, "-o", files.folder / "x.ply"},
+             {"deform", files.model, "-o", "-", "--json"},
+             {"deform", files.model, "-o", files.out, "--across", "0"},
+             {"deform", files.model, "-o", files.out, "--across", "x"},
+             {"deform", files.model, "-o", files.out, "--gap", "-1"},
+             {"deform", files.model, "-o", files.out, "--gap", "nan"},
+             {"deform", files.model, "-o", files.out, "--threshold", "-1"},
+             {"deform", files.model, "-o", files.out, "--fill", "foam"},
+             {"deform", files.model, "-o", files.out, "--solver", "magic"},
+             {"deform", files.model, "-o", files.out, "--sel", "a"},
+             {"deform", files.model, "-o", files.out, "--max-memory", "lots"},
+             {"deform", files.model, "-o", files.folder / "x{frame:x}.obj"},
+             {"deform", files.folder / "model.xyzw", "-o", files.out},
+             {"info", files.folder / "model.xyzw"},
+             {"info", files.model, "--frobnicate"}})
+    {
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 2) << ::testing::PrintToString(arguments);
+        EXPECT_TRUE(result.out.empty());
+        EXPECT_TRUE(contains(result.err, "error: "));
+    }
+    EXPECT_FALSE(std::filesystem::exists(files.out));
+}
+
+TEST(Cli, malformed_files_exit_with_3_and_leave_nothing)
+{
+    const Files files;
+    files.folder.write("bad.handles", "cellwarp-handles 1\nfixed foot box 0 0 0\n");
+    Result result = run({"deform", files.model, "--handles", files.folder / "bad.handles",
+                         "-o", files.out, "--json"});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "bad.handles:2: box number 4"));
+    EXPECT_TRUE(result.out.empty());
+    result = run({"info", files.folder.write("bad.obj", "v 0 0\n")});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "bad.obj:1: vertex"));
+    result = run({"check", files.folder.write("bad.json", "{\"cellwarp\": 1,\n}")});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "bad.json:2"));
+    EXPECT_FALSE(std::filesystem::exists(files.out));
+}
+
+TEST(Cli, file_errors_exit_with_4_before_any_work)
+{
+    const Files files;
+    EXPECT_EQ(run({"info", files.folder / "none.obj"}).code, 4);
+    std::filesystem::create_directory(files.folder / "dir.obj");
+    EXPECT_TRUE(contains(run({"info", files.folder / "dir.obj"}).err, "is a directory"));
+    ASSERT_EQ(files.deform().code, 0);
+    const std::string before = bytes_of(files.out);
+    const Result exists = files.deform();
+    EXPECT_EQ(exists.code, 4);
+    EXPECT_TRUE(contains(exists.err, "--overwrite"));
+    EXPECT_EQ(bytes_of(files.out), before);
+    EXPECT_EQ(files.deform({"--overwrite"}).code, 0);
+    EXPECT_EQ(run({"deform", files.model, "--handles", files.handles, "-o",
+                   files.folder / "none/x.obj"})
+                  .code,
+              4);
+}
+
+TEST(Cli, budgets_contradictions_and_limits_have_their_codes)
+{
+    const Files files;
+    EXPECT_EQ(files.deform({"--max-cells", "10"}).code, 5);
+    EXPECT_EQ(files.deform({"--max-memory", "10k"}).code, 5);
+    files.folder.write(
+        "six.handles",
+        "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 5\nhandle tip indices 0\n"
+        "frame 1\n");
+    EXPECT_EQ(run({"deform", files.model, "--handles", files.folder / "six.handles", "-o",
+                   files.out})
+                  .code,
+              6);
+    EXPECT_FALSE(std::filesystem::exists(files.out));
+    const Result limited = files.deform({"--max-iterations", "1", "--json"});
+    EXPECT_EQ(limited.code, 7);
+    EXPECT_TRUE(std::filesystem::exists(files.out));
+    EXPECT_TRUE(contains(limited.err, "did not converge"));
+    EXPECT_EQ(nlohmann::json::parse(limited.out)["frames"][1]["stop"], "iteration limit");
+    EXPECT_EQ(files.deform({"--time", "1e-9", "--overwrite"}).code, 7);
+}
+
+TEST(Cli, a_full_disk_keeps_the_old_output)
+{
+    const Files files;
+    const std::string old = files.folder.write("out.obj", "old");
+    const pid_t child = ::fork();
+    if (child == 0)
+    {
+        struct rlimit limit = {1000, 1000};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+        ::dup2(::open("/dev/null", O_WRONLY), 2);
+        ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
+                "--handles", files.handles.c_str(), "-o", old.c_str(), "--overwrite",
+                "--across", "8", nullptr);
+        ::_exit(99);
+    }
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    EXPECT_EQ(WEXITSTATUS(status), 4);
+    EXPECT_EQ(bytes_of(old), "old");
+    EXPECT_EQ(num_files(files.folder), 3u);
+}
+
+TEST(Cli, an_interrupt_ends_at_once_and_leaves_nothing)
+{
+    const Files files;
+    for (const auto& [signal, code] : {std::pair(SIGINT, 130), {SIGTERM, 143}})
+    {
+        const pid_t child = ::fork();
+        if (child == 0)
+        {
+            ::dup2(::open("/dev/null", O_WRONLY), 2);
+            ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
+                    "--handles", files.handles.c_str(), "-o", files.out.c_str(),
+                    "--across", "64", nullptr);
+            ::_exit(99);
+        }
+        ::usleep(300000);
+        ::kill(child, signal);
+        int status = 0;
+        ::waitpid(child, &status, 0);
+        ASSERT_TRUE(WIFEXITED(status));
+        EXPECT_EQ(WEXITSTATUS(status), code);
+        EXPECT_EQ(num_files(files.folder), 2u);
+    }
+}
+
+TEST(Cli, names_with_odd_characters_are_just_names)
+{
+    const Files files;
+    for (const std::string name :
+         {"-x.obj", "a b.obj", "%s%n.obj", "$(x);.obj", "\xc3\xa4.obj"})
+    {
+        std::filesystem::copy_file(files.model, files.folder / name);
+        EXPECT_EQ(run({"info", "--json", files.folder / name}).code, 0) << name;
+    }
+}
+
+TEST(Cli, info_describes_one_file_or_several)
+{
+    const Files files;
+    const nlohmann::json one =
+        nlohmann::json::parse(run({"info", "--json", files.model}).out);
+    EXPECT_EQ(one["format"], "obj");
+    EXPECT_EQ(one["samples"], 290);
+    EXPECT_EQ(one["faces"], one["triangles"]);
+    EXPECT_EQ(one["box"][1][2], 4.0);
+    EXPECT_EQ(one["writable"], true);
+    const nlohmann::json two =
+        nlohmann::json::parse(run({"info", files.model, files.model, "--json"}).out);
+    EXPECT_EQ(two["files"].size(), 2u);
+    EXPECT_TRUE(contains(run({"info", files.model}).out, "290"));
+}
+
+TEST(Cli, scenes_name_their_parts_and_flags_win)
+{
+    const Files files;
+    const std::string scene = files.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "bar.handles",
+                      "cells": {"across": 8}, "unheard": 1})");
+    const Result checked = run({"check", scene});
+    EXPECT_EQ(checked.code, 0);
+    EXPECT_TRUE(contains(checked.err, "warning: ") && contains(checked.err, "unheard"));
+    EXPECT_TRUE(contains(checked.out, "2 regions, 2 frames"));
+    nlohmann::json json = nlohmann::json::parse(
+        run({"deform", scene, "-o", files.out, "--json", "--quiet"}).out);
+    EXPECT_EQ(json["across"], 8);
+    json = nlohmann::json::parse(
+        run({"deform", scene, "-o", files.out, "--json", "--across", "12", "--overwrite"})
+            .out);
+    EXPECT_EQ(json["across"], 12);
+}
+
+TEST(Cli, the_surveys_pair_and_stdout_work)
+{
+    const Files files;
+    std::string sel = "# labels\n";
+    const GeometryFile model = read_geometry(files.model);
+    for (const Eigen::Vector3d& x : model.geometry.samples)
+        sel += x.z() < 0.3 ? "0\n" : x.z() > 3.7 ? "2\n" : "1\n";
+    const Result result =
+        run({"deform", files.model, "--sel", files.folder.write("a.sel", sel), "--def",
+             files.folder.write("a.def", "1 0 0 0.5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"), "-o",
+             "-", "--across", "12"});
+    EXPECT_EQ(result.code, 0) << result.err;
+    const GeometryFile bent = scan_geometry("x.obj", result.out);
+    for (std::size_t i = 0; i < bent.geometry.samples.size(); ++i)
+        if (model.geometry.samples[i].z() > 3.7)
+        {
+            EXPECT_NEAR(bent.geometry.samples[i].x(), model.geometry.samples[i].x() + 0.5,
+                        1e-12);
+        }
+}
+
+TEST(Cli, every_sample_scene_is_in_order)
+{
+    for (const char* name : {"bar", "plate", "creature", "vase", "cloud"})
+    {
+        const Result result =
+            run({"check", support::samples_folder() + "/" + name + ".json"});
+        EXPECT_EQ(result.code, 0) << result.err;
+    }
+}
+
+} // namespace cellwarp

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/picture/picture.h"
+
+#include <gtest/gtest.h>
+
+#include "editor/picture/figures.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+Figure cube()
+{
+    const Shape shape = support::box_shape({0, 0, 0}, {1, 1, 1}, 2);
+    Figure figure;
+    figure.points = shape.samples;
+    figure.triangles = shape.triangles;
+    figure.colours.assign(figure.points.size(), {200, 60, 60});
+    return figure;
+}
+
+PictureOptions small()
+{
+    PictureOptions options;
+    options.width = 80;
+    options.height = 60;
+    options.occlusion_rays = 4;
+    return options;
+}
+
+std::array<int, 3> pixel(const Image& image, int x, int y)
+{
+    const std::size_t at = 3 * static_cast<std::size_t>(y * image.width + x);
+    return {image.rgb[at], image.rgb[at + 1], image.rgb[at + 2]};
+}
+
+} // namespace
+
+TEST(Picture, shows_the_figure_on_white)
+{
+    const Image image = draw({cube()}, small());
+    EXPECT_EQ(pixel(image, 0, 0), (std::array<int, 3>{255, 255, 255}));
+    const std::array<int, 3> middle = pixel(image, 40, 30);
+    EXPECT_GT(middle[0], 2 * middle[1]);
+    EXPECT_LT(middle[1], 100);
+}
+
+TEST(Picture, stands_figures_side_by_side)
+{
+    const Image image = draw({cube(), cube()}, small());
+    EXPECT_EQ(image.width, 160);
+    EXPECT_LT(pixel(image, 40, 30)[1], 100);
+    EXPECT_LT(pixel(image, 120, 30)[1], 100);
+}
+
+TEST(Picture, is_the_same_every_time)
+{
+    EXPECT_EQ(draw({cube()}, small()).rgb, draw({cube()}, small()).rgb);
+}
+
+TEST(Picture, draws_points_as_balls_and_boxes_as_glass)
+{
+    Figure cloud;
+    cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    cloud.colours.assign(3, {20, 20, 220});
+    cloud.point_radius = 0.3;
+    const Image balls = draw({cloud}, small());
+    int blue = 0, tinted = 0;
+    for (int y = 0; y < 60; ++y)
+        for (int x = 0; x < 80; ++x)
+            blue += pixel(balls, x, y)[2] > pixel(balls, x, y)[0] + 30;
+    EXPECT_GT(blue, 100);
+    Figure glass = cloud;
+    std::array<Eigen::Vector3d, 8> box;
+    for (std::size_t k = 0; k < 8; ++k)
+        box[k] = Eigen::Vector3d(k & 1 ? 1.5 : -0.5, k & 2 ? 1.5 : -0.5, k & 4 ? 1 : -1);
+    glass.boxes = {box};
+    glass.box_colours = {{250, 150, 50}};
+    const Image through = draw({glass}, small());
+    for (int y = 0; y < 60; ++y)
+        for (int x = 0; x < 80; ++x)
+            tinted += pixel(through, x, y)[0] > pixel(through, x, y)[2] + 30;
+    EXPECT_GT(tinted, 500);
+}
+
+TEST(Picture, of_a_single_point_is_no_problem)
+{
+    Figure one;
+    one.points = {{3, 3, 3}};
+    one.colours = {{10, 10, 10}};
+    one.point_radius = 0.001;
+    EXPECT_LT(pixel(draw({one}, small()), 40, 30)[0], 200);
+}
+
+TEST(Picture, is_a_png)
+{
+    EXPECT_EQ(png_bytes(draw({cube()}, small())).substr(0, 8), "\x89PNG\r\n\x1a\n");
+}
+
+TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
+{
+    const Shape bar = support::box_shape({0, 0, 0}, {1, 1, 4}, 4);
+    SessionSettings settings;
+    settings.cells.across = 8;
+    Session session(scan_geometry("m.obj", support::obj_text(bar)),
+                    parse_handles("h", "cellwarp-handles 1\nfixed a box 0 0 0 1 1 0.5\n"
+                                       "handle b box 0 0 3.5 1 1 4\nframe 1\n"
+                                       "move b translate 1 0 0\n"),
+                    settings);
+    session.next_frame(true);
+    Figure figure = figure_of(session);
+    EXPECT_EQ(figure.points, session.patch().samples);
+    EXPECT_NE(figure.colours.front(), figure.colours.back());
+    add_cells(figure, session);
+    EXPECT_EQ(figure.boxes.size(), session.stage().body->cells.size());
+}
+
+} // namespace cellwarp

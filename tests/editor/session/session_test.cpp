@@ -1,0 +1,685 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/session.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "io/number.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+using support::random_vector;
+
+namespace
+{
+
+GeometryFile model(const Shape& shape)
+{
+    return scan_geometry("model.obj", support::obj_text(shape));
+}
+
+HandleFile handles(const std::string& text)
+{
+    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
+}
+
+SessionSettings settings(int across)
+{
+    SessionSettings s;
+    s.cells.across = across;
+    return s;
+}
+
+SessionSettings tight(int across)
+{
+    SessionSettings s = settings(across);
+    s.gradient_tolerance = 1e-10;
+    return s;
+}
+
+Session played(GeometryFile file, const std::string& text, const SessionSettings& s)
+{
+    Session session(std::move(file), handles(text), s);
+    while (session.next_frame(true))
+        ;
+    return session;
+}
+
+/// The survey's bar: 1 x 1 x 4, ends held up to a quarter.
+Shape survey_bar(int n)
+{
+    return support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, n);
+}
+
+const std::string kBarEnds = "fixed foot box -1 -1 -1 1 1 0.2500001\n"
+                             "handle head box -1 -1 3.7499999 1 1 5\n";
+const std::string kTwist = kBarEnds + "frame 1\nmove head rotate 0 0 1 135 about 0 0 0\n";
+
+double largest_difference(const std::vector<Eigen::Vector3d>& a,
+                          const std::vector<Eigen::Vector3d>& b)
+{
+    double largest = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        largest = std::max(largest, (a[i] - b[i]).norm());
+    return largest;
+}
+
+std::string matrix_text(const Eigen::Matrix3d& R, const Eigen::Vector3d& t)
+{
+    std::string text = "matrix";
+    for (int i = 0; i < 3; ++i)
+    {
+        for (int j = 0; j < 3; ++j)
+            text += " " + shortest(R(i, j));
+        text += " " + shortest(t[i]);
+    }
+    return text + " 0 0 0 1";
+}
+
+double volume_change(const Session& session)
+{
+    const std::optional<Volume> volume = session.volume();
+    return volume ? volume->after / volume->before - 1.0 : 1e9;
+}
+
+} // namespace
+
+TEST(Session, all_regions_moved_by_one_rigid_motion_move_every_sample_by_it)
+{
+    std::mt19937 rng(1);
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    const Eigen::Vector3d t = random_vector(rng, 3.0);
+    const Shape mesh = survey_bar(6);
+    const Shape cloud{support::random_points(mesh, 20000, 2), {}};
+    for (const Shape& shape : {mesh, cloud})
+    {
+        const std::string ends = "handle foot box -1 -1 -1 1 1 0.25\n"
+                                 "handle head box -1 -1 3.75 1 1 5\nframe 1\n";
+        const std::string text = ends + "move foot " + matrix_text(R, t) +
+                                 "\nmove head " + matrix_text(R, t) + "\n";
+        const Session session = played(model(shape), text, settings(16));
+        double worst = 0.0;
+        for (std::size_t i = 0; i < shape.samples.size(); ++i)
+            worst = std::max(
+                worst, (session.patch().samples[i] - (R * shape.samples[i] + t)).norm());
+        EXPECT_LT(worst / std::sqrt(18.0), 1e-12);
+        EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+        EXPECT_EQ(session.frames()[0].solve.iterations, 0);
+    }
+}
+
+TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
+{
+    for (const FieldKind kind : {FieldKind::Rbf, FieldKind::Blend, FieldKind::Closest4})
+    {
+        SessionSettings s = settings(16);
+        s.field = kind;
+        const Shape shape = survey_bar(7);
+        const Session session =
+            played(model(shape),
+                   "fixed foot box -1 -1 -1 1 1 0.3\nhandle head sphere 0 0 4 0.6\n"
+                   "frame 1\nmove head rotate 1 1 0 50 translate 0.4 0.2 -0.5\n",
+                   s);
+        EXPECT_LT(session.frames()[0].handle_residual, 1e-12);
+        for (const std::uint32_t i : (*session.stage().regions)[0].samples)
+            EXPECT_EQ(session.patch().samples[i], shape.samples[i]);
+        EXPECT_GT(session.frames()[0].max_pair_gap, 0.0);
+    }
+}
+
+TEST(Session, the_surveys_twist_and_bend_keep_their_volume)
+{
+    const Session twist = played(model(survey_bar(18)), kTwist, settings(32));
+    EXPECT_EQ(twist.stage().body->cells.size(), 2048u);
+    EXPECT_GT(volume_change(twist), -0.035);
+    EXPECT_LT(volume_change(twist), 0.0);
+    EXPECT_GT(volume_change(played(model(survey_bar(18)), kTwist, settings(40))),
+              volume_change(twist));
+    // A square bar bent by 120 degrees to an arc of the same length.
+    const double angle = 120.0 * std::numbers::pi / 180.0, radius = 3.5 / angle;
+    const Eigen::Matrix3d R = rotation_about(Eigen::Vector3d::UnitY(), angle);
+    const Eigen::Vector3d end(radius * (1 - std::cos(angle)), 0,
+                              0.25 + radius * std::sin(angle));
+    const std::string bend = kBarEnds + "frame 1\nmove head " +
+                             matrix_text(R, end - R * Eigen::Vector3d(0, 0, 3.75)) + "\n";
+    EXPECT_LT(std::abs(volume_change(played(model(survey_bar(18)), bend, settings(32)))),
+              0.035);
+}
+
+TEST(Session, meshes_of_one_shape_bend_alike)
+{
+    const Shape coarse = survey_bar(18), fine = survey_bar(54);
+    const Session a = played(model(coarse), kTwist, settings(32));
+    const Session b = played(model(fine), kTwist, settings(32));
+    // Every third vertex of the fine mesh is one of the coarse mesh.
+    double worst = 0.0;
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < coarse.samples.size(); ++i)
+        for (std::size_t j = 0; j < fine.samples.size(); ++j)
+            if ((coarse.samples[i] - fine.samples[j]).squaredNorm() < 1e-20)
+            {
+                ++found;
+                worst =
+                    std::max(worst, (a.patch().samples[i] - b.patch().samples[j]).norm());
+                break;
+            }
+    EXPECT_EQ(found, coarse.samples.size());
+    EXPECT_LT(worst / std::sqrt(18.0), 1e-3);
+}
+
+TEST(Session, translation_scale_and_quarter_turns_commute_with_the_result)
+{
+    const Shape shape = survey_bar(6);
+    const std::string ends = "fixed foot indices ";
+    std::string foot, head;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+    {
+        if (shape.samples[i].z() < 0.3)
+            foot += " " + std::to_string(i);
+        if (shape.samples[i].z() > 3.7)
+            head += " " + std::to_string(i);
+    }
+    const auto play =
+        [&](const Eigen::Matrix3d& Q, double scale, const Eigen::Vector3d& shift)
+    {
+        Shape moved = shape;
+        for (Eigen::Vector3d& x : moved.samples)
+            x = scale * (Q * x) + shift;
+        const Eigen::Vector3d axis = Q * Eigen::Vector3d(0.2, 0.1, 1.0);
+        const Eigen::Vector3d to = scale * (Q * Eigen::Vector3d(0.3, -0.2, 0.4));
+        const auto three = [](const Eigen::Vector3d& v)
+        { return shortest(v.x()) + " " + shortest(v.y()) + " " + shortest(v.z()); };
+        return played(model(moved),
+                      "fixed foot indices" + foot + "\nhandle head indices" + head +
+                          "\nframe 1\nmove head rotate " + three(axis) +
+                          " 100 translate " + three(to) + "\n",
+                      tight(16))
+            .patch()
+            .samples;
+    };
+    const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
+    const std::vector<Eigen::Vector3d> plain = play(one, 1.0, {0, 0, 0});
+    const auto expect_same =
+        [&](const Eigen::Matrix3d& Q, double scale, const Eigen::Vector3d& shift)
+    {
+        std::vector<Eigen::Vector3d> wanted = plain;
+        for (Eigen::Vector3d& x : wanted)
+            x = scale * (Q * x) + shift;
+        EXPECT_LT(largest_difference(play(Q, scale, shift), wanted),
+                  1e-9 * scale * std::sqrt(18.0));
+    };
+    expect_same(one, 1.0, {8, -16, 4});
+    expect_same(one, 1024.0, {0, 0, 0});
+    expect_same(one, std::ldexp(1.0, -100), {0, 0, 0});
+    Eigen::Matrix3d turn;
+    turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+    expect_same(turn, 1.0, {0, 0, 0});
+    turn << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+    expect_same(turn, 1.0, {0, 0, 0});
+    turn << 0, 0, 1, 1, 0, 0, 0, 1, 0;
+    expect_same(turn, 1.0, {0, 0, 0});
+}
+
+TEST(Session, a_free_turn_commutes_when_the_frame_is_carried_along)
+{
+    std::mt19937 rng(3);
+    const Eigen::Matrix3d Q = support::random_rotation(rng);
+    const Eigen::Vector3d shift = random_vector(rng, 5.0);
+    const Shape shape = survey_bar(6);
+    Shape turned = shape;
+    for (Eigen::Vector3d& x : turned.samples)
+        x = Q * x + shift;
+    std::string foot, head;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        (shape.samples[i].z() < 0.3   ? foot
+         : shape.samples[i].z() > 3.7 ? head
+                                      : foot) +=
+            shape.samples[i].z() < 0.3 || shape.samples[i].z() > 3.7
+                ? " " + std::to_string(i)
+                : "";
+    const Eigen::Matrix3d R =
+        rotation_about(Eigen::Vector3d(0.3, 0.2, 1).normalized(), 1.4);
+    const Eigen::Vector3d t(0.2, 0.1, -0.3);
+    const auto play = [&](const Shape& s, const Eigen::Matrix3d& axes,
+                          const Eigen::Vector3d& origin, const Eigen::Matrix3d& R2,
+                          const Eigen::Vector3d& t2)
+    {
+        SessionSettings chosen = tight(16);
+        FrameBox box;
+        for (std::size_t i = 0; i < 3; ++i)
+        {
+            box.origin[i] = origin[static_cast<Eigen::Index>(i)];
+            box.size[i] = i == 2 ? 4.0 : 1.0;
+            for (std::size_t j = 0; j < 3; ++j)
+                box.axes[i][j] =
+                    axes(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        }
+        chosen.cells.frame = box;
+        return played(model(s),
+                      "fixed foot indices" + foot + "\nhandle head indices" + head +
+                          "\nframe 1\nmove head " + matrix_text(R2, t2) + "\n",
+                      chosen)
+            .patch()
+            .samples;
+    };
+    const Eigen::Vector3d corner(-0.5, -0.5, 0);
+    const std::vector<Eigen::Vector3d> plain =
+        play(shape, Eigen::Matrix3d::Identity(), corner, R, t);
+    const Eigen::Matrix3d R2 = Q * R * Q.transpose();
+    const std::vector<Eigen::Vector3d> other =
+        play(turned, Q.transpose(), Q * corner + shift, R2, Q * t + shift - R2 * shift);
+    std::vector<Eigen::Vector3d> wanted = plain;
+    for (Eigen::Vector3d& x : wanted)
+        x = Q * x + shift;
+    EXPECT_LT(largest_difference(other, wanted), 1e-9 * std::sqrt(18.0));
+}
+
+TEST(Session, extreme_scales_and_offsets_give_the_scaled_result)
+{
+    const Shape shape = survey_bar(4);
+    const std::vector<Eigen::Vector3d> plain =
+        played(model(shape), kTwist, tight(12)).patch().samples;
+    const auto play = [&](double scale, double offset)
+    {
+        Shape moved = shape;
+        for (Eigen::Vector3d& x : moved.samples)
+            x = scale * x + Eigen::Vector3d::Constant(offset);
+        const auto number = [&](double x) { return shortest(scale * x + offset) + " "; };
+        const std::string text = "fixed foot box " + number(-1) + number(-1) +
+                                 number(-1) + number(1) + number(1) + number(0.2500001) +
+                                 "\nhandle head box " + number(-1) + number(-1) +
+                                 number(3.7499999) + number(1) + number(1) + number(5) +
+                                 "\nframe 1\nmove head rotate 0 0 1 135 about " +
+                                 number(0) + number(0) + number(0) + "\n";
+        return played(model(moved), text, tight(12)).patch().samples;
+    };
+    for (const double scale : {1e-150, 1e-30, 1e30, 1e100})
+    {
+        const std::vector<Eigen::Vector3d> result = play(scale, 0.0);
+        for (std::size_t i = 0; i < plain.size(); ++i)
+            ASSERT_LT((result[i] / scale - plain[i]).norm(), 1e-9) << scale;
+    }
+    const std::vector<Eigen::Vector3d> far = play(1.0, 1e8);
+    for (std::size_t i = 0; i < plain.size(); ++i)
+        EXPECT_LT((far[i] - Eigen::Vector3d::Constant(1e8) - plain[i]).norm(),
+                  4 * 1.5e-8 * 2);
+}
+
+TEST(Session, threads_do_not_change_a_bit)
+{
+    std::vector<Eigen::Vector3d> first;
+    for (const std::size_t threads : {1u, 2u, 4u})
+    {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                        threads);
+        const std::vector<Eigen::Vector3d> result =
+            played(model(survey_bar(10)), kTwist, settings(24)).patch().samples;
+        if (first.empty())
+            first = result;
+        EXPECT_EQ(result, first);
+    }
+}
+
+TEST(Session, a_wound_handle_differs_from_an_unwound_one)
+{
+    const auto play = [&](const std::string& angle)
+    {
+        return played(model(survey_bar(6)),
+                      kBarEnds + "frame 1\nmove head rotate 0 0 1 " + angle +
+                          " about 0 0 0\n",
+                      settings(16));
+    };
+    const Session wound = play("360"), rest = play("0");
+    EXPECT_GT(largest_difference(wound.patch().samples, rest.patch().samples), 0.3);
+    EXPECT_EQ(wound.frames()[0].steps, 8);
+    EXPECT_LT(largest_difference(rest.patch().samples, survey_bar(6).samples), 1e-12);
+}
+
+TEST(Session, frames_start_from_the_last_solution_and_come_back)
+{
+    const Session session =
+        played(model(survey_bar(6)),
+               kBarEnds + "frame 1\nmove head translate 0.5 0 0\n"
+                          "frame 5\nframe 7\nmove head translate 0 0 0\n",
+               tight(16));
+    ASSERT_EQ(session.frames().size(), 3u);
+    EXPECT_EQ(session.frames()[1].frame, 5);
+    EXPECT_EQ(session.frames()[1].solve.iterations, 0);
+    EXPECT_LT(largest_difference(session.patch().samples, survey_bar(6).samples), 1e-8);
+}
+
+TEST(Session, a_commit_makes_the_result_the_new_rest_shape)
+{
+    const std::string two =
+        kBarEnds + "frame 1\nmove head translate 0.6 0 0\ncommit\n"
+                   "fixed foot box -1 -1 -1 2 1 0.25\nhandle head box -1 -1 3.75 2 1 5\n"
+                   "frame 2\nmove head translate 0 0.6 0\n";
+    const Session session = played(model(survey_bar(8)), two, settings(16));
+    ASSERT_EQ(session.frames().size(), 2u);
+    EXPECT_GT(session.frames()[1].cells_ms, 0.0);
+    // The head made both moves, exactly.
+    const Shape bar = survey_bar(8);
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        if (bar.samples[i].z() > 3.75)
+        {
+            EXPECT_LT((session.patch().samples[i] - bar.samples[i] -
+                       Eigen::Vector3d(0.6, 0.6, 0))
+                          .norm(),
+                      1e-12);
+        }
+    // Nothing pulls back: with the ends where they are the shape stays.
+    const Session kept =
+        played(model(survey_bar(8)),
+               kBarEnds + "frame 1\nmove head translate 0.6 0 0\ncommit\n"
+                          "handle every all\nframe 2\n",
+               settings(16));
+    const Session once =
+        played(model(survey_bar(8)), kBarEnds + "frame 1\nmove head translate 0.6 0 0\n",
+               settings(16));
+    EXPECT_LT(largest_difference(kept.patch().samples, once.patch().samples), 1e-12);
+}
+
+TEST(Session, without_a_frame_the_output_is_the_input)
+{
+    const Shape bar = survey_bar(4);
+    Session session(model(bar), handles(kBarEnds), settings(8));
+    EXPECT_FALSE(session.next_frame(true));
+    EXPECT_EQ(session.patch().samples, bar.samples);
+    ASSERT_EQ(session.warnings().size(), 1u);
+    EXPECT_EQ(patched(session.model(), session.patch()), support::obj_text(bar));
+}
+
+TEST(Session, a_frame_that_moves_nothing_keeps_every_byte)
+{
+    const Session session =
+        played(model(survey_bar(4)), "fixed every all\nframe 1\n", settings(8));
+    EXPECT_EQ(patched(session.model(), session.patch()),
+              support::obj_text(survey_bar(4)));
+}
+
+TEST(Session, a_component_without_a_region_stays_and_is_reported)
+{
+    const Shape two =
+        support::joined(survey_bar(4), support::box_shape({3, -0.5, 0}, {4, 0.5, 4}, 4));
+    const Session session = played(model(two), kTwist, settings(16));
+    const std::size_t first = survey_bar(4).samples.size();
+    for (std::size_t i = first; i < two.samples.size(); ++i)
+        EXPECT_EQ(session.patch().samples[i], two.samples[i]);
+    EXPECT_TRUE(contains(session.warnings().at(0), "1 of 2 components"));
+}
+
+TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
+{
+    const Shape bar = survey_bar(4);
+    std::size_t tip = 0;
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        if ((bar.samples[i] - Eigen::Vector3d(0, 0, 4)).norm() <
+            (bar.samples[tip] - Eigen::Vector3d(0, 0, 4)).norm())
+            tip = i;
+    const Session session =
+        played(model(bar),
+               "fixed foot box -1 -1 -1 1 1 0.25\npin tip indices " +
+                   std::to_string(tip) + "\nframe 1\nmove tip to 2 0 3\n",
+               settings(16));
+    EXPECT_LT((session.patch().samples[tip] - Eigen::Vector3d(2, 0, 3)).norm(), 1e-12);
+    EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+    double turn = 0.0;
+    for (std::size_t c = 0; c < session.stage().region_of_cell->size(); ++c)
+        if ((*session.stage().region_of_cell)[c] == 1)
+            turn = std::max(turn, rotation_vector((*session.stage().poses)[c].R).norm());
+    EXPECT_GT(turn, 0.3);
+}
+
+TEST(Session, a_pin_alone_warns_of_its_free_rotations)
+{
+    const Shape bar = survey_bar(4);
+    const Session session =
+        played(model(bar), "pin tip indices 0\nframe 1\nmove tip translate 1 2 3\n",
+               settings(8));
+    EXPECT_TRUE(contains(session.warnings().at(0), "one pin"));
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        EXPECT_LT((session.patch().samples[i] - bar.samples[i] - Eigen::Vector3d(1, 2, 3))
+                      .norm(),
+                  1e-11);
+}
+
+TEST(Session, a_stiff_region_bends_less)
+{
+    const std::string bend = "frame 1\nmove head rotate 1 0 0 60 translate 0 -1 -0.5\n";
+    const auto middle_bend = [&](const std::string& more)
+    {
+        const Session session =
+            played(model(survey_bar(6)), kBarEnds + more + bend, settings(16));
+        const Cells& cells = session.stage().body->cells;
+        const double diagonal_z = session.stage().body->frame.size.z();
+        Eigen::Matrix3d low = Eigen::Matrix3d::Identity(), high = low;
+        double low_z = 1e9, high_z = -1e9;
+        for (std::size_t c = 0; c < cells.size(); ++c)
+        {
+            const double z = cells.cells[c].centre.z() / diagonal_z;
+            if (z > 0.4 && z < low_z)
+            {
+                low_z = z;
+                low = (*session.stage().poses)[c].R;
+            }
+            if (z < 0.6 && z > high_z)
+            {
+                high_z = z;
+                high = (*session.stage().poses)[c].R;
+            }
+        }
+        return rotation_vector(high * low.transpose()).norm();
+    };
+    EXPECT_LT(middle_bend("stiff plate box -1 -1 1.5 1 1 2.5 1000\n"),
+              0.1 * middle_bend(""));
+}
+
+TEST(Session, normals_turn_with_the_surface)
+{
+    const Shape bar = survey_bar(8);
+    std::string text =
+        "ply\nformat ascii 1.0\nelement vertex " + std::to_string(bar.samples.size()) +
+        "\nproperty double x\nproperty double y\nproperty double z\n"
+        "property double nx\nproperty double ny\nproperty double nz\nend_header\n";
+    for (const Eigen::Vector3d& x : bar.samples)
+        text +=
+            shortest(x.x()) + " " + shortest(x.y()) + " " + shortest(x.z()) + " 0 0 1\n";
+    const Session session =
+        played(scan_geometry("m.ply", text),
+               kBarEnds + "frame 1\nmove head rotate 1 0 0 60\n", settings(16));
+    const Eigen::Matrix3d R =
+        rotation_about(Eigen::Vector3d::UnitX(), 60 * std::numbers::pi / 180);
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+    {
+        const Eigen::Vector3d n = session.patch().directions[i];
+        EXPECT_NEAR(n.norm(), 1.0, 1e-12);
+        if (bar.samples[i].z() > 3.76)
+        {
+            EXPECT_LT((n - R * Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+        }
+        if (bar.samples[i].z() < 0.24)
+        {
+            EXPECT_EQ(n, Eigen::Vector3d::UnitZ());
+        }
+    }
+}
+
+TEST(Session, regions_that_contradict_each_other_are_named)
+{
+    const std::string overlap = error_of(
+        Fault::Malformed,
+        []
+        {
+            Session(
+                model(survey_bar(6)),
+                handles("fixed foot box -1 -1 -1 1 1 1\nhandle head box -1 -1 0.9 1 1 5\n"
+                        "frame 3\nmove head translate 0 0 1\n"),
+                settings(16));
+        });
+    EXPECT_TRUE(contains(overlap, "foot"));
+    EXPECT_TRUE(contains(overlap, "head"));
+    EXPECT_TRUE(contains(overlap, "sample"));
+    EXPECT_TRUE(contains(overlap, "h.handles:4"));
+    // Where their motions agree there is nothing to complain about.
+    played(model(survey_bar(6)),
+           "fixed foot box -1 -1 -1 1 1 1\nhandle head box -1 -1 0.9 1 1 5\nframe 1\n",
+           settings(16));
+    const std::string crowded = error_of(
+        Fault::Unsolvable,
+        []
+        {
+            Session(model(survey_bar(6)),
+                    handles("fixed foot box -1 -1 -1 1 1 0.25\nhandle tip indices 0\n"
+                            "fixed rest box -1 -1 0.3 1 1 5\nframe 1\n"),
+                    settings(1));
+        });
+    EXPECT_TRUE(contains(crowded, "no cell of its own"));
+}
+
+TEST(Session, a_region_that_selects_nothing_tells_by_how_much)
+{
+    const std::string message = error_of(
+        Fault::Malformed,
+        []
+        {
+            Session(model(survey_bar(4)),
+                    handles("handle head box 2 2 2 3 3 3\nframe 1\n"), settings(8));
+        });
+    EXPECT_TRUE(contains(message, "h.handles:2: head: selects nothing"));
+    EXPECT_TRUE(contains(message, "away"));
+}
+
+TEST(Session, selectors_that_do_not_fit_the_model_are_errors)
+{
+    const auto refused = [](const std::string& region)
+    {
+        return error_of(Fault::Malformed,
+                        [&] {
+                            Session(model(survey_bar(4)), handles(region + "\nframe 1\n"),
+                                    settings(8));
+                        });
+    };
+    EXPECT_TRUE(contains(refused("fixed a indices 999999"), "out of range"));
+    EXPECT_TRUE(contains(refused("fixed a group arm"), "no group"));
+    const support::Folder folder;
+    EXPECT_TRUE(
+        contains(refused("fixed a labels " + folder.write("a.sel", "0\n1\n") + " 0"),
+                 "need one for each"));
+}
+
+TEST(Session, too_many_cells_are_over_the_budget)
+{
+    SessionSettings s = settings(32);
+    s.cells.max_cells = 2000;
+    EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "2048 cells"));
+    s = settings(16);
+    s.cells.max_depth = 1;
+    s.cells.max_cells = 300;
+    const Session session(model(survey_bar(4)), handles(kTwist), s);
+    EXPECT_TRUE(contains(session.warnings().at(0), "refinement stopped"));
+    s.cells.max_memory = 1e5;
+    error_of(Fault::Budget, [&] { Session(model(survey_bar(4)), handles(kTwist), s); });
+}
+
+TEST(Session, the_automatic_grid_has_a_thousand_cells_or_two)
+{
+    for (const Shape& shape : {survey_bar(6), support::box_shape({0, 0, 0}, {1, 1, 1}, 6),
+                               support::box_shape({0, 0, 0}, {4, 4, 0.2}, 1)})
+    {
+        const Session session(model(shape), handles("fixed a all\nframe 1\n"),
+                              settings(0));
+        EXPECT_GE(session.stage().body->cells.size(), 1000u);
+        EXPECT_LE(session.stage().body->cells.size(), 2500u);
+    }
+}
+
+TEST(Session, degenerate_shapes_follow_a_handle_exactly)
+{
+    const auto check = [](const std::vector<Eigen::Vector3d>& points)
+    {
+        const Session session =
+            played(model(Shape{points, {}}),
+                   "handle h all\nframe 1\nmove h rotate 0 0 1 30 about "
+                   "0 0 0 translate 1 2 3\n",
+                   settings(0));
+        const Eigen::Matrix3d R =
+            rotation_about(Eigen::Vector3d::UnitZ(), 30 * std::numbers::pi / 180);
+        for (std::size_t i = 0; i < points.size(); ++i)
+            EXPECT_LT(
+                (session.patch().samples[i] - R * points[i] - Eigen::Vector3d(1, 2, 3))
+                    .norm(),
+                1e-12);
+    };
+    check({{1, 2, 3}});
+    check(std::vector<Eigen::Vector3d>(100, {1, 2, 3}));
+    check({{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}});
+    check({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}, {0.5, 0.5, 0}});
+    check({{0, 0, 0}, {1, 0, 0}, {1e12, 0, 0}});
+}
+
+TEST(Session, handles_may_be_anywhere)
+{
+    // Teleports, swaps and collapses end finite, with the handles met.
+    for (const std::string move :
+         {"move head translate 5000 0 0", "move head translate 0 0 -4",
+          "move head translate 0 0 -8", "move head rotate 1 0 0 180",
+          "move head rotate 1 0 0 179.999999"})
+    {
+        SCOPED_TRACE(move);
+        const Session session = played(
+            model(survey_bar(4)), kBarEnds + "frame 1\n" + move + "\n", settings(12));
+        for (const Eigen::Vector3d& x : session.patch().samples)
+            ASSERT_TRUE(x.allFinite());
+        EXPECT_LT(session.frames()[0].handle_residual, 1e-9 * 2000);
+        EXPECT_LE(session.frames()[0].solve.energy_after,
+                  session.frames()[0].solve.energy_before * (1 + 1e-12));
+    }
+}
+
+TEST(Session, real_models_bend)
+{
+    const std::string folder = support::data_folder();
+    if (folder.empty())
+        GTEST_SKIP() << "CELLWARP_TEST_DATA is not set";
+    const auto check = [&](const std::string& file, const std::string& text)
+    {
+        SCOPED_TRACE(file);
+        const Session session =
+            played(read_geometry(folder + "/" + file), text, SessionSettings());
+        const FrameReport& report = session.frames().back();
+        EXPECT_EQ(report.solve.stop, Stop::Converged);
+        EXPECT_LT(report.handle_residual, 1e-12);
+        EXPECT_LT(report.solve.iterations, 40);
+        EXPECT_GE(session.stage().body->cells.size(), 1000u);
+        EXPECT_LE(session.stage().body->cells.size(), 2500u);
+    };
+    const std::string relative = "units relative\n";
+    check("stanford-bunny.obj", relative +
+                                    "fixed base box -1 -1 -1 2 0.2 2\n"
+                                    "handle ear box -1 0.8 -1 2 2 2\nframe 1\n"
+                                    "move ear rotate 0 0 1 40 translate 0.1 0.1 0\n");
+    check("armadillo.obj", relative + "fixed feet box -1 -1 -1 2 0.1 2\n"
+                                      "handle hand sphere 0.914 0.805 1 0.1\nframe 1\n"
+                                      "move hand rotate 0 0 1 60 translate 0 0.2 0\n");
+    check("spot.obj",
+          relative + "fixed feet box -1 -1 -1 2 0.2 2\nhandle head box -1 0.7 -1 2 2 2\n"
+                     "frame 1\nmove head rotate 0 1 0 40\n");
+    check("decimated-knight.off",
+          "fixed base labels " + folder + "/decimated-knight-selection.dmat 0\n" +
+              "handle middle labels " + folder + "/decimated-knight-selection.dmat 1\n" +
+              "handle top labels " + folder + "/decimated-knight-selection.dmat 2\n" +
+              "frame 1\nmove top rotate 0 1 0 40 translate 0 0.05 0\n");
+}
+
+} // namespace cellwarp

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/bytes.h"
+
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+TEST(Bytes, reads_a_file_whole)
+{
+    const support::Folder folder;
+    const std::string content("a\0b\n", 4);
+    EXPECT_EQ(read_file(folder.write("x", content)), content);
+    EXPECT_EQ(read_file(folder.write("empty", "")), "");
+}
+
+TEST(Bytes, says_why_a_file_cannot_be_read)
+{
+    const support::Folder folder;
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file(folder / "none"); }),
+                         "No such file"));
+    EXPECT_TRUE(
+        contains(error_of(Fault::File, [&] { read_file(folder.path().string()); }),
+                 "is a directory"));
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file("/dev/zero"); }),
+                         "no regular file"));
+    ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file(folder / "pipe"); }),
+                         "no regular file"));
+}
+
+TEST(Bytes, an_existing_output_needs_leave)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("x", "old");
+    EXPECT_TRUE(
+        contains(error_of(Fault::File, [&] { write_file(path, "new", Overwrite::No); }),
+                 "exists"));
+    EXPECT_EQ(support::bytes_of(path), "old");
+    write_file(path, "new", Overwrite::Yes);
+    EXPECT_EQ(support::bytes_of(path), "new");
+}
+
+TEST(Bytes, an_output_that_is_not_committed_leaves_nothing)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("x", "old");
+    {
+        AtomicFile file(path, Overwrite::Yes);
+        file.write("half");
+    }
+    EXPECT_EQ(support::bytes_of(path), "old");
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+}
+
+TEST(Bytes, a_signal_handler_can_remove_what_is_unfinished)
+{
+    const support::Folder folder;
+    AtomicFile file(folder / "x", Overwrite::No);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+    remove_unfinished_outputs();
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 0);
+}
+
+TEST(Bytes, a_link_stays_and_its_target_is_replaced)
+{
+    const support::Folder folder;
+    const std::string target = folder.write("target", "old"), link = folder / "link";
+    std::filesystem::create_symlink("target", link);
+    write_file(link, "new", Overwrite::Yes);
+    EXPECT_TRUE(std::filesystem::is_symlink(link));
+    EXPECT_EQ(support::bytes_of(target), "new");
+}
+
+TEST(Bytes, keeps_the_mode_of_the_file_it_replaces)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("x", "old");
+    ::chmod(path.c_str(), 0640);
+    write_file(path, "new", Overwrite::Yes);
+    struct stat status
+    {
+    };
+    ASSERT_EQ(::stat(path.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 07777, 0640u);
+}
+
+TEST(Bytes, outputs_that_cannot_be_written_fail_before_any_work)
+{
+    const support::Folder folder;
+    const std::string file = folder.write("file", "");
+    EXPECT_TRUE(contains(
+        error_of(Fault::File, [&] { check_output(folder / "none/x", Overwrite::No); }),
+        "No such file"));
+    error_of(Fault::File, [&] { check_output(file + "/x", Overwrite::No); });
+    error_of(Fault::File, [&] { check_output(folder.path().string(), Overwrite::Yes); });
+    error_of(Fault::File, [&] { check_output("/dev/full", Overwrite::Yes); });
+    error_of(Fault::File, [&] { check_output("", Overwrite::Yes); });
+}
+
+TEST(Bytes, a_name_of_250_bytes_can_be_saved)
+{
+    const support::Folder folder;
+    const std::string path = folder / (std::string(246, 'n') + ".obj");
+    write_file(path, "x", Overwrite::No);
+    EXPECT_EQ(support::bytes_of(path), "x");
+}
+
+} // namespace cellwarp

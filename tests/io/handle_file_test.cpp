@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/handle_file.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+const std::string kHead = "cellwarp-handles 1\n";
+
+std::string refused(const std::string& text)
+{
+    return error_of(Fault::Malformed, [&] { parse_handles("h.handles", text); });
+}
+
+} // namespace
+
+TEST(HandleFile, reads_every_statement)
+{
+    const HandleFile file = parse_handles(
+        "dir/h.handles",
+        "# c\ncellwarp-handles 1\nunits relative\n"
+        "fixed base box 0 0 0 1 0.1 1 # c\nhandle head sphere 0.5 0.9 0.5 0.15\n"
+        "pin tip indices 17 20-22\nstiff plate capsule 0 0 0 1 1 1 0.1 20\n"
+        "fixed base halfspace 0 1 0 0.5\nhandle head labels \"a b.sel\" 2\n"
+        "fixed rest group \"left arm\"\nfixed every all\n"
+        "frame 1\nmove head rotate 0 1 0 45 about 1 2 3 translate 0 0.2 0\n"
+        "move tip to 0.1 0.2 0.3\nframe 7\ncommit\nhandle other all\nframe 9\n"
+        "move other matrix 1 0 0 0  0 1 0 0.2  0 0 1 0  0 0 0 1\n");
+    EXPECT_TRUE(file.is_relative);
+    ASSERT_EQ(file.stages.size(), 2u);
+    const Stage& stage = file.stages[0];
+    ASSERT_EQ(stage.regions.size(), 8u);
+    EXPECT_EQ(stage.regions[2].selector.ranges[1].second, 22);
+    EXPECT_EQ(stage.regions[3].factor, 20.0);
+    EXPECT_EQ(stage.regions[5].selector.name, "dir/a b.sel");
+    EXPECT_EQ(stage.regions[6].selector.name, "left arm");
+    ASSERT_EQ(stage.frames.size(), 2u);
+    const Move& move = stage.frames[0].moves[0];
+    ASSERT_EQ(move.operations.size(), 2u);
+    EXPECT_EQ(move.operations[0].degrees, 45.0);
+    EXPECT_EQ(*move.operations[0].about, Eigen::Vector3d(1, 2, 3));
+    EXPECT_EQ(file.stages[1].frames[0].moves[0].operations[0].matrix(1, 3), 0.2);
+}
+
+TEST(HandleFile, names_line_and_field_of_what_is_wrong)
+{
+    EXPECT_TRUE(contains(refused(""), "empty"));
+    EXPECT_TRUE(contains(refused("hello\n"), "h.handles:1"));
+    EXPECT_TRUE(contains(refused("cellwarp-handles 2\n"), "h.handles:1"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a box 0 0 0 1 1\n"),
+                         "h.handles:2: box number 6"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a box 0 0 0 1 1 nan\n"), "h.handles:2"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a box 1 0 0 0 1 1\n"), "above"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a box 0 0 0 1 1 1 7\n"), "too many"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a sphere 0 0 0 -1\n"), "radius"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a blob\n"), "selector"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a indices 1x\n"), "index"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a indices 5-2\n"), "index"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a halfspace 0 0 0 1\n"), "normal"));
+    EXPECT_TRUE(contains(refused(kHead + "stiff a all 0\n"), "factor"));
+    EXPECT_TRUE(contains(refused(kHead + "stiff a all -2\n"), "factor"));
+    EXPECT_TRUE(contains(refused(kHead + "stiff a all\n"), "factor"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a all\nhandle a all\n"), "line 2"));
+    EXPECT_TRUE(contains(refused(kHead + "grab a all\n"), "unknown statement"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed \"a all\n"), "double quote"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a all\nunits relative\n"), "units"));
+}
+
+TEST(HandleFile, frames_and_moves_must_make_sense)
+{
+    const std::string regions = kHead + "handle h all\nfixed f all\npin p indices 0\n";
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 2\nframe 2\n"), "h.handles:6: frame number"));
+    EXPECT_TRUE(contains(refused(regions + "move h translate 0 0 0\n"), "no frame"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove x translate 0 0 0\n"), "x"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove f translate 0 0 0\n"), "fixed"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h to 0 0 0\n"), "pin"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove p rotate 0 0 1 3\n"), "pin"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h rotate 0 0 0 3\n"), "axis"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h\n"), "operation"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove h translate 0 0\n"), "translate"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove h translate 0 0 0\nmove h translate 1 "
+                                   "0 0\n"),
+                 "twice"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove h matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 1 "
+                                   "1\n"),
+                 "last row"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove h matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 "
+                                   "0\n"),
+                 "number 16"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nfixed g all\n"), "before the frames"));
+    EXPECT_TRUE(contains(refused(regions + "commit\n"), "commit"));
+}
+
+TEST(HandleFile, reads_the_label_files)
+{
+    const support::Folder folder;
+    EXPECT_EQ(read_labels(folder.write("a.sel", "# c\n# d\n0\n1\n2\n")),
+              (std::vector<std::int64_t>{0, 1, 2}));
+    EXPECT_EQ(read_labels(folder.write("a.dmat", "1 3\n-1\n0\n7\n")),
+              (std::vector<std::int64_t>{-1, 0, 7}));
+    std::string binary = "0 0\n1 2\n";
+    for (const double value : {-1.0, 4.0})
+        binary.append(reinterpret_cast<const char*>(&value), sizeof value);
+    EXPECT_EQ(read_labels(folder.write("b.dmat", binary)),
+              (std::vector<std::int64_t>{-1, 4}));
+    for (const char* bad : {"1 3\n0\n1\n", "2 2\n0\n0\n0\n0\n", "x\n", "", "1 1\n0.5\n"})
+        error_of(Fault::Malformed, [&] { read_labels(folder.write("c.dmat", bad)); });
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { read_labels(folder.write("b.sel", "0\nx\n")); }),
+        ":2"));
+}
+
+TEST(HandleFile, reads_the_survey_pair)
+{
+    const support::Folder folder;
+    const std::string sel = folder.write("a.sel", "0\n1\n2\n");
+    const HandleFile file = read_survey_pair(
+        sel, folder.write("a.def", "1 0 0 0.5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"));
+    ASSERT_EQ(file.stages.size(), 1u);
+    EXPECT_EQ(file.stages[0].regions[1].selector.label, 2);
+    EXPECT_EQ(file.stages[0].frames[0].moves[0].operations[0].matrix(0, 3), 0.5);
+    error_of(Fault::Malformed,
+             [&] { read_survey_pair(sel, folder.write("b.def", "1 0 0 0\n")); });
+}
+
+} // namespace cellwarp

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/obj.h"
+
+#include <gtest/gtest.h>
+
+#include "io/geometry.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+Geometry scanned(const std::string& text)
+{
+    return scan_geometry("x.obj", text).geometry;
+}
+
+std::string refused(const std::string& text)
+{
+    return error_of(Fault::Malformed, [&] { scan_geometry("x.obj", text); });
+}
+
+const std::string kTriangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+Patch same(const Geometry& geometry)
+{
+    Patch patch{geometry.samples, {}};
+    for (const DirectionUse& use : direction_uses(geometry))
+        patch.directions.push_back(geometry.directions[use.direction]);
+    return patch;
+}
+
+} // namespace
+
+TEST(Obj, reads_positions_faces_groups_and_colours)
+{
+    const Geometry g =
+        scanned("# a comment\no thing\ng left\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\n"
+                "v 0 1 0 0 0 1\nv 1 1 0 1 1 1\nf 1 2 3\ng right\nf -3 -1 -2\n");
+    ASSERT_EQ(g.samples.size(), 4u);
+    EXPECT_EQ(g.samples[3], Eigen::Vector3d(1, 1, 0));
+    ASSERT_EQ(g.num_faces(), 2u);
+    EXPECT_EQ(g.face(1)[0], 1u);
+    EXPECT_EQ(g.face(1)[1], 3u);
+    EXPECT_EQ(g.colours[1], (std::array<std::uint8_t, 3>{0, 255, 0}));
+    ASSERT_EQ(g.groups.size(), 4u);
+    EXPECT_EQ(g.groups[0].name, "left");
+    EXPECT_EQ(g.groups[1].name, "thing");
+    EXPECT_EQ(g.groups[2].name, "right");
+    EXPECT_EQ(g.groups[2].first_face, 1u);
+}
+
+TEST(Obj, reads_every_kind_of_corner_and_many_sided_faces)
+{
+    std::string text;
+    for (int i = 0; i < 5000; ++i)
+        text += "v " + std::to_string(i) + " 0 " + std::to_string(i * i) + "\n";
+    text += "vt 0 0\nvn 0 0 1\nf 1 2/1 3//1 4/1/1\nf";
+    for (int i = 1; i <= 5000; ++i)
+        text += " " + std::to_string(i);
+    const Geometry g = scanned(text + "\n");
+    EXPECT_EQ(g.face(0).size(), 4u);
+    EXPECT_EQ(g.face(1).size(), 5000u);
+    EXPECT_EQ(g.num_triangles(), 2u + 4998u);
+    EXPECT_EQ(g.corner_directions[1], kNone);
+    EXPECT_EQ(g.corner_directions[2], 0u);
+}
+
+TEST(Obj, reads_any_line_end_byte_order_mark_and_continuation)
+{
+    for (const std::string end : {"\n", "\r\n", "\r"})
+    {
+        const std::string text = "\xef\xbb\xbf"
+                                 "v 0 0 0" +
+                                 end + "v 1 0 \\" + end + " 0" + end + "v 0 1 0" + end +
+                                 "f 1 2 \\" + end + "3";
+        const Geometry g = scanned(text);
+        EXPECT_EQ(g.samples.size(), 3u);
+        EXPECT_EQ(g.num_faces(), 1u);
+    }
+}
+
+TEST(Obj, a_face_may_come_before_its_vertices)
+{
+    EXPECT_EQ(scanned("f 1 2 3\n" + kTriangle).num_faces(), 1u);
+    EXPECT_TRUE(contains(refused("f 1 2 4\n" + kTriangle), "x.obj:1: face index"));
+}
+
+TEST(Obj, refuses_indices_that_cannot_be_trusted)
+{
+    for (const std::string index :
+         {"0", "4", "-4", "4294967297", "18446744073709551617", "1.5", "1x",
+          "99999999999999999999999999", "1/", "1/2/3/4", "/1"})
+        EXPECT_TRUE(
+            contains(refused(kTriangle + "f 1 2 " + index + "\n"), "x.obj:4: face index"))
+            << index;
+    EXPECT_TRUE(contains(refused(kTriangle + "f 1/1 2/1 3/1\n"), "x.obj:4"));
+    EXPECT_TRUE(contains(refused(kTriangle + "f 1//1 2//1 3//1\n"), "x.obj:4"));
+    EXPECT_TRUE(contains(refused(kTriangle + "f 1 2\n"), "2 corners"));
+    EXPECT_TRUE(contains(refused(kTriangle + "f\n"), "0 corners"));
+}
+
+TEST(Obj, refuses_numbers_that_cannot_be_trusted)
+{
+    for (const std::string number :
+         {"nan", "inf", "-Infinity", "1e400", "nan(0x1)", "1x", "0x1", "1,5"})
+        EXPECT_TRUE(
+            contains(refused("v 0 0 0\nv 0 " + number + " 0\n"), "x.obj:2: number 2"))
+            << number;
+    EXPECT_TRUE(contains(refused("v 0 0\n"), "x.obj:1: vertex"));
+    EXPECT_TRUE(contains(refused("v 1e200 0 0\n"), "beyond 1e150"));
+}
+
+TEST(Obj, names_what_a_foreign_file_looks_like)
+{
+    EXPECT_TRUE(contains(refused(""), "empty"));
+    EXPECT_TRUE(contains(refused("# nothing\n"), "no vertices"));
+    EXPECT_TRUE(contains(refused("version https://git-lfs.github.com/spec/v1\noid x\n"),
+                         "git LFS pointer"));
+    EXPECT_TRUE(contains(refused("<!DOCTYPE html>\n<html></html>\n"), "HTML"));
+    EXPECT_TRUE(contains(refused("PK\x03\x04zip"), "ZIP"));
+    EXPECT_TRUE(contains(refused(std::string("v 0 0 0\n\0\0", 10)), "NUL"));
+    EXPECT_TRUE(contains(refused("v 0 0 0\n{}\n"), "x.obj:2"));
+}
+
+TEST(Obj, an_unknown_statement_passes_through_with_a_warning)
+{
+    const GeometryFile file = scan_geometry("x.obj", kTriangle + "fancy 1 2 3\n");
+    ASSERT_EQ(file.geometry.warnings.size(), 1u);
+    EXPECT_EQ(patched(file, same(file.geometry)), file.bytes);
+}
+
+TEST(Obj, a_patch_that_changes_nothing_keeps_every_byte)
+{
+    const std::string text =
+        "# c\r\nv  1.50 +2e0\t3.000 0.1 0.2 0.3\nvt 0.5\nvn 0 0 1.00\n"
+        "v 1 0 0\nv 0 1 0\nusemtl x\nf 1/1/1 2/1/1 3/1/1\nl 1 2\n";
+    const GeometryFile file = scan_geometry("x.obj", text);
+    EXPECT_EQ(patched(file, same(file.geometry)), text);
+}
+
+TEST(Obj, a_patch_replaces_only_the_numbers_that_change)
+{
+    const GeometryFile file = scan_geometry(
+        "x.obj", "v 1.50 2 3 0.5 0.5 0.5 # c\nv 1 0 \\\n 0\nv 0 1 0\nf 1 2 3\n");
+    Patch patch = same(file.geometry);
+    patch.samples[0] = {1.5, -0.1, 1e-20};
+    patch.samples[1].z() = 7;
+    EXPECT_EQ(patched(file, patch),
+              "v 1.50 -0.1 1e-20 0.5 0.5 0.5 # c\nv 1 0 \\\n 7\nv 0 1 0\nf 1 2 3\n");
+}
+
+TEST(Obj, a_normal_whose_users_part_company_is_split)
+{
+    const GeometryFile file = scan_geometry(
+        "x.obj", kTriangle + "vn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/-1\nf 3//1 2//1 1//1");
+    Patch patch = same(file.geometry);
+    const std::vector<DirectionUse> uses = direction_uses(file.geometry);
+    ASSERT_EQ(uses.size(), 3u);
+    patch.directions[1] = Eigen::Vector3d(1, 0, 0);
+    patch.directions[2] = Eigen::Vector3d(1, 0, 5e-7); // as good as the same
+    std::size_t num_split = 0;
+    EXPECT_EQ(patched(file, patch, &num_split),
+              kTriangle +
+                  "vn 0 0 1\nvt 0 0\nf 1/1/1 2/1/2 3/1/2\nf 3//2 2//2 1//1\nvn 1 0 0\n");
+    EXPECT_EQ(num_split, 1u);
+}
+
+TEST(Obj, parts_of_a_file_give_what_the_whole_gives)
+{
+    const std::string text =
+        "v 0 0 0\r\nv 1 0 0\rv 0 \\\n1 0\nvn 0 0 1\nf 1//1 2//1 3//1\n";
+    const Geometry whole = scanned(text);
+    for (std::size_t size = 1; size <= text.size(); ++size)
+    {
+        ObjScanner scanner("x.obj");
+        Geometry out;
+        std::string rest;
+        std::uint64_t start = 0;
+        for (std::size_t at = 0; at < text.size(); at += size)
+        {
+            rest += text.substr(at, size);
+            const std::size_t used =
+                scanner.scan(rest, start, at + size >= text.size(), out);
+            start += used;
+            rest.erase(0, used);
+        }
+        scanner.finish(out);
+        ASSERT_TRUE(rest.empty()) << size;
+        ASSERT_EQ(out.samples, whole.samples) << size;
+        ASSERT_EQ(out.corners, whole.corners) << size;
+        ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
+        ASSERT_EQ(out.corner_direction_starts, whole.corner_direction_starts) << size;
+    }
+}
+
+} // namespace cellwarp

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/off.h"
+
+#include <gtest/gtest.h>
+
+#include "io/geometry.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+std::string refused(const std::string& text)
+{
+    return error_of(Fault::Malformed, [&] { scan_geometry("x.off", text); });
+}
+
+} // namespace
+
+TEST(Off, reads_headers_of_every_shape)
+{
+    const std::string body = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    for (const std::string head : {"OFF\n3 1 0\n", "OFF 3 1 0\n", "OFF3 1 0\n",
+                                   "OFF\n3 1\n", "# c\n\nOFF # c\n# d\n3 1 3\n"})
+    {
+        const GeometryFile file = scan_geometry("x.off", head + body);
+        EXPECT_EQ(file.geometry.samples.size(), 3u) << head;
+        EXPECT_EQ(file.geometry.num_faces(), 1u) << head;
+        EXPECT_EQ(patched(file, {file.geometry.samples, {}}), file.bytes);
+    }
+}
+
+TEST(Off, records_may_break_over_lines)
+{
+    const GeometryFile file =
+        scan_geometry("x.off", "OFF\n4 1 0\n0 0\n0 1 0 0 1\n1 0 0 1 0\n4 0\n1 2\n3\n");
+    EXPECT_EQ(file.geometry.samples[2], Eigen::Vector3d(1, 1, 0));
+    EXPECT_EQ(file.geometry.face(0).size(), 4u);
+    Patch patch{file.geometry.samples, {}};
+    patch.samples[0].z() = 5;
+    EXPECT_EQ(patched(file, patch),
+              "OFF\n4 1 0\n0 0\n5 1 0 0 1\n1 0 0 1 0\n4 0\n1 2\n3\n");
+}
+
+TEST(Off, colours_and_normals_are_told_apart)
+{
+    const GeometryFile file = scan_geometry(
+        "x.off", "CNOFF\n3 1 0\n0 0 0 0 0 1 255 0 0 255\n1 0 0 0 0 1 1 1 1\n0 1 0 0 0 1\n"
+                 "3 0 1 2 0.5 0.5 0.5\n");
+    EXPECT_EQ(file.geometry.directions.size(), 3u);
+    Patch patch{file.geometry.samples, file.geometry.directions};
+    patch.directions[0] = {1, 0, 0};
+    EXPECT_TRUE(contains(patched(file, patch), "0 0 0 1 0 0 255 0 0 255\n"));
+}
+
+TEST(Off, refuses_what_does_not_add_up)
+{
+    const std::string body = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    EXPECT_TRUE(contains(refused("OFF\n4 1 0\n" + body), "x.off:6: face 0"));
+    EXPECT_TRUE(contains(refused("OFF\n3 2 0\n" + body), "face 1"));
+    EXPECT_TRUE(contains(refused("OFF\n2 1 0\n" + body), "x.off"));
+    EXPECT_TRUE(contains(refused("OFF\n4000000000 1 0\n" + body), "too short"));
+    EXPECT_TRUE(contains(refused("OFF\n-3 1 0\n" + body), "x.off:2"));
+    EXPECT_TRUE(contains(refused("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"),
+                         "x.off:6: face 0"));
+    EXPECT_TRUE(contains(refused("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n"),
+                         "x.off:4: vertex 1"));
+    EXPECT_TRUE(contains(refused("OFF\n0 0 0\n"), "no vertices"));
+    EXPECT_TRUE(contains(refused("OFF BINARY\n3 1 0\n"), "binary"));
+    EXPECT_TRUE(contains(refused("4OFF\n3 1 0\n" + body), "x.off:1"));
+    EXPECT_TRUE(contains(refused("OFF\n"), "no counts"));
+    EXPECT_TRUE(
+        contains(refused("OFF\n3 1 0\n" + body + "7\n"), "more than the counted"));
+}
+
+} // namespace cellwarp

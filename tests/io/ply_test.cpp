@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/ply.h"
+
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "io/geometry.h"
+#include "io/stored_number.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+Geometry scanned(const std::string& bytes)
+{
+    return scan_geometry("x.ply", bytes).geometry;
+}
+
+std::string refused(const std::string& bytes)
+{
+    return error_of(Fault::Malformed, [&] { scan_geometry("x.ply", bytes); });
+}
+
+Patch same(const Geometry& geometry)
+{
+    Patch patch{geometry.samples, {}};
+    for (const DirectionUse& use : direction_uses(geometry))
+        patch.directions.push_back(geometry.directions[use.direction]);
+    return patch;
+}
+
+std::string header(const std::string& format, const std::string& vertex, int faces)
+{
+    return "ply\nformat " + format + " 1.0\ncomment c\nelement vertex 3\n" + vertex +
+           (faces > 0 ? "element face " + std::to_string(faces) +
+                            "\nproperty list uchar int vertex_indices\n"
+                      : std::string()) +
+           "end_header\n";
+}
+
+const std::string kXyz = "property float x\nproperty float y\nproperty float z\n";
+
+/// Three vertices and a face in one of the binary encodings.
+std::string binary(bool big, const std::string& line_end = "\n")
+{
+    std::string text =
+        header(big ? "binary_big_endian" : "binary_little_endian", kXyz, 1);
+    if (line_end != "\n")
+        for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2)
+            text.replace(at, 1, line_end);
+    for (const double v : {0.1, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0})
+        store(v, Scalar::Float32, big, text);
+    text += '\3';
+    for (const double i : {0.0, 1.0, 2.0})
+        store(i, Scalar::Int32, big, text);
+    return text;
+}
+
+} // namespace
+
+TEST(Ply, reads_ascii_with_any_properties_in_any_order)
+{
+    const std::string text =
+        header(
+            "ascii",
+            "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty "
+            "double z\n"
+            "property list uchar float weights\nproperty double y\nproperty double x\n",
+            1) +
+        "1 2 3 0.3 2 9 9 0.2 0.1\n4 5 6 0 0 0 1\n7 8 9 0 1 5 1 0\n3 0 1 2\n";
+    const GeometryFile file = scan_geometry("x.ply", text);
+    EXPECT_EQ(file.geometry.samples[0], Eigen::Vector3d(0.1, 0.2, 0.3));
+    EXPECT_EQ(file.geometry.colours[2], (std::array<std::uint8_t, 3>{7, 8, 9}));
+    EXPECT_EQ(file.geometry.num_faces(), 1u);
+    Patch patch = same(file.geometry);
+    EXPECT_EQ(patched(file, patch), text);
+    patch.samples[0] = {11, 22, 33};
+    EXPECT_TRUE(contains(patched(file, patch), "1 2 3 33 2 9 9 22 11\n"));
+}
+
+TEST(Ply, reads_and_patches_both_binaries)
+{
+    for (const bool big : {false, true})
+    {
+        const GeometryFile file = scan_geometry("x.ply", binary(big));
+        EXPECT_EQ(file.geometry.samples[0].x(), static_cast<double>(0.1f));
+        ASSERT_EQ(file.geometry.num_faces(), 1u);
+        Patch patch = same(file.geometry);
+        EXPECT_EQ(patched(file, patch), file.bytes);
+        patch.samples[2].y() = 0.7;
+        const std::string bytes = patched(file, patch);
+        EXPECT_EQ(bytes.size(), file.bytes.size());
+        EXPECT_EQ(scanned(bytes).samples[2].y(), static_cast<double>(0.7f));
+    }
+}
+
+TEST(Ply, a_first_data_byte_that_is_a_line_end_is_data)
+{
+    std::string bytes = binary(false);
+    const std::size_t data = bytes.find("end_header\n") + 11;
+    bytes[data] = '\n';
+    EXPECT_EQ(scanned(bytes).samples.size(), 3u);
+    EXPECT_EQ(scanned(binary(false, "\r\n")).samples.size(), 3u);
+}
+
+TEST(Ply, integers_stay_integers)
+{
+    const std::string text =
+        header("ascii", "property int x\nproperty int y\nproperty int z\n", 0) +
+        "0 0 0\n10 0 0\n0 10 0\n";
+    const GeometryFile file = scan_geometry("x.ply", text);
+    Patch patch = same(file.geometry);
+    patch.samples[1].x() = 12.7;
+    EXPECT_TRUE(contains(patched(file, patch), "\n13 0 0\n"));
+}
+
+TEST(Ply, a_value_that_its_type_cannot_hold_is_an_error)
+{
+    std::string bytes = header("binary_little_endian",
+                               "property char x\nproperty char y\nproperty char z\n", 0) +
+                        std::string("\1\2\3\4\5\6\7\1\2");
+    const GeometryFile file = scan_geometry("x.ply", bytes);
+    Patch patch = same(file.geometry);
+    patch.samples[0].x() = 200.0;
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed, [&] { patched(file, patch); }), "byte"));
+}
+
+TEST(Ply, normals_turn_and_bad_ones_stay)
+{
+    const std::string text =
+        header("ascii",
+               kXyz + "property float nx\nproperty float ny\nproperty float nz\n", 0) +
+        "0 0 0 0 0 1\n1 0 0 nan 0 0\n0 1 0 0 0 0\n";
+    const GeometryFile file = scan_geometry("x.ply", text);
+    ASSERT_EQ(file.geometry.directions.size(), 1u);
+    EXPECT_EQ(file.geometry.warnings.size(), 1u);
+    Patch patch = same(file.geometry);
+    patch.directions[0] = {1, 0, 0};
+    EXPECT_TRUE(
+        contains(patched(file, patch), "0 0 0 1 0 0\n1 0 0 nan 0 0\n0 1 0 0 0 0\n"));
+}
+
+TEST(Ply, counts_that_lie_are_seen_through)
+{
+    for (const char* count : {"4000000000", "9223372036854775807", "18446744073709551615",
+                              "1537228672809129302", "-1", "three"})
+    {
+        std::string bytes = binary(false);
+        bytes.replace(bytes.find("vertex 3"), 8, std::string("vertex ") + count);
+        EXPECT_TRUE(contains(refused(bytes), "element")) << count;
+    }
+    std::string bytes = binary(false);
+    bytes.replace(bytes.find("face 1"), 6, "face 2");
+    EXPECT_TRUE(contains(refused(bytes), "face 1"));
+}
+
+TEST(Ply, a_file_that_is_cut_anywhere_is_refused)
+{
+    for (const std::string& bytes :
+         {binary(false), header("ascii", kXyz, 1) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2"})
+        for (std::size_t size = 1; size < bytes.size(); ++size)
+        {
+            SCOPED_TRACE(size);
+            refused(bytes.substr(0, size));
+        }
+}
+
+TEST(Ply, lists_of_impossible_length_name_their_face)
+{
+    for (const char count : {'\0', '\2', '\xff'})
+    {
+        std::string bytes = binary(false);
+        bytes[bytes.size() - 13] = count;
+        EXPECT_TRUE(contains(refused(bytes), "face 0 (byte")) << int(count);
+    }
+    std::string bytes = binary(false);
+    bytes[bytes.size() - 4] = '\3';
+    EXPECT_TRUE(contains(refused(bytes), "face 0 (byte"));
+    EXPECT_TRUE(contains(refused(bytes), "out of range"));
+}
+
+TEST(Ply, headers_that_are_wrong_name_their_line)
+{
+    const auto with = [](const std::string& from, const std::string& to)
+    {
+        std::string text = header("ascii", kXyz, 1) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        return text.replace(text.find(from), from.size(), to);
+    };
+    EXPECT_TRUE(contains(refused(with("ply", "plx")), "x.ply:1"));
+    EXPECT_TRUE(contains(refused(with("ascii", "text")), "x.ply:2"));
+    EXPECT_TRUE(contains(refused(with("float y", "real y")), "x.ply:6"));
+    EXPECT_TRUE(contains(refused(with("float y", "float x")), "x.ply:6"));
+    EXPECT_TRUE(contains(refused(with("uchar int", "float int")), "x.ply:9"));
+    EXPECT_TRUE(contains(refused(with("format ascii 1.0\n", "")), "no format"));
+    EXPECT_TRUE(contains(refused(with("vertex 3", "vertex 0")), "no vertices"));
+    EXPECT_TRUE(contains(refused(with("float z", "float w")), "no property x, y or z"));
+    EXPECT_TRUE(contains(refused(with("comment c", "remark c")), "x.ply:3"));
+}
+
+TEST(Ply, ascii_records_must_fit_their_properties)
+{
+    const std::string head = header("ascii", kXyz, 0);
+    EXPECT_TRUE(contains(refused(head + "0 0 0\n1 0\n0 1 0\n"), "x.ply:10: vertex 1: z"));
+    EXPECT_TRUE(contains(refused(head + "0 0 0\n1 0 0 0\n0 1 0\n"), "x.ply:10"));
+    EXPECT_TRUE(
+        contains(refused(head + "0 0 0\n1 x 0\n0 1 0\n"), "x.ply:10: vertex 1: y"));
+    EXPECT_TRUE(contains(refused(head + "0 0 0\n1 inf 0\n0 1 0\n"), "not finite"));
+    EXPECT_TRUE(
+        contains(refused(head + std::string("0 0 0\n1 \0 0\n0 1 0\n", 18)), "NUL"));
+}
+
+TEST(Ply, bytes_after_the_last_record_pass_through)
+{
+    const GeometryFile file = scan_geometry("x.ply", binary(false) + "more");
+    EXPECT_EQ(file.geometry.warnings.size(), 1u);
+    EXPECT_EQ(patched(file, same(file.geometry)), file.bytes);
+}
+
+TEST(Ply, parts_of_a_file_give_what_the_whole_gives)
+{
+    for (const std::string& bytes :
+         {binary(true), header("ascii", kXyz, 1) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2"})
+    {
+        const Geometry whole = scanned(bytes);
+        const std::size_t head = bytes.find("end_header\n") + 11;
+        for (std::size_t size = 1; size < 20; ++size)
+        {
+            PlyScanner scanner("x.ply", bytes.size());
+            Geometry out;
+            std::string rest = bytes.substr(0, head);
+            std::uint64_t start = 0;
+            for (std::size_t at = head;; at += size)
+            {
+                const std::size_t used =
+                    scanner.scan(rest, start, at >= bytes.size(), out);
+                start += used;
+                rest.erase(0, used);
+                if (at >= bytes.size())
+                    break;
+                rest += bytes.substr(at, size);
+            }
+            scanner.finish(out);
+            ASSERT_EQ(out.samples, whole.samples) << size;
+            ASSERT_EQ(out.corners, whole.corners) << size;
+            ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
+        }
+    }
+}
+
+} // namespace cellwarp

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/scene_file.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+std::string refused(const std::string& text)
+{
+    return error_of(Fault::Malformed, [&] { parse_scene("s.json", text); });
+}
+
+std::string with(const std::string& more)
+{
+    return R"({"cellwarp": 1, "model": "a.obj", )" + more + "}";
+}
+
+} // namespace
+
+TEST(SceneFile, reads_every_key)
+{
+    const SceneFile scene = parse_scene("dir/s.json", R"({
+        "cellwarp": 1, "model": "a.obj", "handles": "/b.handles",
+        "cells": {"fill": "shell", "across": 20, "max_depth": 2, "threshold": 0.01,
+                  "gap": 0.02, "max_cells": 5000,
+                  "frame": {"origin": [1, 2, 3], "axes": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+                            "size": [4, 5, 0]}},
+        "field": {"drag": "closest4", "release": "rbf-global"}})");
+    EXPECT_EQ(scene.model, "dir/a.obj");
+    EXPECT_EQ(scene.handles, "/b.handles");
+    EXPECT_EQ(scene.fill, "shell");
+    EXPECT_EQ(scene.across, 20);
+    EXPECT_EQ(scene.max_depth, 2);
+    EXPECT_EQ(scene.threshold, 0.01);
+    EXPECT_EQ(scene.gap, 0.02);
+    EXPECT_EQ(scene.max_cells, 5000);
+    ASSERT_TRUE(scene.frame);
+    EXPECT_EQ(scene.frame->axes[1][0], -1.0);
+    EXPECT_EQ(scene.drag, "closest4");
+    EXPECT_EQ(scene.release, "rbf-global");
+    EXPECT_TRUE(scene.warnings.empty());
+}
+
+TEST(SceneFile, unknown_keys_are_named_in_warnings)
+{
+    const SceneFile scene = parse_scene(
+        "s.json", with(R"("colour": 3, "cells": {"acros": 3}, "field": {"x": 1})"));
+    ASSERT_EQ(scene.warnings.size(), 3u);
+    EXPECT_TRUE(contains(scene.warnings[0], "cells.acros"));
+}
+
+TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
+{
+    EXPECT_TRUE(contains(refused("{\n\"cellwarp\": 1,\n,}"), "s.json:3"));
+    EXPECT_TRUE(contains(refused(""), "no JSON"));
+    EXPECT_TRUE(contains(refused("[]"), "object"));
+    EXPECT_TRUE(contains(refused(R"({"model": "a.obj"})"), "cellwarp"));
+    EXPECT_TRUE(
+        contains(refused(R"({"cellwarp": 2, "model": "a.obj"})"), "made by version 2"));
+    EXPECT_TRUE(contains(refused(R"({"cellwarp": 1})"), "model"));
+    EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": -1})")), "cells.gap"));
+    EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": "x"})")), "cells.gap"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("cells": {"threshold": -0.1})")), "cells.threshold"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("cells": {"threshold": 1e999})")), "out of range"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("cells": {"max_depth": 21})")), "cells.max_depth"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("cells": {"max_depth": 1.5})")), "cells.max_depth"));
+    EXPECT_TRUE(contains(refused(with(R"("cells": {"across": 0})")), "cells.across"));
+    EXPECT_TRUE(contains(refused(with(R"("cells": {"fill": "foam"})")), "cells.fill"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("cells": {"frame": {"origin": [0, 0, 0]}})")), "size"));
+    EXPECT_TRUE(contains(
+        refused(with(R"("cells": {"frame": {"origin": [0, 0], "size": [1, 1, 1]}})")),
+        "origin"));
+    EXPECT_TRUE(
+        contains(refused(with(R"("field": {"release": "cubic"})")), "field.release"));
+    EXPECT_TRUE(contains(refused(std::string(100000, '[')), "deeper than 128"));
+}
+
+} // namespace cellwarp

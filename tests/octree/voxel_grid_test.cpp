@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/voxel_grid.h"
+
+#include <gtest/gtest.h>
+
+namespace cellwarp
+{
+
+TEST(VoxelGrid, covers_the_box_exactly)
+{
+    const VoxelGrid grid(grid_shape({1.0, 0.37, 0.05}, 10, 1, 0.01));
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        EXPECT_EQ(grid.lines(axis).front(), 0.0);
+        EXPECT_EQ(grid.lines(axis).back(), grid.shape().size[axis]);
+        for (std::size_t i = 1; i < grid.lines(axis).size(); ++i)
+            EXPECT_GE(grid.lines(axis)[i], grid.lines(axis)[i - 1]);
+    }
+    EXPECT_EQ(grid.shape().coarsest, Eigen::Vector3i(10, 4, 1));
+}
+
+TEST(VoxelGrid, a_side_of_whole_leaves_is_cut_into_just_so_many)
+{
+    EXPECT_EQ(grid_shape({4.0, 1.0, 1.0}, 24, 0, 0.1).coarsest,
+              Eigen::Vector3i(24, 6, 6));
+    EXPECT_EQ(grid_shape({4.0, 1.0 + 1e-9, 1.0 - 1e-9}, 24, 0, 0.1).coarsest,
+              Eigen::Vector3i(24, 6, 6));
+}
+
+TEST(VoxelGrid, voxels_are_half_open_and_the_border_belongs_to_the_last)
+{
+    const VoxelGrid grid(grid_shape({1, 1, 1}, 4, 0, 0.0));
+    EXPECT_EQ(grid.counts(), Eigen::Vector3i(16, 16, 16));
+    EXPECT_EQ(grid.locate({0, 0, 0}), Eigen::Vector3i(0, 0, 0));
+    EXPECT_EQ(grid.locate({0.25, 0.5, 1.0}), Eigen::Vector3i(4, 8, 15));
+    EXPECT_EQ(grid.locate({-5, 7, 0.999}), Eigen::Vector3i(0, 15, 15));
+}
+
+TEST(VoxelGrid, a_flat_or_point_shape_keeps_a_thickness)
+{
+    const VoxelGrid flat(grid_shape({1, 1, 0}, 4, 0, 0.0));
+    EXPECT_GT(flat.lines(2).back(), flat.lines(2).front());
+    const VoxelGrid point(grid_shape({0, 0, 0}, 4, 0, 0.0));
+    EXPECT_EQ(point.shape().coarsest, Eigen::Vector3i(1, 1, 1));
+    EXPECT_GT(point.lines(0).back(), point.lines(0).front());
+}
+
+TEST(VoxelGrid, voxels_are_no_larger_than_asked)
+{
+    for (const double limit : {0.3, 0.01, 0.004})
+        EXPECT_LE(grid_shape({1, 1, 1}, 7, 1, limit).voxel(), limit * (1 + 1e-6));
+    EXPECT_EQ(grid_shape({1, 1, 1}, 7, 1, 0.3).voxels_per_leaf, 4);
+}
+
+TEST(VoxelGrid, numbers_voxels_and_back)
+{
+    const VoxelGrid grid(grid_shape({1, 0.5, 0.25}, 4, 0, 0.0));
+    for (const std::size_t i : {std::size_t(0), std::size_t(37), grid.size() - 1})
+        EXPECT_EQ(grid.index(grid.coordinates(i)), i);
+}
+
+} // namespace cellwarp

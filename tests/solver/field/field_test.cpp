@@ -1,0 +1,407 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/field/field.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+using support::Built;
+using support::random_number;
+using support::random_vector;
+
+namespace
+{
+
+int own_cell(const Built& built, const Eigen::Vector3d& x)
+{
+    const VoxelGrid& grid = built.material.grid;
+    return built.pieces.piece_of_voxel[grid.index(grid.locate(x))];
+}
+
+/// Smoothly varying poses: a bar along z, twisted.
+std::vector<Pose> twisted(const Built& bar, double rate)
+{
+    std::vector<Pose> poses;
+    for (const Cell& cell : bar.cells.cells)
+    {
+        const Eigen::Matrix3d R =
+            rotation_about(Eigen::Vector3d::UnitZ(), rate * cell.centre.z());
+        const Eigen::Vector3d axis(1.5, 1.5, 0);
+        poses.push_back({R, axis + R * (cell.centre - axis)});
+    }
+    return poses;
+}
+
+std::vector<Pose> rigid(const Built& bar, const Motion& motion)
+{
+    std::vector<Pose> poses;
+    for (const Cell& cell : bar.cells.cells)
+        poses.push_back(carried(motion, cell.centre));
+    return poses;
+}
+
+Eigen::Vector3d point_in(std::mt19937& rng, double x, double y, double z)
+{
+    return {random_number(rng, 0, x), random_number(rng, 0, y), random_number(rng, 0, z)};
+}
+
+} // namespace
+
+TEST(Blend, weights_sum_to_one_and_at_most_eight_are_positive)
+{
+    const Built bar = support::bar(3, 3, 6);
+    const ClosestCells closest(bar.cells);
+    std::mt19937 rng(1);
+    std::vector<Influence> influences;
+    for (int trial = 0; trial < 500; ++trial)
+    {
+        const Eigen::Vector3d x = point_in(rng, 3, 3, 6);
+        closest.influences(x, own_cell(bar, x), influences);
+        double sum = 0.0;
+        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+        for (const Influence& i : influences)
+        {
+            EXPECT_GT(i.weight, 0.0);
+            sum += i.weight;
+            gradient += i.gradient;
+        }
+        EXPECT_NEAR(sum, 1.0, 1e-14);
+        EXPECT_LT(gradient.norm(), 1e-12);
+        EXPECT_LE(influences.size(), 8u);
+    }
+}
+
+TEST(Blend, is_continuous_and_smooth_across_cells)
+{
+    const Built bar = support::bar(3, 3, 6);
+    const Field field(FieldKind::Blend, bar.cells, twisted(bar, 0.3), {}, {});
+    // Along a line through the bar no step is larger than its slope explains.
+    const Eigen::Vector3d a(0.1, 0.2, 0.05), b(2.9, 2.7, 5.9);
+    const int steps = 20000;
+    Eigen::Vector3d last = Eigen::Vector3d::Zero(), last_step = Eigen::Vector3d::Zero();
+    double largest = 0.0, largest_bend = 0.0;
+    for (int i = 0; i <= steps; ++i)
+    {
+        const Eigen::Vector3d x = a + (b - a) * i / steps;
+        const Eigen::Vector3d d = field.value(x, own_cell(bar, x)).displacement;
+        if (i > 0)
+            largest = std::max(largest, (d - last).norm());
+        if (i > 1)
+            largest_bend = std::max(largest_bend, (d - last - last_step).norm());
+        last_step = d - last;
+        last = d;
+    }
+    const double step = (b - a).norm() / steps;
+    EXPECT_LT(largest, 4.0 * step);
+    EXPECT_LT(largest_bend, 1e-4 * 20);
+}
+
+TEST(Blend, does_not_cross_a_gap)
+{
+    const Built fingers =
+        support::built(support::joined(support::box_shape({0, 0, 0}, {4, 0.45, 1}),
+                                       support::box_shape({0, 0.55, 0}, {4, 1, 1})),
+                       8, 0, Fill::Solid, 0.02);
+    const std::vector<int> component = connected_components(fingers.cells);
+    const ClosestCells closest(fingers.cells);
+    std::vector<Influence> influences;
+    std::mt19937 rng(2);
+    for (int trial = 0; trial < 200; ++trial)
+    {
+        const Eigen::Vector3d x(random_number(rng, 0, 4), random_number(rng, 0.4, 0.44),
+                                0.5);
+        const int own = own_cell(fingers, x);
+        closest.influences(x, own, influences);
+        for (const Influence& i : influences)
+            EXPECT_EQ(component[static_cast<std::size_t>(i.cell)],
+                      component[static_cast<std::size_t>(own)]);
+    }
+}
+
+TEST(Closest4, uses_four_cells_and_copes_with_equal_distances)
+{
+    const Built bar = support::bar(3, 3, 3);
+    const Closest4 closest(bar.cells);
+    std::vector<Influence> influences;
+    closest.influences({1.0, 1.0, 1.0}, influences); // eight centres are equally near
+    ASSERT_EQ(influences.size(), 4u);
+    double sum = 0.0;
+    for (const Influence& i : influences)
+        sum += i.weight;
+    EXPECT_NEAR(sum, 1.0, 1e-14);
+    const Built one = support::bar(1, 1, 1);
+    const Closest4 alone(one.cells);
+    alone.influences({0.2, 0.3, 0.4}, influences);
+    ASSERT_EQ(influences.size(), 1u);
+    EXPECT_EQ(influences[0].weight, 1.0);
+}
+
+TEST(Rbf, takes_every_centre_where_it_goes)
+{
+    std::mt19937 rng(3);
+    std::vector<Eigen::Vector3d> centres, displacements;
+    for (int i = 0; i < 300; ++i)
+    {
+        centres.push_back(random_vector(rng, 1.0));
+        displacements.push_back(random_vector(rng, 0.2));
+    }
+    const RbfField field(centres, displacements);
+    EXPECT_LT(field.residual(), 1e-9);
+    for (std::size_t i = 0; i < centres.size(); ++i)
+        EXPECT_LT((field.displacement(centres[i]) - displacements[i]).norm(), 1e-9);
+}
+
+TEST(Rbf, reproduces_quadratics_everywhere)
+{
+    std::mt19937 rng(4);
+    const auto quadratic = [](const Eigen::Vector3d& x) -> Eigen::Vector3d {
+        return {1 + x.x() * x.y(), 2 * x.z() * x.z() - x.x(), 3 * x.y() + x.x() * x.x()};
+    };
+    std::vector<Eigen::Vector3d> centres, displacements;
+    for (int i = 0; i < 60; ++i)
+    {
+        centres.push_back(random_vector(rng, 1.0) + Eigen::Vector3d(5, 0, 0));
+        displacements.push_back(quadratic(centres.back()));
+    }
+    const RbfField field(centres, displacements);
+    for (int i = 0; i < 50; ++i)
+    {
+        const Eigen::Vector3d x = random_vector(rng, 2.0) + Eigen::Vector3d(5, 0, 0);
+        EXPECT_LT((field.displacement(x) - quadratic(x)).norm(), 1e-8);
+    }
+}
+
+TEST(Rbf, gradient_matches_finite_differences)
+{
+    std::mt19937 rng(5);
+    std::vector<Eigen::Vector3d> centres, displacements;
+    for (int i = 0; i < 100; ++i)
+    {
+        centres.push_back(random_vector(rng, 1.0));
+        displacements.push_back(random_vector(rng, 0.2));
+    }
+    const RbfField field(centres, displacements);
+    for (int trial = 0; trial < 20; ++trial)
+    {
+        const Eigen::Vector3d x = random_vector(rng, 1.0);
+        const FieldValue value = field.value(x);
+        EXPECT_EQ(value.displacement, field.displacement(x));
+        for (int k = 0; k < 3; ++k)
+        {
+            const Eigen::Vector3d h = 1e-5 * Eigen::Vector3d::Unit(k);
+            const Eigen::Vector3d slope =
+                (field.displacement(x + h) - field.displacement(x - h)) / 2e-5;
+            EXPECT_LT((value.gradient.col(k) - slope).norm(), 1e-6 * (1 + slope.norm()));
+        }
+    }
+}
+
+TEST(Rbf, works_on_few_flat_collinear_and_coincident_centres)
+{
+    std::mt19937 rng(6);
+    const auto check = [](const std::vector<Eigen::Vector3d>& centres,
+                          const std::vector<Eigen::Vector3d>& displacements)
+    {
+        const RbfField field(centres, displacements);
+        EXPECT_LT(field.residual(), 1e-9);
+        EXPECT_TRUE(field.displacement({0.3, 0.4, 0.5}).allFinite());
+    };
+    check({{1, 2, 3}}, {{0.1, 0, 0}});
+    check({{0, 0, 0}, {1, 0, 0}}, {{0.1, 0, 0}, {0, 0.1, 0}});
+    std::vector<Eigen::Vector3d> flat, line, twice, moves;
+    for (int i = 0; i < 40; ++i)
+    {
+        const Eigen::Vector3d x = random_vector(rng, 1.0);
+        flat.emplace_back(x.x(), x.y(), 0.0);
+        line.emplace_back(x.x(), 2 * x.x(), -x.x());
+        moves.push_back(0.1 *
+                        Eigen::Vector3d(std::sin(x.x()), std::cos(2 * x.y()), x.x()));
+    }
+    check(flat, moves);
+    check(line, moves);
+    twice = flat;
+    twice.insert(twice.end(), flat.begin(), flat.end());
+    std::vector<Eigen::Vector3d> both = moves;
+    both.insert(both.end(), moves.begin(), moves.end());
+    check(twice, both);
+    EXPECT_EQ(RbfField(twice, both).num_centres(), 40u);
+}
+
+TEST(Field, reproduces_a_rigid_motion)
+{
+    const Built bar = support::bar(2, 2, 6);
+    std::mt19937 rng(7);
+    const Motion motion{support::random_rotation(rng), random_vector(rng, 3.0)};
+    const std::vector<Constraint> constraints(bar.cells.size());
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf})
+    {
+        const Field field(kind, bar.cells, rigid(bar, motion), constraints, {});
+        for (int trial = 0; trial < 50; ++trial)
+        {
+            const Eigen::Vector3d x = point_in(rng, 2, 2, 6);
+            const FieldValue value = field.value(x, own_cell(bar, x));
+            EXPECT_LT((x + value.displacement - motion(x)).norm(), 1e-11);
+            EXPECT_LT((value.gradient + Eigen::Matrix3d::Identity() - motion.R).norm(),
+                      1e-9);
+        }
+    }
+}
+
+TEST(Field, blend_and_rbf_agree_where_the_motion_is_smooth)
+{
+    const Built bar = support::bar(3, 3, 12);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    const Field blend(FieldKind::Blend, bar.cells, twisted(bar, 0.08), constraints, {});
+    const Field rbf(FieldKind::Rbf, bar.cells, twisted(bar, 0.08), constraints, {});
+    std::mt19937 rng(8);
+    for (int trial = 0; trial < 200; ++trial)
+    {
+        const Eigen::Vector3d x = point_in(rng, 3, 3, 12);
+        const int own = own_cell(bar, x);
+        EXPECT_LT(
+            (blend.value(x, own).displacement - rbf.value(x, own).displacement).norm(),
+            4e-3 * std::sqrt(162.0));
+    }
+}
+
+TEST(Field, prescribed_corners_are_centres_unless_motions_disagree)
+{
+    const Built bar = support::bar(1, 1, 4);
+    std::vector<Constraint> constraints(bar.cells.size());
+    std::vector<Pose> poses = rigid(bar, Motion());
+    const auto at_z = [&](double z)
+    {
+        for (std::size_t i = 0; i < bar.cells.size(); ++i)
+            if (std::abs(bar.cells.cells[i].centre.z() - z) < 0.1)
+                return i;
+        return std::size_t(0);
+    };
+    constraints[at_z(0.5)].hold = Hold::Prescribed;
+    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 8u);
+    constraints[at_z(1.5)].hold = Hold::Prescribed;
+    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 12u);
+    poses[at_z(1.5)].p.x() += 0.1;
+    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 8u);
+}
+
+namespace
+{
+
+/// A bar whose lower end is a region that turns; every other cell rests.
+struct RegionCase
+{
+    Built bar = support::bar(3, 3, 9);
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<int> cells;
+    Motion motion{rotation_about(Eigen::Vector3d::UnitZ(), 0.02), {0.01, 0, 0}};
+    std::vector<Constraint> constraints{bar.cells.size()};
+
+    RegionCase()
+    {
+        for (int i = 0; i <= 12; ++i)
+            for (int j = 0; j <= 12; ++j)
+                for (int k = 0; k <= 4; ++k)
+                {
+                    samples.emplace_back(0.25 * i, 0.25 * j, 0.25 * k);
+                    cells.push_back(own_cell(bar, samples.back()));
+                }
+    }
+};
+
+} // namespace
+
+TEST(RegionFade, region_samples_follow_their_motion_to_the_bit)
+{
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
+    {
+        const Field field(kind, c.bar.cells, rigid(c.bar, Motion()), c.constraints,
+                          {{&fade, c.motion, false, {}}});
+        const std::vector<Eigen::Vector3d> d = field.displacements(c.samples, c.cells);
+        for (std::size_t i = 0; i < c.samples.size(); ++i)
+        {
+            const Eigen::Vector3d wanted =
+                (c.motion.R - Eigen::Matrix3d::Identity()) * c.samples[i] + c.motion.t;
+            EXPECT_EQ(d[i], wanted);
+        }
+    }
+}
+
+TEST(RegionFade, fades_without_a_step_and_ends)
+{
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    const Field field(FieldKind::Blend, c.bar.cells, rigid(c.bar, Motion()),
+                      c.constraints, {{&fade, c.motion, false, {}}});
+    Eigen::Vector3d last = Eigen::Vector3d::Zero();
+    const double step = 0.002;
+    for (int i = 0; i * step < 8.0; ++i)
+    {
+        const Eigen::Vector3d x(1.37, 1.21, 0.9 + i * step);
+        const Eigen::Vector3d d = field.value(x, own_cell(c.bar, x)).displacement;
+        if (i > 0)
+        {
+            EXPECT_LT((d - last).norm(), 0.1 * step);
+        }
+        if (x.z() > 1.0 + fade.radius())
+        {
+            EXPECT_TRUE(d.isZero(0));
+        }
+        last = d;
+    }
+}
+
+TEST(RegionFade, gradient_matches_finite_differences)
+{
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    std::mt19937 rng(9);
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
+    {
+        const Field field(kind, c.bar.cells, twisted(c.bar, 0.01), c.constraints,
+                          {{&fade, c.motion, false, {}}});
+        for (int trial = 0; trial < 50; ++trial)
+        {
+            const Eigen::Vector3d x(random_number(rng, 0.1, 2.9),
+                                    random_number(rng, 0.1, 2.9),
+                                    random_number(rng, 1.05, 3.0));
+            const int own = own_cell(c.bar, x);
+            const Eigen::Matrix3d gradient = field.value(x, own).gradient;
+            for (int k = 0; k < 3; ++k)
+            {
+                const Eigen::Vector3d h = 1e-6 * Eigen::Vector3d::Unit(k);
+                const Eigen::Vector3d slope = (field.value(x + h, own).displacement -
+                                               field.value(x - h, own).displacement) /
+                                              2e-6;
+                EXPECT_LT((gradient.col(k) - slope).norm(), 1e-5);
+            }
+        }
+    }
+}
+
+TEST(Field, threads_do_not_change_a_bit)
+{
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    std::vector<Eigen::Vector3d> first;
+    for (const std::size_t threads : {1u, 2u, 4u})
+    {
+        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                        threads);
+        const Field field(FieldKind::Rbf, c.bar.cells, twisted(c.bar, 0.2), c.constraints,
+                          {{&fade, c.motion, false, {}}});
+        const std::vector<Eigen::Vector3d> d = field.displacements(c.samples, c.cells);
+        if (first.empty())
+            first = d;
+        EXPECT_EQ(d, first);
+    }
+}
+
+} // namespace cellwarp

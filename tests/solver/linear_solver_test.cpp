@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/linear_solver.h"
+
+#include <limits>
+#include <random>
+
+#include <Eigen/Dense>
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A random positive definite matrix with blocks of sizes 6, 3, 1 and 6.
+BlockMatrix random_matrix(std::mt19937& rng, double shift)
+{
+    const std::vector<int> sizes = {6, 3, 1, 6};
+    BlockMatrix A(sizes, {{1, 0}, {2, 1}, {3, 0}, {3, 2}});
+    for (const auto& [row, column] : {std::pair(1, 0), {2, 1}, {3, 0}, {3, 2}})
+    {
+        BlockMatrix::Block block = A.block(A.find(row, column));
+        for (Eigen::Index i = 0; i < block.size(); ++i)
+            block(i % block.rows(), i / block.rows()) =
+                support::random_number(rng, -1, 1);
+    }
+    for (int b = 0; b < 4; ++b)
+        A.diagonal(b).diagonal().setConstant(shift);
+    return A;
+}
+
+Eigen::MatrixXd dense(const BlockMatrix& A)
+{
+    Eigen::MatrixXd D(A.rows(), A.rows());
+    for (int i = 0; i < A.rows(); ++i)
+        D.col(i) = A.multiply(Eigen::VectorXd::Unit(A.rows(), i));
+    return D;
+}
+
+} // namespace
+
+TEST(BlockMatrix, multiplies_as_the_symmetric_whole)
+{
+    std::mt19937 rng(1);
+    const BlockMatrix A = random_matrix(rng, 9.0);
+    const Eigen::MatrixXd D = dense(A);
+    EXPECT_EQ(A.rows(), 16);
+    EXPECT_TRUE(D.isApprox(D.transpose()));
+    EXPECT_NE(D(6, 0), 0.0);
+    EXPECT_EQ(D(9, 0), 0.0);
+    EXPECT_NEAR(A.norm(), D.cwiseAbs().rowwise().sum().maxCoeff(), 1e-12);
+}
+
+TEST(LinearSolver, solves_what_eigen_solves)
+{
+    std::mt19937 rng(2);
+    BlockMatrix A = random_matrix(rng, 9.0);
+    LinearSolver solver(A);
+    for (const double shift : {9.0, 12.0})
+    {
+        for (int b = 0; b < 4; ++b)
+            A.diagonal(b).diagonal().setConstant(shift);
+        ASSERT_TRUE(solver.factorize(A));
+        Eigen::VectorXd b(16);
+        for (int i = 0; i < 16; ++i)
+            b[i] = support::random_number(rng, -1, 1);
+        EXPECT_LT((solver.solve(b) - dense(A).ldlt().solve(b)).norm(), 1e-12);
+    }
+    EXPECT_GT(solver.factor_numbers(), 16.0);
+}
+
+TEST(LinearSolver, reports_what_is_not_positive_definite)
+{
+    std::mt19937 rng(3);
+    BlockMatrix A = random_matrix(rng, 9.0);
+    LinearSolver solver(A);
+    A.diagonal(2)(0, 0) = -1.0;
+    EXPECT_FALSE(solver.factorize(A));
+    A.diagonal(2)(0, 0) = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_FALSE(solver.factorize(A));
+    A.diagonal(2)(0, 0) = 9.0;
+    EXPECT_TRUE(solver.factorize(A));
+    A.set_zero();
+    EXPECT_FALSE(solver.factorize(A));
+}
+
+} // namespace cellwarp

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tests/support/shapes.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <sstream>
+
+#include <Eigen/Geometry>
+#include <unistd.h>
+
+#include "io/number.h"
+
+namespace cellwarp::support
+{
+
+Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n)
+{
+    Shape shape;
+    std::map<std::array<int, 3>, std::uint32_t> numbers;
+    const Eigen::Vector3d size = high - low;
+    Eigen::Vector3i counts;
+    for (int k = 0; k < 3; ++k)
+        counts[k] =
+            std::max(1, static_cast<int>(std::lround(n * size[k] / size.minCoeff())));
+    const auto vertex = [&](const Eigen::Vector3i& at)
+    {
+        const auto [found, is_new] = numbers.try_emplace(
+            {at.x(), at.y(), at.z()}, static_cast<std::uint32_t>(numbers.size()));
+        if (is_new)
+            shape.samples.push_back(
+                low + size.cwiseProduct(
+                          at.cast<double>().cwiseQuotient(counts.cast<double>())));
+        return found->second;
+    };
+    for (int axis = 0; axis < 3; ++axis)
+        for (const int side : {0, counts[axis]})
+        {
+            const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+            for (int i = 0; i < counts[u]; ++i)
+                for (int j = 0; j < counts[v]; ++j)
+                {
+                    std::uint32_t corner[4];
+                    for (int c = 0; c < 4; ++c)
+                    {
+                        Eigen::Vector3i at;
+                        at[axis] = side;
+                        at[u] = i + (c == 1 || c == 2);
+                        at[v] = j + (c >= 2);
+                        corner[c] = vertex(at);
+                    }
+                    if (side == 0)
+                        std::swap(corner[1], corner[3]);
+                    shape.triangles.push_back({corner[0], corner[1], corner[2]});
+                    shape.triangles.push_back({corner[0], corner[2], corner[3]});
+                }
+        }
+    return shape;
+}
+
+Shape joined(const Shape& a, const Shape& b)
+{
+    Shape shape = a;
+    const std::uint32_t first = static_cast<std::uint32_t>(a.samples.size());
+    shape.samples.insert(shape.samples.end(), b.samples.begin(), b.samples.end());
+    for (const Triangle& t : b.triangles)
+        shape.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    return shape;
+}
+
+std::string obj_text(const Shape& shape)
+{
+    std::string text;
+    for (const Eigen::Vector3d& x : shape.samples)
+        text +=
+            "v " + shortest(x.x()) + " " + shortest(x.y()) + " " + shortest(x.z()) + "\n";
+    for (const Triangle& t : shape.triangles)
+        text += "f " + std::to_string(t[0] + 1) + " " + std::to_string(t[1] + 1) + " " +
+                std::to_string(t[2] + 1) + "\n";
+    return text;
+}
+
+std::vector<Eigen::Vector3d> random_points(const Shape& shape, int count, unsigned seed)
+{
+    std::mt19937 rng(seed);
+    std::vector<double> areas;
+    for (const Triangle& t : shape.triangles)
+        areas.push_back((shape.samples[t[1]] - shape.samples[t[0]])
+                            .cross(shape.samples[t[2]] - shape.samples[t[0]])
+                            .norm());
+    std::discrete_distribution<std::size_t> pick(areas.begin(), areas.end());
+    std::vector<Eigen::Vector3d> points;
+    for (int i = 0; i < count; ++i)
+    {
+        const Triangle& t = shape.triangles[pick(rng)];
+        double u = random_number(rng, 0, 1), v = random_number(rng, 0, 1);
+        if (u + v > 1)
+        {
+            u = 1 - u;
+            v = 1 - v;
+        }
+        points.push_back(shape.samples[t[0]] +
+                         u * (shape.samples[t[1]] - shape.samples[t[0]]) +
+                         v * (shape.samples[t[2]] - shape.samples[t[0]]));
+    }
+    return points;
+}
+
+Built built(const Shape& shape, int across, int depth, Fill fill, double max_voxel)
+{
+    Eigen::Vector3d high = shape.samples.front();
+    for (const Eigen::Vector3d& x : shape.samples)
+        high = high.cwiseMax(x);
+    const GridShape grid = grid_shape(high, across, depth, max_voxel);
+    Material material = find_material(shape, grid, fill);
+    const MaterialTest test = material_test(material.grid);
+    Octree octree = Octree(grid, test).split_all(depth, test);
+    Pieces pieces = find_pieces(material.grid, octree);
+    Cells cells = build_cells(material.grid, octree, pieces);
+    return {std::move(material), std::move(octree), std::move(pieces), std::move(cells)};
+}
+
+Built bar(int nx, int ny, int nz)
+{
+    return built(box_shape(Eigen::Vector3d::Zero(), Eigen::Vector3d(nx, ny, nz), 1),
+                 std::max({nx, ny, nz}));
+}
+
+double random_number(std::mt19937& rng, double low, double high)
+{
+    return low + (high - low) * static_cast<double>(rng()) / 4294967296.0;
+}
+
+Eigen::Vector3d random_vector(std::mt19937& rng, double size)
+{
+    Eigen::Vector3d v;
+    for (int k = 0; k < 3; ++k)
+        v[k] = random_number(rng, -size, size);
+    return v;
+}
+
+Eigen::Matrix3d random_rotation(std::mt19937& rng)
+{
+    const Eigen::Vector3d axis = random_vector(rng, 1.0).normalized();
+    return rotation_about(axis, random_number(rng, -3.1, 3.1));
+}
+
+Pose random_pose(std::mt19937& rng, double size)
+{
+    return {random_rotation(rng), random_vector(rng, size)};
+}
+
+Folder::Folder()
+{
+    std::string name =
+        (std::filesystem::temp_directory_path() / "cellwarp-test-XXXXXX").string();
+    path_ = ::mkdtemp(name.data());
+}
+
+Folder::~Folder()
+{
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+}
+
+std::string Folder::write(const std::string& name, const std::string& bytes) const
+{
+    std::ofstream(path_ / name, std::ios::binary) << bytes;
+    return (path_ / name).string();
+}
+
+std::string bytes_of(const std::string& path)
+{
+    std::ifstream file(path, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+std::string data_folder()
+{
+    const char* folder = std::getenv("CELLWARP_TEST_DATA");
+    return folder ? folder : "";
+}
+
+std::string samples_folder()
+{
+    return CELLWARP_SAMPLES;
+}
+
+} // namespace cellwarp::support

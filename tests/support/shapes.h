@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Shapes, files and folders made by functions, so that a test can be read alone.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/geometry.h"
+#include "octree/cells.h"
+#include "octree/material.h"
+#include "octree/octree.h"
+#include "solver/pose.h"
+
+namespace cellwarp::support
+{
+
+/// A triangulated closed box of \p n quads along its unit edge, low to high corner.
+Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n = 4);
+
+/// Two shapes in one.
+Shape joined(const Shape& a, const Shape& b);
+
+/// The text of an OBJ file of the shape.
+std::string obj_text(const Shape& shape);
+
+/// Points spread evenly, by a seeded generator, on the triangles of a shape.
+std::vector<Eigen::Vector3d> random_points(const Shape& shape, int count, unsigned seed);
+
+/// Everything from a shape to its cells, \p across leaves along the longest side.
+struct Built
+{
+    Material material;
+    Octree octree;
+    Pieces pieces;
+    Cells cells;
+};
+Built built(const Shape& shape, int across, int depth = 0, Fill fill = Fill::Solid,
+            double max_voxel = 0.0);
+
+/// A bar of cells, counts along the axes, by itself.
+Built bar(int nx, int ny, int nz);
+
+double random_number(std::mt19937& rng, double low, double high);
+Eigen::Vector3d random_vector(std::mt19937& rng, double size);
+Eigen::Matrix3d random_rotation(std::mt19937& rng);
+Pose random_pose(std::mt19937& rng, double size);
+
+/// A folder of this test's own, empty; removed at the end.
+class Folder
+{
+public:
+    Folder();
+    ~Folder();
+    std::string operator/(const std::string& name) const
+    {
+        return (path_ / name).string();
+    }
+    const std::filesystem::path& path() const { return path_; }
+    /// Writes a file and gives its path.
+    std::string write(const std::string& name, const std::string& bytes) const;
+
+private:
+    std::filesystem::path path_;
+};
+
+std::string bytes_of(const std::string& path);
+
+/// The folder of real models (CELLWARP_TEST_DATA); empty without it.
+std::string data_folder();
+/// The folder of the samples that ship with the project.
+std::string samples_folder();
+
+} // namespace cellwarp::support
