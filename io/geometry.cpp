@@ -9,11 +9,13 @@
 #include <filesystem>
 #include <optional>
 
+#include "io/columns.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/obj.h"
 #include "io/off.h"
 #include "io/ply.h"
+#include "io/stl.h"
 #include "io/stored_number.h"
 #include "io/text.h"
 
@@ -23,10 +25,21 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::string_view kFormats[] = {"obj", "ply", "off"};
+constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "xyz",
+                                         "pts", "csv", "txt", "asc"};
 
 /// Largest coordinate: beyond it squares overflow.
 constexpr double kMaxCoordinate = 1e150;
+
+Error unknown_format(const std::string& path)
+{
+    std::string known;
+    for (const std::string_view format : kFormats)
+        known += (known.empty() ? "" : ", ") + std::string(format);
+    return Error(
+        Fault::Usage,
+        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
+}
 
 template <class Scanner>
 void scan_all(Scanner scanner, GeometryFile& file)
@@ -106,11 +119,14 @@ private:
     std::size_t vector_ = 0, next_ = 0;
 };
 
-std::size_t token_length(std::string_view bytes, std::uint64_t start, char separator)
+/// Length of the number or index at \p start: what none of the formats has in one
+/// ends it.
+std::size_t token_length(std::string_view bytes, std::uint64_t start)
 {
+    static constexpr std::string_view ends = "\n\r\\/,;\"";
     std::size_t end = start;
-    while (end < bytes.size() && !is_blank(bytes[end]) && bytes[end] != '\n' &&
-           bytes[end] != '\r' && bytes[end] != '\\' && bytes[end] != separator)
+    while (end < bytes.size() && !is_blank(bytes[end]) &&
+           ends.find(bytes[end]) == std::string_view::npos)
         ++end;
     return end - start;
 }
@@ -135,18 +151,18 @@ std::string extension_of(const std::string& path)
     return extension;
 }
 
-GeometryFile scan_geometry(std::string path, std::string bytes)
+GeometryFile scan_geometry(std::string path, std::string bytes,
+                           const ReadOptions& options)
 {
     GeometryFile file{std::move(path), std::move(bytes), {}};
     const std::string extension = extension_of(file.path);
     file.geometry.format = extension;
     if (!is_geometry_format(extension))
-        throw Error(Fault::Usage, at({file.path, 0, ""},
-                                     "the extension is no known format (need obj, ply or "
-                                     "off)"));
+        throw unknown_format(file.path);
     if (file.bytes.empty())
         throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
-    const bool may_be_binary = extension == "ply" && file.bytes.starts_with("ply");
+    const bool may_be_binary =
+        extension == "stl" || (extension == "ply" && file.bytes.starts_with("ply"));
     if (const std::string guess = foreign_content(file.bytes);
         !guess.empty() && !may_be_binary)
         throw malformed({file.path, 0, ""},
@@ -155,24 +171,28 @@ GeometryFile scan_geometry(std::string path, std::string bytes)
         scan_all(ObjScanner(file.path), file);
     else if (extension == "ply")
         scan_all(PlyScanner(file.path, file.bytes.size()), file);
-    else
+    else if (extension == "stl")
+        scan_all(StlScanner(file.path, file.bytes.size()), file);
+    else if (extension == "off")
         scan_all(OffScanner(file.path, file.bytes.size()), file);
+    else
+        scan_all(ColumnsScanner(file.path, extension, options.columns), file);
     check_magnitude(file);
     return file;
 }
 
-GeometryFile read_geometry(const std::string& path)
+GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
 {
     if (!is_geometry_format(extension_of(path)))
-        throw Error(
-            Fault::Usage,
-            at({path, 0, ""}, "the extension is no known format (need obj, ply or off)"));
-    return scan_geometry(path, read_file(path));
+        throw unknown_format(path);
+    return scan_geometry(path, read_file(path), options);
 }
 
 std::vector<DirectionUse> direction_uses(const Geometry& geometry)
 {
     std::vector<DirectionUse> uses;
+    if (geometry.format == "stl")
+        return uses; // its normals follow from its corners
     for (std::size_t i = 0; i < geometry.direction_samples.size(); ++i)
         uses.push_back({static_cast<std::uint32_t>(i), geometry.direction_samples[i]});
     for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
@@ -197,6 +217,8 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
     ObjSplit split;
     if (!geometry.corner_directions.empty())
         split = split_directions(geometry, uses, patch.directions, file.bytes);
+    else if (geometry.format == "stl")
+        split.directions = facet_normals(geometry, patch.samples);
     else
     {
         split.directions = geometry.directions;
@@ -227,7 +249,7 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
                 "the deformed value does not fit the type it is stored in (got " +
                     shortest(edit.value) + ")");
         const std::size_t size = stored_size(edit.scalar);
-        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start, ' '), text);
+        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start), text);
     };
     EditStream samples(geometry.sample_places, geometry.samples, patch.samples);
     EditStream directions(geometry.direction_places, geometry.directions,
@@ -245,8 +267,7 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
             break;
         if (first == i)
         {
-            replace(i, token_length(bytes, i, '/'),
-                    std::to_string(split.new_indices[index]));
+            replace(i, token_length(bytes, i), std::to_string(split.new_indices[index]));
             ++index;
             continue;
         }

@@ -100,12 +100,18 @@ bool is_geometry_format(std::string_view extension);
 /// "obj" of "dir/Name.OBJ"; empty without an extension.
 std::string extension_of(const std::string& path);
 
+struct ReadOptions
+{
+    std::string columns; ///< of text in columns, see ColumnsScanner
+};
+
 /// Reads and checks the file whole. Throws Fault::File or Fault::Malformed; an
 /// unknown extension is Fault::Usage.
-GeometryFile read_geometry(const std::string& path);
+GeometryFile read_geometry(const std::string& path, const ReadOptions& options = {});
 
 /// The same for bytes that are already in memory; \p path names them.
-GeometryFile scan_geometry(std::string path, std::string bytes);
+GeometryFile scan_geometry(std::string path, std::string bytes,
+                           const ReadOptions& options = {});
 
 /// A direction as one of its samples sees it. An OBJ's vn that several samples
 /// share has several uses.
@@ -116,6 +122,7 @@ struct DirectionUse
 };
 
 /// Every pair of direction and sample that occurs, once, sorted.
+/// None for an STL, whose normals follow from its corners.
 std::vector<DirectionUse> direction_uses(const Geometry& geometry);
 
 /// What a deformation changes, in the order of the file.

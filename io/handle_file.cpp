@@ -397,13 +397,13 @@ std::vector<double> all_numbers(const std::string& path, std::string_view text)
 }
 
 std::vector<std::int64_t> as_labels(const std::string& path,
-                                    const std::vector<double>& values, std::size_t first)
+                                    const std::vector<double>& values)
 {
     std::vector<std::int64_t> labels;
-    for (std::size_t i = first; i < values.size(); ++i)
+    for (std::size_t i = 0; i < values.size(); ++i)
     {
         if (values[i] != std::floor(values[i]) || std::abs(values[i]) > 2147483647.0)
-            throw malformed({path, 0, "label " + std::to_string(i - first)},
+            throw malformed({path, 0, "label " + std::to_string(i)},
                             "got " + shortest(values[i]) + ", need an integer");
         labels.push_back(static_cast<std::int64_t>(values[i]));
     }
@@ -445,7 +445,7 @@ std::vector<std::int64_t> parse_dmat(const std::string& path, std::string_view b
         throw malformed({path, 0, "header"}, "promises " + shortest(count) +
                                                  " labels (got " +
                                                  std::to_string(values.size()) + ")");
-    return as_labels(path, values, 0);
+    return as_labels(path, values);
 }
 
 } // namespace
@@ -484,14 +484,18 @@ HandleFile read_handles(const std::string& path)
     return parse_handles(path, read_file(path));
 }
 
-std::vector<std::int64_t> read_labels(const std::string& path)
+std::vector<std::int64_t> parse_labels(const std::string& path, std::string_view bytes)
 {
-    const std::string bytes = read_file(path);
     if (extension_of(path) == "dmat")
         return parse_dmat(path, bytes);
     if (const std::string guess = foreign_content(bytes); !guess.empty())
         throw malformed({path, 0, ""}, "this looks like " + guess + ", need labels");
-    return as_labels(path, all_numbers(path, bytes), 0);
+    return as_labels(path, all_numbers(path, bytes));
+}
+
+std::vector<std::int64_t> read_labels(const std::string& path)
+{
+    return parse_labels(path, read_file(path));
 }
 
 HandleFile read_survey_pair(const std::string& sel, const std::string& def)

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -115,5 +116,6 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def);
 
 /// One integer a sample: a .sel (text, # comments) or a .dmat (libigl).
 std::vector<std::int64_t> read_labels(const std::string& path);
+std::vector<std::int64_t> parse_labels(const std::string& path, std::string_view bytes);
 
 } // namespace cellwarp

@@ -20,8 +20,8 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
-    const Session session(read_geometry(request.model), std::move(*request.handles),
-                          request.settings);
+    const Session session(read_geometry(request.model, request.read),
+                          std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
     print_warnings(warnings, common);

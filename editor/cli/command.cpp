@@ -64,8 +64,8 @@ Number in_range(const char* flag, Number value, Number low, Number high)
 void SessionFlags::add_to(CLI::App& app)
 {
     const SessionSettings defaults;
-    app.add_option("MODEL", model, "geometry file (obj, ply, off) or scene (json)")
-        ->required();
+    app.add_option("MODEL", model, "geometry file or scene (json)")->required();
+    add_columns(app, columns);
     app.add_option("--handles", handles, "handle file: regions and frames");
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
@@ -97,6 +97,13 @@ void SessionFlags::add_to(CLI::App& app)
                    "bytes, like 500M or 2G (default: 70 % of what is free)");
 }
 
+void add_columns(CLI::App& app, std::string& columns)
+{
+    app.add_option("--columns", columns,
+                   "of text in columns, like x,y,z,intensity,r,g,b: which is what "
+                   "(default: a line of names, else x y z first)");
+}
+
 bool SessionFlags::has_session() const
 {
     return extension_of(model) == "json" || !handles.empty() || !sel.empty();
@@ -115,6 +122,7 @@ SessionRequest read_request(const SessionFlags& flags)
         request.warnings = scene.warnings;
     }
     request.model = is_scene ? scene.model : flags.model;
+    request.read.columns = flags.columns;
     if (flags.sel.empty() != flags.def.empty())
         throw Error(Fault::Usage, "--sel and --def go together");
     if (!flags.sel.empty() && !flags.handles.empty())

@@ -35,6 +35,7 @@ struct CommonFlags
 struct SessionFlags
 {
     std::string model;
+    std::string columns;
     std::string handles, sel, def;
     std::optional<double> threshold, gap, time;
     std::optional<std::int64_t> max_depth, across, max_cells, max_iterations;
@@ -56,6 +57,7 @@ void add_features(CLI::App& app, CommonFlags& common, int& exit_code);
 struct SessionRequest
 {
     std::string model;
+    ReadOptions read;
     std::optional<HandleFile> handles;
     SessionSettings settings;
     std::string release = "rbf"; ///< name of the release field as the scene spells it
@@ -64,6 +66,9 @@ struct SessionRequest
 
 /// Reads the scene (if the model is one) and the handle file. Throws Error.
 SessionRequest read_request(const SessionFlags& flags);
+
+/// Adds --columns.
+void add_columns(CLI::App& app, std::string& columns);
 
 /// "warning: ..." on stderr, unless quiet.
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);

@@ -138,7 +138,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
             check_output(name.of(frame), common.overwrite());
     else
         check_output(flags.output, common.overwrite());
-    GeometryFile model = read_geometry(request.model);
+    GeometryFile model = read_geometry(request.model, request.read);
     const double load_ms = ms_since(start);
 
     const Clock::time_point build_start = Clock::now();

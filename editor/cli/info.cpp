@@ -51,19 +51,25 @@ std::string as_text(const Json& json)
     return text + "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
 }
 
-int run(const std::vector<std::string>& files, const CommonFlags& common)
+struct InfoFlags
+{
+    std::vector<std::string> files;
+    std::string columns;
+};
+
+int run(const InfoFlags& flags, const CommonFlags& common)
 {
     Json all = Json::array();
     std::string text;
-    for (const std::string& path : files)
+    for (const std::string& path : flags.files)
     {
-        const GeometryFile file = read_geometry(path);
+        const GeometryFile file = read_geometry(path, {flags.columns});
         print_warnings(file.geometry.warnings, common);
         all.push_back(describe(file));
         text += path + "\n" + as_text(all.back());
     }
     if (common.is_json)
-        text = (files.size() == 1 ? all[0] : Json{{"files", all}}).dump(2) + "\n";
+        text = (flags.files.size() == 1 ? all[0] : Json{{"files", all}}).dump(2) + "\n";
     write_file("-", text, Overwrite::Yes);
     return 0;
 }
@@ -72,13 +78,14 @@ int run(const std::vector<std::string>& files, const CommonFlags& common)
 
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
 {
-    const auto files = std::make_shared<std::vector<std::string>>();
+    const auto flags = std::make_shared<InfoFlags>();
     CLI::App* command =
         app.add_subcommand("info", "What geometry files hold.\n\n"
                                    "  cellwarp info bunny.obj\n"
                                    "  cellwarp info --json a.ply b.ply\n");
-    command->add_option("FILE", *files, "geometry files")->required();
-    command->callback([files, &common, &exit_code] { exit_code = run(*files, common); });
+    command->add_option("FILE", flags->files, "geometry files")->required();
+    add_columns(*command, flags->columns);
+    command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 
 } // namespace cellwarp

@@ -74,7 +74,8 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     {
         if (flags.frame != "rest")
             throw Error(Fault::Usage, "--frame needs a scene or --handles");
-        figures.push_back(figure_of(read_geometry(flags.session.model).geometry));
+        figures.push_back(figure_of(
+            read_geometry(flags.session.model, {flags.session.columns}).geometry));
     }
     else
     {
@@ -89,8 +90,8 @@ int run(const RenderFlags& flags, const CommonFlags& common)
                 request.handles->stages.emplace_back();
             request.handles->stages.front().frames.push_back({0, {}, 0});
         }
-        Session session(read_geometry(request.model), std::move(*request.handles),
-                        request.settings);
+        Session session(read_geometry(request.model, request.read),
+                        std::move(*request.handles), request.settings);
         play(session, flags.frame);
         figures.push_back(figure_of(session));
         if (flags.shows_cells)
@@ -98,7 +99,9 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         warnings = session.warnings();
     }
     if (!flags.compare.empty())
-        figures.insert(figures.begin(), figure_of(read_geometry(flags.compare).geometry));
+        figures.insert(
+            figures.begin(),
+            figure_of(read_geometry(flags.compare, {flags.session.columns}).geometry));
     print_warnings(warnings, common);
     write_file(flags.output, png_bytes(draw(figures, options)), common.overwrite());
     return 0;

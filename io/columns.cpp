@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/columns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+std::string lower(std::string_view word)
+{
+    std::string text(word);
+    for (char& c : text)
+        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    return text;
+}
+
+/// 0..2 position, 3..5 normal, 6..8 colour; -1 for anything else.
+int role_of(const std::string& name)
+{
+    static constexpr std::string_view names[] = {"x", "y", "z", "nx",  "ny",    "nz",
+                                                 "r", "g", "b", "red", "green", "blue"};
+    const auto found = std::find(std::begin(names), std::end(names), name);
+    const int at = static_cast<int>(found - std::begin(names));
+    return found == std::end(names) ? -1 : at < 9 ? at : at - 3;
+}
+
+Token trimmed(std::string_view text, std::uint64_t start)
+{
+    while (!text.empty() && is_blank(text.front()))
+    {
+        text.remove_prefix(1);
+        ++start;
+    }
+    while (!text.empty() && is_blank(text.back()))
+        text.remove_suffix(1);
+    return {text, start};
+}
+
+} // namespace
+
+ColumnsScanner::ColumnsScanner(std::string file, const std::string& format,
+                               const std::string& columns)
+    : file_(std::move(file)), is_pts_(format == "pts"), is_csv_(format == "csv")
+{
+    if (columns.empty())
+        return;
+    std::vector<std::string> names;
+    for (std::size_t first = 0; first <= columns.size();)
+    {
+        const std::size_t end = std::min(columns.find(',', first), columns.size());
+        names.push_back(columns.substr(first, end - first));
+        first = end + 1;
+    }
+    if (!take_names(names))
+        throw Error(Fault::Usage, "--columns: got " + in_quotes(columns) +
+                                      ", need x, y and z among them");
+}
+
+bool ColumnsScanner::take_names(const std::vector<std::string>& names)
+{
+    int roles[9] = {-1, -1, -1, -1, -1, -1, -1, -1, -1};
+    std::vector<std::string> lowered;
+    for (std::size_t i = 0; i < names.size(); ++i)
+    {
+        std::string name = lower(names[i]);
+        if (name.size() > 1 && name.front() == '"' && name.back() == '"')
+            name = name.substr(1, name.size() - 2);
+        lowered.push_back(name);
+        const int role = role_of(name);
+        if (role >= 0 && roles[role] < 0)
+            roles[role] = static_cast<int>(i);
+    }
+    if (roles[0] < 0 || roles[1] < 0 || roles[2] < 0)
+        return false;
+    // A normal or colour counts only whole.
+    for (const int group : {3, 6})
+        if (roles[group] < 0 || roles[group + 1] < 0 || roles[group + 2] < 0)
+            std::fill(roles + group, roles + group + 3, -1);
+    std::copy(roles, roles + 9, role_column_);
+    num_columns_ = names.size();
+    names_ = lowered;
+    has_names_ = true;
+    return true;
+}
+
+void ColumnsScanner::choose_separator(std::string_view text)
+{
+    separator_ = ' ';
+    for (const char candidate : {';', ','})
+    {
+        if (text.find(candidate) == std::string_view::npos)
+            continue;
+        // Between commas no field may hold a blank: "0,1 0,2" has decimal commas.
+        std::string_view rest = text;
+        bool is_separator = true;
+        while (is_separator)
+        {
+            const std::size_t end = rest.find(candidate);
+            const std::string_view field = trimmed(rest.substr(0, end), 0).text;
+            is_separator = field.front() == '"' ||
+                           std::none_of(field.begin(), field.end(), is_blank);
+            if (end == std::string_view::npos)
+                break;
+            rest.remove_prefix(end + 1);
+            if (trimmed(rest, 0).text.empty())
+                break;
+        }
+        if (is_separator)
+        {
+            separator_ = candidate;
+            return;
+        }
+    }
+}
+
+std::vector<Token> ColumnsScanner::fields(std::string_view text,
+                                          std::uint64_t start) const
+{
+    std::vector<Token> row;
+    if (separator_ == ' ')
+    {
+        Tokens tokens(text, start);
+        for (Token token; tokens.next(token);)
+            row.push_back(token);
+        return row;
+    }
+    for (std::size_t first = 0; first <= text.size();)
+    {
+        // A separator inside double quotes is part of the field.
+        std::size_t end = first;
+        for (bool is_quoted = false;
+             end < text.size() && (is_quoted || text[end] != separator_); ++end)
+            is_quoted ^= text[end] == '"';
+        row.push_back(trimmed(text.substr(first, end - first), start + first));
+        first = end + 1;
+    }
+    return row;
+}
+
+void ColumnsScanner::point(const std::vector<Token>& row, Geometry& out)
+{
+    if (num_columns_ == 0)
+    {
+        num_columns_ = row.size();
+        for (int k = 0; k < 3; ++k)
+            role_column_[k] = k;
+        double squared = 0.0;
+        for (std::size_t k = 3; k < 6 && row.size() == 6; ++k)
+        {
+            const double n = parse_double(row[k].text).value_or(0.0);
+            squared += n * n;
+        }
+        if (std::abs(squared - 1.0) < 1e-3)
+            for (int k = 3; k < 6; ++k)
+                role_column_[k] = k;
+    }
+    if (row.size() != num_columns_ || row.size() < 3)
+        throw malformed({file_, lines_, "point"},
+                        "got " + std::to_string(row.size()) + " columns, need " +
+                            std::to_string(std::max<std::size_t>(3, num_columns_)));
+    double values[9];
+    std::uint64_t starts[9];
+    for (int role = 0; role < 9; ++role)
+    {
+        if (role_column_[role] < 0)
+            continue;
+        const Token& field = row[static_cast<std::size_t>(role_column_[role])];
+        const std::optional<double> value = parse_double(field.text);
+        const Where where{file_, lines_,
+                          "column " + std::to_string(role_column_[role] + 1)};
+        if (!value)
+            throw malformed(where, "is no number (got " + in_quotes(field.text) + ")");
+        if (role < 3 && !std::isfinite(*value))
+            throw malformed(where, "is not finite (got " + in_quotes(field.text) + ")");
+        values[role] = *value;
+        starts[role] = field.start;
+    }
+    out.samples.emplace_back(values[0], values[1], values[2]);
+    out.sample_places.starts.insert(out.sample_places.starts.end(), starts, starts + 3);
+    if (role_column_[3] >= 0)
+    {
+        const Eigen::Vector3d normal(values[3], values[4], values[5]);
+        if (normal.allFinite() && !normal.isZero(0))
+        {
+            out.directions.push_back(normal);
+            out.direction_samples.push_back(
+                static_cast<std::uint32_t>(out.samples.size() - 1));
+            out.direction_places.starts.insert(out.direction_places.starts.end(),
+                                               starts + 3, starts + 6);
+        }
+    }
+    if (role_column_[6] >= 0)
+    {
+        std::array<std::uint8_t, 3>& colour = out.colours.emplace_back();
+        for (int k = 0; k < 3; ++k)
+            colour[static_cast<std::size_t>(k)] =
+                static_cast<std::uint8_t>(std::clamp(values[6 + k], 0.0, 255.0));
+    }
+}
+
+void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
+{
+    const Token whole = trimmed(text, start);
+    std::string_view content = whole.text;
+    if (content.empty() || content.front() == '#')
+        return;
+    const bool is_marked = content.starts_with("//");
+    if (is_marked)
+        content.remove_prefix(2);
+    if (trimmed(content, 0).text.empty())
+        return;
+    if (separator_ == 0 || is_first_)
+        choose_separator(trimmed(content, 0).text);
+    const std::vector<Token> row = fields(content, whole.start + (is_marked ? 2 : 0));
+    if (is_first_ || (is_pts_ && out.samples.empty()))
+    {
+        // The count of a PTS, or a line of names.
+        if (is_pts_ && promised_ < 0 && row.size() == 1 && parse_integer(row[0].text))
+        {
+            promised_ = *parse_integer(row[0].text);
+            is_first_ = false;
+            separator_ = 0;
+            return;
+        }
+        std::vector<std::string> names;
+        for (const Token& field : row)
+            names.emplace_back(field.text);
+        const bool is_text = !row.empty() && !parse_double(row[0].text);
+        if (is_text &&
+            (has_names_ ? row.size() == num_columns_ && !is_marked : take_names(names)))
+        {
+            is_first_ = false;
+            return;
+        }
+        if (is_text && is_csv_ && !is_marked)
+            throw malformed(
+                {file_, lines_, "names"},
+                "no columns x, y and z among them (say which with --columns)");
+    }
+    if (is_marked)
+        return; // a comment
+    is_first_ = false;
+    point(row, out);
+}
+
+std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
+                                 Geometry& out)
+{
+    const std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
+    LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
+    std::string_view text;
+    while (lines.next(text))
+    {
+        lines_ = lines.line_number();
+        line(text, lines.line_start(), out);
+    }
+    return skipped + lines.consumed();
+}
+
+void ColumnsScanner::finish(Geometry& out)
+{
+    if (out.samples.empty())
+        throw malformed({file_, 0, ""}, "the file is empty: no vertices");
+    if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.samples.size()))
+        throw malformed({file_, 1, "count"}, "got " + std::to_string(promised_) +
+                                                 " points, need " +
+                                                 std::to_string(out.samples.size()));
+    for (std::size_t i = 0; i < names_.size(); ++i)
+        if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
+            role_column_ + 9)
+            out.attributes.push_back(names_[i]);
+    for (std::size_t i = names_.size(); i < num_columns_; ++i)
+        if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
+            role_column_ + 9)
+            out.attributes.push_back("column " + std::to_string(i + 1));
+    if (role_column_[3] >= 0)
+        out.attributes.push_back("normals");
+    if (role_column_[6] >= 0)
+        out.attributes.push_back("colours");
+}
+
+} // namespace cellwarp

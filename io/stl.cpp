@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/stl.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+#include "io/number.h"
+#include "io/stored_number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::uint64_t kHeaderBytes = 84, kFacetBytes = 50;
+constexpr std::uint64_t kMaxFacets = ((std::uint64_t(1) << 31) - 1) / 3;
+
+std::string lower(std::string_view word)
+{
+    std::string text(word);
+    for (char& c : text)
+        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    return text;
+}
+
+} // namespace
+
+void StlScanner::begin(std::string_view part, Geometry& out)
+{
+    const bool has_count = part.size() >= kHeaderBytes;
+    count_ = has_count ? static_cast<std::uint64_t>(
+                             load_stored(part.data() + 80, Scalar::UInt32, false))
+                       : 0;
+    const bool fits = has_count && file_bytes_ == kHeaderBytes + kFacetBytes * count_;
+    const std::string_view text = part.substr(byte_order_mark(part));
+    const std::size_t word = text.find_first_not_of(" \t\r\n");
+    const bool says_solid =
+        word != std::string_view::npos && lower(text.substr(word, 5)) == "solid";
+    kind_ = says_solid && !(fits && count_ > 0 && part.find('\0') < part.size())
+                ? Kind::Ascii
+                : Kind::Binary;
+    expected_ = "solid";
+    if (kind_ == Kind::Ascii)
+        return;
+    if (!has_count)
+        throw malformed({file_, 0, "header"},
+                        "the file ends here (got " + std::to_string(file_bytes_) +
+                            " bytes, need 84 or a text that starts with 'solid')");
+    if (!fits)
+        throw malformed({file_, 0, "count (byte 80)"},
+                        "got " + std::to_string(count_) + " facets, need " +
+                            std::to_string((file_bytes_ - kHeaderBytes) / kFacetBytes) +
+                            " for the file's size");
+    if (count_ == 0 || count_ > kMaxFacets)
+        throw malformed({file_, 0, "count (byte 80)"},
+                        "no vertices (0 facets) or too many");
+    out.sample_places.scalars.fill(Scalar::Float32);
+    out.direction_places.scalars.fill(Scalar::Float32);
+}
+
+void StlScanner::add_normal(const Eigen::Vector3d& normal, const std::uint64_t* starts,
+                            Geometry& out)
+{
+    // A normal that is none stays as it is.
+    if (!normal.allFinite() || normal.isZero(0))
+    {
+        num_bad_normals_ += normal.allFinite() ? 0 : 1;
+        return;
+    }
+    out.directions.push_back(normal);
+    out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size()));
+    out.direction_places.starts.insert(out.direction_places.starts.end(), starts,
+                                       starts + 3);
+}
+
+void StlScanner::facet(std::string_view record, std::uint64_t start, Geometry& out)
+{
+    double values[12];
+    std::uint64_t starts[12];
+    for (std::size_t k = 0; k < 12; ++k)
+    {
+        values[k] = load_stored(record.data() + 4 * k, Scalar::Float32, false);
+        starts[k] = start + 4 * k;
+    }
+    add_normal({values[0], values[1], values[2]}, starts, out);
+    for (std::size_t corner = 1; corner < 4; ++corner)
+    {
+        const Eigen::Vector3d x(values[3 * corner], values[3 * corner + 1],
+                                values[3 * corner + 2]);
+        if (!x.allFinite())
+            throw malformed({file_, 0,
+                             "facet " + std::to_string(facet_) + " (byte " +
+                                 std::to_string(starts[3 * corner]) + ")"},
+                            "a corner is not finite");
+        out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
+        out.samples.push_back(x);
+    }
+    out.sample_places.starts.insert(out.sample_places.starts.end(), starts + 3,
+                                    starts + 12);
+    out.face_ends.push_back(out.corners.size());
+    ++facet_;
+}
+
+void StlScanner::numbers(Tokens& tokens, bool is_normal, Geometry& out)
+{
+    const std::string field = is_normal ? "normal" : "vertex";
+    Eigen::Vector3d v;
+    std::uint64_t starts[3];
+    Token token;
+    for (int k = 0; k < 3; ++k)
+    {
+        if (!tokens.next(token))
+            throw malformed({file_, lines_, field},
+                            "got " + std::to_string(k) + " numbers, need 3");
+        const std::optional<double> value = parse_double(token.text);
+        if (!value)
+            throw malformed({file_, lines_, field},
+                            "is no number (got " + in_quotes(token.text) + ")");
+        if (!is_normal && !std::isfinite(*value))
+            throw malformed({file_, lines_, field},
+                            "is not finite (got " + in_quotes(token.text) + ")");
+        v[k] = *value;
+        starts[k] = token.start;
+    }
+    if (is_normal)
+    {
+        add_normal(v, starts, out);
+        return;
+    }
+    out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
+    out.samples.push_back(v);
+    out.sample_places.starts.insert(out.sample_places.starts.end(), starts, starts + 3);
+}
+
+void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry& out)
+{
+    Tokens tokens(line, start);
+    Token token;
+    if (!tokens.next(token))
+        return;
+    std::string word = lower(token.text);
+    const std::string_view first = token.text;
+    if ((word == "facet" || word == "outer") && tokens.next(token))
+        word += " " + lower(token.text);
+    // Keywords of two words are joined by a blank; alternatives by a bar.
+    const std::string allowed = "|" + expected_ + "|";
+    if (allowed.find("|" + word + "|") == std::string::npos)
+        throw malformed(
+            {file_, lines_, ""},
+            "got " +
+                in_quotes(word == std::string(first) ? first : std::string_view(word)) +
+                ", need " + expected_);
+    if (word == "solid")
+    {
+        expected_ = "facet normal|endsolid";
+        return; // the rest is its name
+    }
+    if (word == "endsolid")
+    {
+        expected_ = "solid";
+        return;
+    }
+    if (word == "facet normal")
+    {
+        numbers(tokens, true, out);
+        expected_ = "outer loop";
+        corners_ = 0;
+    }
+    else if (word == "outer loop")
+        expected_ = "vertex";
+    else if (word == "vertex")
+    {
+        numbers(tokens, false, out);
+        expected_ = ++corners_ < 3 ? "vertex" : "endloop";
+    }
+    else if (word == "endloop")
+        expected_ = "endfacet";
+    else
+    {
+        out.face_ends.push_back(out.corners.size());
+        expected_ = "facet normal|endsolid";
+    }
+    if (tokens.next(token))
+        throw malformed({file_, lines_, word},
+                        "one word too many (got " + in_quotes(token.text) + ")");
+}
+
+std::size_t StlScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
+                             Geometry& out)
+{
+    std::size_t done = 0;
+    if (kind_ == Kind::Unknown)
+    {
+        begin(part, out);
+        done = kind_ == Kind::Binary ? kHeaderBytes : byte_order_mark(part);
+    }
+    if (kind_ == Kind::Ascii)
+    {
+        LineReader lines(part.substr(done), start + done, is_last, lines_);
+        std::string_view line;
+        while (lines.next(line))
+        {
+            lines_ = lines.line_number();
+            statement(line, lines.line_start(), out);
+        }
+        return done + lines.consumed();
+    }
+    for (; facet_ < count_ && part.size() - done >= kFacetBytes; done += kFacetBytes)
+        facet(part.substr(done, kFacetBytes), start + done, out);
+    return done;
+}
+
+void StlScanner::finish(Geometry& out)
+{
+    if (kind_ == Kind::Ascii && expected_ != "solid")
+        throw malformed({file_, lines_, ""},
+                        "the file ends before endsolid (need " + expected_ + ")");
+    if (kind_ == Kind::Binary && facet_ < count_)
+        throw malformed({file_, 0, "facet " + std::to_string(facet_)},
+                        "the file ends here");
+    if (out.samples.empty())
+        throw malformed({file_, 0, ""}, "no vertices");
+    if (!out.directions.empty())
+        out.attributes.push_back("normals");
+    if (num_bad_normals_ > 0)
+        out.warnings.push_back(
+            at({file_, 0, ""}, std::to_string(num_bad_normals_) +
+                                   " normals are not finite and stay as "
+                                   "they are"));
+}
+
+std::vector<Eigen::Vector3d> facet_normals(const Geometry& geometry,
+                                           const std::vector<Eigen::Vector3d>& samples)
+{
+    std::vector<Eigen::Vector3d> normals = geometry.directions;
+    for (std::size_t d = 0; d < normals.size(); ++d)
+    {
+        const std::size_t i = geometry.direction_samples[d];
+        const std::vector<Eigen::Vector3d>& old = geometry.samples;
+        if (samples[i] == old[i] && samples[i + 1] == old[i + 1] &&
+            samples[i + 2] == old[i + 2])
+            continue;
+        const Eigen::Vector3d before = (old[i + 1] - old[i]).cross(old[i + 2] - old[i]);
+        const Eigen::Vector3d after =
+            (samples[i + 1] - samples[i]).cross(samples[i + 2] - samples[i]);
+        const double length = after.stableNorm();
+        if (length > 0)
+            normals[d] = (before.dot(normals[d]) < 0 ? -1.0 : 1.0) * normals[d].norm() /
+                         length * after;
+    }
+    return normals;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// STL, ascii and binary. Samples are the corners of the facets, in file order.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "io/error.h"
+#include "io/geometry.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+class StlScanner
+{
+public:
+    /// \p file_bytes: size of the whole file. A file of just the size that its
+    /// binary count asks for is binary, also if it starts with "solid".
+    StlScanner(std::string file, std::uint64_t file_bytes)
+        : file_(std::move(file)), file_bytes_(file_bytes)
+    {
+    }
+
+    /// The first part must hold the first 84 bytes of the file, or all of it.
+    std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
+                     Geometry& out);
+    void finish(Geometry& out);
+
+private:
+    enum class Kind
+    {
+        Unknown,
+        Ascii,
+        Binary
+    };
+
+    void begin(std::string_view part, Geometry& out);
+    void statement(std::string_view line, std::uint64_t start, Geometry& out);
+    void numbers(Tokens& tokens, bool is_normal, Geometry& out);
+    void facet(std::string_view record, std::uint64_t start, Geometry& out);
+    void add_normal(const Eigen::Vector3d& normal, const std::uint64_t* starts,
+                    Geometry& out);
+
+    std::string file_;
+    std::uint64_t file_bytes_;
+    Kind kind_ = Kind::Unknown;
+    std::uint64_t count_ = 0, facet_ = 0;
+    std::int64_t lines_ = 0;
+    int corners_ = 0;      ///< of the ascii facet being read
+    std::string expected_; ///< ascii keywords that may come next, blank separated
+    std::size_t num_bad_normals_ = 0;
+};
+
+/// The normals of the facets once their corners are at \p samples: unit length times
+/// the old length, on the old side. One for each direction of \p geometry; a facet
+/// that does not move or has no area keeps its normal.
+std::vector<Eigen::Vector3d> facet_normals(const Geometry& geometry,
+                                           const std::vector<Eigen::Vector3d>& samples);
+
+} // namespace cellwarp

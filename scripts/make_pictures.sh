@@ -1,0 +1,27 @@
+#!/bin/sh
+# SPDX-License-Identifier: GPL-3.0-or-later
+# Makes the README's pictures from the samples: usage make_pictures.sh [CELLWARP] [FOLDER]
+set -eu
+here=$(cd "$(dirname "$0")/.." && pwd)
+cellwarp=${1:-$here/build/cellwarp}
+folder=${2:-$here/docs}
+mkdir -p "$folder"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+pair() {  # sample, extension, more flags of render
+    name=$1
+    extension=$2
+    shift 2
+    "$cellwarp" deform "$here/samples/$name.json" -o "$work/$name.$extension"
+    "$cellwarp" render "$work/$name.$extension" --compare "$here/samples/$name.$extension" \
+        --size 480x400 -o "$folder/$name.png" --overwrite "$@"
+}
+
+pair bar obj --view 60 15
+pair plate ply --up z --view 60 25
+pair creature obj --view 25 15
+pair vase obj
+pair cloud ply --view 35 30
+"$cellwarp" render "$here/samples/creature.json" --frame last --cells --size 900x640 \
+    --view 25 15 -o "$folder/cells.png" --overwrite

@@ -1,0 +1,51 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Writes small well-formed files for a fuzz target to start from.
+
+usage: make_seeds.py TARGET FOLDER
+"""
+import os
+import struct
+import sys
+
+OBJ = b"o a\ng b c\nv 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1\nf -3 -2 \\\n -1\n"
+PLY = (b"ply\nformat %s 1.0\ncomment c\nelement vertex 3\nproperty float x\nproperty float y\n"
+       b"property float z\nproperty uchar red\nelement face 1\n"
+       b"property list uchar int vertex_indices\nend_header\n")
+BODY = b"".join(struct.pack("<3fB", *v) for v in ((0, 0, 0, 1), (1, 0, 0, 2), (0, 1, 0, 3)))
+BIG = b"".join(struct.pack(">3fB", *v) for v in ((0, 0, 0, 1), (1, 0, 0, 2), (0, 1, 0, 3)))
+FACET = (b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+         b"endfacet\n")
+HANDLES = (b"cellwarp-handles 1\nunits relative\nfixed a box 0 0 0 1 1 1\nhandle b sphere 0 0 0 1\n"
+           b"pin c indices 1 2-3\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
+           b"frame 1\nmove b rotate 0 0 1 45 about 0 0 0 translate 0 1 0\nmove c to 0 0 0\ncommit\n"
+           b"handle f halfspace 0 0 1 2\nframe 3\nmove f matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n")
+SCENE = (b'{"cellwarp": 1, "model": "a.obj", "handles": "b", "cells": {"fill": "shell", "across": 3,'
+         b'"frame": {"origin": [0,0,0], "axes": [[1,0,0],[0,1,0],[0,0,1]], "size": [1,1,1]}},'
+         b'"field": {"release": "rbf"}}')
+
+SEEDS = {
+    "fuzz_obj": [OBJ, OBJ.replace(b"\n", b"\r\n")],
+    "fuzz_ply": [PLY % b"ascii" + b"0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n",
+                 PLY % b"binary_little_endian" + BODY + struct.pack("<B3i", 3, 0, 1, 2),
+                 PLY % b"binary_big_endian" + BIG + struct.pack(">B3i", 3, 0, 1, 2)],
+    "fuzz_stl": [b"solid a\n" + FACET + b"endsolid\n",
+                 b"x" * 80 + struct.pack("<I12fH", 1, *range(12), 7)],
+    "fuzz_off": [b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+                 b"CNOFF\n3 1 0\n0 0 0 0 0 1 9 9 9 9\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 0.5 0 0\n"],
+    "fuzz_xyz": [b"0 0 0 0 0 1\n1 0 0 0 0 1\n", b"//X Y Z R G B\n0 0 0 1 2 3\n", b"1;2;3\n"],
+    "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
+    "fuzz_session_files": [b"\0" + HANDLES, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
+                           b"\0030 0\n1 1\n" + struct.pack("<d", 3.0)],
+}
+
+
+def main():
+    target, folder = sys.argv[1:3]
+    for number, seed in enumerate(SEEDS[target]):
+        with open(os.path.join(folder, "seed-%d" % number), "wb") as file:
+            file.write(seed)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/columns.h"
+
+#include <gtest/gtest.h>
+
+#include "io/geometry.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+std::string refused(const std::string& name, const std::string& text)
+{
+    return error_of(Fault::Malformed, [&] { scan_geometry(name, text); });
+}
+
+Patch same(const Geometry& geometry)
+{
+    return {geometry.samples, geometry.directions};
+}
+
+} // namespace
+
+TEST(Columns, reads_blanks_commas_and_semicolons)
+{
+    for (const std::string text : {"# c\n1 2 3\n4\t5\t6\r\n", "1,2,3\n4, 5, 6\n",
+                                   "1;2;3\n4;5;6", "// c\n\n 1 2 3 \n4 5 6"})
+    {
+        const GeometryFile file = scan_geometry("x.xyz", text);
+        ASSERT_EQ(file.geometry.samples.size(), 2u) << text;
+        EXPECT_EQ(file.geometry.samples[1], Eigen::Vector3d(4, 5, 6));
+        EXPECT_EQ(patched(file, same(file.geometry)), text);
+    }
+}
+
+TEST(Columns, keeps_every_other_column)
+{
+    const std::string text =
+        "id,\"na,me\",z,y,x,class\n7,\"a,b\",3,2,1.0,tree\n8,c,6,5,4,wall\n";
+    const GeometryFile file = scan_geometry("x.csv", text);
+    EXPECT_EQ(file.geometry.samples[0], Eigen::Vector3d(1, 2, 3));
+    Patch patch = same(file.geometry);
+    EXPECT_EQ(patched(file, patch), text);
+    patch.samples[0] = {1.0, 20, 30};
+    EXPECT_TRUE(contains(patched(file, patch), "7,\"a,b\",30,20,1.0,tree\n"));
+    EXPECT_EQ(file.geometry.attributes.size(), 3u);
+}
+
+TEST(Columns, knows_normals_by_name_by_length_and_by_flag)
+{
+    EXPECT_EQ(scan_geometry("x.xyz", "0 0 0 0 0 1\n1 0 0 0.6 0.8 0\n")
+                  .geometry.directions.size(),
+              2u);
+    EXPECT_TRUE(scan_geometry("x.xyz", "0 0 0 12 0 255\n").geometry.directions.empty());
+    const GeometryFile named =
+        scan_geometry("x.txt", "//X Y Z R G B Nx Ny Nz\n0 0 0 9 8 7 1 0 0\n");
+    EXPECT_EQ(named.geometry.directions.size(), 1u);
+    EXPECT_EQ(named.geometry.colours[0][1], 8);
+    const GeometryFile flagged =
+        scan_geometry("x.xyz", "5 1 2 3 9 8 7\n", {"time,x,y,z,r,g,b"});
+    EXPECT_EQ(flagged.geometry.samples[0], Eigen::Vector3d(1, 2, 3));
+    EXPECT_EQ(flagged.geometry.colours[0][2], 7);
+    EXPECT_TRUE(contains(
+        error_of(Fault::Usage, [] { scan_geometry("x.xyz", "1 2 3\n", {"a,b,c"}); }),
+        "--columns"));
+}
+
+TEST(Columns, a_pts_starts_with_its_count)
+{
+    const std::string text = "2\n1 2 3 0.5 9 8 7\n4 5 6 0.5 9 8 7\n";
+    const GeometryFile file = scan_geometry("x.pts", text);
+    EXPECT_EQ(file.geometry.samples.size(), 2u);
+    EXPECT_EQ(patched(file, same(file.geometry)), text);
+    EXPECT_TRUE(contains(refused("x.pts", "3\n1 2 3\n4 5 6\n"), "x.pts:1: count"));
+    EXPECT_EQ(scan_geometry("x.pts", "1 2 3\n").geometry.samples.size(), 1u);
+}
+
+TEST(Columns, refuses_what_is_no_table_of_points)
+{
+    EXPECT_TRUE(contains(refused("x.xyz", "0 0\n1 0\n"), "x.xyz:1: point"));
+    EXPECT_TRUE(contains(refused("x.xyz", "0 0 0\n1 0\n"), "x.xyz:2: point"));
+    EXPECT_TRUE(contains(refused("x.xyz", "0 0 0\n1 nan 0\n"), "x.xyz:2: column 2"));
+    EXPECT_TRUE(contains(refused("x.xyz", "2\nwater\nO 0 0 0\n"), "x.xyz:1"));
+    EXPECT_TRUE(contains(refused("x.xyz", "0,1 0,2 0,3\n"), "x.xyz:1"));
+    EXPECT_TRUE(contains(refused("x.xyz", "0 0 0\n0 1 1e"), "x.xyz:2: column 3"));
+    EXPECT_TRUE(contains(refused("x.csv", "a,b,c\n1,2,3\n"), "--columns"));
+    EXPECT_TRUE(contains(refused("x.xyz", "# nothing\n"), "no vertices"));
+}
+
+TEST(Columns, parts_of_a_file_give_what_the_whole_gives)
+{
+    const std::string text = "x,y,z,n\r\n1,2,3,\"a,b\"\r\n4,5,6,c";
+    const Geometry whole = scan_geometry("x.csv", text).geometry;
+    for (std::size_t size = 1; size < text.size(); ++size)
+    {
+        ColumnsScanner scanner("x.csv", "csv", "");
+        Geometry out;
+        std::string rest;
+        std::uint64_t start = 0;
+        for (std::size_t at = 0; at < text.size(); at += size)
+        {
+            rest += text.substr(at, size);
+            const std::size_t used =
+                scanner.scan(rest, start, at + size >= text.size(), out);
+            start += used;
+            rest.erase(0, used);
+        }
+        scanner.finish(out);
+        ASSERT_EQ(out.samples, whole.samples) << size;
+        ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
+    }
+}
+
+} // namespace cellwarp

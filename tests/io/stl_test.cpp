@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/stl.h"
+
+#include <gtest/gtest.h>
+
+#include "io/geometry.h"
+#include "io/stored_number.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+std::string refused(const std::string& bytes)
+{
+    return error_of(Fault::Malformed, [&] { scan_geometry("x.stl", bytes); });
+}
+
+const std::string kFacet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+                           "vertex 0 1.50 0\nendloop\nendfacet\n";
+
+std::string binary(std::uint32_t count, int facets, const std::string& head = "binary")
+{
+    std::string bytes = head;
+    bytes.resize(80, ' ');
+    store(count, Scalar::UInt32, false, bytes);
+    for (int f = 0; f < facets; ++f)
+    {
+        for (const double v :
+             {0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.5})
+            store(v, Scalar::Float32, false, bytes);
+        bytes += "at";
+    }
+    return bytes;
+}
+
+} // namespace
+
+TEST(Stl, reads_ascii_of_any_case_with_several_solids)
+{
+    const GeometryFile file = scan_geometry(
+        "x.stl",
+        "solid facet of endsolid\r\n" + kFacet +
+            "endsolid\nSOLID\nFACET NORMAL 0 0 0\n"
+            "OUTER LOOP\nVERTEX 0 0 0\nVERTEX 1 0 0\nVERTEX 0 1 0\nENDLOOP\nENDFACET\n"
+            "ENDSOLID\n");
+    EXPECT_EQ(file.geometry.samples.size(), 6u);
+    EXPECT_EQ(file.geometry.num_faces(), 2u);
+    EXPECT_EQ(file.geometry.directions.size(), 1u);
+    EXPECT_EQ(patched(file, {file.geometry.samples, {}}), file.bytes);
+}
+
+TEST(Stl, normals_follow_the_facets)
+{
+    const GeometryFile file = scan_geometry("x.stl", "solid\n" + kFacet + "endsolid\n");
+    std::vector<Eigen::Vector3d> moved = file.geometry.samples;
+    for (Eigen::Vector3d& x : moved)
+        x = Eigen::Vector3d(x.z(), x.x(), x.y());
+    EXPECT_TRUE(contains(patched(file, {moved, {}}), "facet normal 1 0 0\n"));
+    EXPECT_TRUE(contains(patched(file, {moved, {}}), "vertex 0 0 1.5"));
+}
+
+TEST(Stl, reads_and_patches_binary_also_when_it_says_solid)
+{
+    for (const std::string head : {"binary", "solid x"})
+    {
+        std::string bytes = binary(2, 2, head);
+        bytes[20] = '\0';
+        const GeometryFile file = scan_geometry("x.stl", bytes);
+        EXPECT_EQ(file.geometry.samples.size(), 6u);
+        EXPECT_EQ(patched(file, {file.geometry.samples, {}}), bytes);
+        std::vector<Eigen::Vector3d> moved = file.geometry.samples;
+        moved[4] += Eigen::Vector3d(0.1, 0, 0);
+        const std::string out = patched(file, {moved, {}});
+        EXPECT_EQ(out.size(), bytes.size());
+        EXPECT_EQ(scan_geometry("x.stl", out).geometry.samples[4].x(),
+                  static_cast<double>(1.1f));
+        EXPECT_EQ(out.substr(0, 84), bytes.substr(0, 84));
+    }
+}
+
+TEST(Stl, counts_that_lie_are_refused)
+{
+    for (const std::uint32_t count : {0u, 1u, 3u, 4294967295u, 85899346u})
+        EXPECT_TRUE(contains(refused(binary(count, 2)), "count")) << count;
+    EXPECT_TRUE(contains(refused(binary(2, 2).substr(0, 83)), "the file ends here"));
+    EXPECT_TRUE(contains(refused(binary(2, 2).substr(0, 150)), "count"));
+}
+
+TEST(Stl, ascii_must_be_complete_and_name_its_line)
+{
+    EXPECT_TRUE(contains(refused("solid\nendsolid\n"), "no vertices"));
+    EXPECT_TRUE(contains(refused("solid\n" + kFacet), "endsolid"));
+    std::string text = "solid\n" + kFacet + "endsolid\n";
+    const auto with = [&](const std::string& from, const std::string& to)
+    {
+        std::string changed = text;
+        return refused(changed.replace(changed.find(from), from.size(), to));
+    };
+    EXPECT_TRUE(contains(with("vertex 1 0 0\n", ""), "x.stl:6"));
+    EXPECT_TRUE(contains(with("vertex 1 0 0", "vertex 1 0"), "x.stl:5: vertex"));
+    EXPECT_TRUE(contains(with("vertex 1 0 0", "vertex 1 nan 0"), "not finite"));
+    EXPECT_TRUE(contains(with("vertex 1 0 0", "vertex 1 0 0 0"), "x.stl:5"));
+    EXPECT_TRUE(contains(with("outer loop", "inner loop"), "x.stl:3"));
+    EXPECT_TRUE(contains(with("normal 0 0 1", "normal 0 0 x"), "x.stl:2: normal"));
+}
+
+TEST(Stl, normals_that_are_none_stay)
+{
+    const GeometryFile file = scan_geometry(
+        "x.stl", "solid\nfacet normal nan 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+                 "vertex 0 1 0\nendloop\nendfacet\nendsolid\n");
+    EXPECT_EQ(file.geometry.warnings.size(), 1u);
+    std::vector<Eigen::Vector3d> moved = file.geometry.samples;
+    moved[0].z() = 2;
+    EXPECT_TRUE(contains(patched(file, {moved, {}}), "normal nan 0 0\n"));
+}
+
+TEST(Stl, parts_of_a_file_give_what_the_whole_gives)
+{
+    for (const std::string& bytes :
+         {binary(3, 3), "solid x\n" + kFacet + kFacet + "endsolid"})
+    {
+        const Geometry whole = scan_geometry("x.stl", bytes).geometry;
+        for (std::size_t size = 84; size < 200; size += 7)
+        {
+            StlScanner scanner("x.stl", bytes.size());
+            Geometry out;
+            std::string rest;
+            std::uint64_t start = 0;
+            for (std::size_t at = 0; at < bytes.size(); at += size)
+            {
+                rest += bytes.substr(at, size);
+                const std::size_t used =
+                    scanner.scan(rest, start, at + size >= bytes.size(), out);
+                start += used;
+                rest.erase(0, used);
+            }
+            scanner.finish(out);
+            ASSERT_EQ(out.samples, whole.samples) << size;
+            ASSERT_EQ(out.direction_places.starts, whole.direction_places.starts) << size;
+        }
+    }
+}
+
+} // namespace cellwarp
