@@ -104,7 +104,7 @@ void ColumnsScanner::choose_separator(std::string_view text)
         {
             const std::size_t end = rest.find(candidate);
             const std::string_view field = trimmed(rest.substr(0, end), 0).text;
-            is_separator = field.front() == '"' ||
+            is_separator = field.starts_with('"') ||
                            std::none_of(field.begin(), field.end(), is_blank);
             if (end == std::string_view::npos)
                 break;

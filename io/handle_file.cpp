@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 
 #include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/number.h"
+#include "io/stored_number.h"
 #include "io/text.h"
 
 namespace cellwarp
@@ -438,8 +438,8 @@ std::vector<std::int64_t> parse_dmat(const std::string& path, std::string_view b
     if (rows == 0)
     {
         const std::string_view data = bytes.substr(lines.consumed());
-        values.resize(data.size() / sizeof(double));
-        std::memcpy(values.data(), data.data(), values.size() * sizeof(double));
+        for (std::size_t at = 0; data.size() - at >= sizeof(double); at += sizeof(double))
+            values.push_back(load_stored(data.data() + at, Scalar::Float64, false));
     }
     if (static_cast<double>(values.size()) != count)
         throw malformed({path, 0, "header"}, "promises " + shortest(count) +

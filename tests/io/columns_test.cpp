@@ -93,6 +93,12 @@ TEST(Columns, refuses_what_is_no_table_of_points)
     EXPECT_TRUE(contains(refused("x.xyz", "# nothing\n"), "no vertices"));
 }
 
+TEST(Columns, an_empty_field_is_no_number)
+{
+    EXPECT_TRUE(contains(refused("x.xyz", "1;;1\n"), "x.xyz:1: column 2"));
+    EXPECT_TRUE(contains(refused("x.csv", ",,\n"), "x.csv:1"));
+}
+
 TEST(Columns, parts_of_a_file_give_what_the_whole_gives)
 {
     const std::string text = "x,y,z,n\r\n1,2,3,\"a,b\"\r\n4,5,6,c";

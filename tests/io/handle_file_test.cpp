@@ -120,7 +120,8 @@ TEST(HandleFile, reads_the_label_files)
         binary.append(reinterpret_cast<const char*>(&value), sizeof value);
     EXPECT_EQ(read_labels(folder.write("b.dmat", binary)),
               (std::vector<std::int64_t>{-1, 4}));
-    for (const char* bad : {"1 3\n0\n1\n", "2 2\n0\n0\n0\n0\n", "x\n", "", "1 1\n0.5\n"})
+    for (const char* bad :
+         {"1 3\n0\n1\n", "2 2\n0\n0\n0\n0\n", "x\n", "", "1 1\n0.5\n", "0 0\n1 1\nabc"})
         error_of(Fault::Malformed, [&] { read_labels(folder.write("c.dmat", bad)); });
     EXPECT_TRUE(contains(
         error_of(Fault::Malformed, [&] { read_labels(folder.write("b.sel", "0\nx\n")); }),
