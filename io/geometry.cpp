@@ -183,6 +183,8 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
 
 GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
 {
+    if (std::filesystem::is_directory(path))
+        throw Error(Fault::File, at({path, 0, ""}, "is a directory, need a file"));
     if (!is_geometry_format(extension_of(path)))
         throw unknown_format(path);
     return scan_geometry(path, read_file(path), options);

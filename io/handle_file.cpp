@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "io/bytes.h"
 #include "io/geometry.h"
@@ -267,11 +268,12 @@ public:
                 words.fail(keyword,
                            "a region comes before the frames, or after a commit");
             RegionStatement region = parse_region(*role, words, file_.path, line);
-            for (const RegionStatement& other : stage.regions)
-                if (other.name == region.name && other.role != region.role)
-                    words.fail(region.name, "is already a " + role_name(other.role) +
-                                                " region (line " +
-                                                std::to_string(other.line) + ")");
+            const auto [known, is_new] =
+                regions_.try_emplace(region.name, region.role, region.line);
+            if (!is_new && known->second.first != region.role)
+                words.fail(region.name, "is already a " + role_name(known->second.first) +
+                                            " region (line " +
+                                            std::to_string(known->second.second) + ")");
             stage.regions.push_back(std::move(region));
         }
         else if (keyword == "units")
@@ -294,6 +296,7 @@ public:
                 words.fail("commit", "no frame stands before it");
             words.end();
             file_.stages.emplace_back();
+            regions_.clear();
         }
         else
             words.fail("", "unknown statement (got " + in_quotes(keyword) +
@@ -330,6 +333,7 @@ private:
                                            std::to_string(*last_frame_));
         words.end();
         last_frame_ = number;
+        moved_.clear();
         file_.stages.back().frames.push_back({number, {}, line});
     }
 
@@ -341,23 +345,22 @@ private:
         Move move;
         move.line = line;
         move.region = words.word("region name");
-        const auto region =
-            std::find_if(stage.regions.begin(), stage.regions.end(),
-                         [&](const RegionStatement& r) { return r.name == move.region; });
-        if (region == stage.regions.end())
+        const auto region = regions_.find(move.region);
+        if (region == regions_.end())
             words.fail(move.region, "no region has this name");
-        if (region->role != Role::Handle && region->role != Role::Pin)
-            words.fail(move.region, "is a " + role_name(region->role) +
+        const Role role = region->second.first;
+        if (role != Role::Handle && role != Role::Pin)
+            words.fail(move.region, "is a " + role_name(role) +
                                         " region, only a handle or a pin can be moved");
-        for (const Move& other : stage.frames.back().moves)
-            if (other.region == move.region)
-                words.fail(move.region, "is moved twice in this frame (line " +
-                                            std::to_string(other.line) + ")");
+        const auto [other, is_first] = moved_.try_emplace(move.region, line);
+        if (!is_first)
+            words.fail(move.region, "is moved twice in this frame (line " +
+                                        std::to_string(other->second) + ")");
         do
         {
             move.operations.push_back(parse_operation(words));
             const Operation::Kind kind = move.operations.back().kind;
-            const bool is_pin = region->role == Role::Pin;
+            const bool is_pin = role == Role::Pin;
             if (is_pin &&
                 (kind == Operation::Kind::Rotate || kind == Operation::Kind::Matrix))
                 words.fail(move.region, "a pin turns freely: it takes translate or to");
@@ -372,6 +375,8 @@ private:
     HandleFile file_;
     bool has_header_ = false;
     std::optional<std::int64_t> last_frame_;
+    std::map<std::string, std::pair<Role, std::int64_t>> regions_; ///< role, line
+    std::map<std::string, std::int64_t> moved_; ///< in this frame: line
 };
 
 /// All numbers of a text, with # comments left out.
@@ -510,6 +515,17 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
         Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(values.data());
     if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
         throw malformed({def, 0, "matrix"}, "its last row is not 0 0 0 1");
+    // Checked here, where it is known which file is to blame.
+    const std::vector<std::int64_t> labels = read_labels(sel);
+    for (std::size_t i = 0; i < labels.size(); ++i)
+        if (labels[i] < 0 || labels[i] > 2)
+            throw malformed({sel, 0, "label " + std::to_string(i)},
+                            "got " + std::to_string(labels[i]) +
+                                ", need 0 (fixed), 1 (free) or 2 (handle)");
+    const auto has = [&](std::int64_t label)
+    { return std::find(labels.begin(), labels.end(), label) != labels.end(); };
+    if (!has(2))
+        throw malformed({sel, 0, ""}, "no label is 2 (handle)");
     HandleFile file;
     file.path = def;
     Stage& stage = file.stages.emplace_back();
@@ -521,7 +537,8 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
         selector.label = label;
         stage.regions.push_back({role, name, selector, 1.0, 0});
     };
-    region(Role::Fixed, "fixed", 0);
+    if (has(0))
+        region(Role::Fixed, "fixed", 0);
     region(Role::Handle, "handle", 2);
     stage.frames.push_back({1, {{"handle", {operation}, 0}}, 0});
     return file;

@@ -215,6 +215,10 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         object.text("release", scene.release, {"rbf", "rbf-global", "blend"});
         object.warn_of_the_rest();
     }
+    for (const char* later : {"rods", "skeleton", "simulate"})
+        if (const Json* part = root.find(later); part && !part->empty())
+            scene.warnings.push_back(
+                at({path, 0, later}, "is not supported by this version, ignored"));
     root.warn_of_the_rest();
     return scene;
 }

@@ -9,10 +9,14 @@ for package in $packages; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' ||
         missing="$missing $package"
 done
-if [ -n "$missing" ]; then
-    echo "installing:$missing" >&2
+packages_install() {
+    echo "installing: $*" >&2
     as_root=""
     [ "$(id -u)" = 0 ] || as_root=sudo
     $as_root apt-get update -q >&2 || true
-    DEBIAN_FRONTEND=noninteractive $as_root apt-get install -y -q $missing >&2
+    $as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -q "$@" >&2
+}
+
+if [ -n "$missing" ]; then
+    packages_install $missing
 fi

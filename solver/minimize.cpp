@@ -275,7 +275,8 @@ bool Minimizer::factorize(std::span<const Pose> poses, Method method, SolveRepor
     if (method == Method::Newton)
     {
         assemble(poses, Curvature::Exact);
-        if (solver_->factorize(matrix_))
+        report.is_saddle = !solver_->factorize(matrix_);
+        if (!report.is_saddle)
         {
             ++report.newton_iterations;
             return true;

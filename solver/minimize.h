@@ -62,6 +62,7 @@ struct SolveReport
     double gradient = -1.0;      ///< norm at the end, relative to the scale
     double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a linear solve
     int damped_factorisations = 0;
+    bool is_saddle = false; ///< the last Newton matrix had a direction of descent
 };
 
 /// Norms of the gradient over the unknowns.
@@ -84,6 +85,12 @@ public:
               std::span<const Component> components);
 
     int num_unknown_cells() const { return static_cast<int>(cell_of_unknown_.size()); }
+
+    /// Memory of the factor [bytes], known before any factorisation.
+    double factor_bytes() const
+    {
+        return solver_ ? 8.0 * solver_->factor_numbers() : 0.0;
+    }
 
     /// Where the held points of pinned cells are to be from now on.
     void set_held_points(std::span<const Constraint> constraints);

@@ -124,6 +124,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     SessionRequest request = read_request(flags.session);
     if (!request.handles)
         request.handles.emplace();
+    if (!name.has_frame())
+        check_output(flags.output, common.overwrite());
     const std::string format = extension_of(request.model);
     if (is_geometry_format(format) && flags.output != "-" &&
         extension_of(name.of(0)) != format)
@@ -136,8 +138,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (name.has_frame())
         for (const std::int64_t frame : frames)
             check_output(name.of(frame), common.overwrite());
-    else
-        check_output(flags.output, common.overwrite());
+
     GeometryFile model = read_geometry(request.model, request.read);
     const double load_ms = ms_since(start);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The command line: subcommands, signals, and the one place where errors become
 // messages and exit codes.
+#include <algorithm>
 #include <csignal>
 #include <new>
 #include <optional>
@@ -13,6 +14,7 @@
 
 #include "editor/cli/command.h"
 #include "io/error.h"
+#include "io/number.h"
 #include "solver/linear_solver.h"
 
 namespace
@@ -47,6 +49,14 @@ void prepare_process()
     use_one_blas_thread();
 }
 
+bool has_subcommand(const CLI::App& app, const std::string& name)
+{
+    const std::vector<const CLI::App*> all = app.get_subcommands({});
+    return std::any_of(all.begin(), all.end(),
+                       [&](const CLI::App* command)
+                       { return command->get_name() == name; });
+}
+
 int run(int argc, char** argv)
 {
     CLI::App app(
@@ -78,6 +88,9 @@ int run(int argc, char** argv)
     add_info(app, common, exit_code);
     add_check(app, common, exit_code);
     add_features(app, common, exit_code);
+    if (argc > 1 && argv[1][0] != '-' && !has_subcommand(app, argv[1]))
+        throw Error(Fault::Usage, "unknown command " + in_quotes(argv[1]) +
+                                      " (cellwarp --help lists the commands)");
     try
     {
         app.parse(argc, argv);

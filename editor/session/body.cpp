@@ -20,6 +20,9 @@ namespace
 /// no two parts farther apart than the gap touch voxels that share a face.
 const double kVoxelsPerGap = std::sqrt(6.0);
 
+/// By how much samples may lie outside a given frame [diagonal].
+constexpr double kFrameSlack = 1e-6;
+
 /// The automatic choice of across: the most cells that are no more than this.
 constexpr std::size_t kTargetCells = 2500;
 constexpr int kCandidates[] = {64, 56, 48, 40, 36, 32, 28, 24, 20, 16, 14, 12, 10, 8};
@@ -98,6 +101,16 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
     shape.samples.reserve(samples.size());
     for (const Eigen::Vector3d& x : samples)
         shape.samples.push_back(frame.to_work(x));
+    if (settings.frame)
+        for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        {
+            const Eigen::Array3d slack =
+                Eigen::Array3d::Constant(kFrameSlack * frame.diagonal());
+            const Eigen::Array3d x = shape.samples[i].array();
+            if ((x < -slack).any() || (x > frame.size.array() + slack).any())
+                throw malformed({settings.frame_file, 0, "cells.frame"},
+                                "does not hold sample " + std::to_string(i));
+        }
     const double max_voxel = settings.gap / kVoxelsPerGap * frame.diagonal();
     const int across = settings.across > 0 ? settings.across
                                            : automatic_across(shape, frame.size,
@@ -154,7 +167,7 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
     if (settings.fill == Fill::Solid && body.material.method == InsideMethod::None)
         body.warnings.push_back("nothing is enclosed: the shape is treated as a shell");
     const double sealed = 2.0 * body.material.seal_radius / frame.diagonal();
-    if (sealed > settings.gap)
+    if (sealed > settings.gap && body.material.method == InsideMethod::Flood)
         body.warnings.push_back(fmt::format(
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g})",

@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <map>
-#include <unordered_set>
+#include <optional>
+#include <set>
+#include <utility>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -29,6 +30,9 @@ constexpr double kMajority = 0.5 - 1e-6;
 
 /// Shares that differ by less are equal.
 constexpr double kSameShare = 1e-6;
+
+/// Share of the cells that stand for samples without a voxel: below any real one.
+constexpr double kTokenShare = 1e-3;
 
 /// The test of a geometric selector. Relative ones test points in the box's own
 /// coordinates, where a flat axis is 0; distances are lengths of the model.
@@ -66,7 +70,8 @@ RegionShape shape_of(const Selector& selector, const Units& units)
                         .cwiseMax(0.0)
                         .cwiseProduct(unit)
                         .norm();
-                }};
+                },
+                absolute(first), absolute(last)};
     }
     case Selector::Kind::Sphere:
     case Selector::Kind::Capsule:
@@ -84,7 +89,9 @@ RegionShape shape_of(const Selector& selector, const Units& units)
             return (x - a - t * axis).stableNorm();
         };
         return {[=](const Eigen::Vector3d& x) { return from_axis(x) <= r; },
-                [=](const Eigen::Vector3d& x) { return from_axis(x) - r; }};
+                [=](const Eigen::Vector3d& x) { return from_axis(x) - r; },
+                a.cwiseMin(b) - Eigen::Vector3d::Constant(r),
+                a.cwiseMax(b) + Eigen::Vector3d::Constant(r)};
     }
     case Selector::Kind::Halfspace:
     {
@@ -104,58 +111,60 @@ RegionShape shape_of(const Selector& selector, const Units& units)
 class Twins
 {
 public:
-    explicit Twins(const std::vector<Eigen::Vector3d>& samples, double tolerance)
+    Twins(const std::vector<Eigen::Vector3d>& samples, double tolerance)
         : samples_(samples), tolerance_(tolerance)
     {
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            cells_.emplace_back(key(samples[i]), static_cast<std::uint32_t>(i));
+        std::sort(cells_.begin(), cells_.end());
     }
 
     std::vector<std::uint32_t> of(const std::vector<std::uint32_t>& listed) const
     {
-        // Cells far larger than the tolerance: only a sample that lies within it of
-        // a cell's border must look into the next cell.
-        std::map<std::array<double, 3>, std::vector<std::uint32_t>> cells;
-        for (const std::uint32_t i : listed)
-            cells[key(samples_[i])].push_back(i);
         std::vector<std::uint32_t> all;
-        for (std::size_t i = 0; i < samples_.size(); ++i)
-            if (has_near(cells, samples_[i]))
-                all.push_back(static_cast<std::uint32_t>(i));
+        std::set<std::array<double, 3>> done; // coincident samples have the same twins
+        for (const std::uint32_t i : listed)
+            if (done.insert({samples_[i].x(), samples_[i].y(), samples_[i].z()}).second)
+                gather(samples_[i], all);
+        std::sort(all.begin(), all.end());
+        all.erase(std::unique(all.begin(), all.end()), all.end());
         return all;
     }
 
 private:
+    /// Cells far larger than the tolerance: only a place that lies within it of a
+    /// cell's border must look into the next cell.
     static constexpr double kCell = 1024.0; ///< [tolerance]
+    using Key = std::array<double, 3>;
 
-    std::array<double, 3> key(const Eigen::Vector3d& x) const
+    Key key(const Eigen::Vector3d& x) const
     {
-        std::array<double, 3> k{};
+        Key k{};
         for (int axis = 0; axis < 3; ++axis)
             k[static_cast<std::size_t>(axis)] =
                 tolerance_ > 0 ? std::floor(x[axis] / (kCell * tolerance_)) : x[axis];
         return k;
     }
-    bool
-    has_near(const std::map<std::array<double, 3>, std::vector<std::uint32_t>>& cells,
-             const Eigen::Vector3d& x) const
+    void gather(const Eigen::Vector3d& x, std::vector<std::uint32_t>& all) const
     {
-        const std::array<double, 3> low = key(x - Eigen::Vector3d::Constant(tolerance_));
-        const std::array<double, 3> high = key(x + Eigen::Vector3d::Constant(tolerance_));
+        const Key low = key(x - Eigen::Vector3d::Constant(tolerance_));
+        const Key high = key(x + Eigen::Vector3d::Constant(tolerance_));
+        std::set<Key> keys;
         for (const double i : {low[0], high[0]})
             for (const double j : {low[1], high[1]})
                 for (const double k : {low[2], high[2]})
-                {
-                    const auto found = cells.find({i, j, k});
-                    if (found == cells.end())
-                        continue;
-                    for (const std::uint32_t other : found->second)
-                        if ((samples_[other] - x).norm() <= tolerance_)
-                            return true;
-                }
-        return false;
+                    keys.insert({i, j, k});
+        for (const Key& near : keys)
+            for (auto at = std::lower_bound(cells_.begin(), cells_.end(),
+                                            std::pair(near, std::uint32_t(0)));
+                 at != cells_.end() && at->first == near; ++at)
+                if ((samples_[at->second] - x).norm() <= tolerance_)
+                    all.push_back(at->second);
     }
 
     const std::vector<Eigen::Vector3d>& samples_;
     double tolerance_;
+    std::vector<std::pair<Key, std::uint32_t>> cells_;
 };
 
 /// The samples that a list selector names, without twins.
@@ -279,11 +288,15 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
     }
-    const Twins twins(samples, kTwin * units.box.size().norm());
+    std::optional<Twins> twins;
     for (Region& region : regions)
     {
         if (!region.listed.empty())
-            region.listed = twins.of(region.listed);
+        {
+            if (!twins)
+                twins.emplace(samples, kTwin * units.box.size().norm());
+            region.listed = twins->of(region.listed);
+        }
         std::vector<bool> is_listed(region.shapes.empty() ? 0 : samples.size(), false);
         if (region.shapes.empty())
             region.samples = region.listed;
@@ -299,142 +312,212 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
     return regions;
 }
 
-RegionShares region_shares(const Region& region, const VoxelGrid& grid,
-                           const Pieces& pieces, const WorkFrame& frame,
-                           const std::vector<Eigen::Vector3d>& work_samples,
-                           std::vector<std::uint32_t>& nearest)
+double RegionShares::largest() const
 {
-    const auto volume = [&](const Eigen::Vector3i& v)
+    double most = 0.0;
+    for (const auto& [cell, share] : cells)
+        most = std::max(most, share);
+    return most;
+}
+
+namespace
+{
+
+/// Volumes of material by cell, of the whole and of each region.
+class ShareSums
+{
+public:
+    ShareSums(const VoxelGrid& grid, const Pieces& pieces, std::size_t num_regions)
+        : grid_(grid), pieces_(pieces), whole_(pieces.size(), 0.0), parts_(num_regions)
+    {
+        for (std::size_t i = 0; i < grid.size(); ++i)
+            if (pieces.piece_of_voxel[i] >= 0)
+                whole_[static_cast<std::size_t>(pieces.piece_of_voxel[i])] +=
+                    volume(grid.coordinates(i));
+    }
+
+    void add(std::size_t region, std::size_t voxel)
+    {
+        parts_[region][pieces_.piece_of_voxel[voxel]] += volume(grid_.coordinates(voxel));
+    }
+    bool has_voxels(std::size_t region) const { return !parts_[region].empty(); }
+    RegionShares shares(std::size_t region) const
+    {
+        RegionShares result;
+        for (const auto& [cell, part] : parts_[region])
+            result.cells.emplace_back(cell,
+                                      part / whole_[static_cast<std::size_t>(cell)]);
+        return result;
+    }
+
+private:
+    double volume(const Eigen::Vector3i& v) const
     {
         double product = 1.0;
         for (int axis = 0; axis < 3; ++axis)
         {
-            const std::vector<double>& lines = grid.lines(axis);
+            const std::vector<double>& lines = grid_.lines(axis);
             const std::size_t i = static_cast<std::size_t>(v[axis]);
             product *= lines[i + 1] - lines[i];
         }
         return product;
-    };
-    // One slice of voxels at a time; slices are added in their order.
-    const std::size_t slice = static_cast<std::size_t>(grid.counts().x()) *
-                              static_cast<std::size_t>(grid.counts().y());
-    const auto gather = [&](const std::vector<std::uint32_t>& list, bool with_shapes)
+    }
+
+    const VoxelGrid& grid_;
+    const Pieces& pieces_;
+    std::vector<double> whole_;
+    std::vector<std::map<int, double>> parts_;
+};
+
+/// Range of voxels that bounds in model coordinates reach.
+void voxel_range(const RegionShape& shape, const VoxelGrid& grid, const WorkFrame& frame,
+                 Eigen::Vector3i& first, Eigen::Vector3i& last)
+{
+    first.setZero();
+    last = grid.counts() - Eigen::Vector3i::Ones();
+    if (!shape.low.allFinite() || !shape.high.allFinite())
+        return;
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
+    for (int k = 0; k < 8; ++k)
     {
-        std::vector<bool> is_listed;
-        if (!list.empty())
+        const Eigen::Vector3d corner(k & 1 ? shape.high.x() : shape.low.x(),
+                                     k & 2 ? shape.high.y() : shape.low.y(),
+                                     k & 4 ? shape.high.z() : shape.low.z());
+        const Eigen::Vector3d x = frame.to_work(corner);
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    if (!low.allFinite() || !high.allFinite())
+        return;
+    // One voxel more on each side: the test itself decides.
+    first = (grid.locate(low).array() - 1).cwiseMax(0);
+    last = (grid.locate(high).array() + 1).cwiseMin(last.array());
+}
+
+} // namespace
+
+std::vector<RegionShares> region_shares(const std::vector<Region>& regions,
+                                        const VoxelGrid& grid, const Pieces& pieces,
+                                        const WorkFrame& frame,
+                                        const std::vector<Eigen::Vector3d>& work_samples)
+{
+    ShareSums sums(grid, pieces, regions.size());
+    // Voxels in the shapes, each once.
+    std::vector<std::vector<std::size_t>> in_shapes(regions.size());
+    tbb::parallel_for(
+        std::size_t(0), regions.size(),
+        [&](std::size_t r)
         {
-            if (nearest.empty())
-                nearest = nearest_samples(grid, work_samples);
-            is_listed.assign(work_samples.size(), false);
-            for (const std::uint32_t i : list)
-                is_listed[i] = true;
-        }
-        std::vector<std::uint8_t> is_inside(grid.size(), 0);
-        tbb::parallel_for(
-            0, grid.counts().z(),
-            [&](int k)
+            for (const RegionShape& shape : regions[r].shapes)
             {
-                const std::size_t first = slice * static_cast<std::size_t>(k);
-                for (std::size_t i = first; i < first + slice; ++i)
-                {
-                    if (pieces.piece_of_voxel[i] < 0)
-                        continue;
-                    if (!list.empty() && nearest[i] != kNoSample && is_listed[nearest[i]])
-                        is_inside[i] = 1;
-                    else if (with_shapes && !region.shapes.empty() &&
-                             region.holds(
-                                 frame.to_model(grid.centre(grid.coordinates(i)))))
-                        is_inside[i] = 1;
-                }
-            });
-        RegionShares shares;
-        shares.of_cell.assign(pieces.size(), 0.0);
-        std::vector<double> whole(pieces.size(), 0.0);
-        for (std::size_t i = 0; i < grid.size(); ++i)
-        {
-            const std::int32_t piece = pieces.piece_of_voxel[i];
-            if (piece < 0)
-                continue;
-            const double v = volume(grid.coordinates(i));
-            whole[static_cast<std::size_t>(piece)] += v;
-            if (is_inside[i])
-            {
-                shares.of_cell[static_cast<std::size_t>(piece)] += v;
-                shares.has_voxels = true;
+                Eigen::Vector3i first, last;
+                voxel_range(shape, grid, frame, first, last);
+                for (int k = first.z(); k <= last.z(); ++k)
+                    for (int j = first.y(); j <= last.y(); ++j)
+                        for (int i = first.x(); i <= last.x(); ++i)
+                        {
+                            const std::size_t voxel = grid.index(i, j, k);
+                            if (pieces.piece_of_voxel[voxel] >= 0 &&
+                                shape.holds(frame.to_model(grid.centre({i, j, k}))))
+                                in_shapes[r].push_back(voxel);
+                        }
             }
-        }
-        for (std::size_t c = 0; c < whole.size(); ++c)
-            shares.of_cell[c] /= whole[c];
-        return shares;
-    };
-    RegionShares shares = gather(region.listed, true);
-    if (!shares.has_voxels && !region.samples.empty())
-        shares = gather(region.samples, false);
-    if (!shares.has_voxels && !region.samples.empty())
-        // Its samples are nearest to no voxel: others coincide with or outnumber
-        // them. The cells that hold them stand for it.
-        for (const std::uint32_t i : region.samples)
+            std::sort(in_shapes[r].begin(), in_shapes[r].end());
+            in_shapes[r].erase(std::unique(in_shapes[r].begin(), in_shapes[r].end()),
+                               in_shapes[r].end());
+        });
+    // Samples that stand for their voxels: listed ones, and all those of a region
+    // that holds no voxel centre.
+    std::vector<std::vector<std::uint32_t>> regions_of_sample(work_samples.size());
+    bool has_lists = false;
+    for (std::size_t r = 0; r < regions.size(); ++r)
+    {
+        const bool is_shape_empty = in_shapes[r].empty();
+        const std::vector<std::uint32_t>& list =
+            is_shape_empty ? regions[r].samples : regions[r].listed;
+        for (const std::uint32_t i : list)
+            regions_of_sample[i].push_back(static_cast<std::uint32_t>(r));
+        has_lists |= !list.empty();
+    }
+    if (has_lists)
+    {
+        const std::vector<std::uint32_t> nearest = nearest_samples(grid, work_samples);
+        for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
         {
-            const std::int32_t piece =
-                pieces.piece_of_voxel[grid.index(grid.locate(work_samples[i]))];
-            shares.of_cell[static_cast<std::size_t>(piece)] = 1e-3;
-            shares.has_voxels = true;
+            if (pieces.piece_of_voxel[voxel] < 0 || nearest[voxel] == kNoSample)
+                continue;
+            for (const std::uint32_t r : regions_of_sample[nearest[voxel]])
+                if (!std::binary_search(in_shapes[r].begin(), in_shapes[r].end(), voxel))
+                    sums.add(r, voxel);
         }
+    }
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        for (const std::size_t voxel : in_shapes[r])
+            sums.add(r, voxel);
+    std::vector<RegionShares> shares;
+    for (std::size_t r = 0; r < regions.size(); ++r)
+    {
+        shares.push_back(sums.shares(r));
+        // No voxel is nearest to any of its samples, because others outnumber them
+        // or coincide with them: the cells that hold them stand for it.
+        std::map<int, double> held;
+        if (shares.back().cells.empty())
+            for (const std::uint32_t i : regions[r].samples)
+                held[pieces.piece_of_voxel[grid.index(grid.locate(work_samples[i]))]] =
+                    kTokenShare;
+        shares.back().cells.insert(shares.back().cells.end(), held.begin(), held.end());
+    }
     return shares;
 }
 
 std::vector<int> prescribing_regions(const std::vector<Region>& regions,
                                      const std::vector<RegionShares>& shares,
-                                     const std::string& file)
+                                     std::size_t num_cells, const std::string& file)
 {
-    const std::size_t num_cells = shares.empty() ? 0 : shares.front().of_cell.size();
     std::vector<int> owner(num_cells, -1);
     std::vector<double> owned_share(num_cells, 0.0);
     std::vector<int> num_owned(regions.size(), 0);
-    const auto take = [&](std::size_t region, std::size_t cell, double share)
+    const auto take = [&](std::size_t region, int cell, double share)
     {
-        if (owner[cell] >= 0)
+        const std::size_t c = static_cast<std::size_t>(cell);
+        if (owner[c] >= 0)
         {
-            if (share <= owned_share[cell] + kSameShare)
+            if (share <= owned_share[c] + kSameShare)
                 return;
-            --num_owned[static_cast<std::size_t>(owner[cell])];
+            --num_owned[static_cast<std::size_t>(owner[c])];
         }
-        owner[cell] = static_cast<int>(region);
-        owned_share[cell] = share;
+        owner[c] = static_cast<int>(region);
+        owned_share[c] = share;
         ++num_owned[region];
     };
-    std::vector<bool> reaches_majority(regions.size(), false);
+    std::vector<double> largest(regions.size());
     for (std::size_t r = 0; r < regions.size(); ++r)
-        for (std::size_t c = 0; regions[r].prescribes() && c < num_cells; ++c)
-            if (shares[r].of_cell[c] >= kMajority)
-            {
-                reaches_majority[r] = true;
-                take(r, c, shares[r].of_cell[c]);
-            }
+    {
+        largest[r] = shares[r].largest();
+        for (const auto& [cell, share] : shares[r].cells)
+            if (regions[r].prescribes() && share >= kMajority)
+                take(r, cell, share);
+    }
     // A region without a majority anywhere takes the cells it has most of, unless
     // a larger share holds them.
     for (std::size_t r = 0; r < regions.size(); ++r)
-    {
-        if (!regions[r].prescribes() || reaches_majority[r] || !shares[r].has_voxels)
-            continue;
-        const double largest =
-            *std::max_element(shares[r].of_cell.begin(), shares[r].of_cell.end());
-        for (std::size_t c = 0; c < num_cells; ++c)
-            if (shares[r].of_cell[c] > 0 && shares[r].of_cell[c] >= largest - kSameShare)
-                take(r, c, shares[r].of_cell[c]);
-    }
+        for (const auto& [cell, share] : shares[r].cells)
+            if (regions[r].prescribes() && largest[r] < kMajority &&
+                share >= largest[r] - kSameShare)
+                take(r, cell, share);
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (!regions[r].prescribes() || !shares[r].has_voxels || num_owned[r] > 0)
+        if (!regions[r].prescribes() || shares[r].cells.empty() || num_owned[r] > 0)
             continue;
-        const std::size_t cell = static_cast<std::size_t>(
-            std::max_element(shares[r].of_cell.begin(), shares[r].of_cell.end()) -
-            shares[r].of_cell.begin());
-        const Region& other = regions[static_cast<std::size_t>(owner[cell])];
+        const auto most = std::max_element(shares[r].cells.begin(), shares[r].cells.end(),
+                                           [](const auto& a, const auto& b)
+                                           { return a.second < b.second; });
+        const Region& other = regions[static_cast<std::size_t>(
+            owner[static_cast<std::size_t>(most->first)])];
         throw Error(Fault::Unsolvable,
                     at({file, regions[r].line, regions[r].name},
                        "has no cell of its own: " + role_name(other.role) + " region " +
-                           other.name + " holds cell " + std::to_string(cell) +
+                           other.name + " holds cell " + std::to_string(most->first) +
                            " (smaller cells would part them: raise --across or "
                            "--max-depth)"));
     }
@@ -449,20 +532,19 @@ std::vector<double> cell_factors(const std::vector<Region>& regions,
     std::vector<double> best(num_cells, 0.0);
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (regions[r].role != Role::Stiff || !shares[r].has_voxels)
+        if (regions[r].role != Role::Stiff || shares[r].cells.empty())
             continue;
-        if (factors.empty())
-            factors.assign(num_cells, 1.0);
-        const double largest =
-            *std::max_element(shares[r].of_cell.begin(), shares[r].of_cell.end());
-        const double needed = largest >= kMajority ? kMajority : largest - kSameShare;
-        for (std::size_t c = 0; c < num_cells; ++c)
-            if (shares[r].of_cell[c] >= needed &&
-                shares[r].of_cell[c] > best[c] + kSameShare)
+        factors.resize(num_cells, 1.0);
+        const double needed = std::min(kMajority, shares[r].largest() - kSameShare);
+        for (const auto& [cell, share] : shares[r].cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            if (share >= needed && share > best[c] + kSameShare)
             {
-                best[c] = shares[r].of_cell[c];
+                best[c] = share;
                 factors[c] = regions[r].factor;
             }
+        }
     }
     return factors;
 }

@@ -3,9 +3,11 @@
 // region names, which voxels belong to it, and which cells it prescribes.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,6 +27,9 @@ struct RegionShape
 {
     std::function<bool(const Eigen::Vector3d&)> holds;      ///< closed
     std::function<double(const Eigen::Vector3d&)> distance; ///< of a point outside
+    /// Bounds of it; infinite where it has none.
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(-INFINITY);
+    Eigen::Vector3d high = Eigen::Vector3d::Constant(INFINITY);
 };
 
 /// A region of one stage, all its selectors together.
@@ -58,18 +63,17 @@ std::string nearest_sample_note(const Region& region,
 /// How much of each cell's material belongs to a region, by volume.
 struct RegionShares
 {
-    std::vector<double> of_cell;
-    bool has_voxels = false; ///< false: no voxel centre lies in it
+    std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
+    double largest() const;
 };
 
-/// A voxel belongs to a region by its centre if it lies in a shape, and by its
-/// nearest sample through the material if that is listed. A region that holds
-/// samples but no voxel centre counts as the list of its samples.
-/// \p nearest is filled at the first region that needs it.
-RegionShares region_shares(const Region& region, const VoxelGrid& grid,
-                           const Pieces& pieces, const WorkFrame& frame,
-                           const std::vector<Eigen::Vector3d>& work_samples,
-                           std::vector<std::uint32_t>& nearest);
+/// The shares of all regions. A voxel belongs to a region by its centre if it lies in
+/// a shape, and by its nearest sample through the material if that is listed. A
+/// region that holds samples but no voxel centre counts as the list of its samples.
+std::vector<RegionShares> region_shares(const std::vector<Region>& regions,
+                                        const VoxelGrid& grid, const Pieces& pieces,
+                                        const WorkFrame& frame,
+                                        const std::vector<Eigen::Vector3d>& work_samples);
 
 /// Which region prescribes each cell, by index; -1 if none. The share must be at
 /// least half; of two such regions the larger share, then the first. A region that
@@ -77,7 +81,7 @@ RegionShares region_shares(const Region& region, const VoxelGrid& grid,
 /// Fault::Unsolvable if a region is left without a cell because others hold them.
 std::vector<int> prescribing_regions(const std::vector<Region>& regions,
                                      const std::vector<RegionShares>& shares,
-                                     const std::string& file);
+                                     std::size_t num_cells, const std::string& file);
 
 /// The stiffness factor of each cell; empty if no region is stiff.
 std::vector<double> cell_factors(const std::vector<Region>& regions,

@@ -31,6 +31,9 @@ double ms_since(Clock::time_point start)
 /// Tolerance of the steps on the way: good enough to start the next one.
 constexpr double kTravelTolerance = 1e-3;
 
+/// Iterations of a step on the way, at most.
+constexpr int kTravelIterations = 30;
+
 /// Two motions of one sample that differ by no more are one [diagonal].
 constexpr double kSameMotion = 1e-12;
 
@@ -109,6 +112,8 @@ Eigen::Vector3d turned_normal(const Eigen::Matrix3d& J, const Eigen::Vector3d& n
 /// Everything that belongs to one stage.
 struct Session::StageState
 {
+    StageState(Body built, Units in_units) : body(std::move(built)), units(in_units) {}
+
     Body body;
     Units units;
     std::vector<Region> regions;
@@ -180,42 +185,21 @@ void Session::start_stage(std::size_t stage)
     parts_.interior += body.material.method != InsideMethod::None;
     for (const std::string& warning : body.warnings)
         warnings_.push_back(warning);
-    Units units{body.frame, handles_.is_relative, bounding_box(rest_)};
-    state_.reset(new StageState{std::move(body),
-                                units,
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                {},
-                                nullptr});
+    const Units units{body.frame, handles_.is_relative, bounding_box(rest_)};
+    state_ = std::make_unique<StageState>(std::move(body), units);
     StageState& s = *state_;
     s.regions =
         resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path);
-    std::vector<std::uint32_t> nearest;
-    std::vector<RegionShares> shares;
-    for (const Region& region : s.regions)
-    {
-        shares.push_back(region_shares(region, s.body.material.grid, s.body.pieces,
-                                       s.body.frame, s.body.samples, nearest));
-        if (region.samples.empty() && !shares.back().has_voxels)
-            throw malformed({handles_.path, region.line, region.name},
+    const std::vector<RegionShares> shares = region_shares(
+        s.regions, s.body.material.grid, s.body.pieces, s.body.frame, s.body.samples);
+    for (std::size_t r = 0; r < s.regions.size(); ++r)
+        if (s.regions[r].samples.empty() && shares[r].cells.empty())
+            throw malformed({handles_.path, s.regions[r].line, s.regions[r].name},
                             "selects nothing of the model" +
-                                nearest_sample_note(region, rest_));
-    }
-    s.region_of_cell = prescribing_regions(s.regions, shares, handles_.path);
-    s.region_of_cell.resize(s.body.cells.size(), -1);
-    const std::vector<double> factors =
-        cell_factors(s.regions, shares, s.body.cells.size());
+                                nearest_sample_note(s.regions[r], rest_));
+    const std::size_t num_cells = s.body.cells.size();
+    s.region_of_cell = prescribing_regions(s.regions, shares, num_cells, handles_.path);
+    const std::vector<double> factors = cell_factors(s.regions, shares, num_cells);
     s.glue = build_glue(s.body.cells, factors);
 
     // Boxes of the regions' samples: centres of rotation, and how far they travel.
@@ -229,12 +213,13 @@ void Session::start_stage(std::size_t stage)
         }
         const std::size_t r = s.box_low.size();
         if (region.samples.empty())
-            for (std::size_t c = 0; c < s.region_of_cell.size(); ++c)
-                if (shares[r].of_cell[c] > 0)
-                {
-                    low = low.cwiseMin(s.body.cells.cells[c].centre);
-                    high = high.cwiseMax(s.body.cells.cells[c].centre);
-                }
+            for (const auto& [cell, share] : shares[r].cells)
+            {
+                const Eigen::Vector3d& centre =
+                    s.body.cells.cells[static_cast<std::size_t>(cell)].centre;
+                low = low.cwiseMin(centre);
+                high = high.cwiseMax(centre);
+            }
         s.box_low.push_back(low);
         s.box_high.push_back(high);
     }
@@ -253,23 +238,40 @@ void Session::start_stage(std::size_t stage)
             region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
         s.constraints[c].held_rest = s.body.cells.cells[c].centre;
     }
-    // A pinned cell is held at the mean of the pin's samples in it, if there are any.
+    // A pinned cell is held at the mean of the pin's samples in it. One without any
+    // is held at its centre if most of it is the pin's, else, being a neighbour of a
+    // small pin, where the pin's nearest sample is.
     for (std::size_t r = 0; r < s.regions.size(); ++r)
     {
-        if (s.regions[r].role != Role::Pin)
+        const Region& region = s.regions[r];
+        if (region.role != Role::Pin || region.samples.empty())
             continue;
         std::map<int, std::pair<Eigen::Vector3d, int>> sums;
-        for (const std::uint32_t i : s.regions[r].samples)
+        for (const std::uint32_t i : region.samples)
         {
             auto [found, is_new] =
                 sums.try_emplace(s.body.cell_of_sample[i], Eigen::Vector3d::Zero(), 0);
             found->second.first += s.body.samples[i] - s.box_low[r];
             ++found->second.second;
         }
-        for (const auto& [cell, sum] : sums)
-            if (s.region_of_cell[static_cast<std::size_t>(cell)] == static_cast<int>(r))
-                s.constraints[static_cast<std::size_t>(cell)].held_rest =
-                    s.box_low[r] + sum.first / sum.second;
+        for (const auto& [cell, share] : shares[r].cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            if (s.region_of_cell[c] != static_cast<int>(r))
+                continue;
+            Eigen::Vector3d& held = s.constraints[c].held_rest;
+            const auto found = sums.find(cell);
+            if (found != sums.end())
+                held = s.box_low[r] + found->second.first / found->second.second;
+            else if (share < 0.5)
+                held = s.body.samples[*std::min_element(
+                    region.samples.begin(), region.samples.end(),
+                    [&](std::uint32_t a, std::uint32_t b)
+                    {
+                        return (s.body.samples[a] - held).squaredNorm() <
+                               (s.body.samples[b] - held).squaredNorm();
+                    })];
+        }
     }
     for (Constraint& constraint : s.constraints)
         constraint.held_now = constraint.held_rest;
@@ -291,6 +293,14 @@ void Session::start_stage(std::size_t stage)
                             component.free_rotations == 3 ? "one pin" : "pins in a line",
                             component.free_rotations));
     s.minimizer.emplace(s.body.cells, s.glue, s.constraints, s.components);
+    const double factor_bytes = s.minimizer->factor_bytes();
+    if (settings_.cells.max_memory > 0 && factor_bytes > settings_.cells.max_memory)
+        throw Error(
+            Fault::Budget,
+            fmt::format("the factor of {} cells needs about {:.1f} GB (limit {:.1f} "
+                        "GB): a smaller --across or --max-depth needs less",
+                        s.body.cells.size(), factor_bytes / 1e9,
+                        settings_.cells.max_memory / 1e9));
     for (const Cell& cell : s.body.cells.cells)
         s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
 
@@ -328,14 +338,16 @@ void Session::start_stage(std::size_t stage)
     {
         std::vector<Path>& paths = s.paths.emplace_back();
         std::vector<Motion> motions;
+        std::map<std::string, const Move*> moves;
+        for (const Move& move : frame.moves)
+            moves[move.region] = &move;
         int parts = 1;
         for (std::size_t r = 0; r < s.regions.size(); ++r)
         {
-            const auto move = std::find_if(frame.moves.begin(), frame.moves.end(),
-                                           [&](const Move& m)
-                                           { return m.region == s.regions[r].name; });
+            const auto found = moves.find(s.regions[r].name);
+            const Move* move = found == moves.end() ? nullptr : found->second;
             std::vector<Step> next = now[r];
-            if (move != frame.moves.end())
+            if (move)
             {
                 const Eigen::Vector3d centre = 0.5 * (s.box_low[r] + s.box_high[r]);
                 const bool is_placed = std::any_of(
@@ -358,8 +370,9 @@ void Session::start_stage(std::size_t stage)
                 parts = std::max(parts, path.num_parts(s.box_low[r], s.box_high[r],
                                                        s.body.frame.diagonal()));
                 const Eigen::Vector3d centre = 0.5 * (s.box_low[r] + s.box_high[r]);
-                if ((motions.back()(centre) - centre).norm() >
-                    kExtremeMove * s.body.frame.diagonal())
+                if (s.body.frame.diagonal() > 0 &&
+                    (motions.back()(centre) - centre).norm() >
+                        kExtremeMove * s.body.frame.diagonal())
                     warnings_.push_back(fmt::format("frame {}: {} moves by more than {} "
                                                     "diagonals: the shape is stretched "
                                                     "to an extreme",
@@ -422,7 +435,7 @@ bool Session::next_frame(bool wants_samples)
     report.frame = stage.frames[frame_].number;
     report.cells_ms = cells_ms;
     const Clock::time_point start = Clock::now();
-    solve_frame(stage.frames[frame_], report);
+    solve_frame(report);
     report.solve_ms = ms_since(start);
     ++frame_;
     const bool is_committed =
@@ -432,121 +445,148 @@ bool Session::next_frame(bool wants_samples)
     return true;
 }
 
-void Session::solve_frame(const FrameStatement&, FrameReport& report)
+std::vector<Motion> Session::set_motions(double t)
 {
     StageState& s = *state_;
-    const Clock::time_point start = Clock::now();
-    const std::vector<Path>& paths = s.paths[frame_];
-    const int parts = s.num_parts[frame_];
-    const double diagonal = s.body.frame.diagonal();
-    std::vector<Motion> last;
-    for (const Path& path : paths)
-        last.push_back(path.at(0.0));
-    int iterations = 0, newton = 0, damped = 0;
-    double backward_error = 0.0;
-    bool is_given_up = false;
-    for (int part = 1; part <= parts; ++part)
+    std::vector<Motion> motions;
+    for (const Path& path : s.paths[frame_])
+        motions.push_back(path.at(t));
+    for (std::size_t c = 0; c < s.constraints.size(); ++c)
     {
-        // Out of iterations or time on the way: straight to the end.
-        const bool is_last = part == parts || is_given_up;
-        const double t = is_last ? 1.0 : static_cast<double>(part) / parts;
-        std::vector<Motion> motions, changes;
-        for (std::size_t r = 0; r < paths.size(); ++r)
+        const int owner = s.region_of_cell[c];
+        if (owner < 0)
+            continue;
+        const Motion& motion = motions[static_cast<std::size_t>(owner)];
+        Constraint& constraint = s.constraints[c];
+        const Eigen::Vector3d& centre = s.body.cells.cells[c].centre;
+        if (constraint.hold == Hold::Prescribed)
+            s.poses[c] = carried(motion, centre);
+        else if (constraint.hold == Hold::Pinned)
         {
-            motions.push_back(paths[r].at(t));
-            changes.push_back(motions[r] * inverse(last[r]));
+            constraint.held_now = constraint.held_rest + motion.t;
+            s.poses[c] = held_at_pin(s.poses[c], constraint, centre);
         }
-        for (std::size_t c = 0; c < s.constraints.size(); ++c)
-        {
-            const int owner = s.region_of_cell[c];
-            if (owner < 0)
-                continue;
-            const Motion& motion = motions[static_cast<std::size_t>(owner)];
-            Constraint& constraint = s.constraints[c];
-            const Eigen::Vector3d& centre = s.body.cells.cells[c].centre;
-            if (constraint.hold == Hold::Prescribed)
-                s.poses[c] = carried(motion, centre);
-            else if (constraint.hold == Hold::Pinned)
-            {
-                constraint.held_now = constraint.held_rest + motion.t;
-                s.poses[c] = held_at_pin(s.poses[c], constraint, centre);
-            }
-        }
-        s.minimizer->set_held_points(s.constraints);
-        // The scale of this step's gradient, before any guess makes it small.
-        const Residual first = s.minimizer->residual(s.poses);
-        const double energy_before = glue_energy(s.glue, s.poses);
+    }
+    s.minimizer->set_held_points(s.constraints);
+    return motions;
+}
 
-        // A component whose regions all make one rigid step makes it as a whole.
-        for (const Component& component : s.components)
-        {
-            const Motion* step = nullptr;
-            bool is_rigid = component.is_held, has_handle = false;
-            for (const int cell : component.cells)
-            {
-                const int owner = s.region_of_cell[static_cast<std::size_t>(cell)];
-                if (owner < 0)
-                    continue;
-                const Motion& change = changes[static_cast<std::size_t>(owner)];
-                has_handle |=
-                    s.regions[static_cast<std::size_t>(owner)].role != Role::Pin;
-                if (step)
-                    is_rigid &= agree(*step, change, std::max(1.0, change.t.norm()));
-                step = &change;
-            }
-            if (!is_rigid || (step->R.isIdentity(0) && step->t.isZero(0)))
-                continue;
+/// A component whose regions all make one rigid step makes it as a whole. A pin takes
+/// part if the step takes its held points where they must be.
+void Session::carry_rigid_steps(const std::vector<Motion>& last,
+                                const std::vector<Motion>& motions)
+{
+    StageState& s = *state_;
+    for (const Component& component : s.components)
+    {
+        std::optional<Motion> step;
+        bool is_rigid = component.is_held;
+        for (const bool is_pin : {false, true})
             for (const int cell : component.cells)
             {
                 const std::size_t c = static_cast<std::size_t>(cell);
-                if (s.constraints[c].hold == Hold::Prescribed)
+                const int owner = s.region_of_cell[c];
+                if (owner < 0 || !is_rigid ||
+                    (s.constraints[c].hold == Hold::Pinned) != is_pin)
                     continue;
-                s.poses[c] = {step->R * s.poses[c].R, (*step)(s.poses[c].p)};
-                if (s.constraints[c].hold == Hold::Pinned)
-                    s.poses[c] = held_at_pin(s.poses[c], s.constraints[c],
-                                             s.body.cells.cells[c].centre);
+                const std::size_t r = static_cast<std::size_t>(owner);
+                const Motion change = motions[r] * inverse(last[r]);
+                if (!step)
+                    step = change;
+                const double scale = std::max(1.0, change.t.norm());
+                if (is_pin)
+                    is_rigid = ((*step)(s.constraints[c].held_rest + last[r].t) -
+                                s.constraints[c].held_now)
+                                   .norm() <= kSameStep * scale;
+                else
+                    is_rigid = agree(*step, change, scale);
             }
+        if (!is_rigid || !step || (step->R.isIdentity(0) && step->t.isZero(0)))
+            continue;
+        for (const int cell : component.cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            if (s.constraints[c].hold == Hold::Prescribed)
+                continue;
+            const Eigen::Vector3d& centre = s.body.cells.cells[c].centre;
+            if (s.constraints[c].hold == Hold::Pinned)
+                s.poses[c] = held_at_pin({step->R * s.poses[c].R, centre},
+                                         s.constraints[c], centre);
+            else
+                s.poses[c] = {step->R * s.poses[c].R, (*step)(s.poses[c].p)};
         }
+    }
+}
+
+void Session::solve_frame(FrameReport& report)
+{
+    StageState& s = *state_;
+    const Clock::time_point start = Clock::now();
+    const int parts = s.num_parts[frame_];
+    std::vector<Motion> last;
+    for (const Path& path : s.paths[frame_])
+        last.push_back(path.at(0.0));
+    SolveReport total;
+    double gradient_scale = 0.0;
+    bool is_given_up = false;
+    for (int part = 1; part <= parts; ++part)
+    {
+        // Out of time on the way: straight to the end.
+        const bool is_last = part == parts || is_given_up;
+        std::vector<Motion> motions =
+            set_motions(is_last ? 1.0 : static_cast<double>(part) / parts);
+        // The frame's scale, before any guess makes its first gradient small.
+        if (part == 1)
+        {
+            const Residual first = s.minimizer->residual(s.poses);
+            gradient_scale =
+                std::max(first.gradient, kUncancelledShare * first.uncancelled);
+        }
+        const double energy_before = glue_energy(s.glue, s.poses);
+        carry_rigid_steps(last, motions);
 
         SolveOptions options;
         options.method = settings_.method;
-        options.max_iterations = settings_.max_iterations - iterations;
+        options.max_iterations =
+            is_last ? settings_.max_iterations
+                    : std::min(settings_.max_iterations, kTravelIterations);
         options.gradient_tolerance =
             is_last ? settings_.gradient_tolerance : kTravelTolerance;
-        options.gradient_scale =
-            std::max(first.gradient, kUncancelledShare * first.uncancelled);
+        options.gradient_scale = gradient_scale;
         options.stop = settings_.stop;
         if (settings_.time_budget > 0)
             options.time_budget =
                 std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(start));
         SolveReport solve = s.minimizer->minimize(s.poses, options);
-        iterations += solve.iterations;
-        newton += solve.newton_iterations;
-        damped += solve.damped_factorisations;
-        backward_error = std::max(backward_error, solve.backward_error);
-        ++report.steps;
+        solve.iterations += std::max(0, total.iterations);
+        solve.newton_iterations += total.newton_iterations;
+        solve.damped_factorisations += total.damped_factorisations;
+        solve.backward_error = std::max(solve.backward_error, total.backward_error);
         solve.energy_before = energy_before;
-        report.solve = solve;
+        total = solve;
+        ++report.steps;
         if (is_last)
             break;
-        is_given_up = solve.stop == Stop::IterationLimit ||
-                      solve.stop == Stop::TimeLimit || solve.stop == Stop::Stopped;
+        is_given_up = solve.stop == Stop::TimeLimit || solve.stop == Stop::Stopped;
         last = std::move(motions);
     }
-    report.solve.iterations = iterations;
-    report.solve.newton_iterations = newton;
-    report.solve.damped_factorisations = damped;
-    report.solve.backward_error = backward_error;
-    if (report.solve.stop == Stop::NotPositiveDefinite)
+    report.solve = total;
+    if (total.stop == Stop::NotPositiveDefinite)
         throw Error(Fault::Unsolvable,
                     at({handles_.path, 0, "frame " + std::to_string(report.frame)},
                        "the equations have no solution, also damped"));
+    if (total.is_saddle)
+        warnings_.push_back(
+            fmt::format("frame {}: the result may not be stable: its energy "
+                        "falls in some direction",
+                        report.frame));
     for (const GlueFace& face : s.glue.faces)
     {
         const double energy = glue_energy(face, s.poses[static_cast<std::size_t>(face.a)],
                                           s.poses[static_cast<std::size_t>(face.b)]);
         report.max_pair_gap =
-            std::max(report.max_pair_gap, std::sqrt(energy / face.stiffness) / diagonal);
+            std::max(report.max_pair_gap,
+                     std::sqrt(energy / face.stiffness) / s.body.frame.diagonal());
     }
 }
 

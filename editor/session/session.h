@@ -100,7 +100,11 @@ private:
 
     void start_stage(std::size_t stage);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
-    void solve_frame(const FrameStatement& frame, FrameReport& report);
+    void solve_frame(FrameReport& report);
+    /// Puts prescribed and pinned cells where they are at \p t of this frame's way.
+    std::vector<Motion> set_motions(double t);
+    void carry_rigid_steps(const std::vector<Motion>& last,
+                           const std::vector<Motion>& motions);
     void move_samples(FrameReport& report);
     void commit();
 

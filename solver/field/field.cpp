@@ -83,13 +83,23 @@ Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
     for (MovedRegion& region : regions)
     {
         const std::vector<Eigen::Vector3d>& nodes = region.fade->nodes();
-        region.misses = displacements(nodes, region.fade->node_cells());
-        for (std::size_t i = 0; i < nodes.size(); ++i)
-            region.misses[i] =
-                (region.motion.R - Eigen::Matrix3d::Identity()) * nodes[i] +
-                region.motion.t - region.misses[i];
+        const std::vector<int>& own = region.fade->node_cells();
+        const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
+        region.misses.resize(nodes.size());
+        tbb::parallel_for(std::size_t(0), nodes.size(),
+                          [&](std::size_t i)
+                          {
+                              std::vector<Influence> influences, near;
+                              closest_.influences(nodes[i], own[i], influences);
+                              const FieldValue f =
+                                  base(nodes[i], influences, near, !region.may_turn);
+                              region.misses[i].displacement =
+                                  turn * nodes[i] + region.motion.t - f.displacement;
+                              if (!region.may_turn)
+                                  region.misses[i].gradient = turn - f.gradient;
+                          });
     }
-    regions_ = std::move(regions);
+    regions_ = MovedRegions(std::move(regions), cells.size());
 }
 
 FieldValue Field::base(const Eigen::Vector3d& x, std::span<const Influence> influences,
@@ -111,7 +121,7 @@ FieldValue Field::value(const Eigen::Vector3d& x, int own) const
         return {};
     std::vector<Influence> influences, near;
     closest_.influences(x, own, influences);
-    return with_regions(base(x, influences, near, true), x, influences, regions_);
+    return regions_.correct(base(x, influences, near, true), x, influences);
 }
 
 std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3d> points,
@@ -130,8 +140,7 @@ std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3
                     continue;
                 closest_.influences(points[i], own[i], influences);
                 const FieldValue value = base(points[i], influences, near, false);
-                result[i] =
-                    with_regions(value, points[i], influences, regions_).displacement;
+                result[i] = regions_.correct(value, points[i], influences).displacement;
             }
         });
     return result;

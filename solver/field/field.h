@@ -66,7 +66,7 @@ private:
     const Cells& cells_;
     std::vector<Pose> poses_;
     std::vector<bool> is_idle_; ///< a cell
-    std::vector<MovedRegion> regions_;
+    MovedRegions regions_;
     ClosestCells closest_;
     std::optional<Closest4> closest4_;
     std::optional<RbfField> rbf_;

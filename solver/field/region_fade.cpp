@@ -7,6 +7,9 @@
 // cell, and not the difference to the region's motion at x: that would stiffen the
 // shape around the region.
 //
+// A miss is carried with its slope, so that the tangent passes over the border of a
+// region without a crease.
+//
 // The misses are carried by Shepard's weights (1/d_i - 1/d_k)^2 over the k nearest
 // nodes. The farthest has weight 0, so the average stays continuous when the set
 // changes.
@@ -36,7 +39,11 @@ constexpr double kWidth = 1.5;
 /// ones, and the weights need one farther.
 constexpr std::size_t kNearest = 16;
 
+/// Width of the fade of slopes [width of the fade].
+constexpr double kSlopeShare = 0.35;
+
 using Dual = Eigen::AutoDiffScalar<Eigen::Vector3d>;
+const Eigen::Vector3d kNoSlope = Eigen::Vector3d::Zero();
 
 std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> points)
 {
@@ -74,37 +81,38 @@ RegionFade::RegionFade(const Cells& cells, std::span<const Eigen::Vector3d> samp
     // Cells within reach through the glue. A path through faces is longer than the
     // straight line, by up to sqrt 3; two more cells carry the blend's own reach.
     const double reach = std::sqrt(3.0) * (radius_ + 2.0 * edge);
-    std::vector<double> distance(cells.size(), std::numeric_limits<double>::infinity());
+    std::map<int, double> distance;
     using Entry = std::pair<double, int>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
+    const auto offer = [&](int cell, double length)
+    {
+        const auto [found, is_new] = distance.try_emplace(cell, length);
+        if (!is_new && length >= found->second)
+            return;
+        found->second = length;
+        queue.emplace(length, cell);
+    };
     for (const int cell : node_cells_)
-        if (distance[static_cast<std::size_t>(cell)] > 0)
-        {
-            distance[static_cast<std::size_t>(cell)] = 0.0;
-            queue.emplace(0.0, cell);
-        }
+        offer(cell, 0.0);
     while (!queue.empty())
     {
         const auto [d, cell] = queue.top();
         queue.pop();
-        const std::size_t c = static_cast<std::size_t>(cell);
-        if (d > distance[c])
+        if (d > distance[cell])
             continue;
+        const Eigen::Vector3d& from =
+            cells.cells[static_cast<std::size_t>(cell)].box_centre;
         for (const int other : cells.neighbours_of(cell))
         {
-            const std::size_t o = static_cast<std::size_t>(other);
             const double length =
-                d + (cells.cells[o].box_centre - cells.cells[c].box_centre).norm();
-            if (length <= reach && length < distance[o])
-            {
-                distance[o] = length;
-                queue.emplace(length, other);
-            }
+                d +
+                (cells.cells[static_cast<std::size_t>(other)].box_centre - from).norm();
+            if (length <= reach)
+                offer(other, length);
         }
     }
-    is_near_.resize(cells.size());
-    for (std::size_t i = 0; i < cells.size(); ++i)
-        is_near_[i] = distance[i] <= reach;
+    for (const auto& [cell, d] : distance)
+        near_cells_.push_back(cell);
 }
 
 RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
@@ -114,7 +122,7 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
     bool is_all_near = true;
     for (const Influence& influence : influences)
     {
-        if (!is_near_[static_cast<std::size_t>(influence.cell)])
+        if (!std::binary_search(near_cells_.begin(), near_cells_.end(), influence.cell))
         {
             is_all_near = false;
             continue;
@@ -145,55 +153,82 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
 }
 
 FieldValue RegionFade::average(const Eigen::Vector3d& x,
-                               std::span<const Eigen::Vector3d> node_values) const
+                               std::span<const FieldValue> node_values) const
 {
     std::vector<PointTree::Neighbour> near;
     tree_.nearest(x, kNearest, near);
-    FieldValue result;
-    if (near.front().distance_squared == 0.0 || near.size() == 1)
-    {
-        result.displacement = node_values[near.front().index];
-        return result;
-    }
     // The distance of a node as a number with its gradient.
     const auto distance = [&](const PointTree::Neighbour& node)
     {
         const double d = std::sqrt(node.distance_squared);
-        return Dual(d, (x - nodes()[node.index]) / d);
+        return d > 0 ? Dual(d, (x - nodes()[node.index]) / d) : Dual(0.0, kNoSlope);
     };
+    // Slopes fade faster than values: they would stiffen what is around the region.
+    const Dual u = distance(near.front()) / (radius_ * kSlopeShare);
+    const Dual slope_share = u.value() < 1.0
+                                 ? Dual(1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0)))
+                                 : Dual(0.0, kNoSlope);
+    std::vector<Dual> shares;
     const Dual far = distance(near.back());
-    std::vector<Dual> weights;
-    Dual sum(0.0, Eigen::Vector3d::Zero());
+    Dual sum(0.0, kNoSlope);
     for (const PointTree::Neighbour& node : near)
     {
-        const Dual rest = 1.0 / distance(node) - 1.0 / far;
-        weights.push_back(rest * rest);
-        sum += weights.back();
+        const bool is_node = node.distance_squared == 0.0;
+        const Dual rest =
+            is_node ? Dual(0.0, kNoSlope) : Dual(1.0 / distance(node) - 1.0 / far);
+        shares.push_back(rest * rest);
+        sum += shares.back();
     }
+    // At a node, and where all are equally far, the weights are none.
+    const bool has_weights = sum.value() > 0 && near.front().distance_squared > 0;
+    FieldValue result;
     for (std::size_t i = 0; i < near.size(); ++i)
     {
-        const Dual share = sum.value() > 0 ? Dual(weights[i] / sum)
-                                           : Dual(1.0 / static_cast<double>(near.size()),
-                                                  Eigen::Vector3d::Zero());
-        const Eigen::Vector3d& value = node_values[near[i].index];
+        const double alone = near.front().distance_squared > 0
+                                 ? 1.0 / static_cast<double>(near.size())
+                                 : (i == 0 ? 1.0 : 0.0);
+        const Dual share = has_weights ? Dual(shares[i] / sum) : Dual(alone, kNoSlope);
+        const FieldValue& known = node_values[near[i].index];
+        const Eigen::Vector3d step = known.gradient * (x - nodes()[near[i].index]);
+        const Eigen::Vector3d value = known.displacement + slope_share.value() * step;
         result.displacement += share.value() * value;
-        result.gradient += value * share.derivatives().transpose();
+        result.gradient += value * share.derivatives().transpose() +
+                           share.value() * (slope_share.value() * known.gradient +
+                                            step * slope_share.derivatives().transpose());
     }
     return result;
 }
 
-FieldValue with_regions(const FieldValue& value, const Eigen::Vector3d& x,
-                        std::span<const Influence> influences,
-                        std::span<const MovedRegion> regions)
+MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
+    : regions_(std::move(regions)), regions_of_cell_(num_cells)
+{
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+        for (const int cell : regions_[r].fade->near_cells())
+            regions_of_cell_[static_cast<std::size_t>(cell)].push_back(
+                static_cast<int>(r));
+}
+
+FieldValue MovedRegions::correct(const FieldValue& value, const Eigen::Vector3d& x,
+                                 std::span<const Influence> influences) const
 {
     struct Active
     {
         const MovedRegion* region;
         Dual weight;
     };
-    std::vector<Active> active;
-    for (const MovedRegion& region : regions)
+    std::vector<int> near;
+    for (const Influence& influence : influences)
     {
+        const std::vector<int>& more =
+            regions_of_cell_[static_cast<std::size_t>(influence.cell)];
+        near.insert(near.end(), more.begin(), more.end());
+    }
+    std::sort(near.begin(), near.end());
+    near.erase(std::unique(near.begin(), near.end()), near.end());
+    std::vector<Active> active;
+    for (const int r : near)
+    {
+        const MovedRegion& region = regions_[static_cast<std::size_t>(r)];
         const RegionFade::Weight weight = region.fade->weight(x, influences);
         if (weight.is_node)
         {

@@ -42,17 +42,19 @@ public:
     /// are near through the glue.
     Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences) const;
 
-    /// Values given at the nodes, carried to \p x: a continuous average of the
-    /// nearest ones.
+    /// What is known at the nodes, value and slope, carried to \p x: a continuous
+    /// average of the nearest ones. Slopes reach a cell far.
     FieldValue average(const Eigen::Vector3d& x,
-                       std::span<const Eigen::Vector3d> node_values) const;
+                       std::span<const FieldValue> node_values) const;
 
     double radius() const { return radius_; }
+    /// The cells that the correction may reach, ascending.
+    const std::vector<int>& near_cells() const { return near_cells_; }
 
 private:
     PointTree tree_;
     std::vector<int> node_cells_;
-    std::vector<bool> is_near_; ///< a cell
+    std::vector<int> near_cells_; ///< ascending
     double radius_ = 0.0;
 };
 
@@ -62,13 +64,24 @@ struct MovedRegion
     const RegionFade* fade = nullptr;
     Motion motion;
     bool may_turn = false; ///< a pin: the motion tells where nodes go, not how they turn
-    std::vector<Eigen::Vector3d> misses; ///< one a node: motion minus field
+    std::vector<FieldValue> misses; ///< one a node: motion minus field
 };
 
-/// \p value of the field at \p x, corrected for the regions around \p x. At a node
-/// it is the region's motion to the bit.
-FieldValue with_regions(const FieldValue& value, const Eigen::Vector3d& x,
-                        std::span<const Influence> influences,
-                        std::span<const MovedRegion> regions);
+/// All regions of a frame, found by the cells that they reach.
+class MovedRegions
+{
+public:
+    MovedRegions() = default;
+    MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells);
+
+    /// \p value of the field at \p x, corrected for the regions around \p x. At a
+    /// node it is the region's motion to the bit.
+    FieldValue correct(const FieldValue& value, const Eigen::Vector3d& x,
+                       std::span<const Influence> influences) const;
+
+private:
+    std::vector<MovedRegion> regions_;
+    std::vector<std::vector<int>> regions_of_cell_;
+};
 
 } // namespace cellwarp

@@ -80,6 +80,20 @@ struct Files
     }
 };
 
+/// Waits until the process has its handler for a signal.
+void wait_until_caught(pid_t process, int signal)
+{
+    for (int tries = 0; tries < 1000; ++tries)
+    {
+        std::ifstream status("/proc/" + std::to_string(process) + "/status");
+        for (std::string line; std::getline(status, line);)
+            if (line.starts_with("SigCgt:") &&
+                (std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1))
+                return;
+        ::usleep(10000);
+    }
+}
+
 std::size_t num_files(const support::Folder& folder)
 {
     return static_cast<std::size_t>(
@@ -297,7 +311,8 @@ TEST(Cli, an_interrupt_ends_at_once_and_leaves_nothing)
                     "--across", "64", nullptr);
             ::_exit(99);
         }
-        ::usleep(300000);
+        wait_until_caught(child, signal);
+        ::usleep(100000);
         ::kill(child, signal);
         int status = 0;
         ::waitpid(child, &status, 0);

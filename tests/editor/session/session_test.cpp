@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/session.h"
 
+#include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <set>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -437,6 +440,106 @@ TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
         if ((*session.stage().region_of_cell)[c] == 1)
             turn = std::max(turn, rotation_vector((*session.stage().poses)[c].R).norm());
     EXPECT_GT(turn, 0.3);
+}
+
+TEST(Session, a_pin_on_a_cell_corner_holds_one_point)
+{
+    // Its sample is shared by several cells: all of them are held there, so a pin
+    // that moves along with two handles does not hinder a rigid motion. (The pin goes
+    // straight, the handles along a screw: only the end is rigid.)
+    const Shape bar = survey_bar(12);
+    std::size_t corner = 0;
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        if ((bar.samples[i] - Eigen::Vector3d(0.5, 0, 2)).norm() <
+            (bar.samples[corner] - Eigen::Vector3d(0.5, 0, 2)).norm())
+            corner = i;
+    const Eigen::Matrix3d R = rotation_about(Eigen::Vector3d(1, 2, 3).normalized(), 0.7);
+    const Eigen::Vector3d t(0.3, -0.2, 0.5), to = R * bar.samples[corner] + t;
+    const std::string move = matrix_text(R, t);
+    const Session session =
+        played(model(bar),
+               "handle foot box -1 -1 -1 1 1 0.25\nhandle head box -1 -1 3.75 1 1 5\npin "
+               "p indices " +
+                   std::to_string(corner) + "\nframe 1\nmove foot " + move +
+                   "\nmove head " + move + "\nmove p to " + shortest(to.x()) + " " +
+                   shortest(to.y()) + " " + shortest(to.z()) + "\n",
+               tight(16));
+    std::size_t num_pinned = 0;
+    for (const int owner : *session.stage().region_of_cell)
+        num_pinned += owner == 2;
+    EXPECT_GT(num_pinned, 1u);
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        EXPECT_LT((session.patch().samples[i] - R * bar.samples[i] - t).norm(), 1e-8);
+}
+
+TEST(Session, no_crease_stands_at_a_border_between_cells_or_in_one)
+{
+    // Along the bar's edge the direction turns by no more than a few degrees from
+    // sample to sample, a tenth of a cell, wherever in a cell the region ends.
+    const Shape bar = survey_bar(40);
+    for (const std::string end : {"0.26", "0.30", "0.34", "0.38", "0.42", "0.46"})
+    {
+        const Session session = played(
+            model(bar),
+            "fixed foot box -1 -1 -1 1 1 " + end +
+                "\nhandle head box -1 -1 3.75 1 1 5\nframe 1\nmove head rotate 1 0 0 60 "
+                "translate 0 -1 -0.4\n",
+            settings(16));
+        std::map<double, Eigen::Vector3d> edge;
+        for (std::size_t i = 0; i < bar.samples.size(); ++i)
+            if (bar.samples[i].x() == 0.5 && bar.samples[i].y() == 0.5)
+                edge[bar.samples[i].z()] = session.patch().samples[i];
+        std::vector<Eigen::Vector3d> line;
+        for (const auto& [z, x] : edge)
+            line.push_back(x);
+        double largest = 0.0;
+        for (std::size_t i = 2; i < line.size(); ++i)
+        {
+            const Eigen::Vector3d a = line[i - 1] - line[i - 2],
+                                  b = line[i] - line[i - 1];
+            largest = std::max(largest, std::atan2(a.cross(b).norm(), a.dot(b)));
+        }
+        EXPECT_LT(largest * 180 / std::numbers::pi, 4.0) << end;
+    }
+}
+
+TEST(Session, a_frame_that_does_not_hold_the_model_is_refused)
+{
+    SessionSettings s = settings(8);
+    s.cells.frame = FrameBox{{0, 0, 0}, {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {1, 1, 1}};
+    s.cells.frame_file = "s.json";
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "s.json: cells.frame: does not hold sample"));
+}
+
+TEST(Session, many_regions_move_as_one)
+{
+    // One pin a cell: every region has its own, all move alike.
+    const Shape bar = survey_bar(12);
+    std::string regions, moves;
+    std::set<std::array<int, 3>> cells;
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+    {
+        const Eigen::Vector3d u = (bar.samples[i] + Eigen::Vector3d(0.5, 0.5, 0)) * 3.999;
+        const std::array<int, 3> cell = {static_cast<int>(u.x()), static_cast<int>(u.y()),
+                                         static_cast<int>(u.z())};
+        if (!cells.insert(cell).second)
+            continue;
+        const std::string name = "p" + std::to_string(i);
+        regions += "handle " + name + " sphere " + shortest(bar.samples[i].x()) + " " +
+                   shortest(bar.samples[i].y()) + " " + shortest(bar.samples[i].z()) +
+                   " 0.05\n";
+        moves += "move " + name + " translate 0.1 0 0\n";
+    }
+    EXPECT_GT(cells.size(), 100u);
+    const Session session =
+        played(model(bar), regions + "frame 1\n" + moves, settings(32));
+    for (std::size_t i = 0; i < bar.samples.size(); ++i)
+        EXPECT_LT(
+            (session.patch().samples[i] - bar.samples[i] - Eigen::Vector3d(0.1, 0, 0))
+                .norm(),
+            1e-10);
 }
 
 TEST(Session, a_pin_alone_warns_of_its_free_rotations)
