@@ -286,8 +286,8 @@ units relative
 fixed  foot  box -0.1 -0.1 -0.1  1.1 0.06 1.1
 handle rim   box -0.1 0.93 -0.1  1.1 1.1 1.1
 frame 1
-move rim rotate 0 0 1 -50  translate 0.35 0.05 0
-""", ',\n  "cells": {"fill": "shell", "across": 24}')
+move rim rotate 0 0 1 -30  translate 0.2 0.1 0
+""", ',\n  "cells": {"fill": "shell", "across": 28}')
 
 
 def cloud(folder):

@@ -152,12 +152,12 @@ GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
             J.block<3, 3>(0, 9) = -Eigen::Matrix3d::Identity();
         }
         block.hessian.noalias() += 2.0 * term.weight * (J.transpose() * J);
-        if (curvature == Curvature::Exact)
+        if (curvature.share > 0)
         {
             block.hessian.block<3, 3>(0, 0) +=
-                2.0 * term.weight * arm_curvature(term.d, term.arm_a);
+                2.0 * curvature.share * term.weight * arm_curvature(term.d, term.arm_a);
             block.hessian.block<3, 3>(6, 6) -=
-                2.0 * term.weight * arm_curvature(term.d, term.arm_b);
+                2.0 * curvature.share * term.weight * arm_curvature(term.d, term.arm_b);
         }
     }
     return block;

@@ -44,12 +44,13 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors);
 /// second moments of full rank). [Botsch07]
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
 
-/// How much of the second derivative.
-enum class Curvature
+/// How much of the second derivative: J^T J, which is positive semi-definite, plus a
+/// share of the curvature of the rotations, which with 1 makes it exact.
+struct Curvature
 {
-    GaussNewton, ///< J^T J: positive semi-definite
-    Exact        ///< with the curvature of the rotations
+    double share;
 };
+inline constexpr Curvature kGaussNewton{0.0}, kExact{1.0};
 
 /// Second-order model of one face in the twists of its cells: rows and columns
 /// 0..5 belong to a, 6..11 to b; angular before linear.

@@ -31,6 +31,10 @@ constexpr double kEnergyRounding = 1e-11;
 /// vanishes with the step and so does not change the solution.
 constexpr double kProximal = 1e-3;
 
+/// Shares of the curvature that Newton's method tries, until the matrix is positive
+/// definite. Half of it still saves most of the crawl of plain Gauss-Newton.
+constexpr double kCurvatureShares[] = {1.0, 0.5, 0.25};
+
 /// First damping when even J^T J does not factorise, relative to the diagonal;
 /// tenfold with each of kMaxDampings retries.
 constexpr double kFirstDamping = 1e-12;
@@ -230,9 +234,9 @@ void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
             const Eigen::Vector3d q = q_of(cell);
             const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
             Eigen::Matrix3d block = P.transpose() * sum * P;
-            if (curvature == Curvature::Exact)
-                block += 0.5 * (force * q.transpose() + q * force.transpose()) -
-                         force.dot(q) * Eigen::Matrix3d::Identity();
+            block +=
+                curvature.share * (0.5 * (force * q.transpose() + q * force.transpose()) -
+                                   force.dot(q) * Eigen::Matrix3d::Identity());
             if (turns_freely_[static_cast<std::size_t>(u)])
                 block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
                          Eigen::Matrix3d::Identity();
@@ -272,17 +276,20 @@ void Minimizer::add_damping(double factor)
 
 bool Minimizer::factorize(std::span<const Pose> poses, Method method, SolveReport& report)
 {
-    if (method == Method::Newton)
+    report.is_saddle = false;
+    for (const double share : kCurvatureShares)
     {
-        assemble(poses, Curvature::Exact);
-        report.is_saddle = !solver_->factorize(matrix_);
-        if (!report.is_saddle)
+        if (method != Method::Newton)
+            break;
+        assemble(poses, {share});
+        if (solver_->factorize(matrix_))
         {
-            ++report.newton_iterations;
+            report.newton_iterations += share == 1.0;
             return true;
         }
+        report.is_saddle = true;
     }
-    assemble(poses, Curvature::GaussNewton);
+    assemble(poses, kGaussNewton);
     double damping = kFirstDamping;
     for (int retry = 0; retry <= kMaxDampings; ++retry, damping *= 10.0)
     {

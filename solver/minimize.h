@@ -22,7 +22,7 @@ namespace cellwarp
 enum class Method
 {
     GaussNewton, ///< J^T J, as in [Botsch07]
-    Newton       ///< the exact Hessian where it is positive definite, else J^T J
+    Newton       ///< the exact Hessian, or as much of its curvature as stays definite
 };
 
 enum class Stop

@@ -122,7 +122,7 @@ TEST(Glue, gradient_and_hessian_match_finite_differences)
         const Pose a = random_pose(rng, 1.0), b = random_pose(rng, 1.0);
         const auto energy = [&](const Vector12& t)
         { return glue_energy(face, twisted(a, t.head<6>()), twisted(b, t.tail<6>())); };
-        const GlueBlock block = glue_block(face, a, b, Curvature::Exact);
+        const GlueBlock block = glue_block(face, a, b, kExact);
         ASSERT_GT(block.gradient.norm(), 1e-3);
         const double h = 1e-4;
         for (int i = 0; i < 12; ++i)
@@ -153,14 +153,14 @@ TEST(Glue, gauss_newton_block_is_semi_definite_with_the_rigid_null_space)
     for (int trial = 0; trial < 20; ++trial)
     {
         const Pose a = random_pose(rng, 1.0), b = random_pose(rng, 1.0);
-        const Matrix12 H = glue_block(face, a, b, Curvature::GaussNewton).hessian;
+        const Matrix12 H = glue_block(face, a, b, kGaussNewton).hessian;
         const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(H);
         EXPECT_GT(eigen.eigenvalues()[0], -1e-12 * eigen.eigenvalues()[11]);
     }
     const Cells cells = two_cells();
     const Pose a{Eigen::Matrix3d::Identity(), cells.cells[0].centre};
     const Pose b{Eigen::Matrix3d::Identity(), cells.cells[1].centre};
-    const Matrix12 H = glue_block(face, a, b, Curvature::GaussNewton).hessian;
+    const Matrix12 H = glue_block(face, a, b, kGaussNewton).hessian;
     const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(H);
     EXPECT_LT(eigen.eigenvalues()[5], 1e-12);
     EXPECT_GT(eigen.eigenvalues()[6], 1e-3);
@@ -183,8 +183,8 @@ TEST(Glue, at_rest_exact_and_gauss_newton_agree)
     const Cells cells = two_cells();
     const Pose a{Eigen::Matrix3d::Identity(), cells.cells[0].centre};
     const Pose b{Eigen::Matrix3d::Identity(), cells.cells[1].centre};
-    EXPECT_LT((glue_block(one_face(), a, b, Curvature::Exact).hessian -
-               glue_block(one_face(), a, b, Curvature::GaussNewton).hessian)
+    EXPECT_LT((glue_block(one_face(), a, b, kExact).hessian -
+               glue_block(one_face(), a, b, kGaussNewton).hessian)
                   .norm(),
               1e-12);
 }
