@@ -61,17 +61,27 @@ int run(const InfoFlags& flags, const CommonFlags& common)
 {
     Json all = Json::array();
     std::string text;
+    int exit_code = 0;
     for (const std::string& path : flags.files)
-    {
-        const GeometryFile file = read_geometry(path, {flags.columns});
-        print_warnings(file.geometry.warnings, common);
-        all.push_back(describe(file));
-        text += path + "\n" + as_text(all.back());
-    }
+        try
+        {
+            const GeometryFile file = read_geometry(path, {flags.columns});
+            print_warnings(file.geometry.warnings, common);
+            all.push_back(describe(file));
+            text += path + "\n" + as_text(all.back());
+        }
+        catch (const Error& error)
+        {
+            // The others are still told; alone, or in JSON, there is nothing to tell.
+            if (flags.files.size() == 1 || common.is_json)
+                throw;
+            fmt::print(stderr, "error: {}\n", error.what());
+            exit_code = static_cast<int>(error.fault());
+        }
     if (common.is_json)
         text = (flags.files.size() == 1 ? all[0] : Json{{"files", all}}).dump(2) + "\n";
     write_file("-", text, Overwrite::Yes);
-    return 0;
+    return exit_code;
 }
 
 } // namespace

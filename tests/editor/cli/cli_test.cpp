@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdio>
 #include <fstream>
+#include <random>
 
 #include <fcntl.h>
 #include <sys/resource.h>
@@ -347,6 +348,52 @@ TEST(Cli, info_describes_one_file_or_several)
         nlohmann::json::parse(run({"info", files.model, files.model, "--json"}).out);
     EXPECT_EQ(two["files"].size(), 2u);
     EXPECT_TRUE(contains(run({"info", files.model}).out, "290"));
+}
+
+TEST(Cli, info_tells_of_the_good_files_among_bad_ones)
+{
+    const Files files;
+    const std::string bad = files.folder.write("bad.obj", "v 0\n");
+    const Result result = run({"info", bad, files.model});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "bad.obj:1"));
+    EXPECT_TRUE(contains(result.out, "290"));
+    const Result json = run({"info", files.model, bad, "--json"});
+    EXPECT_EQ(json.code, 3);
+    EXPECT_TRUE(json.out.empty());
+}
+
+TEST(Cli, unknown_commands_and_folders_are_named)
+{
+    const support::Folder folder;
+    EXPECT_TRUE(contains(run({"bend", "x"}).err, "'bend'"));
+    EXPECT_EQ(run({"info", folder.path().string()}).code, 4);
+}
+
+TEST(Cli, kill_at_any_moment_leaves_the_old_or_the_new_output)
+{
+    const Files files;
+    ASSERT_EQ(files.deform().code, 0);
+    const std::string whole = bytes_of(files.out);
+    std::mt19937 rng(1);
+    for (int trial = 0; trial < 12; ++trial)
+    {
+        files.folder.write("out.obj", "old");
+        const pid_t child = ::fork();
+        if (child == 0)
+        {
+            ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
+                    "--handles", files.handles.c_str(), "-o", files.out.c_str(),
+                    "--overwrite", "--across", "12", nullptr);
+            ::_exit(99);
+        }
+        ::usleep(static_cast<useconds_t>(rng() % 300000));
+        ::kill(child, SIGKILL);
+        int status = 0;
+        ::waitpid(child, &status, 0);
+        const std::string left = bytes_of(files.out);
+        EXPECT_TRUE(left == "old" || left == whole);
+    }
 }
 
 TEST(Cli, scenes_name_their_parts_and_flags_win)
