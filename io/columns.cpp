@@ -13,14 +13,6 @@ namespace cellwarp
 namespace
 {
 
-std::string lower(std::string_view word)
-{
-    std::string text(word);
-    for (char& c : text)
-        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    return text;
-}
-
 /// 0..2 position, 3..5 normal, 6..8 colour; -1 for anything else.
 int role_of(const std::string& name)
 {
@@ -69,7 +61,7 @@ bool ColumnsScanner::take_names(const std::vector<std::string>& names)
     std::vector<std::string> lowered;
     for (std::size_t i = 0; i < names.size(); ++i)
     {
-        std::string name = lower(names[i]);
+        std::string name = lower_case(names[i]);
         if (name.size() > 1 && name.front() == '"' && name.back() == '"')
             name = name.substr(1, name.size() - 2);
         lowered.push_back(name);

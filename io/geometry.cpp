@@ -144,11 +144,7 @@ std::string extension_of(const std::string& path)
     std::string extension = std::filesystem::path(path).extension().string();
     if (!extension.empty())
         extension.erase(0, 1);
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](char c) {
-                       return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-                   });
-    return extension;
+    return lower_case(extension);
 }
 
 GeometryFile scan_geometry(std::string path, std::string bytes,

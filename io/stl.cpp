@@ -19,14 +19,6 @@ namespace
 constexpr std::uint64_t kHeaderBytes = 84, kFacetBytes = 50;
 constexpr std::uint64_t kMaxFacets = ((std::uint64_t(1) << 31) - 1) / 3;
 
-std::string lower(std::string_view word)
-{
-    std::string text(word);
-    for (char& c : text)
-        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    return text;
-}
-
 } // namespace
 
 void StlScanner::begin(std::string_view part, Geometry& out)
@@ -39,7 +31,7 @@ void StlScanner::begin(std::string_view part, Geometry& out)
     const std::string_view text = part.substr(byte_order_mark(part));
     const std::size_t word = text.find_first_not_of(" \t\r\n");
     const bool says_solid =
-        word != std::string_view::npos && lower(text.substr(word, 5)) == "solid";
+        word != std::string_view::npos && lower_case(text.substr(word, 5)) == "solid";
     kind_ = says_solid && !(fits && count_ > 0 && part.find('\0') < part.size())
                 ? Kind::Ascii
                 : Kind::Binary;
@@ -142,10 +134,10 @@ void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry&
     Token token;
     if (!tokens.next(token))
         return;
-    std::string word = lower(token.text);
+    std::string word = lower_case(token.text);
     const std::string_view first = token.text;
     if ((word == "facet" || word == "outer") && tokens.next(token))
-        word += " " + lower(token.text);
+        word += " " + lower_case(token.text);
     // Keywords of two words are joined by a blank; alternatives by a bar.
     const std::string allowed = "|" + expected_ + "|";
     if (allowed.find("|" + word + "|") == std::string::npos)

@@ -59,6 +59,14 @@ std::string_view Tokens::rest() const
     return rest;
 }
 
+std::string lower_case(std::string_view word)
+{
+    std::string text(word);
+    for (char& c : text)
+        c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    return text;
+}
+
 std::string foreign_content(std::string_view bytes)
 {
     using namespace std::literals;

@@ -65,6 +65,9 @@ inline bool is_blank(char c)
     return c == ' ' || c == '\t' || c == '\v' || c == '\f';
 }
 
+/// The word with A to Z in lower case, in every locale.
+std::string lower_case(std::string_view word);
+
 /// A guess at what bytes are that cannot be the text they should be ("a git LFS
 /// pointer", "a ZIP archive", "UTF-16 text"); empty if nothing speaks against it.
 std::string foreign_content(std::string_view bytes);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
+#include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -105,19 +106,8 @@ TEST(Columns, parts_of_a_file_give_what_the_whole_gives)
     const Geometry whole = scan_geometry("x.csv", text).geometry;
     for (std::size_t size = 1; size < text.size(); ++size)
     {
-        ColumnsScanner scanner("x.csv", "csv", "");
-        Geometry out;
-        std::string rest;
-        std::uint64_t start = 0;
-        for (std::size_t at = 0; at < text.size(); at += size)
-        {
-            rest += text.substr(at, size);
-            const std::size_t used =
-                scanner.scan(rest, start, at + size >= text.size(), out);
-            start += used;
-            rest.erase(0, used);
-        }
-        scanner.finish(out);
+        const Geometry out =
+            support::scanned_in_parts(ColumnsScanner("x.csv", "csv", ""), text, size);
         ASSERT_EQ(out.samples, whole.samples) << size;
         ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
     }

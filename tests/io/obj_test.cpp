@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
+#include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -178,20 +179,7 @@ TEST(Obj, parts_of_a_file_give_what_the_whole_gives)
     const Geometry whole = scanned(text);
     for (std::size_t size = 1; size <= text.size(); ++size)
     {
-        ObjScanner scanner("x.obj");
-        Geometry out;
-        std::string rest;
-        std::uint64_t start = 0;
-        for (std::size_t at = 0; at < text.size(); at += size)
-        {
-            rest += text.substr(at, size);
-            const std::size_t used =
-                scanner.scan(rest, start, at + size >= text.size(), out);
-            start += used;
-            rest.erase(0, used);
-        }
-        scanner.finish(out);
-        ASSERT_TRUE(rest.empty()) << size;
+        const Geometry out = support::scanned_in_parts(ObjScanner("x.obj"), text, size);
         ASSERT_EQ(out.samples, whole.samples) << size;
         ASSERT_EQ(out.corners, whole.corners) << size;
         ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;

@@ -7,6 +7,7 @@
 
 #include "io/geometry.h"
 #include "io/stored_number.h"
+#include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -233,21 +234,8 @@ TEST(Ply, parts_of_a_file_give_what_the_whole_gives)
         const std::size_t head = bytes.find("end_header\n") + 11;
         for (std::size_t size = 1; size < 20; ++size)
         {
-            PlyScanner scanner("x.ply", bytes.size());
-            Geometry out;
-            std::string rest = bytes.substr(0, head);
-            std::uint64_t start = 0;
-            for (std::size_t at = head;; at += size)
-            {
-                const std::size_t used =
-                    scanner.scan(rest, start, at >= bytes.size(), out);
-                start += used;
-                rest.erase(0, used);
-                if (at >= bytes.size())
-                    break;
-                rest += bytes.substr(at, size);
-            }
-            scanner.finish(out);
+            const Geometry out = support::scanned_in_parts(
+                PlyScanner("x.ply", bytes.size()), bytes, size, head);
             ASSERT_EQ(out.samples, whole.samples) << size;
             ASSERT_EQ(out.corners, whole.corners) << size;
             ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;

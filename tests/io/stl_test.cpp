@@ -5,6 +5,7 @@
 
 #include "io/geometry.h"
 #include "io/stored_number.h"
+#include "tests/support/parts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -127,21 +128,10 @@ TEST(Stl, parts_of_a_file_give_what_the_whole_gives)
          {binary(3, 3), "solid x\n" + kFacet + kFacet + "endsolid"})
     {
         const Geometry whole = scan_geometry("x.stl", bytes).geometry;
-        for (std::size_t size = 84; size < 200; size += 7)
+        for (std::size_t size = 1; size < 200; size += 7)
         {
-            StlScanner scanner("x.stl", bytes.size());
-            Geometry out;
-            std::string rest;
-            std::uint64_t start = 0;
-            for (std::size_t at = 0; at < bytes.size(); at += size)
-            {
-                rest += bytes.substr(at, size);
-                const std::size_t used =
-                    scanner.scan(rest, start, at + size >= bytes.size(), out);
-                start += used;
-                rest.erase(0, used);
-            }
-            scanner.finish(out);
+            const Geometry out = support::scanned_in_parts(
+                StlScanner("x.stl", bytes.size()), bytes, size, 84);
             ASSERT_EQ(out.samples, whole.samples) << size;
             ASSERT_EQ(out.direction_places.starts, whole.direction_places.starts) << size;
         }
