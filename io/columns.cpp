@@ -245,15 +245,9 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
 std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                                  Geometry& out)
 {
-    const std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
-    LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
-    std::string_view text;
-    while (lines.next(text))
-    {
-        lines_ = lines.line_number();
-        line(text, lines.line_start(), out);
-    }
-    return skipped + lines.consumed();
+    return for_each_line(part, start, is_last, lines_,
+                         [&](std::string_view text, std::uint64_t at)
+                         { line(text, at, out); });
 }
 
 void ColumnsScanner::finish(Geometry& out)

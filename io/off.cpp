@@ -193,15 +193,9 @@ void OffScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
 std::size_t OffScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                              Geometry& out)
 {
-    const std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
-    LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
-    std::string_view text;
-    while (lines.next(text))
-    {
-        lines_ = lines.line_number();
-        line(text, lines.line_start(), out);
-    }
-    return skipped + lines.consumed();
+    return for_each_line(part, start, is_last, lines_,
+                         [&](std::string_view text, std::uint64_t at)
+                         { line(text, at, out); });
 }
 
 void OffScanner::finish(Geometry& out)

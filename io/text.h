@@ -16,6 +16,9 @@ struct Token
     std::uint64_t start = 0; ///< [byte] from the beginning of the file
 };
 
+/// The byte order mark that UTF-8 files may start with, or nothing.
+std::size_t byte_order_mark(std::string_view bytes);
+
 /// Hands out the lines of a text: ended by LF, CR LF or CR, the last one perhaps
 /// by nothing. With \p is_last false a line that is not ended is held back.
 class LineReader
@@ -45,6 +48,23 @@ private:
     std::size_t next_ = 0;
 };
 
+/// Calls visit(line, start) for the complete lines of \p part, a byte order mark at the
+/// file's beginning left out, and keeps \p lines at the number of the line. Returns
+/// how many bytes they take.
+template <class Visit>
+std::size_t for_each_line(std::string_view part, std::uint64_t start, bool is_last,
+                          std::int64_t& lines, Visit&& visit)
+{
+    const std::size_t skipped = start == 0 ? byte_order_mark(part) : 0;
+    LineReader reader(part.substr(skipped), start + skipped, is_last, lines);
+    for (std::string_view line; reader.next(line);)
+    {
+        lines = reader.line_number();
+        visit(line, reader.line_start());
+    }
+    return skipped + reader.consumed();
+}
+
 /// Cuts a line into tokens at blanks and tabs.
 class Tokens
 {
@@ -71,8 +91,5 @@ std::string lower_case(std::string_view word);
 /// A guess at what bytes are that cannot be the text they should be ("a git LFS
 /// pointer", "a ZIP archive", "UTF-16 text"); empty if nothing speaks against it.
 std::string foreign_content(std::string_view bytes);
-
-/// The byte order mark that UTF-8 files may start with, or nothing.
-std::size_t byte_order_mark(std::string_view bytes);
 
 } // namespace cellwarp

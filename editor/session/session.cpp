@@ -51,7 +51,8 @@ bool agree(const Motion& a, const Motion& b, double scale)
     return (a.R - b.R).norm() <= kSameStep && (a.t - b.t).norm() <= kSameStep * scale;
 }
 
-/// Twice the area vector's flux: six times the volume of a fan-triangulated mesh.
+/// The volume that a closed mesh, its faces as fans, encloses: a sixth of the sum of
+/// the triple products.
 double enclosed_volume(const Geometry& geometry,
                        const std::vector<Eigen::Vector3d>& samples)
 {
@@ -123,7 +124,6 @@ struct Session::StageState
     Glue glue;
     std::optional<Minimizer> minimizer;
     std::vector<Pose> poses;
-    std::vector<std::vector<std::size_t>> cells_of_region;
     std::vector<Eigen::Vector3d> box_low, box_high; ///< of each region's samples [work]
     std::vector<std::optional<RegionFade>> fades;
     struct Overlap
@@ -149,6 +149,8 @@ const Field* Session::field() const
 
 StageView Session::stage() const
 {
+    if (!state_)
+        return {};
     return {&state_->body, &state_->regions, &state_->region_of_cell, &state_->poses};
 }
 
@@ -202,6 +204,18 @@ void Session::start_stage(std::size_t stage)
     const std::vector<double> factors = cell_factors(s.regions, shares, num_cells);
     s.glue = build_glue(s.body.cells, factors);
 
+    measure_regions(shares);
+    hold_cells(shares);
+    for (const Cell& cell : s.body.cells.cells)
+        s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
+    plan_frames(statements.frames);
+}
+
+/// Boxes of the regions' samples, where their corrections act, and which samples two
+/// of them share.
+void Session::measure_regions(const std::vector<RegionShares>& shares)
+{
+    StageState& s = *state_;
     // Boxes of the regions' samples: centres of rotation, and how far they travel.
     for (const Region& region : s.regions)
     {
@@ -224,16 +238,46 @@ void Session::start_stage(std::size_t stage)
         s.box_high.push_back(high);
     }
 
-    // What each cell is held by.
+    for (const Region& region : s.regions)
+    {
+        std::optional<RegionFade>& fade = s.fades.emplace_back();
+        if (!region.prescribes() || region.samples.empty())
+            continue;
+        std::vector<Eigen::Vector3d> points;
+        std::vector<int> cells;
+        for (const std::uint32_t i : region.samples)
+        {
+            points.push_back(s.body.samples[i]);
+            cells.push_back(s.body.cell_of_sample[i]);
+        }
+        fade.emplace(s.body.cells, points, cells);
+    }
+
+    // Samples of two regions: their motions must agree in every frame.
+    std::vector<int> first_region(rest_.size(), -1);
+    for (std::size_t r = 0; r < s.regions.size(); ++r)
+        for (const std::uint32_t i : s.regions[r].samples)
+        {
+            if (!s.regions[r].prescribes())
+                break;
+            if (first_region[i] >= 0)
+                s.overlaps.push_back({static_cast<std::size_t>(first_region[i]), r, i});
+            else
+                first_region[i] = static_cast<int>(r);
+        }
+}
+
+/// What each cell is held by, and the equations that follow.
+void Session::hold_cells(const std::vector<RegionShares>& shares)
+{
+    StageState& s = *state_;
     s.constraints.resize(s.body.cells.size());
-    s.cells_of_region.resize(s.regions.size());
     for (std::size_t c = 0; c < s.constraints.size(); ++c)
     {
         const int owner = s.region_of_cell[c];
         if (owner < 0)
             continue;
         const Region& region = s.regions[static_cast<std::size_t>(owner)];
-        s.cells_of_region[static_cast<std::size_t>(owner)].push_back(c);
         s.constraints[c].hold =
             region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
         s.constraints[c].held_rest = s.body.cells.cells[c].centre;
@@ -301,40 +345,14 @@ void Session::start_stage(std::size_t stage)
                         "GB): a smaller --across or --max-depth needs less",
                         s.body.cells.size(), factor_bytes / 1e9,
                         settings_.cells.max_memory / 1e9));
-    for (const Cell& cell : s.body.cells.cells)
-        s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
+}
 
-    for (const Region& region : s.regions)
-    {
-        std::optional<RegionFade>& fade = s.fades.emplace_back();
-        if (!region.prescribes() || region.samples.empty())
-            continue;
-        std::vector<Eigen::Vector3d> points;
-        std::vector<int> cells;
-        for (const std::uint32_t i : region.samples)
-        {
-            points.push_back(s.body.samples[i]);
-            cells.push_back(s.body.cell_of_sample[i]);
-        }
-        fade.emplace(s.body.cells, points, cells);
-    }
-
-    // Samples of two regions: their motions must agree in every frame.
-    std::vector<int> first_region(rest_.size(), -1);
-    for (std::size_t r = 0; r < s.regions.size(); ++r)
-        for (const std::uint32_t i : s.regions[r].samples)
-        {
-            if (!s.regions[r].prescribes())
-                break;
-            if (first_region[i] >= 0)
-                s.overlaps.push_back({static_cast<std::size_t>(first_region[i]), r, i});
-            else
-                first_region[i] = static_cast<int>(r);
-        }
-
-    // All frames as paths, so that a wrong one fails before the first is solved.
+/// All frames as paths, so that a wrong one fails before the first is solved.
+void Session::plan_frames(const std::vector<FrameStatement>& frames)
+{
+    StageState& s = *state_;
     std::vector<std::vector<Step>> now(s.regions.size());
-    for (const FrameStatement& frame : statements.frames)
+    for (const FrameStatement& frame : frames)
     {
         std::vector<Path>& paths = s.paths.emplace_back();
         std::vector<Motion> motions;
@@ -359,7 +377,7 @@ void Session::start_stage(std::size_t stage)
                                     "'to' needs a pin of one place; this one has " +
                                         std::to_string(s.regions[r].samples.size()) +
                                         " samples, use translate");
-                next = steps_of(*move, units, centre, s.box_low[r], handles_.path,
+                next = steps_of(*move, s.units, centre, s.box_low[r], handles_.path,
                                 warnings_);
             }
             const Path path = paths.emplace_back(now[r], next);

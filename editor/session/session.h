@@ -51,7 +51,8 @@ struct PartCounts
     int interior = 0, blend = 0, rbf = 0, normals = 0, faces = 0;
 };
 
-/// The cells of one stage as a value that outlives the session's next stage.
+/// What the session works on now; all null before its first stage, and valid until
+/// the next one begins.
 struct StageView
 {
     const Body* body = nullptr;
@@ -60,7 +61,7 @@ struct StageView
     const std::vector<Pose>* poses = nullptr;
 };
 
-/// Where the samples of closed meshes end; see session.cpp.
+/// What a closed mesh encloses.
 struct Volume
 {
     double before = 0.0, after = 0.0; ///< [model unit^3]
@@ -69,9 +70,9 @@ struct Volume
 class Session
 {
 public:
-    /// Builds the cells of the first stage and checks every statement of the file
-    /// against the model, so that what cannot be done fails before anything is.
-    /// Throws Error.
+    /// Builds the cells of the first stage and checks all of its statements against
+    /// the model, so that what cannot be done fails before anything is. A later stage
+    /// is checked when its commit has made its rest shape. Throws Error.
     Session(GeometryFile model, HandleFile handles, SessionSettings settings);
     ~Session();
     Session(Session&&) noexcept;
@@ -99,6 +100,9 @@ private:
     struct StageState;
 
     void start_stage(std::size_t stage);
+    void measure_regions(const std::vector<RegionShares>& shares);
+    void hold_cells(const std::vector<RegionShares>& shares);
+    void plan_frames(const std::vector<FrameStatement>& frames);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
     void solve_frame(FrameReport& report);
     /// Puts prescribed and pinned cells where they are at \p t of this frame's way.

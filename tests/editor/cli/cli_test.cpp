@@ -184,6 +184,19 @@ TEST(Cli, output_is_the_same_to_the_bit_for_every_number_of_threads)
     }
 }
 
+TEST(Cli, without_handles_the_output_is_the_input)
+{
+    const Files files;
+    const Result result = run({"deform", files.model, "-o", files.out, "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(bytes_of(files.out), bytes_of(files.model));
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    EXPECT_EQ(json["cells"], 0);
+    EXPECT_TRUE(json["frames"].empty());
+    EXPECT_EQ(json["warnings"].size(), 1u);
+    EXPECT_EQ(run({"check", files.model}).code, 0);
+}
+
 TEST(Cli, usage_errors_exit_with_2)
 {
     const Files files;
