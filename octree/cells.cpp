@@ -7,7 +7,7 @@
 #include <numeric>
 #include <tuple>
 
-#include <tbb/parallel_for.h>
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -129,8 +129,8 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         ++first[static_cast<std::size_t>(leaf) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::vector<Face>> faces(num_leaves);
-    tbb::parallel_for(
-        std::size_t(0), num_leaves,
+    parallel_for(
+        num_leaves,
         [&](std::size_t i)
         {
             measure_leaf(

@@ -6,8 +6,7 @@
 
 #include <limits>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -77,15 +76,15 @@ std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
     const std::size_t nz = static_cast<std::size_t>(counts.z());
     const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
     {
-        tbb::parallel_for(
-            tbb::blocked_range<std::size_t>(0, lines, 64),
-            [&](const auto& range)
-            {
-                std::vector<float> f, from;
-                std::vector<int> site;
-                for (std::size_t line = range.begin(); line < range.end(); ++line)
-                    transform_line(d.data() + first(line), stride, count, f, site, from);
-            });
+        parallel_ranges(lines, 64,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            std::vector<float> f, from;
+                            std::vector<int> site;
+                            for (std::size_t line = begin; line < end; ++line)
+                                transform_line(d.data() + first(line), stride, count, f,
+                                               site, from);
+                        });
     };
     sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
     sweep(nx * nz, nx, counts.y(),

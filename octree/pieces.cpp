@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/pieces.h"
 
-#include <tbb/parallel_for.h>
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -58,13 +58,12 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     Pieces pieces;
     pieces.piece_of_voxel.assign(grid.size(), -1);
     std::vector<int> counts(leaves.size());
-    tbb::parallel_for(std::size_t(0), leaves.size(),
-                      [&](std::size_t i)
-                      {
-                          counts[i] =
-                              label_leaf(grid, voxel_block(grid.shape(), leaves[i]),
-                                         pieces.piece_of_voxel);
-                      });
+    parallel_for(leaves.size(),
+                 [&](std::size_t i)
+                 {
+                     counts[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i]),
+                                            pieces.piece_of_voxel);
+                 });
     std::vector<std::int32_t> first(leaves.size());
     for (std::size_t i = 0; i < leaves.size(); ++i)
     {
@@ -73,22 +72,21 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
                                     static_cast<std::size_t>(counts[i]),
                                     static_cast<int>(i));
     }
-    tbb::parallel_for(std::size_t(0), leaves.size(),
-                      [&](std::size_t i)
-                      {
-                          const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
-                          for (int k = 0; k < block.width; ++k)
-                              for (int j = 0; j < block.width; ++j)
-                                  for (int x = 0; x < block.width; ++x)
-                                  {
-                                      std::int32_t& piece =
-                                          pieces.piece_of_voxel[grid.index(
-                                              block.first.x() + x, block.first.y() + j,
-                                              block.first.z() + k)];
-                                      if (piece >= 0)
-                                          piece += first[i];
-                                  }
-                      });
+    parallel_for(leaves.size(),
+                 [&](std::size_t i)
+                 {
+                     const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
+                     for (int k = 0; k < block.width; ++k)
+                         for (int j = 0; j < block.width; ++j)
+                             for (int x = 0; x < block.width; ++x)
+                             {
+                                 std::int32_t& piece = pieces.piece_of_voxel[grid.index(
+                                     block.first.x() + x, block.first.y() + j,
+                                     block.first.z() + k)];
+                                 if (piece >= 0)
+                                     piece += first[i];
+                             }
+                 });
     return pieces;
 }
 

@@ -9,8 +9,8 @@
 #include <cmath>
 
 #include <Eigen/Geometry>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -108,18 +108,18 @@ private:
 
 void mark_surface(const Shape& shape, VoxelGrid& grid)
 {
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, shape.samples.size(), 4096),
-        [&](const auto& range)
+    parallel_ranges(
+        shape.samples.size(), 4096,
+        [&](std::size_t begin, std::size_t end)
         {
-            for (std::size_t i = range.begin(); i < range.end(); ++i)
+            for (std::size_t i = begin; i < end; ++i)
                 mark(grid.material()[grid.index(grid.locate(shape.samples[i]))]);
         });
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, shape.triangles.size(), 1024),
-        [&](const auto& range)
+    parallel_ranges(
+        shape.triangles.size(), 1024,
+        [&](std::size_t begin, std::size_t end)
         {
-            for (std::size_t t = range.begin(); t < range.end(); ++t)
+            for (std::size_t t = begin; t < end; ++t)
             {
                 const Triangle& triangle = shape.triangles[t];
                 const Eigen::Vector3d a = grid.to_voxels(shape.samples[triangle[0]]);

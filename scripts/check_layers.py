@@ -17,19 +17,21 @@ ROOMS = {
     "editor/session": {"editor/session", "io", "octree", "solver", "solver/field"},
     "editor/picture": {"editor/picture", "editor/session", "io", "octree", "solver",
                        "solver/field"},
-    "editor/cli": {"editor/cli", "editor/picture", "editor/session", "io", "solver"},
+    "editor/cli": {"editor/cli", "editor/picture", "editor/session", "io", "octree", "solver"},
     "tests": None,
 }
 # Third-party header -> the files or rooms that may include it.
 LIBRARIES = {
     "cholmod.h": {"solver/linear_solver.cpp"},
     "lapacke.h": {"solver/field/rbf.cpp"},
+    "tbb/": {"octree/parallel.cpp"},
     "nanoflann.hpp": {"octree/point_tree.cpp"},
     "embree3/": {"editor/picture"},
     "stb/": {"editor/picture"},
     "CLI/": {"editor/cli"},
     "nlohmann/": {"io/scene_file.cpp", "editor/cli", "tests"},
     "gtest/": {"tests"},
+    "benchmark/": {"tests/bench"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"}}

@@ -17,7 +17,8 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <tbb/parallel_for.h>
+
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -166,14 +167,14 @@ GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
 double glue_energy(const Glue& glue, std::span<const Pose> poses)
 {
     std::vector<double> energies(glue.faces.size());
-    tbb::parallel_for(std::size_t(0), glue.faces.size(),
-                      [&](std::size_t f)
-                      {
-                          const GlueFace& face = glue.faces[f];
-                          energies[f] =
-                              glue_energy(face, poses[static_cast<std::size_t>(face.a)],
-                                          poses[static_cast<std::size_t>(face.b)]);
-                      });
+    parallel_for(glue.faces.size(),
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue.faces[f];
+                     energies[f] =
+                         glue_energy(face, poses[static_cast<std::size_t>(face.a)],
+                                     poses[static_cast<std::size_t>(face.b)]);
+                 });
     double sum = 0.0;
     for (const double energy : energies)
         sum += energy;

@@ -6,10 +6,15 @@
 
 #include <cmath>
 #include <cstring>
+#include <mutex>
+#include <new>
+
+#include <sys/mman.h>
 
 #include <cholmod.h>
 
 extern "C" void openblas_set_num_threads(int);
+extern "C" void dpotrf_(const char*, const int*, double*, const int*, int*);
 
 namespace cellwarp
 {
@@ -30,6 +35,15 @@ struct LinearSolver::Library
 
 namespace
 {
+
+/// What the dense kernels take at their first call, with a margin [byte].
+constexpr std::size_t kBlasBuffer = std::size_t(160) << 20;
+
+void throw_if_out_of_memory(const cholmod_common& common)
+{
+    if (common.status == CHOLMOD_OUT_OF_MEMORY || common.status == CHOLMOD_TOO_LARGE)
+        throw std::bad_alloc();
+}
 
 /// The matrix as the library sees it; shares the values, which it does not change.
 cholmod_sparse view(const BlockMatrix& A)
@@ -54,12 +68,14 @@ cholmod_sparse view(const BlockMatrix& A)
 
 LinearSolver::LinearSolver(const BlockMatrix& A) : library_(std::make_unique<Library>())
 {
+    claim_blas_buffer();
     cholmod_common& common = library_->common;
     common.print = 0;
     common.supernodal = CHOLMOD_SUPERNODAL;
     common.final_ll = 1;
     cholmod_sparse matrix = view(A);
     library_->factor = cholmod_analyze(&matrix, &common);
+    throw_if_out_of_memory(common);
 }
 
 LinearSolver::~LinearSolver() = default;
@@ -74,8 +90,10 @@ bool LinearSolver::factorize(const BlockMatrix& A)
         return false;
     cholmod_sparse matrix = view(A);
     cholmod_common& common = library_->common;
-    if (!cholmod_factorize(&matrix, library_->factor, &common) ||
-        common.status != CHOLMOD_OK || library_->factor->minor != library_->factor->n)
+    const bool is_done = cholmod_factorize(&matrix, library_->factor, &common) != 0;
+    throw_if_out_of_memory(common);
+    if (!is_done || common.status != CHOLMOD_OK ||
+        library_->factor->minor != library_->factor->n)
         return false;
     return std::isfinite(cholmod_rcond(library_->factor, &common));
 }
@@ -91,6 +109,7 @@ Eigen::VectorXd LinearSolver::solve(const Eigen::VectorXd& b) const
     right.dtype = CHOLMOD_DOUBLE;
     cholmod_dense* x =
         cholmod_solve(CHOLMOD_A, library_->factor, &right, &library_->common);
+    throw_if_out_of_memory(library_->common);
     Eigen::VectorXd solution =
         Eigen::Map<const Eigen::VectorXd>(static_cast<const double*>(x->x), b.size());
     cholmod_free_dense(&x, &library_->common);
@@ -105,6 +124,25 @@ double LinearSolver::factor_numbers() const
 void use_one_blas_thread()
 {
     openblas_set_num_threads(1);
+}
+
+void claim_blas_buffer()
+{
+    static std::mutex mutex;
+    static bool is_claimed = false;
+    const std::lock_guard lock(mutex);
+    if (is_claimed)
+        return;
+    void* const room = ::mmap(nullptr, kBlasBuffer, PROT_READ | PROT_WRITE,
+                              MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (room == MAP_FAILED)
+        throw std::bad_alloc();
+    ::munmap(room, kBlasBuffer);
+    const int one = 1;
+    int info = 0;
+    double number = 1.0;
+    dpotrf_("L", &one, &number, &one, &info);
+    is_claimed = true;
 }
 
 } // namespace cellwarp

@@ -17,13 +17,13 @@ namespace cellwarp
 class LinearSolver
 {
 public:
-    /// Analyses the structure of \p A.
+    /// Analyses the structure of \p A. Throws std::bad_alloc.
     explicit LinearSolver(const BlockMatrix& A);
     ~LinearSolver();
     LinearSolver(LinearSolver&&) noexcept;
     LinearSolver& operator=(LinearSolver&&) noexcept;
 
-    /// False if \p A is not finite or not positive definite.
+    /// False if \p A is not finite or not positive definite. Throws std::bad_alloc.
     /// \pre \p A has the structure that was analysed.
     [[nodiscard]] bool factorize(const BlockMatrix& A);
 
@@ -41,5 +41,10 @@ private:
 /// Sets the number of threads of the dense kernels to one: at these sizes more are
 /// slower, and their sums depend on the count.
 void use_one_blas_thread();
+
+/// Takes the buffer that the dense kernels work in, once; to be called before the
+/// first of them. Without memory for it they would wait for ever. Throws
+/// std::bad_alloc.
+void claim_blas_buffer();
 
 } // namespace cellwarp

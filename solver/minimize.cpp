@@ -11,7 +11,7 @@
 #include <cmath>
 #include <limits>
 
-#include <tbb/parallel_for.h>
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -131,14 +131,14 @@ void Minimizer::set_held_points(std::span<const Constraint> constraints)
 Residual Minimizer::residual(std::span<const Pose> poses) const
 {
     std::vector<Eigen::Matrix<double, 12, 1>> gradients(glue_.faces.size());
-    tbb::parallel_for(std::size_t(0), glue_.faces.size(),
-                      [&](std::size_t f)
-                      {
-                          const GlueFace& face = glue_.faces[f];
-                          gradients[f] =
-                              glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
-                                            poses[static_cast<std::size_t>(face.b)]);
-                      });
+    parallel_for(glue_.faces.size(),
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue_.faces[f];
+                     gradients[f] =
+                         glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
+                                       poses[static_cast<std::size_t>(face.b)]);
+                 });
     double uncancelled = 0.0, rounding = 0.0;
     for (const int cell : cell_of_unknown_)
     {
@@ -164,8 +164,8 @@ Residual Minimizer::residual(std::span<const Pose> poses) const
 Eigen::VectorXd Minimizer::reduced_gradient(std::span<const Pose> poses) const
 {
     Eigen::VectorXd gradient(matrix_.rows());
-    tbb::parallel_for(
-        0, num_unknown_cells(),
+    parallel_for(
+        num_unknown_cells(),
         [&](int u)
         {
             const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
@@ -194,14 +194,14 @@ Eigen::VectorXd Minimizer::reduced_gradient(std::span<const Pose> poses) const
 
 void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
 {
-    tbb::parallel_for(std::size_t(0), glue_.faces.size(),
-                      [&](std::size_t f)
-                      {
-                          const GlueFace& face = glue_.faces[f];
-                          face_blocks_[f] = glue_block(
-                              face, poses[static_cast<std::size_t>(face.a)],
-                              poses[static_cast<std::size_t>(face.b)], curvature);
-                      });
+    parallel_for(glue_.faces.size(),
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue_.faces[f];
+                     face_blocks_[f] =
+                         glue_block(face, poses[static_cast<std::size_t>(face.a)],
+                                    poses[static_cast<std::size_t>(face.b)], curvature);
+                 });
     matrix_.set_zero();
     const auto q_of = [&](int cell) -> Eigen::Vector3d
     {
@@ -210,59 +210,59 @@ void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
     };
     const auto is_pinned = [&](int cell)
     { return constraints_[static_cast<std::size_t>(cell)].hold == Hold::Pinned; };
-    tbb::parallel_for(
-        0, num_unknown_cells(),
-        [&](int u)
-        {
-            const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
-            Eigen::Matrix<double, 6, 6> sum = Eigen::Matrix<double, 6, 6>::Zero();
-            Eigen::Vector3d force = Eigen::Vector3d::Zero();
-            for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
-                 k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
-            {
-                const std::size_t f = static_cast<std::size_t>(
-                    glue_.faces_of_cell[static_cast<std::size_t>(k)]);
-                const int at = glue_.faces[f].a == cell ? 0 : 6;
-                sum += face_blocks_[f].hessian.block<6, 6>(at, at);
-                force += face_blocks_[f].gradient.segment<3>(at + 3);
-            }
-            if (!is_pinned(cell))
-            {
-                matrix_.diagonal(u) = sum;
-                return;
-            }
-            const Eigen::Vector3d q = q_of(cell);
-            const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
-            Eigen::Matrix3d block = P.transpose() * sum * P;
-            block +=
-                curvature.share * (0.5 * (force * q.transpose() + q * force.transpose()) -
-                                   force.dot(q) * Eigen::Matrix3d::Identity());
-            if (turns_freely_[static_cast<std::size_t>(u)])
-                block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
-                         Eigen::Matrix3d::Identity();
-            matrix_.diagonal(u) = block;
-        });
-    tbb::parallel_for(
-        std::size_t(0), glue_.faces.size(),
-        [&](std::size_t f)
-        {
-            if (block_of_face_[f] < 0)
-                return;
-            const GlueFace& face = glue_.faces[f];
-            const int a = unknown_of_cell_[static_cast<std::size_t>(face.a)];
-            const int b = unknown_of_cell_[static_cast<std::size_t>(face.b)];
-            // The block of the larger unknown's rows and the smaller one's columns.
-            const bool a_is_row = a > b;
-            const int row_cell = a_is_row ? face.a : face.b;
-            const int column_cell = a_is_row ? face.b : face.a;
-            Eigen::MatrixXd block =
-                face_blocks_[f].hessian.block<6, 6>(a_is_row ? 0 : 6, a_is_row ? 6 : 0);
-            if (is_pinned(row_cell))
-                block = (pin_basis(q_of(row_cell)).transpose() * block).eval();
-            if (is_pinned(column_cell))
-                block = (block * pin_basis(q_of(column_cell))).eval();
-            matrix_.block(block_of_face_[f]) = block;
-        });
+    parallel_for(num_unknown_cells(),
+                 [&](int u)
+                 {
+                     const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
+                     Eigen::Matrix<double, 6, 6> sum =
+                         Eigen::Matrix<double, 6, 6>::Zero();
+                     Eigen::Vector3d force = Eigen::Vector3d::Zero();
+                     for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
+                          k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
+                     {
+                         const std::size_t f = static_cast<std::size_t>(
+                             glue_.faces_of_cell[static_cast<std::size_t>(k)]);
+                         const int at = glue_.faces[f].a == cell ? 0 : 6;
+                         sum += face_blocks_[f].hessian.block<6, 6>(at, at);
+                         force += face_blocks_[f].gradient.segment<3>(at + 3);
+                     }
+                     if (!is_pinned(cell))
+                     {
+                         matrix_.diagonal(u) = sum;
+                         return;
+                     }
+                     const Eigen::Vector3d q = q_of(cell);
+                     const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
+                     Eigen::Matrix3d block = P.transpose() * sum * P;
+                     block += curvature.share *
+                              (0.5 * (force * q.transpose() + q * force.transpose()) -
+                               force.dot(q) * Eigen::Matrix3d::Identity());
+                     if (turns_freely_[static_cast<std::size_t>(u)])
+                         block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
+                                  Eigen::Matrix3d::Identity();
+                     matrix_.diagonal(u) = block;
+                 });
+    parallel_for(glue_.faces.size(),
+                 [&](std::size_t f)
+                 {
+                     if (block_of_face_[f] < 0)
+                         return;
+                     const GlueFace& face = glue_.faces[f];
+                     const int a = unknown_of_cell_[static_cast<std::size_t>(face.a)];
+                     const int b = unknown_of_cell_[static_cast<std::size_t>(face.b)];
+                     // The block of the larger unknown's rows and the smaller one's
+                     // columns.
+                     const bool a_is_row = a > b;
+                     const int row_cell = a_is_row ? face.a : face.b;
+                     const int column_cell = a_is_row ? face.b : face.a;
+                     Eigen::MatrixXd block = face_blocks_[f].hessian.block<6, 6>(
+                         a_is_row ? 0 : 6, a_is_row ? 6 : 0);
+                     if (is_pinned(row_cell))
+                         block = (pin_basis(q_of(row_cell)).transpose() * block).eval();
+                     if (is_pinned(column_cell))
+                         block = (block * pin_basis(q_of(column_cell))).eval();
+                     matrix_.block(block_of_face_[f]) = block;
+                 });
 }
 
 void Minimizer::add_damping(double factor)

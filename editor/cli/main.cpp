@@ -5,16 +5,17 @@
 #include <csignal>
 #include <new>
 #include <optional>
+#include <sstream>
 
 #include <fcntl.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include "editor/cli/command.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/parallel.h"
 #include "solver/linear_solver.h"
 
 namespace
@@ -69,7 +70,7 @@ int run(int argc, char** argv)
     app.require_subcommand(1);
     CommonFlags common;
     int exit_code = 0;
-    std::optional<tbb::global_control> limit;
+    std::optional<ThreadLimit> limit;
     app.fallthrough();
     app.add_option("--threads", common.threads,
                    "threads, 0: all; the result is the same for every number")
@@ -77,13 +78,7 @@ int run(int argc, char** argv)
     app.add_flag("--quiet", common.is_quiet, "no warnings, no progress");
     app.add_flag("--json", common.is_json, "one JSON object on stdout");
     app.add_flag("--overwrite", common.overwrites, "replace an existing output");
-    app.parse_complete_callback(
-        [&]
-        {
-            if (common.threads > 0)
-                limit.emplace(tbb::global_control::max_allowed_parallelism,
-                              static_cast<std::size_t>(common.threads));
-        });
+    app.parse_complete_callback([&] { limit.emplace(common.threads); });
     add_deform(app, common, exit_code);
     add_info(app, common, exit_code);
     add_check(app, common, exit_code);
@@ -98,7 +93,12 @@ int run(int argc, char** argv)
     catch (const CLI::ParseError& error)
     {
         if (error.get_exit_code() == 0)
-            return app.exit(error);
+        {
+            std::ostringstream text;
+            app.exit(error, text, text);
+            write_file("-", text.str(), Overwrite::No);
+            return 0;
+        }
         fmt::print(stderr, "error: {}\n", error.what());
         return static_cast<int>(Fault::Usage);
     }

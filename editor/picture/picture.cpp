@@ -10,7 +10,6 @@
 
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
-#include <tbb/parallel_for.h>
 
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_STATIC
@@ -18,6 +17,8 @@
 #pragma GCC diagnostic ignored "-Wunused-function"
 #pragma GCC diagnostic ignored "-Wmissing-field-initializers"
 #include <stb/stb_image_write.h>
+
+#include "octree/parallel.h"
 #pragma GCC diagnostic pop
 
 namespace cellwarp
@@ -370,8 +371,8 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                                 .normalized()
                                 .cast<float>();
         const Eigen::Vector3f direction = -view.back.cast<float>();
-        tbb::parallel_for(
-            0, options.height,
+        parallel_for(
+            options.height,
             [&](int row)
             {
                 for (int column = 0; column < options.width; ++column)

@@ -9,12 +9,10 @@
 #include <set>
 #include <utility>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/nearest_sample.h"
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -404,8 +402,8 @@ std::vector<RegionShares> region_shares(const std::vector<Region>& regions,
     ShareSums sums(grid, pieces, regions.size());
     // Voxels in the shapes, each once.
     std::vector<std::vector<std::size_t>> in_shapes(regions.size());
-    tbb::parallel_for(
-        std::size_t(0), regions.size(),
+    parallel_for(
+        regions.size(),
         [&](std::size_t r)
         {
             for (const RegionShape& shape : regions[r].shapes)

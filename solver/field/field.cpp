@@ -7,8 +7,7 @@
 #include <limits>
 #include <map>
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
+#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -86,18 +85,18 @@ Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
         const std::vector<int>& own = region.fade->node_cells();
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         region.misses.resize(nodes.size());
-        tbb::parallel_for(std::size_t(0), nodes.size(),
-                          [&](std::size_t i)
-                          {
-                              std::vector<Influence> influences, near;
-                              closest_.influences(nodes[i], own[i], influences);
-                              const FieldValue f =
-                                  base(nodes[i], influences, near, !region.may_turn);
-                              region.misses[i].displacement =
-                                  turn * nodes[i] + region.motion.t - f.displacement;
-                              if (!region.may_turn)
-                                  region.misses[i].gradient = turn - f.gradient;
-                          });
+        parallel_for(nodes.size(),
+                     [&](std::size_t i)
+                     {
+                         std::vector<Influence> influences, near;
+                         closest_.influences(nodes[i], own[i], influences);
+                         const FieldValue f =
+                             base(nodes[i], influences, near, !region.may_turn);
+                         region.misses[i].displacement =
+                             turn * nodes[i] + region.motion.t - f.displacement;
+                         if (!region.may_turn)
+                             region.misses[i].gradient = turn - f.gradient;
+                     });
     }
     regions_ = MovedRegions(std::move(regions), cells.size());
 }
@@ -128,12 +127,12 @@ std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3
                                                   std::span<const int> own) const
 {
     std::vector<Eigen::Vector3d> result(points.size());
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, points.size(), 256),
-        [&](const auto& range)
+    parallel_ranges(
+        points.size(), 256,
+        [&](std::size_t begin, std::size_t end)
         {
             std::vector<Influence> influences, near;
-            for (std::size_t i = range.begin(); i < range.end(); ++i)
+            for (std::size_t i = begin; i < end; ++i)
             {
                 result[i].setZero();
                 if (is_idle_[static_cast<std::size_t>(own[i])])

@@ -14,7 +14,9 @@
 #include <tuple>
 
 #include <lapacke.h>
-#include <tbb/parallel_for.h>
+
+#include "octree/parallel.h"
+#include "solver/linear_solver.h"
 
 namespace cellwarp
 {
@@ -123,23 +125,20 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
     R.conservativeResize(rank, rank);
 
     Eigen::MatrixXd A(n, n);
-    tbb::parallel_for(Eigen::Index(0), n,
-                      [&](Eigen::Index j)
-                      {
-                          for (Eigen::Index i = 0; i < n; ++i)
-                              A(i, j) =
-                                  cube_of_distance(centres_.col(i) - centres_.col(j));
-                      });
+    parallel_for(n,
+                 [&](Eigen::Index j)
+                 {
+                     for (Eigen::Index i = 0; i < n; ++i)
+                         A(i, j) = cube_of_distance(centres_.col(i) - centres_.col(j));
+                 });
     const Eigen::MatrixXd B = A * Q;
     const double t = n > 1 ? A.cwiseAbs().sum() / static_cast<double>(n) : 1.0;
     const Eigen::MatrixXd middle =
         Q.transpose() * B + t * Eigen::MatrixXd::Identity(rank, rank);
     const Eigen::MatrixXd left = Q * middle - B;
-    tbb::parallel_for(Eigen::Index(0), n,
-                      [&](Eigen::Index j) {
-                          A.col(j) +=
-                              left * Q.row(j).transpose() - Q * B.row(j).transpose();
-                      });
+    parallel_for(n, [&](Eigen::Index j)
+                 { A.col(j) += left * Q.row(j).transpose() - Q * B.row(j).transpose(); });
+    claim_blas_buffer();
     const lapack_int order = static_cast<lapack_int>(n);
     const bool is_factored =
         LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, A.data(), order) == 0;
@@ -153,16 +152,15 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
                        order);
         w += step - Q * (Q.transpose() * step);
         // The factor stands where A was: its entries once more.
-        tbb::parallel_for(Eigen::Index(0), n,
-                          [&](Eigen::Index i)
-                          {
-                              Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-                              for (Eigen::Index j = 0; j < n; ++j)
-                                  sum += cube_of_distance(centres_.col(i) -
-                                                          centres_.col(j)) *
-                                         w.row(j).transpose();
-                              Aw.row(i) = sum.transpose();
-                          });
+        parallel_for(n,
+                     [&](Eigen::Index i)
+                     {
+                         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+                         for (Eigen::Index j = 0; j < n; ++j)
+                             sum += cube_of_distance(centres_.col(i) - centres_.col(j)) *
+                                    w.row(j).transpose();
+                         Aw.row(i) = sum.transpose();
+                     });
     }
     weights_ = w.transpose();
     const Eigen::MatrixXd coefficients =

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/bytes.h"
 
+#include <atomic>
+#include <thread>
+
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -37,6 +40,65 @@ TEST(Bytes, says_why_a_file_cannot_be_read)
     ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
     EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file(folder / "pipe"); }),
                          "no regular file"));
+}
+
+TEST(Bytes, a_file_that_changes_while_it_is_read_is_one_snapshot_or_an_error)
+{
+    // The kernel's own files hold more than the size that they tell.
+    EXPECT_TRUE(contains(error_of(Fault::File, [] { read_file("/proc/self/status"); }),
+                         "changed while it was read"));
+    const support::Folder folder;
+    constexpr std::size_t kShort = 300000, kLong = 900000;
+    const std::string path = folder.write("x", std::string(kLong, 'x'));
+    std::atomic<bool> is_done = false;
+    std::thread writer(
+        [&]
+        {
+            while (!is_done)
+                for (const std::size_t size : {kShort, kLong})
+                    std::filesystem::resize_file(path, size);
+        });
+    std::size_t whole = 0;
+    for (int tries = 0; tries < 2000; ++tries)
+        try
+        {
+            const std::size_t size = read_file(path).size();
+            EXPECT_TRUE(size == kShort || size == kLong) << size;
+            ++whole;
+        }
+        catch (const Error& error)
+        {
+            EXPECT_EQ(error.fault(), Fault::File);
+            EXPECT_TRUE(contains(error.what(), "changed while it was read"));
+        }
+    is_done = true;
+    writer.join();
+    EXPECT_LT(whole, 2000u);
+}
+
+TEST(Bytes, a_file_that_is_replaced_while_it_is_read_is_the_old_one_or_the_new_one)
+{
+    const support::Folder folder;
+    const std::string a(400000, 'a'), b(700000, 'b');
+    const std::string path = folder.write("x", a);
+    std::atomic<bool> is_done = false;
+    std::thread writer(
+        [&]
+        {
+            for (int turn = 0; !is_done; ++turn)
+            {
+                AtomicFile file(path, Overwrite::Yes);
+                file.write(turn % 2 ? a : b);
+                file.commit();
+            }
+        });
+    for (int tries = 0; tries < 300; ++tries)
+    {
+        const std::string bytes = read_file(path);
+        EXPECT_TRUE(bytes == a || bytes == b);
+    }
+    is_done = true;
+    writer.join();
 }
 
 TEST(Bytes, an_existing_output_needs_leave)

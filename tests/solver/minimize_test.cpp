@@ -5,8 +5,8 @@
 #include <numbers>
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
+#include "octree/parallel.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -165,10 +165,9 @@ TEST(Minimize, every_stop_has_its_reason)
 TEST(Minimize, threads_do_not_change_a_bit)
 {
     std::vector<Pose> first;
-    for (const std::size_t threads : {1u, 2u, 4u})
+    for (const int threads : {1, 2, 4})
     {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                        threads);
+        const ThreadLimit limit(threads);
         Problem p(12, 4, 4, turned_end(2.0, 12, 4, 4));
         Minimizer minimizer = p.minimizer();
         minimizer.minimize(p.poses, {});

@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The program as scripts see it: exit codes, streams and files.
-#include <csignal>
-#include <cstdio>
-#include <fstream>
-#include <random>
-
-#include <fcntl.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
+// Subcommands, flags, exit codes and what they print.
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "io/geometry.h"
+#include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -22,86 +13,10 @@ namespace cellwarp
 
 using support::bytes_of;
 using support::contains;
-
-namespace
-{
-
-struct Result
-{
-    int code = -1;
-    std::string out, err;
-};
-
-/// Runs the program; no shell comes between.
-Result run(const std::vector<std::string>& arguments)
-{
-    const support::Folder folder;
-    const std::string out = folder / "out", err = folder / "err";
-    const pid_t child = ::fork();
-    if (child == 0)
-    {
-        ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT, 0600), 1);
-        ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT, 0600), 2);
-        std::vector<char*> argv = {const_cast<char*>(CELLWARP_BINARY)};
-        for (const std::string& argument : arguments)
-            argv.push_back(const_cast<char*>(argument.c_str()));
-        argv.push_back(nullptr);
-        ::execv(CELLWARP_BINARY, argv.data());
-        ::_exit(99);
-    }
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
-            bytes_of(out), bytes_of(err)};
-}
-
-/// A small bar with a handle file in a folder of its own.
-struct Files
-{
-    support::Folder folder;
-    std::string model, handles, out;
-
-    Files()
-    {
-        model = folder.write("bar.obj", support::obj_text(support::box_shape(
-                                            {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4)));
-        handles = folder.write("bar.handles",
-                               "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 0.3\n"
-                               "handle head box -1 -1 3.7 1 1 5\n"
-                               "frame 1\nmove head rotate 0 0 1 30\n"
-                               "frame 12\nmove head rotate 0 0 1 60\n");
-        out = folder / "out.obj";
-    }
-    Result deform(std::vector<std::string> more = {}) const
-    {
-        std::vector<std::string> arguments = {"deform", model, "--handles", handles,
-                                              "-o",     out,   "--across",  "12"};
-        arguments.insert(arguments.end(), more.begin(), more.end());
-        return run(arguments);
-    }
-};
-
-/// Waits until the process has its handler for a signal.
-void wait_until_caught(pid_t process, int signal)
-{
-    for (int tries = 0; tries < 1000; ++tries)
-    {
-        std::ifstream status("/proc/" + std::to_string(process) + "/status");
-        for (std::string line; std::getline(status, line);)
-            if (line.starts_with("SigCgt:") &&
-                (std::stoull(line.substr(7), nullptr, 16) >> (signal - 1) & 1))
-                return;
-        ::usleep(10000);
-    }
-}
-
-std::size_t num_files(const support::Folder& folder)
-{
-    return static_cast<std::size_t>(
-        std::distance(std::filesystem::directory_iterator(folder.path()), {}));
-}
-
-} // namespace
+using support::num_files;
+using support::Result;
+using support::run;
+using Files = support::BarFiles;
 
 TEST(Cli, help_and_version_are_there)
 {
@@ -289,53 +204,6 @@ TEST(Cli, budgets_contradictions_and_limits_have_their_codes)
     EXPECT_EQ(files.deform({"--time", "1e-9", "--overwrite"}).code, 7);
 }
 
-TEST(Cli, a_full_disk_keeps_the_old_output)
-{
-    const Files files;
-    const std::string old = files.folder.write("out.obj", "old");
-    const pid_t child = ::fork();
-    if (child == 0)
-    {
-        struct rlimit limit = {1000, 1000};
-        ::setrlimit(RLIMIT_FSIZE, &limit);
-        ::dup2(::open("/dev/null", O_WRONLY), 2);
-        ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
-                "--handles", files.handles.c_str(), "-o", old.c_str(), "--overwrite",
-                "--across", "8", nullptr);
-        ::_exit(99);
-    }
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    EXPECT_EQ(WEXITSTATUS(status), 4);
-    EXPECT_EQ(bytes_of(old), "old");
-    EXPECT_EQ(num_files(files.folder), 3u);
-}
-
-TEST(Cli, an_interrupt_ends_at_once_and_leaves_nothing)
-{
-    const Files files;
-    for (const auto& [signal, code] : {std::pair(SIGINT, 130), {SIGTERM, 143}})
-    {
-        const pid_t child = ::fork();
-        if (child == 0)
-        {
-            ::dup2(::open("/dev/null", O_WRONLY), 2);
-            ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
-                    "--handles", files.handles.c_str(), "-o", files.out.c_str(),
-                    "--across", "64", nullptr);
-            ::_exit(99);
-        }
-        wait_until_caught(child, signal);
-        ::usleep(100000);
-        ::kill(child, signal);
-        int status = 0;
-        ::waitpid(child, &status, 0);
-        ASSERT_TRUE(WIFEXITED(status));
-        EXPECT_EQ(WEXITSTATUS(status), code);
-        EXPECT_EQ(num_files(files.folder), 2u);
-    }
-}
-
 TEST(Cli, names_with_odd_characters_are_just_names)
 {
     const Files files;
@@ -381,32 +249,6 @@ TEST(Cli, unknown_commands_and_folders_are_named)
     const support::Folder folder;
     EXPECT_TRUE(contains(run({"bend", "x"}).err, "'bend'"));
     EXPECT_EQ(run({"info", folder.path().string()}).code, 4);
-}
-
-TEST(Cli, kill_at_any_moment_leaves_the_old_or_the_new_output)
-{
-    const Files files;
-    ASSERT_EQ(files.deform().code, 0);
-    const std::string whole = bytes_of(files.out);
-    std::mt19937 rng(1);
-    for (int trial = 0; trial < 12; ++trial)
-    {
-        files.folder.write("out.obj", "old");
-        const pid_t child = ::fork();
-        if (child == 0)
-        {
-            ::execl(CELLWARP_BINARY, CELLWARP_BINARY, "deform", files.model.c_str(),
-                    "--handles", files.handles.c_str(), "-o", files.out.c_str(),
-                    "--overwrite", "--across", "12", nullptr);
-            ::_exit(99);
-        }
-        ::usleep(static_cast<useconds_t>(rng() % 300000));
-        ::kill(child, SIGKILL);
-        int status = 0;
-        ::waitpid(child, &status, 0);
-        const std::string left = bytes_of(files.out);
-        EXPECT_TRUE(left == "old" || left == whole);
-    }
 }
 
 TEST(Cli, scenes_name_their_parts_and_flags_win)

@@ -9,9 +9,9 @@
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include "io/number.h"
+#include "octree/parallel.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -320,10 +320,9 @@ TEST(Session, extreme_scales_and_offsets_give_the_scaled_result)
 TEST(Session, threads_do_not_change_a_bit)
 {
     std::vector<Eigen::Vector3d> first;
-    for (const std::size_t threads : {1u, 2u, 4u})
+    for (const int threads : {1, 2, 4})
     {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                        threads);
+        const ThreadLimit limit(threads);
         const std::vector<Eigen::Vector3d> result =
             played(model(survey_bar(10)), kTwist, settings(24)).patch().samples;
         if (first.empty())

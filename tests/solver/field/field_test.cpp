@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
+#include "octree/parallel.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -391,10 +391,9 @@ TEST(Field, threads_do_not_change_a_bit)
     const RegionCase c;
     const RegionFade fade(c.bar.cells, c.samples, c.cells);
     std::vector<Eigen::Vector3d> first;
-    for (const std::size_t threads : {1u, 2u, 4u})
+    for (const int threads : {1, 2, 4})
     {
-        const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                        threads);
+        const ThreadLimit limit(threads);
         const Field field(FieldKind::Rbf, c.bar.cells, twisted(c.bar, 0.2), c.constraints,
                           {{&fade, c.motion, false, {}}});
         const std::vector<Eigen::Vector3d> d = field.displacements(c.samples, c.cells);
