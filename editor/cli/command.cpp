@@ -175,9 +175,10 @@ SessionRequest read_request(const SessionFlags& flags)
     request.release = scene.release.value_or("rbf");
     const std::string drag = scene.drag.value_or("blend");
     const bool is_blend = flags.is_preview || request.release == "blend";
-    settings.field = !is_blend            ? FieldKind::Rbf
-                     : drag == "closest4" ? FieldKind::Closest4
-                                          : FieldKind::Blend;
+    settings.field = is_blend
+                         ? (drag == "closest4" ? FieldKind::Closest4 : FieldKind::Blend)
+                     : request.release == "rbf-global" ? FieldKind::RbfGlobal
+                                                       : FieldKind::Rbf;
     return request;
 }
 

@@ -73,7 +73,7 @@ std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
     return numbers;
 }
 
-Json unused_parts(const PartCounts& parts, bool is_global)
+Json unused_parts(const PartCounts& parts)
 {
     Json unused = Json::array();
     if (parts.interior == 0)
@@ -81,9 +81,9 @@ Json unused_parts(const PartCounts& parts, bool is_global)
     unused.push_back("refinement");
     if (parts.blend == 0)
         unused.push_back("blend");
-    if (parts.rbf == 0 || is_global)
+    if (parts.rbf == 0)
         unused.push_back("rbf");
-    if (parts.rbf == 0 || !is_global)
+    if (parts.rbf_global == 0)
         unused.push_back("rbf-global");
     for (const char* part : {"rods", "skeleton", "picking"})
         unused.push_back(part);
@@ -192,7 +192,6 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (common.is_json)
     {
         const StageView stage = session.stage();
-        const bool is_global = request.release == "rbf-global";
         Json json;
         json["model"] = request.model;
         json["samples"] = session.model().geometry.samples.size();
@@ -224,13 +223,14 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         for (const FrameReport& report : session.frames())
             json["frames"].push_back(frame_json(report));
         const Field* field = session.field();
-        const bool is_rbf = field && field->rbf();
+        const bool is_rbf = field && field->num_centres() > 0;
         json["field"] = {
-            {"kind", is_rbf ? (is_global ? "rbf-global" : "rbf") : "blend"},
-            {"centres", is_rbf ? field->rbf()->num_centres()
-                               : (stage.body ? stage.body->cells.size() : 0)},
+            {"kind", is_rbf ? request.release : "blend"},
+            {"centres",
+             is_rbf ? field->num_centres() : (stage.body ? stage.body->cells.size() : 0)},
+            {"clusters", field ? field->num_clusters() : 0},
             {"residual",
-             is_rbf ? field->rbf()->residual() / stage.body->frame.diagonal() : 0.0}};
+             is_rbf ? field->residual() / stage.body->frame.diagonal() : 0.0}};
         const std::optional<Volume> volume = session.volume();
         json["volume"] = volume
                              ? Json{{"before", volume->before}, {"after", volume->after}}
@@ -239,7 +239,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
                       {"solve", solve_ms}, {"field", field_ms},
                       {"write", write_ms}, {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_rss_mb();
-        json["unused"] = unused_parts(session.parts(), is_global);
+        json["unused"] = unused_parts(session.parts());
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }

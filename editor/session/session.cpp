@@ -622,21 +622,22 @@ void Session::move_samples(FrameReport& report)
             continue;
         moved.push_back({&*s.fades[r], motions[r], s.regions[r].role == Role::Pin, {}});
     }
-    if (settings_.field == FieldKind::Rbf)
+    if (settings_.field == FieldKind::RbfGlobal)
     {
-        const std::size_t centres =
-            rbf_centres(s.body.cells, s.poses, s.constraints).points.size();
-        const double bytes = RbfField::memory_estimate(centres);
+        const double bytes = RbfField::memory_estimate(s.body.cells.size());
         if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
             throw Error(
                 Fault::Budget,
-                fmt::format("the release field of {} centres needs about {:.1f} GB "
-                            "(limit {:.1f} GB): fewer cells, or --preview, need less",
-                            centres, bytes / 1e9, settings_.cells.max_memory / 1e9));
+                fmt::format(
+                    "the global release field of {} cells needs {:.1f} GB or more "
+                    "(limit {:.1f} GB): the local one, rbf, needs less",
+                    s.body.cells.size(), bytes / 1e9, settings_.cells.max_memory / 1e9));
     }
     s.field = std::make_unique<Field>(settings_.field, s.body.cells, s.poses,
                                       s.constraints, std::move(moved));
-    ++(settings_.field == FieldKind::Rbf ? parts_.rbf : parts_.blend);
+    ++(settings_.field == FieldKind::Rbf         ? parts_.rbf
+       : settings_.field == FieldKind::RbfGlobal ? parts_.rbf_global
+                                                 : parts_.blend);
     report.fit_ms = ms_since(start);
 
     start = Clock::now();

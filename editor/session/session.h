@@ -48,7 +48,7 @@ struct FrameReport
 /// What parts were built, counted where they are built.
 struct PartCounts
 {
-    int interior = 0, blend = 0, rbf = 0, normals = 0, faces = 0;
+    int interior = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0, faces = 0;
 };
 
 /// What the session works on now; all null before its first stage, and valid until

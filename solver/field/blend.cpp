@@ -23,26 +23,29 @@ void ClosestCells::influences(const Eigen::Vector3d& x, int own,
                               std::vector<Influence>& out) const
 {
     out.clear();
+    const Eigen::Vector3d& box_centre = box_centres_[static_cast<std::size_t>(own)];
+    const Eigen::Array3d half =
+        Eigen::Array3d::Constant(0.5 * edges_[static_cast<std::size_t>(own)]);
+    const Eigen::Array3d from_centre = (x - box_centre).array();
+    const Eigen::Array3d clamped = from_centre.max(-half).min(half);
+    const Eigen::Array3d is_within = (clamped == from_centre).cast<double>();
+    const Eigen::Vector3d place = box_centre + clamped.matrix();
     // With u = (1 - d/s)^2: grad u = -2 (1 - d/s) / s * (x - c) / d.
     const auto weigh = [&](int cell)
     {
         const std::size_t c = static_cast<std::size_t>(cell);
-        const Eigen::Vector3d arm = x - box_centres_[c];
+        const Eigen::Vector3d arm = place - box_centres_[c];
         const double d = arm.norm(), rest = 1.0 - d / edges_[c];
         if (rest <= 0)
             return false;
         Influence influence{cell, rest * rest, Eigen::Vector3d::Zero()};
         if (d > 0)
-            influence.gradient = -2.0 * rest / (edges_[c] * d) * arm;
+            influence.gradient =
+                (-2.0 * rest / (edges_[c] * d) * arm.array() * is_within).matrix();
         out.push_back(influence);
         return true;
     };
-    // A point far outside the boxes follows its own cell alone.
-    if (!weigh(own))
-    {
-        out.push_back({own, 1.0, Eigen::Vector3d::Zero()});
-        return;
-    }
+    weigh(own);
     for (std::size_t next = 0; next < out.size(); ++next)
     {
         const std::size_t c = static_cast<std::size_t>(out[next].cell);

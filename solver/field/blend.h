@@ -38,7 +38,8 @@ class ClosestCells
 public:
     explicit ClosestCells(const Cells& cells);
 
-    /// \p own: the cell whose material holds \p x. Replaces \p out.
+    /// \p own: the cell whose material holds \p x, or is nearest to it. Outside of its
+    /// box the weights are those of the nearest point of the box. Replaces \p out.
     void influences(const Eigen::Vector3d& x, int own, std::vector<Influence>& out) const;
 
 private:

@@ -13,6 +13,7 @@
 #include "octree/cells.h"
 #include "solver/constraints.h"
 #include "solver/field/blend.h"
+#include "solver/field/local_rbf.h"
 #include "solver/field/rbf.h"
 #include "solver/field/region_fade.h"
 #include "solver/pose.h"
@@ -24,18 +25,9 @@ enum class FieldKind
 {
     Blend,    ///< continuous blend of the closest cells
     Closest4, ///< the paper's four closest
-    Rbf       ///< one triharmonic interpolant
+    Rbf,      ///< triharmonic, local along the glue
+    RbfGlobal ///< one dense triharmonic interpolant of all cells
 };
-
-/// Centres of the RBF and where they go: the centres of all cells, and the corners
-/// of the prescribed ones, whose motion is known. A corner that cells of different
-/// motions share is left out.
-struct RbfCentres
-{
-    std::vector<Eigen::Vector3d> points, displacements;
-};
-RbfCentres rbf_centres(const Cells& cells, std::span<const Pose> poses,
-                       std::span<const Constraint> constraints);
 
 /// Immutable once built, safe for many threads. Keeps references to \p cells and
 /// to the fades of \p regions.
@@ -48,7 +40,11 @@ public:
           std::span<const Constraint> constraints, std::vector<MovedRegion> regions);
 
     FieldKind kind() const { return kind_; }
-    const RbfField* rbf() const { return rbf_ ? &*rbf_ : nullptr; }
+    /// Of an RBF: its centres, its clusters, and the largest distance between a
+    /// displacement given and the one reached. 0 of a blend.
+    std::size_t num_centres() const { return num_centres_; }
+    std::size_t num_clusters() const { return local_ ? local_->num_clusters() : 0; }
+    double residual() const;
 
     /// Value and gradient at \p x in the material of cell \p own.
     FieldValue value(const Eigen::Vector3d& x, int own) const;
@@ -59,8 +55,9 @@ public:
 
 private:
     /// Without the regions. \p near is scratch.
-    FieldValue base(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                    std::vector<Influence>& near, bool wants_gradient) const;
+    FieldValue base(const Eigen::Vector3d& x, int own,
+                    std::span<const Influence> influences, std::vector<Influence>& near,
+                    bool wants_gradient) const;
 
     FieldKind kind_;
     const Cells& cells_;
@@ -69,7 +66,9 @@ private:
     MovedRegions regions_;
     ClosestCells closest_;
     std::optional<Closest4> closest4_;
-    std::optional<RbfField> rbf_;
+    std::size_t num_centres_ = 0;
+    std::optional<LocalRbf> local_;
+    std::optional<RbfField> global_;
 };
 
 } // namespace cellwarp

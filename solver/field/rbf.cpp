@@ -13,6 +13,7 @@
 #include <numeric>
 #include <tuple>
 
+#include <Eigen/Cholesky>
 #include <lapacke.h>
 
 #include "octree/parallel.h"
@@ -28,6 +29,10 @@ namespace
 /// its size at the centres, is one that the centres do not determine.
 constexpr double kMinShare = 1e-8;
 
+/// From this many centres on the library's blocked kernels win. They work in a buffer
+/// of 128 MB for each thread, which small fits in parallel should not take.
+constexpr Eigen::Index kLapackFrom = 1000;
+
 /// Centres closer than this, relative to their extent, are one.
 constexpr double kSameCentre = 1e-9;
 
@@ -36,6 +41,36 @@ double cube_of_distance(const Eigen::Vector3d& d)
     const double squared = d.squaredNorm();
     return squared * std::sqrt(squared);
 }
+
+/// The factor of a symmetric positive definite matrix, in its place.
+class Cholesky
+{
+public:
+    explicit Cholesky(Eigen::MatrixXd& A) : A_(A)
+    {
+        const lapack_int n = static_cast<lapack_int>(A.rows());
+        if (n < kLapackFrom)
+        {
+            is_done_ =
+                Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(A).info() == Eigen::Success;
+            return;
+        }
+        claim_blas_buffer();
+        is_done_ = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, A.data(), n) == 0;
+    }
+    bool is_done() const { return is_done_; }
+    /// Replaces \p b, of three columns.
+    void solve(Eigen::MatrixXd& b) const
+    {
+        const auto lower = A_.triangularView<Eigen::Lower>();
+        lower.solveInPlace(b);
+        lower.transpose().solveInPlace(b);
+    }
+
+private:
+    const Eigen::MatrixXd& A_;
+    bool is_done_ = false;
+};
 
 /// The first centre of every group of coincident ones.
 std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, double same)
@@ -138,18 +173,14 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
     const Eigen::MatrixXd left = Q * middle - B;
     parallel_for(n, [&](Eigen::Index j)
                  { A.col(j) += left * Q.row(j).transpose() - Q * B.row(j).transpose(); });
-    claim_blas_buffer();
-    const lapack_int order = static_cast<lapack_int>(n);
-    const bool is_factored =
-        LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, A.data(), order) == 0;
+    const Cholesky cholesky(A);
     // Solved, and mended once: close centres cost digits that the second pass finds.
     Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, 3), Aw = w;
-    for (int pass = 0; pass < 2 && is_factored; ++pass)
+    for (int pass = 0; pass < 2 && cholesky.is_done(); ++pass)
     {
         const Eigen::MatrixXd missing = f - Aw;
         Eigen::MatrixXd step = missing - Q * (Q.transpose() * missing);
-        LAPACKE_dpotrs(LAPACK_COL_MAJOR, 'L', order, 3, A.data(), order, step.data(),
-                       order);
+        cholesky.solve(step);
         w += step - Q * (Q.transpose() * step);
         // The factor stands where A was: its entries once more.
         parallel_for(n,

@@ -46,6 +46,12 @@ std::vector<Pose> rigid(const Built& bar, const Motion& motion)
     return poses;
 }
 
+std::size_t num_centres(const Built& built, const std::vector<Pose>& poses,
+                        const std::vector<Constraint>& constraints)
+{
+    return Field(FieldKind::RbfGlobal, built.cells, poses, constraints, {}).num_centres();
+}
+
 Eigen::Vector3d point_in(std::mt19937& rng, double x, double y, double z)
 {
     return {random_number(rng, 0, x), random_number(rng, 0, y), random_number(rng, 0, z)};
@@ -239,7 +245,8 @@ TEST(Field, reproduces_a_rigid_motion)
     std::mt19937 rng(7);
     const Motion motion{support::random_rotation(rng), random_vector(rng, 3.0)};
     const std::vector<Constraint> constraints(bar.cells.size());
-    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf})
+    for (const FieldKind kind :
+         {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf, FieldKind::RbfGlobal})
     {
         const Field field(kind, bar.cells, rigid(bar, motion), constraints, {});
         for (int trial = 0; trial < 50; ++trial)
@@ -270,9 +277,153 @@ TEST(Field, blend_and_rbf_agree_where_the_motion_is_smooth)
     }
 }
 
+TEST(Field, turns_what_is_one_cell_thick_as_its_cells_turn)
+{
+    // Centroids in a plane, or on a line, say nothing of turns about it.
+    std::mt19937 rng(9);
+    for (const Eigen::Vector3i& counts :
+         {Eigen::Vector3i(1, 6, 9), {1, 1, 9}, {9, 1, 1}, {1, 1, 1}, {1, 1, 2}})
+    {
+        const Built bar = support::bar(counts.x(), counts.y(), counts.z());
+        const Motion motion{support::random_rotation(rng), random_vector(rng, 3.0)};
+        const std::vector<Constraint> constraints(bar.cells.size());
+        for (const FieldKind kind : {FieldKind::Rbf, FieldKind::RbfGlobal})
+        {
+            const Field field(kind, bar.cells, rigid(bar, motion), constraints, {});
+            for (int trial = 0; trial < 50; ++trial)
+            {
+                const Eigen::Vector3d x =
+                    point_in(rng, counts.x(), counts.y(), counts.z());
+                const FieldValue value = field.value(x, own_cell(bar, x));
+                EXPECT_LT((x + value.displacement - motion(x)).norm(), 1e-10);
+            }
+        }
+    }
+}
+
+TEST(LocalRbf, is_near_to_the_global_interpolant_and_as_smooth)
+{
+    const Built bar = support::bar(6, 6, 24);
+    const double diagonal = std::sqrt(36.0 + 36.0 + 576.0);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    const std::vector<Pose> poses = twisted(bar, 0.1);
+    const Field local(FieldKind::Rbf, bar.cells, poses, constraints, {});
+    const Field global(FieldKind::RbfGlobal, bar.cells, poses, constraints, {});
+    EXPECT_GT(local.num_clusters(), 20u);
+    EXPECT_EQ(local.num_centres(), global.num_centres());
+    EXPECT_LT(local.residual(), 1e-9 * diagonal);
+    std::mt19937 rng(10);
+    double largest = 0.0, largest_turn = 0.0;
+    for (int trial = 0; trial < 2000; ++trial)
+    {
+        const Eigen::Vector3d x = point_in(rng, 6, 6, 24);
+        const int own = own_cell(bar, x);
+        const FieldValue a = local.value(x, own), b = global.value(x, own);
+        largest = std::max(largest, (a.displacement - b.displacement).norm());
+        largest_turn = std::max(largest_turn, (a.gradient - b.gradient).norm());
+    }
+    EXPECT_LT(largest, 1.5e-4 * diagonal);
+    EXPECT_LT(largest_turn, 0.02);
+    // Second differences along a line on the surface, over many clusters.
+    const double step = 0.02;
+    const auto bend = [&](const Field& field)
+    {
+        double result = 0.0;
+        const auto at = [&](double s)
+        {
+            const Eigen::Vector3d x(0.0, 0.2 * s, s);
+            return Eigen::Vector3d(x + field.value(x, own_cell(bar, x)).displacement);
+        };
+        for (double s = 1.0; s < 23.0; s += step)
+            result = std::max(result, (at(s + step) - 2.0 * at(s) + at(s - step)).norm() /
+                                          step / step);
+        return result;
+    };
+    EXPECT_LT(bend(local), 1.1 * bend(global));
+}
+
+TEST(LocalRbf, gradient_matches_finite_differences_inside_and_outside)
+{
+    const Built bar = support::bar(3, 3, 12);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    const Field field(FieldKind::Rbf, bar.cells, twisted(bar, 0.2), constraints, {});
+    std::mt19937 rng(11);
+    const double h = 1e-5;
+    for (int trial = 0; trial < 60; ++trial)
+    {
+        // Some points lie up to a cell outside; the nearest cell is their own.
+        const Eigen::Vector3d x =
+            point_in(rng, 5, 3, 14) -
+            (trial % 2 ? Eigen::Vector3d(1, 0, 1) : Eigen::Vector3d(0.5, 0, 0));
+        const int own = own_cell(bar, x);
+        const FieldValue value = field.value(x, own);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const Eigen::Vector3d e = h * Eigen::Vector3d::Unit(axis);
+            const Eigen::Vector3d slope = (field.value(x + e, own).displacement -
+                                           field.value(x - e, own).displacement) /
+                                          (2 * h);
+            EXPECT_LT((slope - value.gradient.col(axis)).norm(), 1e-6);
+        }
+    }
+}
+
+TEST(LocalRbf, far_outside_a_point_follows_the_nearest_cells)
+{
+    const Built bar = support::bar(2, 2, 6);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    const std::vector<Pose> poses = twisted(bar, 0.2);
+    const Field field(FieldKind::Rbf, bar.cells, poses, constraints, {});
+    // Straight out from the centre of a cell's face only that cell counts.
+    const int own = own_cell(bar, {0.5, 0.5, 0.5});
+    const std::size_t c = static_cast<std::size_t>(own);
+    const Eigen::Vector3d far(0.5, 0.5, -1e6);
+    EXPECT_LT((field.value(far, own).displacement -
+               displacement(poses[c], bar.cells.cells[c].centre, far))
+                  .norm(),
+              1e-6);
+    EXPECT_LT((field.value(far, own).gradient + Eigen::Matrix3d::Identity() - poses[c].R)
+                  .norm(),
+              1e-10);
+}
+
+TEST(LocalRbf, keeps_apart_what_the_material_keeps_apart)
+{
+    // Two slabs, 1 % of the diagonal apart, joined at one end; the cells of one slab
+    // turn, the other's rest.
+    const Built slabs = support::built(
+        support::joined(support::joined(support::box_shape({0, 0, 0}, {4, 0.48, 1}),
+                                        support::box_shape({0, 0.52, 0}, {4, 1, 1})),
+                        support::box_shape({0, 0.4, 0}, {0.5, 0.6, 1})),
+        32, 0, Fill::Solid, 0.01);
+    const std::vector<Constraint> constraints(slabs.cells.size());
+    std::vector<Pose> poses;
+    for (const Cell& cell : slabs.cells.cells)
+    {
+        const bool is_upper = cell.centre.y() > 0.5 && cell.centre.x() > 0.5;
+        const Motion motion = {
+            rotation_about(Eigen::Vector3d::UnitZ(),
+                           is_upper ? 0.2 * (cell.centre.x() - 0.5) : 0.0),
+            Eigen::Vector3d::Zero()};
+        poses.push_back(carried(motion, cell.centre));
+    }
+    const Field local(FieldKind::Rbf, slabs.cells, poses, constraints, {});
+    const Field global(FieldKind::RbfGlobal, slabs.cells, poses, constraints, {});
+    double by_local = 0.0, by_global = 0.0;
+    for (double x = 1.5; x < 4.0; x += 0.01)
+    {
+        const Eigen::Vector3d inner(x, 0.479, 0.5);
+        const int own = own_cell(slabs, inner);
+        by_local = std::max(by_local, local.value(inner, own).displacement.norm());
+        by_global = std::max(by_global, global.value(inner, own).displacement.norm());
+    }
+    EXPECT_LT(by_local, 1e-9);
+    EXPECT_GT(by_global, 0.05);
+}
+
 TEST(Field, prescribed_corners_are_centres_unless_motions_disagree)
 {
-    const Built bar = support::bar(1, 1, 4);
+    const Built bar = support::bar(2, 2, 4);
     std::vector<Constraint> constraints(bar.cells.size());
     std::vector<Pose> poses = rigid(bar, Motion());
     const auto at_z = [&](double z)
@@ -282,12 +433,16 @@ TEST(Field, prescribed_corners_are_centres_unless_motions_disagree)
                 return i;
         return std::size_t(0);
     };
+    // Of each cell its centroid; of each free one, all at the surface, a point there,
+    // but not of the three next to a prescribed one, which has its corners and, on the
+    // three sides where free cells meet it, four edges and a middle; three are shared.
+    EXPECT_EQ(num_centres(bar, poses, constraints), 16u + 16u);
     constraints[at_z(0.5)].hold = Hold::Prescribed;
-    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 8u);
+    EXPECT_EQ(num_centres(bar, poses, constraints), 16u + 12u + 8u + 15u - 3u);
     constraints[at_z(1.5)].hold = Hold::Prescribed;
-    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 12u);
+    const std::size_t of_one_motion = num_centres(bar, poses, constraints);
     poses[at_z(1.5)].p.x() += 0.1;
-    EXPECT_EQ(rbf_centres(bar.cells, poses, constraints).points.size(), 4u + 8u);
+    EXPECT_EQ(num_centres(bar, poses, constraints), of_one_motion - 6u);
 }
 
 namespace

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where an RBF takes its values from the cells.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "solver/constraints.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// Points and where they go.
+struct RbfCentres
+{
+    std::vector<Eigen::Vector3d> points, displacements;
+};
+
+/// Chooses the centres: the centroid of every cell that is not idle; the corners of
+/// prescribed ones, whose motion is known, and more points where free cells meet them; of
+/// other cells at a free surface a point there; and where the material is one cell thick,
+/// points on both sides, because centroids in a plane or on a line say nothing of turns
+/// about it. Keeps references to its arguments.
+class CentreChoice
+{
+public:
+    CentreChoice(const Cells& cells, std::span<const Pose> poses,
+                 std::span<const Constraint> constraints);
+
+    /// The centres of some cells, in their order. A point that prescribed cells of
+    /// different motions share is left out.
+    RbfCentres centres_of(std::span<const int> some_cells) const;
+
+private:
+    bool is_known_point(std::size_t cell, const Eigen::Vector3i& side) const;
+
+    const Cells& cells_;
+    std::span<const Pose> poses_;
+    std::span<const Constraint> constraints_;
+    double finest_ = 0.0; ///< edge of the smallest cell
+    /// Offsets of the further points of each cell from its centroid.
+    std::vector<std::vector<Eigen::Vector3d>> sides_;
+    /// Sides (low x, high x, low y, ...) at which one of two cells is prescribed.
+    std::vector<std::array<bool, 6>> borders_;
+};
+
+} // namespace cellwarp
