@@ -155,10 +155,6 @@ void check_output(const std::string& path, Overwrite overwrite)
     else if (errno != ENOENT)
         throw file_error(path, "cannot write: " + reason());
     const std::string folder = folder_of(target);
-    if (::stat(folder.c_str(), &status) != 0)
-        throw file_error(path, "cannot write into folder " + folder + ": " + reason());
-    if (!S_ISDIR(status.st_mode))
-        throw file_error(path, "cannot write into " + folder + ": it is no folder");
     if (::access(folder.c_str(), W_OK | X_OK) != 0)
         throw file_error(path, "cannot write into folder " + folder + ": " + reason());
 }

@@ -20,6 +20,9 @@ namespace
 
 namespace fs = std::filesystem;
 
+/// Factors of stiff regions: squares of forces neither vanish nor overflow.
+constexpr double kMinFactor = 1e-100, kMaxFactor = 1e100;
+
 std::string beside(const std::string& file, const std::string& name)
 {
     const fs::path path(name);
@@ -192,8 +195,10 @@ RegionStatement parse_region(Role role, Statement& words, const std::string& fil
     if (role == Role::Stiff)
     {
         region.factor = words.number("factor");
-        if (!(region.factor > 0))
-            words.fail("factor", "got " + shortest(region.factor) + ", need > 0");
+        if (!(region.factor >= kMinFactor && region.factor <= kMaxFactor))
+            words.fail("factor", "got " + shortest(region.factor) + ", need " +
+                                     shortest(kMinFactor) + " to " +
+                                     shortest(kMaxFactor));
     }
     words.end();
     return region;

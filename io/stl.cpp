@@ -47,9 +47,12 @@ void StlScanner::begin(std::string_view part, Geometry& out)
                         "got " + std::to_string(count_) + " facets, need " +
                             std::to_string((file_bytes_ - kHeaderBytes) / kFacetBytes) +
                             " for the file's size");
-    if (count_ == 0 || count_ > kMaxFacets)
-        throw malformed({file_, 0, "count (byte 80)"},
-                        "no vertices (0 facets) or too many");
+    if (count_ == 0)
+        throw malformed({file_, 0, "count (byte 80)"}, "no vertices (0 facets)");
+    if (count_ > kMaxFacets)
+        throw malformed({file_, 0, "count (byte 80)"}, "got " + std::to_string(count_) +
+                                                           " facets, need at most " +
+                                                           std::to_string(kMaxFacets));
     out.sample_places.scalars.fill(Scalar::Float32);
     out.direction_places.scalars.fill(Scalar::Float32);
 }

@@ -339,6 +339,9 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
     };
     if (num_unknown_cells() == 0)
         return finish(Stop::Converged);
+    // Against a scale that overflowed everything would be small.
+    if (!std::isfinite(energy + gradient_norm + scale + first.rounding))
+        return finish(Stop::NotPositiveDefinite);
     for (;;)
     {
         if (gradient_norm <= options.gradient_tolerance * scale ||

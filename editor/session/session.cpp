@@ -592,7 +592,8 @@ void Session::solve_frame(FrameReport& report)
     if (total.stop == Stop::NotPositiveDefinite)
         throw Error(Fault::Unsolvable,
                     at({handles_.path, 0, "frame " + std::to_string(report.frame)},
-                       "the equations have no solution, also damped"));
+                       "the equations have no solution in finite numbers, also damped (a "
+                       "move may be too far)"));
     if (total.is_saddle)
         warnings_.push_back(
             fmt::format("frame {}: the result may not be stable: its energy "

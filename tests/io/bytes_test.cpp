@@ -2,8 +2,11 @@
 #include "io/bytes.h"
 
 #include <atomic>
+#include <csignal>
 #include <thread>
 
+#include <limits.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -40,6 +43,10 @@ TEST(Bytes, says_why_a_file_cannot_be_read)
     ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0600), 0);
     EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file(folder / "pipe"); }),
                          "no regular file"));
+    const std::string large = folder.write("large", "");
+    std::filesystem::resize_file(large, kMaxFileBytes + 1); // takes no room
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_file(large); }),
+                         "large: is larger than 4 GiB"));
 }
 
 TEST(Bytes, a_file_that_changes_while_it_is_read_is_one_snapshot_or_an_error)
@@ -164,10 +171,48 @@ TEST(Bytes, outputs_that_cannot_be_written_fail_before_any_work)
     EXPECT_TRUE(contains(
         error_of(Fault::File, [&] { check_output(folder / "none/x", Overwrite::No); }),
         "No such file"));
-    error_of(Fault::File, [&] { check_output(file + "/x", Overwrite::No); });
-    error_of(Fault::File, [&] { check_output(folder.path().string(), Overwrite::Yes); });
-    error_of(Fault::File, [&] { check_output("/dev/full", Overwrite::Yes); });
-    error_of(Fault::File, [&] { check_output("", Overwrite::Yes); });
+    const auto refused = [](const std::string& path)
+    { return error_of(Fault::File, [&] { check_output(path, Overwrite::Yes); }); };
+    EXPECT_TRUE(contains(refused(file + "/x"), "file/x: cannot write: Not a directory"));
+    EXPECT_TRUE(contains(refused(folder.path().string()), "is a directory"));
+    EXPECT_TRUE(contains(refused("/dev/full"), "/dev/full: is no regular file"));
+    EXPECT_TRUE(contains(refused(""), "an output needs a name"));
+}
+
+TEST(Bytes, what_goes_wrong_while_writing_is_named_and_leaves_nothing)
+{
+    const support::Folder folder;
+    // A name that fits where the temporary's name beside it does not.
+    std::filesystem::path deep = folder.path();
+    while (deep.native().size() + 201 < PATH_MAX - 10)
+        deep /= std::string(200, 'd');
+    deep /= std::string(PATH_MAX - 10 - deep.native().size() - 1, 'd');
+    std::filesystem::create_directories(deep);
+    EXPECT_TRUE(contains(
+        error_of(Fault::File, [&] { write_file(deep / "x.obj", "new", Overwrite::No); }),
+        "x.obj: cannot create a file beside it: File name too long"));
+    EXPECT_TRUE(std::filesystem::is_empty(deep));
+
+    const std::string target = folder / "x";
+    AtomicFile replaced(target, Overwrite::No);
+    std::filesystem::create_directory(target);
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { replaced.commit(); }),
+                         "x: cannot put it in place: Is a directory"));
+    std::filesystem::remove(target);
+
+    struct rlimit before
+    {
+    };
+    ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+    const auto on_signal = ::signal(SIGXFSZ, SIG_IGN);
+    const struct rlimit small = {1000, before.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &small);
+    const std::string full = error_of(
+        Fault::File, [&] { write_file(target, std::string(2000, 'x'), Overwrite::No); });
+    ::setrlimit(RLIMIT_FSIZE, &before);
+    ::signal(SIGXFSZ, on_signal);
+    EXPECT_TRUE(contains(full, "x: cannot write: File too large"));
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
 }
 
 TEST(Bytes, a_name_of_250_bytes_can_be_saved)

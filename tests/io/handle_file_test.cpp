@@ -67,13 +67,20 @@ TEST(HandleFile, names_line_and_field_of_what_is_wrong)
     EXPECT_TRUE(contains(refused(kHead + "fixed a indices 1x\n"), "index"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a indices 5-2\n"), "index"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a halfspace 0 0 0 1\n"), "normal"));
-    EXPECT_TRUE(contains(refused(kHead + "stiff a all 0\n"), "factor"));
-    EXPECT_TRUE(contains(refused(kHead + "stiff a all -2\n"), "factor"));
-    EXPECT_TRUE(contains(refused(kHead + "stiff a all\n"), "factor"));
+    for (const char* factor : {"", "0", "-2", "nan", "1e-310", "1e-101", "1e300"})
+        EXPECT_TRUE(contains(refused(kHead + "stiff a all " + factor + "\n"),
+                             "h.handles:2: factor"))
+            << factor;
+    EXPECT_TRUE(contains(refused(kHead + "stiff a indices 0 20\n"),
+                         "h.handles:2: selector: indices cannot carry"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a all\nhandle a all\n"), "line 2"));
     EXPECT_TRUE(contains(refused(kHead + "grab a all\n"), "unknown statement"));
     EXPECT_TRUE(contains(refused(kHead + "fixed \"a all\n"), "double quote"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a all\nunits relative\n"), "units"));
+    EXPECT_TRUE(contains(refused(kHead + "units metres\n"),
+                         "h.handles:2: units: got 'metres', need relative"));
+    EXPECT_TRUE(
+        contains(refused("PK\x03\x04zip"), "h.handles: this looks like a ZIP archive"));
 }
 
 TEST(HandleFile, frames_and_moves_must_make_sense)
@@ -81,6 +88,13 @@ TEST(HandleFile, frames_and_moves_must_make_sense)
     const std::string regions = kHead + "handle h all\nfixed f all\npin p indices 0\n";
     EXPECT_TRUE(
         contains(refused(regions + "frame 2\nframe 2\n"), "h.handles:6: frame number"));
+    EXPECT_TRUE(contains(refused(regions + "frame one\n"),
+                         "h.handles:5: frame number: got 'one', need an integer"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove p translate 1 0 0 to 0 0 0\n"),
+                         "h.handles:6: p: 'to' must be a pin's first operation"));
+    for (const std::string number : {"-1", "1000000000"})
+        EXPECT_TRUE(contains(refused(regions + "frame " + number + "\n"),
+                             "h.handles:5: frame number: got " + number + ", need 0 to"));
     EXPECT_TRUE(contains(refused(regions + "move h translate 0 0 0\n"), "no frame"));
     EXPECT_TRUE(contains(refused(regions + "frame 1\nmove x translate 0 0 0\n"), "x"));
     EXPECT_TRUE(
@@ -88,7 +102,11 @@ TEST(HandleFile, frames_and_moves_must_make_sense)
     EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h to 0 0 0\n"), "pin"));
     EXPECT_TRUE(contains(refused(regions + "frame 1\nmove p rotate 0 0 1 3\n"), "pin"));
     EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h rotate 0 0 0 3\n"), "axis"));
-    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h\n"), "operation"));
+    EXPECT_TRUE(contains(refused(regions + "frame 1\nmove h\n"),
+                         "h.handles:6: operation: is missing"));
+    EXPECT_TRUE(
+        contains(refused(regions + "frame 1\nmove h scale 2 2 2\n"),
+                 "h.handles:6: operation: got 'scale', need translate, rotate, matrix"));
     EXPECT_TRUE(
         contains(refused(regions + "frame 1\nmove h translate 0 0\n"), "translate"));
     EXPECT_TRUE(
@@ -123,9 +141,17 @@ TEST(HandleFile, reads_the_label_files)
     for (const char* bad :
          {"1 3\n0\n1\n", "2 2\n0\n0\n0\n0\n", "x\n", "", "1 1\n0.5\n", "0 0\n1 1\nabc"})
         error_of(Fault::Malformed, [&] { read_labels(folder.write("c.dmat", bad)); });
-    EXPECT_TRUE(contains(
-        error_of(Fault::Malformed, [&] { read_labels(folder.write("b.sel", "0\nx\n")); }),
-        ":2"));
+    const auto refused = [&](const std::string& name, const std::string& bytes) {
+        return error_of(Fault::Malformed,
+                        [&] { read_labels(folder.write(name, bytes)); });
+    };
+    EXPECT_TRUE(contains(refused("b.sel", "0\nx\n"), "b.sel:2"));
+    EXPECT_TRUE(
+        contains(refused("b.sel", "PK\x03\x04zip"), "b.sel: this looks like a ZIP"));
+    for (const std::string header : {"3", "1 2 3", "1.5 3", "1 -3"})
+        EXPECT_TRUE(contains(refused("d.dmat", header + "\n0\n"),
+                             "d.dmat:1: header: got '" + header + "', need 'cols rows'"))
+            << header;
 }
 
 TEST(HandleFile, reads_the_survey_pair)
@@ -137,8 +163,27 @@ TEST(HandleFile, reads_the_survey_pair)
     ASSERT_EQ(file.stages.size(), 1u);
     EXPECT_EQ(file.stages[0].regions[1].selector.label, 2);
     EXPECT_EQ(file.stages[0].frames[0].moves[0].operations[0].matrix(0, 3), 0.5);
-    error_of(Fault::Malformed,
-             [&] { read_survey_pair(sel, folder.write("b.def", "1 0 0 0\n")); });
+}
+
+TEST(HandleFile, tells_which_file_of_the_survey_pair_is_wrong)
+{
+    const support::Folder folder;
+    const auto refused = [&](const std::string& sel, const std::string& def)
+    {
+        return error_of(Fault::Malformed,
+                        [&] {
+                            read_survey_pair(folder.write("a.sel", sel),
+                                             folder.write("a.def", def));
+                        });
+    };
+    const std::string one = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n";
+    EXPECT_TRUE(
+        contains(refused("2\n", "1 0 0 0\n"), "a.def: matrix: got 4 numbers, need 16"));
+    EXPECT_TRUE(contains(refused("2\n", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 2\n"),
+                         "a.def: matrix: its last row is not 0 0 0 1"));
+    EXPECT_TRUE(contains(refused("2\n3\n", one), "a.sel: label 1: got 3, need 0"));
+    EXPECT_TRUE(contains(refused("2\n-1\n", one), "a.sel: label 1: got -1, need 0"));
+    EXPECT_TRUE(contains(refused("0\n1\n", one), "a.sel: no label is 2 (handle)"));
 }
 
 } // namespace cellwarp

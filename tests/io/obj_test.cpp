@@ -114,7 +114,18 @@ TEST(Obj, refuses_numbers_that_cannot_be_trusted)
             contains(refused("v 0 0 0\nv 0 " + number + " 0\n"), "x.obj:2: number 2"))
             << number;
     EXPECT_TRUE(contains(refused("v 0 0\n"), "x.obj:1: vertex"));
+    EXPECT_TRUE(contains(refused("v 1 2 3 4 5 6 7 8\n"),
+                         "x.obj:1: number 8: one too many (need at most 7)"));
+    EXPECT_TRUE(
+        contains(refused("v 0 0 0\nvn 0 1\n"), "x.obj:2: normal: got 2 numbers, need 3"));
     EXPECT_TRUE(contains(refused("v 1e200 0 0\n"), "beyond 1e150"));
+}
+
+TEST(Obj, refuses_a_line_without_end)
+{
+    const std::string blanks(std::size_t(17) << 20, ' ');
+    EXPECT_TRUE(contains(refused(kTriangle + "f 1 2" + blanks + "3\n"),
+                         "x.obj:4: the line is longer than 16 MB"));
 }
 
 TEST(Obj, names_what_a_foreign_file_looks_like)

@@ -74,6 +74,20 @@ TEST(Off, refuses_what_does_not_add_up)
     EXPECT_TRUE(contains(refused("OFF BINARY\n3 1 0\n"), "binary"));
     EXPECT_TRUE(contains(refused("4OFF\n3 1 0\n" + body), "x.off:1"));
     EXPECT_TRUE(contains(refused("OFF\n"), "no counts"));
+    EXPECT_TRUE(contains(refused("hello\n3 1 0\n" + body),
+                         "x.off:1: header: is no OFF file (got 'hello', need 'OFF')"));
+    EXPECT_TRUE(contains(refused("OFF\n3\n" + body),
+                         "x.off:2: header: counts are wrong (got one number"));
+    EXPECT_TRUE(contains(refused("OFF\n3 4000000000 0\n" + body),
+                         "x.off:2: header: the file is too short for its faces (got "
+                         "4000000000)"));
+    EXPECT_TRUE(contains(refused("OFF\n3 1 0\n0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n"),
+                         "x.off:4: vertex 1: is no number (got 'x')"));
+    EXPECT_TRUE(contains(refused("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 two\n"),
+                         "x.off:6: face 0: is no index (got 'two')"));
+    EXPECT_TRUE(contains(refused("COFF\n3 1 0\n0 0 0 1 1 1\n1 0 0 red\n0 1 0 1 1 1\n"
+                                 "3 0 1 2\n"),
+                         "x.off:4: colour: is no number (got 'red')"));
     EXPECT_TRUE(
         contains(refused("OFF\n3 1 0\n" + body + "7\n"), "more than the counted"));
 }

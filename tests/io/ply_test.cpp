@@ -186,6 +186,11 @@ TEST(Ply, lists_of_impossible_length_name_their_face)
     bytes[bytes.size() - 4] = '\3';
     EXPECT_TRUE(contains(refused(bytes), "face 0 (byte"));
     EXPECT_TRUE(contains(refused(bytes), "out of range"));
+    bytes = binary(false);
+    bytes.replace(bytes.find("list uchar"), 10, "list char ");
+    bytes[bytes.size() - 13] = '\xff';
+    EXPECT_TRUE(contains(refused(bytes), "x.ply: face 0 (byte "));
+    EXPECT_TRUE(contains(refused(bytes), "vertex_indices: is no list length (got -1)"));
 }
 
 TEST(Ply, headers_that_are_wrong_name_their_line)
@@ -204,6 +209,38 @@ TEST(Ply, headers_that_are_wrong_name_their_line)
     EXPECT_TRUE(contains(refused(with("vertex 3", "vertex 0")), "no vertices"));
     EXPECT_TRUE(contains(refused(with("float z", "float w")), "no property x, y or z"));
     EXPECT_TRUE(contains(refused(with("comment c", "remark c")), "x.ply:3"));
+    EXPECT_TRUE(contains(refused(with("ascii 1.0", "ascii 2.0")),
+                         "x.ply:2: header: format is wrong (got 'format ascii 2.0'"));
+    EXPECT_TRUE(contains(refused(with("comment c", "format ascii 1.0")),
+                         "x.ply:3: header: format is wrong"));
+    EXPECT_TRUE(contains(refused(with("element face", "element vertex")),
+                         "x.ply:8: header: element 'vertex' stands twice"));
+    EXPECT_TRUE(contains(refused(with("comment c", "property float x")),
+                         "x.ply:3: header: property before any element"));
+    for (const std::string property :
+         {"property", "property float", "property float y z", "property list uchar y"})
+        EXPECT_TRUE(
+            contains(refused(with("property float y", property)),
+                     "x.ply:6: header: property is wrong (got '" + property + "', need"));
+    EXPECT_TRUE(contains(refused(with("element vertex", "element point")),
+                         "x.ply: header: no vertices (no element vertex)"));
+    std::string many;
+    for (int i = 0; i < 1022; ++i)
+        many += "property float p" + std::to_string(i) + "\n";
+    EXPECT_TRUE(contains(refused(with("property float x\n", many + "property float x\n")),
+                         "x.ply:1029: header: more than 1024 properties in one element"));
+}
+
+TEST(Ply, a_file_of_too_many_vertices_is_refused_by_its_header)
+{
+    std::string text = header("binary_little_endian", kXyz, 0);
+    text.replace(text.find("vertex 3"), 8, "vertex 2147483648");
+    Geometry out;
+    EXPECT_TRUE(contains(
+        error_of(
+            Fault::Malformed, [&]
+            { PlyScanner("x.ply", std::uint64_t(1) << 40).scan(text, 0, false, out); }),
+        "x.ply:4: element vertex: more than 2147483647 vertices"));
 }
 
 TEST(Ply, ascii_records_must_fit_their_properties)
@@ -214,6 +251,16 @@ TEST(Ply, ascii_records_must_fit_their_properties)
     EXPECT_TRUE(
         contains(refused(head + "0 0 0\n1 x 0\n0 1 0\n"), "x.ply:10: vertex 1: y"));
     EXPECT_TRUE(contains(refused(head + "0 0 0\n1 inf 0\n0 1 0\n"), "not finite"));
+    for (const std::string value : {"256", "-1", "0.5", "nan"})
+        EXPECT_TRUE(contains(refused(header("ascii", kXyz + "property uchar red\n", 0) +
+                                     "0 0 0 0\n1 0 0 " + value + "\n0 1 0 0\n"),
+                             "x.ply:11: vertex 1: red: does not fit its type (got '" +
+                                 value + "')"));
+    for (const std::string count : {"-1", "2.5", "4294967296", "nan"})
+        EXPECT_TRUE(contains(
+            refused(header("ascii", kXyz, 1) + "0 0 0\n1 0 0\n0 1 0\n" + count +
+                    " 0 1 2\n"),
+            "x.ply:14: face 0: vertex_indices: is no list length (got '" + count + "')"));
     EXPECT_TRUE(
         contains(refused(head + std::string("0 0 0\n1 \0 0\n0 1 0\n", 18)), "NUL"));
 }

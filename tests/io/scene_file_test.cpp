@@ -66,7 +66,9 @@ TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
     EXPECT_TRUE(contains(refused(R"({"model": "a.obj"})"), "cellwarp"));
     EXPECT_TRUE(
         contains(refused(R"({"cellwarp": 2, "model": "a.obj"})"), "made by version 2"));
-    EXPECT_TRUE(contains(refused(R"({"cellwarp": 1})"), "model"));
+    EXPECT_TRUE(contains(refused(R"({"cellwarp": 1})"), "s.json: model: is missing"));
+    EXPECT_TRUE(contains(refused(R"({"cellwarp": 1, "model": 3})"),
+                         "s.json: model: need a text"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": -1})")), "cells.gap"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": "x"})")), "cells.gap"));
     EXPECT_TRUE(
@@ -84,6 +86,21 @@ TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
     EXPECT_TRUE(contains(
         refused(with(R"("cells": {"frame": {"origin": [0, 0], "size": [1, 1, 1]}})")),
         "origin"));
+    for (const char* axes : {"3", "[[1, 0, 0], [0, 1, 0]]"})
+        EXPECT_TRUE(contains(
+            refused(with(
+                R"("cells": {"frame": {"origin": [0, 0, 0], "size": [1, 1, 1], "axes": )" +
+                std::string(axes) + "}}")),
+            "s.json: cells.frame.axes: need three vectors"));
+    EXPECT_TRUE(contains(
+        refused(
+            with(R"("cells": {"frame": {"origin": [0, "x", 0], "size": [1, 1, 1]}})")),
+        "s.json: cells.frame.origin: need three finite numbers"));
+    for (const char* size : {"[1, -1, 1]", "[0, 0, 0]"})
+        EXPECT_TRUE(
+            contains(refused(with(R"("cells": {"frame": {"origin": [0, 0, 0], "size": )" +
+                                  std::string(size) + "}}")),
+                     "s.json: cells.frame.size: need lengths >= 0, not all of them 0"));
     EXPECT_TRUE(
         contains(refused(with(R"("field": {"release": "cubic"})")), "field.release"));
     EXPECT_TRUE(contains(refused(std::string(100000, '[')), "deeper than 128"));

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/stl.h"
 
+#include <limits>
+
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
@@ -91,6 +93,32 @@ TEST(Stl, counts_that_lie_are_refused)
         EXPECT_TRUE(contains(refused(binary(count, 2)), "count")) << count;
     EXPECT_TRUE(contains(refused(binary(2, 2).substr(0, 83)), "the file ends here"));
     EXPECT_TRUE(contains(refused(binary(2, 2).substr(0, 150)), "count"));
+    EXPECT_TRUE(contains(refused(binary(0, 0)),
+                         "x.stl: count (byte 80): no vertices (0 facets)"));
+    Geometry out;
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed,
+                          [&]
+                          {
+                              StlScanner("x.stl", 84 + 50 * std::uint64_t(715827883))
+                                  .scan(binary(715827883u, 2), 0, false, out);
+                          }),
+                 "count (byte 80): got 715827883 facets, need at most 715827882"));
+}
+
+TEST(Stl, binary_facets_must_be_there_and_finite)
+{
+    std::string bytes = binary(2, 2), nan;
+    store(std::numeric_limits<double>::quiet_NaN(), Scalar::Float32, false, nan);
+    bytes.replace(84 + 50 + 24, 4, nan);
+    EXPECT_TRUE(
+        contains(refused(bytes), "x.stl: facet 1 (byte 158): a corner is not finite"));
+    // A file that another program cuts while it is read.
+    const std::string cut = binary(2, 2).substr(0, 150);
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&]
+                 { support::scanned_in_parts(StlScanner("x.stl", 184), cut, 50, 84); }),
+        "x.stl: facet 1: the file ends here"));
 }
 
 TEST(Stl, ascii_must_be_complete_and_name_its_line)

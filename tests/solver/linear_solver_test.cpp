@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/linear_solver.h"
 
+#include <fstream>
 #include <limits>
+#include <new>
 #include <random>
+
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
@@ -85,6 +90,52 @@ TEST(LinearSolver, reports_what_is_not_positive_definite)
     EXPECT_TRUE(solver.factorize(A));
     A.set_zero();
     EXPECT_FALSE(solver.factorize(A));
+}
+
+TEST(LinearSolver, without_memory_for_the_factor_it_throws_and_can_go_on)
+{
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "a sanitizer needs terabytes of address space";
+#endif
+    // A full matrix: its factor, some 18 MB, is one piece that only the system gives.
+    constexpr int kBlocks = 250;
+    std::vector<std::pair<int, int>> pairs;
+    for (int row = 1; row < kBlocks; ++row)
+        for (int column = 0; column < row; ++column)
+            pairs.emplace_back(row, column);
+    BlockMatrix A(std::vector<int>(kBlocks, 6), pairs);
+    for (int b = 0; b < kBlocks; ++b)
+        A.diagonal(b).diagonal().setConstant(2.0);
+    LinearSolver first(A), solver(A);
+    EXPECT_GE(solver.factor_numbers(), 1500 * 1501 / 2);
+    // The threads that the library works with are started once, with room for them.
+    ASSERT_TRUE(first.factorize(A));
+
+    struct rlimit before
+    {
+    };
+    ASSERT_EQ(::getrlimit(RLIMIT_AS, &before), 0);
+    std::size_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    const rlim_t room = pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+    const struct rlimit tight = {room + (rlim_t(1) << 20), before.rlim_max};
+    ASSERT_EQ(::setrlimit(RLIMIT_AS, &tight), 0);
+    bool ran_out = false;
+    try
+    {
+        EXPECT_FALSE(solver.factorize(A));
+    }
+    catch (const std::bad_alloc&)
+    {
+        ran_out = true;
+    }
+    ::setrlimit(RLIMIT_AS, &before);
+    EXPECT_TRUE(ran_out);
+    EXPECT_TRUE(solver.factorize(A));
+    EXPECT_LT((solver.solve(Eigen::VectorXd::Ones(A.rows())) -
+               Eigen::VectorXd::Constant(A.rows(), 0.5))
+                  .norm(),
+              1e-12);
 }
 
 } // namespace cellwarp

@@ -143,6 +143,8 @@ TEST(Cli, usage_errors_exit_with_2)
         EXPECT_TRUE(contains(result.err, "error: "));
     }
     EXPECT_FALSE(std::filesystem::exists(files.out));
+    EXPECT_TRUE(contains(files.deform({"--sel", "a", "--def", "b"}).err,
+                         "--handles and --sel with --def exclude each other"));
 }
 
 TEST(Cli, malformed_files_exit_with_3_and_leave_nothing)

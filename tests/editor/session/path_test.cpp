@@ -140,6 +140,18 @@ TEST(Path, relative_units_are_the_box)
     EXPECT_LT((turn({10, 20, 30}) - Eigen::Vector3d(11, 20, 30)).norm(), 1e-12);
 }
 
+TEST(Path, a_move_that_numbers_cannot_hold_names_its_line)
+{
+    Units units;
+    units.is_relative = true;
+    units.box = {{0, 0, 0}, {10, 10, 10}};
+    for (const std::string move :
+         {"translate 1e308 0 0", "rotate 0 0 1 9 about 0 1e308 0"})
+        EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { steps(move, units); }),
+                             "h:4: h: moves beyond what numbers can hold"))
+            << move;
+}
+
 TEST(WorkFrame, is_an_exact_power_of_two)
 {
     const ModelBox box{{-3, 100, 7}, {5, 103, 7.5}};

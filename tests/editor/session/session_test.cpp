@@ -441,6 +441,20 @@ TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
     EXPECT_GT(turn, 0.3);
 }
 
+TEST(Session, a_pin_of_several_places_cannot_be_put_at_one)
+{
+    EXPECT_TRUE(contains(error_of(Fault::Malformed,
+                                  []
+                                  {
+                                      Session(model(survey_bar(4)),
+                                              handles("pin p box -1 -1 3.9 1 1 5\n"
+                                                      "frame 1\nmove p to 0 0 5\n"),
+                                              settings(8));
+                                  }),
+                         "h.handles:4: p: 'to' needs a pin of one place; this one has 25 "
+                         "samples, use translate"));
+}
+
 TEST(Session, a_pin_on_a_cell_corner_holds_one_point)
 {
     // Its sample is shared by several cells: all of them are held there, so a pin
@@ -672,6 +686,10 @@ TEST(Session, selectors_that_do_not_fit_the_model_are_errors)
     };
     EXPECT_TRUE(contains(refused("fixed a indices 999999"), "out of range"));
     EXPECT_TRUE(contains(refused("fixed a group arm"), "no group"));
+    EXPECT_TRUE(
+        contains(refused("stiff a box -1 -1 0 1 1 1 2\nstiff a box -1 -1 1 1 1 2 3"),
+                 "h.handles:3: a: has another factor than on line 2 (got 3, need "
+                 "2)"));
     const support::Folder folder;
     EXPECT_TRUE(
         contains(refused("fixed a labels " + folder.write("a.sel", "0\n1\n") + " 0"),
@@ -691,7 +709,15 @@ TEST(Session, too_many_cells_are_over_the_budget)
     const Session session(model(survey_bar(4)), handles(kTwist), s);
     EXPECT_TRUE(contains(session.warnings().at(0), "refinement stopped"));
     s.cells.max_memory = 1e5;
-    error_of(Fault::Budget, [&] { Session(model(survey_bar(4)), handles(kTwist), s); });
+    EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "the voxels need about"));
+    s = settings(32);
+    s.cells.gap = 1.0; // few voxels
+    s.cells.max_memory = 5e6;
+    EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "the factor of 2048 cells needs about"));
 }
 
 TEST(Session, the_automatic_grid_has_a_thousand_cells_or_two)
@@ -747,6 +773,24 @@ TEST(Session, handles_may_be_anywhere)
         EXPECT_LE(session.frames()[0].solve.energy_after,
                   session.frames()[0].solve.energy_before * (1 + 1e-12));
     }
+}
+
+TEST(Session, a_handle_beyond_what_the_solve_can_hold_is_an_error)
+{
+    // Squares of the forces overflow: nothing tells a good pose from a bad one.
+    for (const std::string move :
+         {"translate 1e160 0 0", "translate 0 1e200 -1e200", "translate 0 0 1e307",
+          "rotate 0 0 1 60 about 1e160 0 0"})
+        EXPECT_TRUE(contains(
+            error_of(Fault::Unsolvable,
+                     [&]
+                     {
+                         played(model(survey_bar(4)),
+                                kBarEnds + "frame 3\nmove head " + move + "\n",
+                                settings(12));
+                     }),
+            "h.handles: frame 3: the equations have no solution in finite numbers"))
+            << move;
 }
 
 TEST(Session, real_models_bend)

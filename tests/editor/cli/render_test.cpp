@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the subcommand render refuses. The pictures have their own tests.
+#include <gtest/gtest.h>
+
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::BarFiles;
+using support::contains;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+/// Renders the bar with these flags; expects a usage error and no picture.
+std::string refused(const BarFiles& files, const std::vector<std::string>& flags,
+                    const std::string& picture = "out.png")
+{
+    std::vector<std::string> arguments = {"render", files.model, "-o",
+                                          files.folder / picture};
+    arguments.insert(arguments.end(), flags.begin(), flags.end());
+    const Result result = run(arguments);
+    EXPECT_EQ(result.code, 2) << result.err;
+    EXPECT_EQ(support::num_files(files.folder), 2u);
+    return result.err;
+}
+
+} // namespace
+
+TEST(Render, a_size_is_width_and_height_up_to_8192)
+{
+    const BarFiles files;
+    for (const std::string size :
+         {"100", "x", "100x", "x100", "0x100", "100x-1", "8193x1", "1x8193", "1.5x2"})
+        EXPECT_TRUE(contains(refused(files, {"--size", size}),
+                             "error: --size: got '" + size +
+                                 "', need WIDTHxHEIGHT up to 8192x8192"))
+            << size;
+}
+
+TEST(Render, a_frame_is_one_of_the_handle_files)
+{
+    const BarFiles files;
+    const auto at_frame = [&](const std::string& frame)
+    {
+        return refused(files,
+                       {"--handles", files.handles, "--across", "8", "--frame", frame});
+    };
+    EXPECT_TRUE(contains(at_frame("first"),
+                         "error: --frame: got 'first', need rest, last or a number"));
+    EXPECT_TRUE(
+        contains(at_frame("5"), "error: --frame: the handle file has no frame 5"));
+    EXPECT_TRUE(contains(refused(files, {"--frame", "last"}),
+                         "error: --frame needs a scene or --handles"));
+}
+
+TEST(Render, a_picture_is_a_png)
+{
+    const BarFiles files;
+    EXPECT_TRUE(contains(refused(files, {}, "out.jpg"), "out.jpg: a picture is a .png"));
+}
+
+} // namespace cellwarp
