@@ -7,10 +7,12 @@
 // So E is a sum of five terms m |d|^2 with
 //   d = (r_a + f p_a) - (r_b + f p_b),
 // arms r that turn with their cell and f = 1 for the two centres, 0 for the moments.
-// A twist changes r by omega x r + 1/2 omega x (omega x r) and p by v, hence
+// A twist changes r by omega x r + 1/2 omega x (omega x r) and p by v + 1/2 omega x v
+// (see pose.cpp), hence
 //   dE = 2 m d . (omega_a x r_a + f v_a - omega_b x r_b - f v_b),
 // the Gauss-Newton matrix is 2 m J^T J, and the curvature of omega_a adds
-//   2 m [ (d r^T + r d^T) / 2 - (d . r) I ],   that of omega_b the same with -d.
+//   2 m [ (d r^T + r d^T) / 2 - (d . r) I ],   that of omega_b the same with -d;
+// with g_v the gradient in v, the blocks of (v, omega) gain [g_v]x / 2.
 #include "solver/glue.h"
 
 #include <cmath>
@@ -161,6 +163,14 @@ GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
                 2.0 * curvature.share * term.weight * arm_curvature(term.d, term.arm_b);
         }
     }
+    if (curvature.share > 0)
+        for (const int at : {0, 6})
+        {
+            const Eigen::Matrix3d half =
+                0.5 * curvature.share * cross_matrix(block.gradient.segment<3>(at + 3));
+            block.hessian.block<3, 3>(at + 3, at) += half;
+            block.hessian.block<3, 3>(at, at + 3) += half.transpose();
+        }
     return block;
 }
 

@@ -2,8 +2,8 @@
 // Unknowns are twists about the current centres: 6 numbers for a free cell. A
 // pinned cell, whose held point is at X, has 3: with q = p - X the centre follows,
 //   p' = X + rot(omega) q = p + omega x q + 1/2 omega x (omega x q) + ...,
-// so that its gradient is g_omega + q x g_v, its block P^T H P with P = [I; -[q]x],
-// and the exact Hessian gains (g_v q^T + q g_v^T) / 2 - (g_v . q) I.
+// which is a twist with v = omega x q: its gradient is g_omega + q x g_v, and its block
+// P^T H P with P = [I; -[q]x].
 #include "solver/minimize.h"
 
 #include <algorithm>
@@ -139,7 +139,8 @@ Residual Minimizer::residual(std::span<const Pose> poses) const
                          glue_gradient(face, poses[static_cast<std::size_t>(face.a)],
                                        poses[static_cast<std::size_t>(face.b)]);
                  });
-    double uncancelled = 0.0, rounding = 0.0;
+    Residual result;
+    double uncancelled = 0.0;
     for (const int cell : cell_of_unknown_)
     {
         double forces = 0.0, sizes = 0.0;
@@ -155,10 +156,21 @@ Residual Minimizer::residual(std::span<const Pose> poses) const
                       poses[static_cast<std::size_t>(face.b)].p.norm());
         }
         uncancelled += forces * forces;
-        rounding += sizes * sizes;
+        result.rounding.push_back(4.0 * std::numeric_limits<double>::epsilon() * sizes);
     }
-    return {reduced_gradient(poses).norm(), std::sqrt(uncancelled),
-            4.0 * std::numeric_limits<double>::epsilon() * std::sqrt(rounding)};
+    result.gradient = reduced_gradient(poses).norm();
+    result.uncancelled = std::sqrt(uncancelled);
+    return result;
+}
+
+bool Minimizer::is_rounding(const Eigen::VectorXd& gradient,
+                            std::span<const double> rounding) const
+{
+    for (int u = 0; u < num_unknown_cells(); ++u)
+        if (!(gradient.segment(matrix_.first(u), matrix_.size(u)).norm() <=
+              rounding[static_cast<std::size_t>(u)]))
+            return false;
+    return true;
 }
 
 Eigen::VectorXd Minimizer::reduced_gradient(std::span<const Pose> poses) const
@@ -216,7 +228,6 @@ void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
                      const int cell = cell_of_unknown_[static_cast<std::size_t>(u)];
                      Eigen::Matrix<double, 6, 6> sum =
                          Eigen::Matrix<double, 6, 6>::Zero();
-                     Eigen::Vector3d force = Eigen::Vector3d::Zero();
                      for (int k = glue_.first_face[static_cast<std::size_t>(cell)];
                           k < glue_.first_face[static_cast<std::size_t>(cell) + 1]; ++k)
                      {
@@ -224,7 +235,6 @@ void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
                              glue_.faces_of_cell[static_cast<std::size_t>(k)]);
                          const int at = glue_.faces[f].a == cell ? 0 : 6;
                          sum += face_blocks_[f].hessian.block<6, 6>(at, at);
-                         force += face_blocks_[f].gradient.segment<3>(at + 3);
                      }
                      if (!is_pinned(cell))
                      {
@@ -234,9 +244,6 @@ void Minimizer::assemble(std::span<const Pose> poses, Curvature curvature)
                      const Eigen::Vector3d q = q_of(cell);
                      const Eigen::Matrix<double, 6, 3> P = pin_basis(q);
                      Eigen::Matrix3d block = P.transpose() * sum * P;
-                     block += curvature.share *
-                              (0.5 * (force * q.transpose() + q * force.transpose()) -
-                               force.dot(q) * Eigen::Matrix3d::Identity());
                      if (turns_freely_[static_cast<std::size_t>(u)])
                          block += kProximal * sum.topLeftCorner<3, 3>().trace() / 3.0 *
                                   Eigen::Matrix3d::Identity();
@@ -329,6 +336,7 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
     const Residual first = residual(poses);
     const double scale =
         options.gradient_scale > 0 ? options.gradient_scale : first.gradient;
+    Eigen::VectorXd gradient = reduced_gradient(poses);
     double gradient_norm = first.gradient;
     const auto finish = [&](Stop stop)
     {
@@ -340,12 +348,12 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
     if (num_unknown_cells() == 0)
         return finish(Stop::Converged);
     // Against a scale that overflowed everything would be small.
-    if (!std::isfinite(energy + gradient_norm + scale + first.rounding))
+    if (!std::isfinite(energy + gradient_norm + scale + first.uncancelled))
         return finish(Stop::NotPositiveDefinite);
     for (;;)
     {
         if (gradient_norm <= options.gradient_tolerance * scale ||
-            gradient_norm <= first.rounding)
+            is_rounding(gradient, first.rounding))
             return finish(Stop::Converged);
         if (report.iterations >= options.max_iterations)
             return finish(Stop::IterationLimit);
@@ -356,7 +364,6 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
                 options.time_budget)
             return finish(Stop::TimeLimit);
 
-        const Eigen::VectorXd gradient = reduced_gradient(poses);
         if (!factorize(poses, options.method, report))
             return finish(Stop::NotPositiveDefinite);
         const Eigen::VectorXd step = -solver_->solve(gradient);
@@ -376,12 +383,10 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
             std::vector<Pose> trial = stepped(poses, step, length);
             const double trial_energy = glue_energy(glue_, trial);
             is_accepted = trial_energy <= energy + kSufficient * length * slope;
-            double trial_gradient = -1.0;
             if (!is_accepted && is_hidden)
             {
                 // Rounding hides the decrease: the gradient must fall instead.
-                trial_gradient = reduced_gradient(trial).norm();
-                is_accepted = trial_gradient < 0.5 * gradient_norm &&
+                is_accepted = reduced_gradient(trial).norm() < 0.5 * gradient_norm &&
                               trial_energy <= energy * (1.0 + 1e-13);
                 if (!is_accepted)
                     break;
@@ -390,8 +395,8 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
             {
                 poses = std::move(trial);
                 energy = trial_energy;
-                gradient_norm =
-                    trial_gradient >= 0 ? trial_gradient : reduced_gradient(poses).norm();
+                gradient = reduced_gradient(poses);
+                gradient_norm = gradient.norm();
             }
         }
         if (!is_accepted)

@@ -70,7 +70,8 @@ struct Residual
 {
     double gradient = 0.0;
     double uncancelled = 0.0; ///< of the pair forces, each cell's added as lengths
-    double rounding = 0.0;    ///< what rounding of the positions alone may leave
+    /// What rounding of the positions alone may leave of each unknown cell's gradient.
+    std::vector<double> rounding;
 };
 
 /// The unknowns of one choice of constraints, with everything that lasts between
@@ -105,6 +106,10 @@ public:
 private:
     void assemble(std::span<const Pose> poses, Curvature curvature);
     Eigen::VectorXd reduced_gradient(std::span<const Pose> poses) const;
+    /// Whether no cell's part of a gradient is more than its rounding: stiff cells must
+    /// not hide what soft ones still ask for.
+    bool is_rounding(const Eigen::VectorXd& gradient,
+                     std::span<const double> rounding) const;
     /// The factor that damping would multiply: typical size of the diagonal.
     void add_damping(double factor);
     bool factorize(std::span<const Pose> poses, Method method, SolveReport& report);

@@ -2,6 +2,12 @@
 // The closest rotation to A = I + [w]x in the Frobenius norm is the rotational part
 // of its polar decomposition. A acts as 1 along w and as the plane similarity
 // (1, |w|) across it, which is sqrt(1 + |w|^2) times a rotation by atan |w|.
+//
+// Cells that make one rigid motion have one w and v_i - v_j = w x (p_i - p_j). They stay
+// rigid to each other, however large the step, if p_i' = p_i + A v_i with A [w]x = R - I:
+//   A = I + k ([w]x + [w]x^2),  k = 1 / (s (s + 1)),  s = sqrt(1 + |w|^2),
+// to second order v + 1/2 w x v. With p_i' = p_i + v_i a stiff part would be strained by
+// its own turning, and could only turn in tiny steps.
 #include "solver/pose.h"
 
 #include <cmath>
@@ -72,8 +78,11 @@ Eigen::Matrix3d rotation_about(const Eigen::Vector3d& axis, double angle)
 
 Pose moved(const Pose& pose, const Twist& twist)
 {
-    return {reorthonormalised(closest_rotation(twist.head<3>()) * pose.R),
-            pose.p + twist.tail<3>()};
+    const Eigen::Vector3d omega = twist.head<3>(), v = twist.tail<3>();
+    const double s = std::sqrt(1.0 + omega.squaredNorm());
+    const Eigen::Vector3d turn = omega.cross(v);
+    return {reorthonormalised(closest_rotation(omega) * pose.R),
+            pose.p + v + (turn + omega.cross(turn)) / (s * (s + 1.0))};
 }
 
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R)

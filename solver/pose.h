@@ -54,7 +54,8 @@ Eigen::Matrix3d closest_rotation(const Eigen::Vector3d& omega);
 /// The rotation by \p angle [rad] about a unit axis.
 Eigen::Matrix3d rotation_about(const Eigen::Vector3d& axis, double angle);
 
-/// The pose after a twist, projected to a rigid motion.
+/// The pose after a twist, projected to a rigid motion. Poses whose twists are those of
+/// one rigid body keep their places to each other.
 Pose moved(const Pose& pose, const Twist& twist);
 
 /// Axis times angle in [0, pi] of a rotation. For an angle of pi, where both signs

@@ -43,6 +43,9 @@ constexpr double kSameStep = 1e-12;
 /// What counts as zero against the forces that cancel; see interface of --json.
 constexpr double kUncancelledShare = 1e-3;
 
+/// Regions whose stiffness differs by more than this get a warning.
+constexpr double kExtremeContrast = 1e12;
+
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
 
@@ -202,6 +205,12 @@ void Session::start_stage(std::size_t stage)
     const std::size_t num_cells = s.body.cells.size();
     s.region_of_cell = prescribing_regions(s.regions, shares, num_cells, handles_.path);
     const std::vector<double> factors = cell_factors(s.regions, shares, num_cells);
+    const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
+    if (!factors.empty() && *stiffest > kExtremeContrast * *softest)
+        warnings_.push_back(
+            fmt::format("stiffness differs by a factor of {:.1g}: the soft "
+                        "parts keep few digits",
+                        *stiffest / *softest));
     s.glue = build_glue(s.body.cells, factors);
 
     measure_regions(shares);

@@ -162,6 +162,31 @@ TEST(Minimize, every_stop_has_its_reason)
     EXPECT_EQ(stop_name(Stop::IterationLimit), "iteration limit");
 }
 
+TEST(Minimize, a_stiff_part_turns_as_one_and_hides_nothing)
+{
+    // Half-way along the bar the glue is stiffer or softer, by up to 1e8; by 1e16 the
+    // digits are gone, but no state may pass for a solution.
+    for (const double factor : {1e-16, 1e-8, 1e8, 1e16})
+        for (const Method method : {Method::GaussNewton, Method::Newton})
+        {
+            Problem p(12, 3, 3, turned_end(1.0, 12, 3, 3));
+            std::vector<double> factors;
+            for (const Cell& cell : p.bar.cells.cells)
+                factors.push_back(std::abs(cell.centre.x() - 6.0) < 1.5 ? factor : 1.0);
+            p.glue = build_glue(p.bar.cells, factors);
+            Minimizer minimizer = p.minimizer();
+            const SolveReport report =
+                minimizer.minimize(p.poses, {.method = method, .max_iterations = 100});
+            EXPECT_GT(report.iterations, 0);
+            EXPECT_LE(report.energy_after, report.energy_before);
+            if (factor <= 1e8)
+            {
+                EXPECT_EQ(report.stop, Stop::Converged) << factor;
+                EXPECT_LE(report.iterations, 12) << factor;
+            }
+        }
+}
+
 TEST(Minimize, threads_do_not_change_a_bit)
 {
     std::vector<Pose> first;

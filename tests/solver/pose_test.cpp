@@ -47,6 +47,24 @@ TEST(Pose, a_small_twist_moves_as_its_linearisation)
     EXPECT_LT((image(moved(pose, twist), centre, x) - linear).norm(), 1e-11);
 }
 
+TEST(Pose, twists_of_one_body_keep_it_rigid_however_large_they_are)
+{
+    std::mt19937 rng(21);
+    for (const double size : {1e-3, 1.0, 30.0})
+    {
+        const Pose a = random_pose(rng, 2.0), b = random_pose(rng, 2.0);
+        const Eigen::Vector3d omega = random_vector(rng, size),
+                              v = random_vector(rng, size);
+        Twist of_a, of_b;
+        of_a << omega, v + omega.cross(a.p);
+        of_b << omega, v + omega.cross(b.p);
+        const Pose x = moved(a, of_a), y = moved(b, of_b);
+        const Eigen::Vector3d before = a.R.transpose() * (b.p - a.p);
+        EXPECT_LT((x.R.transpose() * (y.p - x.p) - before).norm(), 1e-12 * (1 + size));
+        EXPECT_LT((x.R.transpose() * y.R - a.R.transpose() * b.R).norm(), 1e-13);
+    }
+}
+
 TEST(Pose, many_twists_stay_orthonormal)
 {
     std::mt19937 rng(3);

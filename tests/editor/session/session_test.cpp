@@ -599,6 +599,22 @@ TEST(Session, a_stiff_region_bends_less)
               0.1 * middle_bend(""));
 }
 
+TEST(Session, an_extreme_contrast_of_stiffness_gives_a_warning)
+{
+    const auto warnings = [&](const std::string& factor)
+    {
+        return played(model(survey_bar(6)),
+                      kBarEnds + "stiff mid box -1 -1 1 1 1 3 " + factor +
+                          "\nframe 1\nmove head translate 0 0 0.1\n",
+                      settings(8))
+            .warnings();
+    };
+    EXPECT_TRUE(warnings("1e8").empty());
+    const std::vector<std::string> extreme = warnings("1e15");
+    ASSERT_FALSE(extreme.empty());
+    EXPECT_TRUE(contains(extreme.front(), "stiffness differs by a factor of 1e+15"));
+}
+
 TEST(Session, normals_turn_with_the_surface)
 {
     const Shape bar = survey_bar(8);
