@@ -14,6 +14,7 @@
 #include <cholmod.h>
 
 extern "C" void openblas_set_num_threads(int);
+extern "C" void omp_set_max_active_levels(int);
 extern "C" void dpotrf_(const char*, const int*, double*, const int*, int*);
 
 namespace cellwarp
@@ -68,7 +69,7 @@ cholmod_sparse view(const BlockMatrix& A)
 
 LinearSolver::LinearSolver(const BlockMatrix& A) : library_(std::make_unique<Library>())
 {
-    claim_blas_buffer();
+    prepare_dense_kernels();
     cholmod_common& common = library_->common;
     common.print = 0;
     common.supernodal = CHOLMOD_SUPERNODAL;
@@ -121,18 +122,15 @@ double LinearSolver::factor_numbers() const
     return library_->common.lnz;
 }
 
-void use_one_blas_thread()
-{
-    openblas_set_num_threads(1);
-}
-
-void claim_blas_buffer()
+void prepare_dense_kernels()
 {
     static std::mutex mutex;
-    static bool is_claimed = false;
+    static bool is_prepared = false;
     const std::lock_guard lock(mutex);
-    if (is_claimed)
+    if (is_prepared)
         return;
+    openblas_set_num_threads(1);
+    omp_set_max_active_levels(0); // no threads of its own for the sparse library
     void* const room = ::mmap(nullptr, kBlasBuffer, PROT_READ | PROT_WRITE,
                               MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (room == MAP_FAILED)
@@ -142,7 +140,7 @@ void claim_blas_buffer()
     int info = 0;
     double number = 1.0;
     dpotrf_("L", &one, &number, &one, &info);
-    is_claimed = true;
+    is_prepared = true;
 }
 
 } // namespace cellwarp

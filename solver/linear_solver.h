@@ -38,13 +38,10 @@ private:
     std::unique_ptr<Library> library_;
 };
 
-/// Sets the number of threads of the dense kernels to one: at these sizes more are
-/// slower, and their sums depend on the count.
-void use_one_blas_thread();
-
-/// Takes the buffer that the dense kernels work in, once; to be called before the
-/// first of them. Without memory for it they would wait for ever. Throws
+/// To be called before the first dense kernel; does its work once. Sets their threads to
+/// one: at these sizes more are slower, and their sums depend on the count. Takes the
+/// buffer that they work in: without memory for it they would wait for ever. Throws
 /// std::bad_alloc.
-void claim_blas_buffer();
+void prepare_dense_kernels();
 
 } // namespace cellwarp

@@ -16,7 +16,6 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/parallel.h"
-#include "solver/linear_solver.h"
 
 namespace
 {
@@ -47,7 +46,6 @@ void prepare_process()
     std::signal(SIGXFSZ, SIG_IGN);
     std::signal(SIGINT, end_at_signal);
     std::signal(SIGTERM, end_at_signal);
-    use_one_blas_thread();
 }
 
 bool has_subcommand(const CLI::App& app, const std::string& name)

@@ -55,7 +55,7 @@ public:
                 Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(A).info() == Eigen::Success;
             return;
         }
-        claim_blas_buffer();
+        prepare_dense_kernels();
         is_done_ = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, A.data(), n) == 0;
     }
     bool is_done() const { return is_done_; }

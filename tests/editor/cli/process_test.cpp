@@ -258,9 +258,8 @@ TEST(Process, too_little_memory_ends_in_exit_5_and_leaves_nothing)
     bool ran_out = false, was_enough = false;
     for (const rlim_t megabytes : {300, 350, 400, 450, 500, 600, 800, 1200, 4000})
     {
-        const Result result =
-            run(files.deform_arguments({"--threads", "1", "--overwrite"}, "32"),
-                [&] { limit(RLIMIT_AS, megabytes << 20); });
+        const Result result = run(files.deform_arguments({"--overwrite"}, "32"),
+                                  [&] { limit(RLIMIT_AS, megabytes << 20); });
         EXPECT_TRUE(result.code == 0 || result.code == 5)
             << megabytes << " MB: " << result.code << result.err;
         ran_out = ran_out || result.code == 5;
