@@ -23,5 +23,10 @@ pair plate ply --up z --view 60 25
 pair creature obj --view 25 15
 pair vase obj
 pair cloud ply --view 35 30
+pair hand ply --view 20 10
+pair coil obj --view 30 15
+pair chain obj --view 35 10
+pair soup stl --view 15 15
+pair scan xyz --view 25 15
 "$cellwarp" render "$here/samples/creature.json" --frame last --cells --size 900x640 \
     --view 25 15 -o "$folder/cells.png" --overwrite

@@ -2,13 +2,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes the sample models and their scenes from formulas.
 
-usage: make_samples.py [FOLDER]        (default: samples/ beside this script's folder)
+usage: make_samples.py [FOLDER [NAME...]]
+       (default: all, into samples/ beside this script's folder)
 
 bar       a closed box, 1 x 1 x 4, twisted by 135 degrees
 plate     a closed slab with bumps and normals; one edge is bent up
 creature  a smooth closed body with limbs, a head, ears and a tail; two frames
 vase      an open shell of revolution; its rim is tilted and pulled
 cloud     points with colours on a torus, no faces; one side is turned and lifted
+hand      five fingers 1 % of the diagonal apart; three are bent
+coil      a spring whose turns are 1 % apart; it is pulled up and tilted
+chain     links that do not touch; one is bent
+soup      thousands of loose triangles in random order; a knot is pulled open
+scan      a cloud with holes and noise, seen from three places; the creature bows
 """
 import math
 import os
@@ -163,17 +169,11 @@ def creature_parts():
     return parts
 
 
-def creature(folder):
-    parts = creature_parts()
-    h = 0.0262
-    low, high = (-1.5, -0.2, -1.3), (1.5, 2.7, 0.7)
+def surface_nets(value, low, high, h, slack):
+    """Quads of the surface value = 0: a vertex in each cube of width h with a sign
+    change, a quad across each edge with one; then the vertices move onto the surface.
+    slack bounds how far value may differ from the distance."""
     n = [int(math.ceil((high[k] - low[k]) / h)) for k in range(3)]
-
-    def value(p):
-        return smooth_union([capsule(p, *part) for part in parts], 0.045)
-
-    # Only grid points near the surface are computed exactly: from the parts' boxes
-    # a bound of the distance is enough to skip the rest.
     cache = {}
 
     def at(i, j, k):
@@ -182,15 +182,14 @@ def creature(folder):
             cache[key] = value((low[0] + i * h, low[1] + j * h, low[2] + k * h))
         return cache[key]
 
+    # Blocks that are far from the surface are skipped.
     near = set()
     step = 6
     for i in range(0, n[0] + 1, step):
         for j in range(0, n[1] + 1, step):
             for k in range(0, n[2] + 1, step):
-                if abs(at(i, j, k)) < 1.2 * step * h + 0.15:
+                if abs(at(i, j, k)) < 1.2 * step * h + slack:
                     near.add((i, j, k))
-    # Surface nets: a vertex in each cube with a sign change, a quad across each edge
-    # with one; then the vertices move onto the surface.
     numbers, points, faces = {}, [], []
 
     def vertex(cube):
@@ -241,6 +240,16 @@ def creature(folder):
             squared = max(1e-6, sum(x * x for x in g))
             for m in range(3):
                 p[m] -= f * g[m] / squared
+    return points, faces
+
+
+def creature_value(parts):
+    return lambda p: smooth_union([capsule(p, *part) for part in parts], 0.045)
+
+
+def creature(folder):
+    points, faces = surface_nets(creature_value(creature_parts()), (-1.5, -0.2, -1.3),
+                                 (1.5, 2.7, 0.7), 0.0262, 0.15)
     check_closed(faces)
     write(folder, "creature.obj", obj(points, faces, "a creature, quads"))
     scene(folder, "creature", "creature.obj", """cellwarp-handles 1
@@ -328,13 +337,265 @@ move right rotate 1 0 0 90  translate 0 0.5 0
 """)
 
 
+def binary_ply(points, faces, comment):
+    head = """ply
+format binary_little_endian 1.0
+comment %s
+element vertex %d
+property float x
+property float y
+property float z
+element face %d
+property list uchar int vertex_indices
+end_header
+""" % (comment, len(points), len(faces))
+    data = bytearray(head.encode())
+    for p in points:
+        data += struct.pack("<3f", *p)
+    for face in faces:
+        data += struct.pack("<B%di" % len(face), len(face), *face)
+    return bytes(data)
+
+
+def hand(folder):
+    radius, gap = 0.088, 0.0186
+    pitch = 2 * radius + gap
+    tips = (1.12, 1.52, 1.62, 1.54, 1.36)
+
+    def palm(p):
+        # A box with round edges.
+        half, r = (2.5 * pitch - 0.5 * gap - 0.08, 0.42, 0.075), 0.08
+        q = [max(0.0, abs(p[k] - (0.0, 0.42, 0.0)[k]) - half[k]) for k in range(3)]
+        inner = max(abs(p[k] - (0.0, 0.42, 0.0)[k]) - half[k] for k in range(3))
+        return math.sqrt(sum(x * x for x in q)) + min(0.0, inner) - r
+
+    def value(p):
+        base = palm(p)
+        # Each finger grows smoothly out of the palm, but not into its neighbours.
+        best = base
+        for finger, tip in enumerate(tips):
+            x = (finger - 2) * pitch
+            if abs(p[0] - x) > 2 * pitch:
+                continue
+            d = capsule(p, (x, 0.82, 0.0), (x, tip, 0.0), radius, 0.93 * radius)
+            best = min(best, smooth_union([base, d], 0.02))
+        return best
+
+    points, faces = surface_nets(value, (-0.62, -0.15, -0.25), (0.62, 1.8, 0.25), 0.0145, 0.05)
+    check_closed(faces)
+    write(folder, "hand.ply", binary_ply(points, faces, "a hand, its fingers side by side"))
+    scene(folder, "hand", "hand.ply", """cellwarp-handles 1
+# Fingers one percent of the diagonal apart: one is bent down, one up, one aside.
+fixed  wrist   box -2 -1 -1  2 0.25 1
+handle index   box -0.29 1.40 -1  -0.11 2 1
+handle middle  box -0.09 1.50 -1   0.09 2 1
+handle small   box  0.31 1.25 -1   0.6  2 1
+frame 1
+move index  rotate 1 0 0 75  translate 0 -0.33 0.40
+move middle rotate 1 0 0 -40  translate 0 -0.13 -0.28
+move small  rotate 0 0 1 -35  translate 0.28 -0.1 0
+""", ',\n  "cells": {"across": 40, "gap": 0.005}')
+
+
+def tube(path, radius, around, closed=False):
+    """Quads around a path of points; its ends are closed by fans unless it is closed."""
+    n = len(path)
+    points, faces, normal = [], [], None
+    frames = []
+    for i in range(n):
+        a, b = path[i - 1 if i or closed else 0], path[(i + 1) % n if closed else min(i + 1, n - 1)]
+        t = [b[k] - a[k] for k in range(3)]
+        length = math.sqrt(sum(x * x for x in t))
+        t = [x / length for x in t]
+        if normal is None:
+            normal = [0.0, 0.0, 0.0]
+            normal[min(range(3), key=lambda k: abs(t[k]))] = 1.0
+        # Carried along the path: the part across the tangent of the last normal.
+        along = sum(normal[k] * t[k] for k in range(3))
+        normal = [normal[k] - along * t[k] for k in range(3)]
+        length = math.sqrt(sum(x * x for x in normal))
+        normal = [x / length for x in normal]
+        frames.append((t, normal))
+    # A closed path comes back turned: the turn is spread over all of it.
+    spin = 0.0
+    if closed:
+        t, first = frames[0]
+        last = frames[-1][1]
+        other = [t[1] * first[2] - t[2] * first[1], t[2] * first[0] - t[0] * first[2],
+                 t[0] * first[1] - t[1] * first[0]]
+        spin = -math.atan2(sum(last[k] * other[k] for k in range(3)),
+                           sum(last[k] * first[k] for k in range(3)))
+    for i, (t, u) in enumerate(frames):
+        v = [t[1] * u[2] - t[2] * u[1], t[2] * u[0] - t[0] * u[2], t[0] * u[1] - t[1] * u[0]]
+        for a in range(around):
+            phi = 2 * math.pi * a / around + spin * i / n
+            points.append([path[i][k] + radius * (math.cos(phi) * u[k] + math.sin(phi) * v[k])
+                           for k in range(3)])
+    for i in range(n if closed else n - 1):
+        for a in range(around):
+            b, j = (a + 1) % around, (i + 1) % n
+            faces.append([i * around + a, i * around + b, j * around + b, j * around + a])
+    if not closed:
+        for end in (0, n - 1):
+            centre = len(points)
+            points.append(list(path[end]))
+            for a in range(around):
+                pair = [end * around + a, end * around + (a + 1) % around]
+                faces.append([centre] + (pair if end else pair[::-1]))
+    return points, faces
+
+
+def coil(folder):
+    turns, wire, pitch, radius = 7, 0.06, 0.139, 0.5
+    path = []
+    for i in range(64 * turns + 1):
+        phi = 2 * math.pi * i / 64
+        path.append((radius * math.cos(phi), pitch * i / 64, radius * math.sin(phi)))
+    points, faces = tube(path, wire, 14)
+    check_closed(faces)
+    write(folder, "coil.obj", obj(points, faces, "a coil spring, its turns side by side"))
+    scene(folder, "coil", "coil.obj", """cellwarp-handles 1
+units relative
+# The lowest half turn stands; the highest is lifted, tilted and moved aside.
+fixed  low   box -0.1 -0.1 -0.1  1.1 0.115 0.5
+handle high  box -0.1 0.885 0.5  1.1 1.1 1.1
+frame 1
+move high rotate 0 0 1 -40  translate 0.45 0.9 0
+""", ',\n  "cells": {"across": 28, "gap": 0.006}')
+
+
+def chain(folder):
+    lines, first = ["# a chain of five links that do not touch"], 1
+    for link in range(5):
+        path = []
+        for i in range(96):
+            # Two half circles and two straight sides.
+            s = i / 96 * (4 * 0.35 + 2 * math.pi * 0.2)
+            if s < 0.7:
+                p = (0.2, s - 0.35)
+            elif s < 0.7 + math.pi * 0.2:
+                phi = (s - 0.7) / 0.2
+                p = (0.2 * math.cos(phi), 0.35 + 0.2 * math.sin(phi))
+            elif s < 1.4 + math.pi * 0.2:
+                p = (-0.2, 0.35 - (s - 0.7 - math.pi * 0.2))
+            else:
+                phi = math.pi + (s - 1.4 - math.pi * 0.2) / 0.2
+                p = (0.2 * math.cos(phi), -0.35 + 0.2 * math.sin(phi))
+            y = p[1] + 0.79 * link
+            path.append((p[0], y, 0.0) if link % 2 == 0 else (0.0, y, p[0]))
+        points, faces = tube(path, 0.075, 16, closed=True)
+        check_closed(faces)
+        lines.append("g link%d" % (link + 1))
+        lines += ["v %.6g %.6g %.6g" % tuple(p) for p in points]
+        lines += ["f " + " ".join(str(i + first) for i in face) for face in faces]
+        first += len(points)
+    write(folder, "chain.obj", "\n".join(lines) + "\n")
+    scene(folder, "chain", "chain.obj", """cellwarp-handles 1
+# Only the middle link is bent; the two above go with its upper end.
+fixed  below  group link1
+fixed  below  group link2
+fixed  low    box -0.4 1.0 -0.4  0.4 1.3 0.4
+handle high   box -0.4 1.86 -0.4  0.4 2.2 0.4
+handle above  group link4
+handle above  group link5
+frame 1
+move high  rotate 0 1 0 70 about 0 1.58 0  rotate 0 0 1 -35 about 0 1.58 0
+move above rotate 0 1 0 70 about 0 1.58 0  rotate 0 0 1 -35 about 0 1.58 0
+""", ',\n  "cells": {"across": 64}')
+
+
+def knot(t):
+    return (math.sin(t) + 2 * math.sin(2 * t), math.cos(t) - 2 * math.cos(2 * t),
+            -math.sin(3 * t))
+
+
+def soup(folder):
+    rng = random.Random(3)
+    points, faces = tube([knot(2 * math.pi * i / 280) for i in range(280)], 0.5, 16,
+                         closed=True)
+    triangles = []
+    for face in faces:
+        a, b, c, d = (points[i] for i in face)
+        for corners in ((a, b, c), (a, c, d)):
+            turn = rng.randrange(3)
+            triangles.append(corners[turn:] + corners[:turn])
+    rng.shuffle(triangles)
+    data = bytearray(b"loose triangles of a knot, in random order".ljust(80))
+    data += struct.pack("<I", len(triangles))
+    for a, b, c in triangles:
+        u, v = ([q[k] - a[k] for k in range(3)] for q in (b, c))
+        n = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+        length = math.sqrt(sum(x * x for x in n))
+        data += struct.pack("<12fH", *(x / length for x in n), *a, *b, *c, 0)
+    write(folder, "soup.stl", bytes(data))
+    scene(folder, "soup", "soup.stl", """cellwarp-handles 1
+# One lobe of the knot stays, the others are pulled out and turned.
+fixed  low    halfspace 0 -1 0  2.2
+handle right  sphere  2.35 1.75 0  0.9
+handle left   sphere -2.35 1.75 0  0.9
+frame 1
+move right rotate 1 0 0 40  translate 1.0 0.7 0
+move left  rotate 1 0 0 40  translate -1.0 0.7 0
+""", ',\n  "cells": {"across": 40}')
+
+
+def scan(folder):
+    """What a scanner sees of the creature from three places: lines of points, noise,
+    and holes where nothing is seen."""
+    rng = random.Random(11)
+    parts = creature_parts()
+    value = creature_value(parts)
+    lines = ["# x y z strength: seen from three places"]
+    for yaw, height in ((25, 1.9), (150, 1.2), (265, 1.6)):
+        eye = (4.5 * math.sin(math.radians(yaw)), height, 4.5 * math.cos(math.radians(yaw)))
+        ahead = [(0.0, 1.2, -0.1)[k] - eye[k] for k in range(3)]
+        length = math.sqrt(sum(x * x for x in ahead))
+        ahead = [x / length for x in ahead]
+        side = (-ahead[2], 0.0, ahead[0])
+        length = math.hypot(side[0], side[2])
+        side = [x / length for x in side]
+        up = [side[1] * ahead[2] - side[2] * ahead[1], side[2] * ahead[0] - side[0] * ahead[2],
+              side[0] * ahead[1] - side[1] * ahead[0]]
+        for row in range(190):
+            for column in range(230):
+                if rng.random() < 0.04:
+                    continue  # no echo
+                x = (column - 115) * 0.0037 + rng.gauss(0, 2e-4)
+                y = (row - 95) * 0.0042
+                ray = [ahead[k] + x * side[k] + y * up[k] for k in range(3)]
+                length = math.sqrt(sum(c * c for c in ray))
+                ray = [c / length for c in ray]
+                t = 2.2
+                for _ in range(40):
+                    d = value([eye[k] + t * ray[k] for k in range(3)])
+                    t += d
+                    if d < 1e-3 or t > 7:
+                        break
+                if t < 7 and d < 1e-3:
+                    t += rng.gauss(0, 2e-3)
+                    p = [eye[k] + t * ray[k] for k in range(3)]
+                    lines.append("%.4f %.4f %.4f %d" % (*p, 1000 / t))
+    write(folder, "scan.xyz", "\n".join(lines) + "\n")
+    scene(folder, "scan", "scan.xyz", """cellwarp-handles 1
+# The creature bows and lifts one arm.
+fixed  feet  box -2 -1 -2  2 0.25 2
+handle head  sphere 0 2.08 0.05  0.42
+handle hand  sphere 1.22 1.46 0.12  0.2
+frame 1
+move head rotate 1 0 0 35  translate 0 -0.15 0.35
+move hand rotate 0 0 1 50  translate -0.15 0.6 0.1
+""")
+
+
 def main():
     here = os.path.dirname(os.path.abspath(__file__))
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
-    for make in (bar, plate, creature, vase, cloud):
-        make(folder)
-        print("made", make.__name__)
+    wanted = sys.argv[2:]
+    for make in (bar, plate, creature, vase, cloud, hand, coil, chain, soup, scan):
+        if not wanted or make.__name__ in wanted:
+            make(folder)
+            print("made", make.__name__)
 
 
 if __name__ == "__main__":

@@ -215,13 +215,13 @@ void Session::start_stage(std::size_t stage)
 
     measure_regions(shares);
     hold_cells(shares);
+    place_fades();
     for (const Cell& cell : s.body.cells.cells)
         s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     plan_frames(statements.frames);
 }
 
-/// Boxes of the regions' samples, where their corrections act, and which samples two
-/// of them share.
+/// Boxes of the regions' samples, and which samples two of them share.
 void Session::measure_regions(const std::vector<RegionShares>& shares)
 {
     StageState& s = *state_;
@@ -245,21 +245,6 @@ void Session::measure_regions(const std::vector<RegionShares>& shares)
             }
         s.box_low.push_back(low);
         s.box_high.push_back(high);
-    }
-
-    for (const Region& region : s.regions)
-    {
-        std::optional<RegionFade>& fade = s.fades.emplace_back();
-        if (!region.prescribes() || region.samples.empty())
-            continue;
-        std::vector<Eigen::Vector3d> points;
-        std::vector<int> cells;
-        for (const std::uint32_t i : region.samples)
-        {
-            points.push_back(s.body.samples[i]);
-            cells.push_back(s.body.cell_of_sample[i]);
-        }
-        fade.emplace(s.body.cells, points, cells);
     }
 
     // Samples of two regions: their motions must agree in every frame.
@@ -354,6 +339,32 @@ void Session::hold_cells(const std::vector<RegionShares>& shares)
                         "GB): a smaller --across or --max-depth needs less",
                         s.body.cells.size(), factor_bytes / 1e9,
                         settings_.cells.max_memory / 1e9));
+}
+
+/// Where the regions' corrections act: around their samples, and around the borders of
+/// their cells, where the field knows the motion too. Without these what lies just
+/// outside would depend on how near the last sample of the region happens to be.
+void Session::place_fades()
+{
+    StageState& s = *state_;
+    const std::vector<Sides> borders = prescribed_borders(s.body.cells, s.constraints);
+    for (std::size_t r = 0; r < s.regions.size(); ++r)
+    {
+        const Region& region = s.regions[r];
+        std::optional<RegionFade>& fade = s.fades.emplace_back();
+        if (!region.prescribes() || region.samples.empty())
+            continue;
+        std::vector<RegionFade::Node> samples, further;
+        for (const std::uint32_t i : region.samples)
+            samples.push_back({s.body.samples[i], s.body.cell_of_sample[i]});
+        for (std::size_t c = 0; c < s.constraints.size(); ++c)
+            if (s.region_of_cell[c] == static_cast<int>(r) &&
+                s.constraints[c].hold == Hold::Prescribed)
+                for (const Eigen::Vector3d& point :
+                     points_on(s.body.cells.cells[c], borders[c]))
+                    further.push_back({point, static_cast<int>(c)});
+        fade.emplace(s.body.cells, samples, further);
+    }
 }
 
 /// All frames as paths, so that a wrong one fails before the first is solved.

@@ -102,6 +102,7 @@ private:
     void start_stage(std::size_t stage);
     void measure_regions(const std::vector<RegionShares>& shares);
     void hold_cells(const std::vector<RegionShares>& shares);
+    void place_fades();
     void plan_frames(const std::vector<FrameStatement>& frames);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
     void solve_frame(FrameReport& report);

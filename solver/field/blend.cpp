@@ -9,6 +9,17 @@
 namespace cellwarp
 {
 
+Eigen::Vector3d nearest_in_box(const Eigen::Vector3d& centre, double edge,
+                               const Eigen::Vector3d& x)
+{
+    constexpr double kSlack = 1e-9;
+    const Eigen::Array3d half = Eigen::Array3d::Constant((0.5 + kSlack) * edge);
+    const Eigen::Array3d from_centre = (x - centre).array();
+    const Eigen::Array3d clamped = from_centre.max(-half).min(half);
+    // What is not clamped stays itself to the bit.
+    return (clamped == from_centre).select(x.array(), centre.array() + clamped).matrix();
+}
+
 ClosestCells::ClosestCells(const Cells& cells)
     : first_neighbour_(cells.first_neighbour), neighbours_(cells.neighbours)
 {
@@ -23,13 +34,10 @@ void ClosestCells::influences(const Eigen::Vector3d& x, int own,
                               std::vector<Influence>& out) const
 {
     out.clear();
-    const Eigen::Vector3d& box_centre = box_centres_[static_cast<std::size_t>(own)];
-    const Eigen::Array3d half =
-        Eigen::Array3d::Constant(0.5 * edges_[static_cast<std::size_t>(own)]);
-    const Eigen::Array3d from_centre = (x - box_centre).array();
-    const Eigen::Array3d clamped = from_centre.max(-half).min(half);
-    const Eigen::Array3d is_within = (clamped == from_centre).cast<double>();
-    const Eigen::Vector3d place = box_centre + clamped.matrix();
+    const Eigen::Vector3d place =
+        nearest_in_box(box_centres_[static_cast<std::size_t>(own)],
+                       edges_[static_cast<std::size_t>(own)], x);
+    const Eigen::Array3d is_within = (place.array() == x.array()).cast<double>();
     // With u = (1 - d/s)^2: grad u = -2 (1 - d/s) / s * (x - c) / d.
     const auto weigh = [&](int cell)
     {

@@ -29,6 +29,11 @@ struct Influence
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero(); ///< of the weight
 };
 
+/// The point of a box nearest to \p x. Its faces count as inside, also where rounding
+/// puts \p x beyond them.
+Eigen::Vector3d nearest_in_box(const Eigen::Vector3d& centre, double edge,
+                               const Eigen::Vector3d& x);
+
 /// Continuous weights (1 - d/s)^2+, d the distance to the centre of a cell's box
 /// and s its edge, over the point's own cell and the cells reached from it through
 /// glue between cells of positive weight. So parts that only lie side by side don't

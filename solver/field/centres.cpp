@@ -118,11 +118,44 @@ std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
 
 } // namespace
 
+std::vector<Sides> prescribed_borders(const Cells& cells,
+                                      std::span<const Constraint> constraints)
+{
+    std::vector<Sides> borders(cells.size(), Sides{});
+    for (const Face& face : cells.faces)
+    {
+        const std::size_t a = static_cast<std::size_t>(face.a);
+        const std::size_t b = static_cast<std::size_t>(face.b);
+        const bool is_border = (constraints[a].hold == Hold::Prescribed) !=
+                               (constraints[b].hold == Hold::Prescribed);
+        borders[a][static_cast<std::size_t>(2 * face.axis + 1)] |= is_border;
+        borders[b][static_cast<std::size_t>(2 * face.axis)] |= is_border;
+    }
+    return borders;
+}
+
+std::vector<Eigen::Vector3d> points_on(const Cell& cell, const Sides& sides)
+{
+    std::vector<Eigen::Vector3d> points;
+    for (int k = 0; k < 27; ++k)
+    {
+        const Eigen::Vector3i place(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+        bool is_on = false;
+        for (int axis = 0; axis < 3; ++axis)
+            is_on =
+                is_on || (place[axis] != 0 &&
+                          sides[static_cast<std::size_t>(2 * axis + (place[axis] > 0))]);
+        if (is_on)
+            points.push_back(cell.box_centre + 0.5 * cell.edge * place.cast<double>());
+    }
+    return points;
+}
+
 CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
                            std::span<const Constraint> constraints)
     : cells_(cells), poses_(poses), constraints_(constraints),
       finest_(std::numeric_limits<double>::infinity()), sides_(cells.size()),
-      borders_(cells.size(), std::array<bool, 6>{})
+      borders_(prescribed_borders(cells, constraints))
 {
     for (const Cell& cell : cells.cells)
         finest_ = std::min(finest_, cell.edge);
@@ -131,14 +164,8 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
     std::vector<Eigen::Vector3d> open(cells.size(), Eigen::Vector3d::Zero());
     for (const Face& face : cells.faces)
     {
-        const std::size_t a = static_cast<std::size_t>(face.a);
-        const std::size_t b = static_cast<std::size_t>(face.b);
-        open[a][face.axis] -= face.area;
-        open[b][face.axis] += face.area;
-        const bool is_border = (constraints[a].hold == Hold::Prescribed) !=
-                               (constraints[b].hold == Hold::Prescribed);
-        borders_[a][static_cast<std::size_t>(2 * face.axis + 1)] |= is_border;
-        borders_[b][static_cast<std::size_t>(2 * face.axis)] |= is_border;
+        open[static_cast<std::size_t>(face.a)][face.axis] -= face.area;
+        open[static_cast<std::size_t>(face.b)][face.axis] += face.area;
     }
     parallel_for(cells.size(),
                  [&](std::size_t i)
@@ -151,20 +178,6 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
                      if (constraints_[i].hold != Hold::Prescribed)
                          sides_[i] = sides_of(cells_, static_cast<int>(i), open[i]);
                  });
-}
-
-/// Of a prescribed cell: its corners, and all points of the half lattice on a side that a
-/// cell which is not prescribed is glued to. There the strain is largest, and what an RBF
-/// misses between corners would be left to the fade.
-bool CentreChoice::is_known_point(std::size_t cell, const Eigen::Vector3i& side) const
-{
-    if ((side.array() != 0).all())
-        return true;
-    for (int axis = 0; axis < 3; ++axis)
-        if (side[axis] != 0 &&
-            borders_[cell][static_cast<std::size_t>(2 * axis + (side[axis] > 0))])
-            return true;
-    return false;
 }
 
 RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
@@ -194,13 +207,18 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
         add(i, cell.centre);
         for (const Eigen::Vector3d& side : sides_[i])
             add(i, cell.centre + side);
-        for (int k = 0; k < 27 && constraints_[i].hold == Hold::Prescribed; ++k)
+        if (constraints_[i].hold != Hold::Prescribed)
+            continue;
+        // Its corners, and more where free cells meet it: there the strain is largest,
+        // and what an RBF misses between corners would be left to the fade.
+        std::vector<Eigen::Vector3d> points = points_on(cell, borders_[i]);
+        for (int k = 0; k < 8; ++k)
+            points.push_back(cell.box_centre + 0.5 * cell.edge *
+                                                   Eigen::Vector3d(k & 1 ? 1 : -1,
+                                                                   k & 2 ? 1 : -1,
+                                                                   k & 4 ? 1 : -1));
+        for (const Eigen::Vector3d& point : points)
         {
-            const Eigen::Vector3i side(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-            if (!is_known_point(i, side))
-                continue;
-            const Eigen::Vector3d point =
-                cell.box_centre + 0.5 * cell.edge * side.cast<double>();
             std::array<std::int64_t, 3> key;
             for (int axis = 0; axis < 3; ++axis)
                 key[static_cast<std::size_t>(axis)] =

@@ -21,6 +21,16 @@ struct RbfCentres
     std::vector<Eigen::Vector3d> points, displacements;
 };
 
+/// Of a cell's box: low x, high x, low y, ...
+using Sides = std::array<bool, 6>;
+
+/// The sides of each cell at which a prescribed cell is glued to one that is not.
+std::vector<Sides> prescribed_borders(const Cells& cells,
+                                      std::span<const Constraint> constraints);
+
+/// Corners, middles of edges and middle of these sides of the cell's box.
+std::vector<Eigen::Vector3d> points_on(const Cell& cell, const Sides& sides);
+
 /// Chooses the centres: the centroid of every cell that is not idle; the corners of
 /// prescribed ones, whose motion is known, and more points where free cells meet them; of
 /// other cells at a free surface a point there; and where the material is one cell thick,
@@ -37,16 +47,13 @@ public:
     RbfCentres centres_of(std::span<const int> some_cells) const;
 
 private:
-    bool is_known_point(std::size_t cell, const Eigen::Vector3i& side) const;
-
     const Cells& cells_;
     std::span<const Pose> poses_;
     std::span<const Constraint> constraints_;
     double finest_ = 0.0; ///< edge of the smallest cell
     /// Offsets of the further points of each cell from its centroid.
     std::vector<std::vector<Eigen::Vector3d>> sides_;
-    /// Sides (low x, high x, low y, ...) at which one of two cells is prescribed.
-    std::vector<std::array<bool, 6>> borders_;
+    std::vector<Sides> borders_;
 };
 
 } // namespace cellwarp

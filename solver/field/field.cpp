@@ -94,9 +94,7 @@ FieldValue Field::base(const Eigen::Vector3d& x, int own,
         value.displacement =
             local_ ? local_->displacement(x, influences) : global_->displacement(x);
     const Cell& cell = cells_.cells[static_cast<std::size_t>(own)];
-    const Eigen::Array3d half = Eigen::Array3d::Constant(0.5 * cell.edge);
-    const Eigen::Array3d from_centre = (x - cell.box_centre).array();
-    const Eigen::Vector3d beyond = from_centre - from_centre.max(-half).min(half);
+    const Eigen::Vector3d beyond = x - nearest_in_box(cell.box_centre, cell.edge, x);
     const double distance = beyond.norm();
     if (distance == 0.0)
         return value;

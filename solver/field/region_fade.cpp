@@ -20,6 +20,7 @@
 #include <limits>
 #include <map>
 #include <queue>
+#include <set>
 #include <tuple>
 
 #include <unsupported/Eigen/AutoDiff>
@@ -45,35 +46,69 @@ constexpr double kSlopeShare = 0.35;
 using Dual = Eigen::AutoDiffScalar<Eigen::Vector3d>;
 const Eigen::Vector3d kNoSlope = Eigen::Vector3d::Zero();
 
-std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> points)
+/// Further nodes this near to another node are the same place [edge].
+constexpr double kSamePlace = 1e-6;
+
+/// The first node of every place.
+std::vector<RegionFade::Node> distinct(std::span<const RegionFade::Node> nodes)
 {
-    std::map<std::tuple<double, double, double>, std::size_t> first;
-    for (std::size_t i = 0; i < points.size(); ++i)
-        first.try_emplace({points[i].x(), points[i].y(), points[i].z()}, i);
-    std::vector<std::size_t> kept;
-    for (const auto& [place, i] : first)
-        kept.push_back(i);
-    std::sort(kept.begin(), kept.end());
+    std::set<std::tuple<double, double, double>> places;
+    std::vector<RegionFade::Node> kept;
+    for (const RegionFade::Node& node : nodes)
+        if (places.emplace(node.place.x(), node.place.y(), node.place.z()).second)
+            kept.push_back(node);
     return kept;
 }
 
-template <class Value>
-std::vector<Value> picked(std::span<const Value> values,
-                          const std::vector<std::size_t>& kept)
+std::vector<Eigen::Vector3d> places_of(std::span<const RegionFade::Node> nodes)
 {
-    std::vector<Value> result;
-    for (const std::size_t i : kept)
-        result.push_back(values[i]);
-    return result;
+    std::vector<Eigen::Vector3d> places;
+    for (const RegionFade::Node& node : nodes)
+        places.push_back(node.place);
+    return places;
+}
+
+/// Samples are told apart to the bit, because each must be met; further nodes, which
+/// only inform their surroundings, are not.
+std::vector<RegionFade::Node> joined(const Cells& cells,
+                                     std::span<const RegionFade::Node> samples,
+                                     std::span<const RegionFade::Node> further)
+{
+    std::vector<RegionFade::Node> nodes = distinct(samples);
+    if (further.empty())
+        return nodes;
+    const PointTree sample_tree(places_of(nodes)), further_tree(places_of(further));
+    // A corner of the lattice is a corner of eight cells, on up to three sides of each.
+    constexpr std::size_t kCopies = 24;
+    std::vector<PointTree::Neighbour> near;
+    for (std::size_t i = 0; i < further.size(); ++i)
+    {
+        const RegionFade::Node& node = further[i];
+        const double same =
+            kSamePlace * cells.cells[static_cast<std::size_t>(node.cell)].edge;
+        bool is_new = sample_tree.nearest(node.place).distance_squared > same * same;
+        further_tree.nearest(node.place, kCopies, near);
+        for (const PointTree::Neighbour& other : near)
+            is_new = is_new && (other.index >= i || other.distance_squared > same * same);
+        if (is_new)
+            nodes.push_back(node);
+    }
+    return nodes;
 }
 
 } // namespace
 
-RegionFade::RegionFade(const Cells& cells, std::span<const Eigen::Vector3d> samples,
-                       std::span<const int> sample_cells)
-    : tree_(picked(samples, distinct(samples))),
-      node_cells_(picked(sample_cells, distinct(samples)))
+RegionFade::RegionFade(const Cells& cells, std::span<const Node> samples,
+                       std::span<const Node> further)
+    : RegionFade(cells, joined(cells, samples, further))
 {
+}
+
+RegionFade::RegionFade(const Cells& cells, const std::vector<Node>& nodes)
+    : tree_(places_of(nodes))
+{
+    for (const Node& node : nodes)
+        node_cells_.push_back(node.cell);
     double edge = 0.0;
     for (const int cell : node_cells_)
         edge = std::max(edge, cells.cells[static_cast<std::size_t>(cell)].edge);

@@ -21,12 +21,20 @@ namespace cellwarp
 class RegionFade
 {
 public:
-    /// \p samples: rest places of the region's samples; \p sample_cells the cells
-    /// that hold them. \pre not empty
-    RegionFade(const Cells& cells, std::span<const Eigen::Vector3d> samples,
-               std::span<const int> sample_cells);
+    /// A place whose motion is known, and the cell that holds it.
+    struct Node
+    {
+        Eigen::Vector3d place;
+        int cell;
+    };
 
-    /// The distinct places of the samples, and the cells that hold them.
+    /// \p samples: those of the region. \p further: other places that move with it;
+    /// such as coincide with others, up to rounding, are left out.
+    /// \pre samples is not empty
+    RegionFade(const Cells& cells, std::span<const Node> samples,
+               std::span<const Node> further);
+
+    /// The distinct places, and the cells that hold them.
     const std::vector<Eigen::Vector3d>& nodes() const { return tree_.points(); }
     const std::vector<int>& node_cells() const { return node_cells_; }
 
@@ -52,6 +60,8 @@ public:
     const std::vector<int>& near_cells() const { return near_cells_; }
 
 private:
+    RegionFade(const Cells& cells, const std::vector<Node>& nodes);
+
     PointTree tree_;
     std::vector<int> node_cells_;
     std::vector<int> near_cells_; ///< ascending

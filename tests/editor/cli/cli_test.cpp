@@ -295,7 +295,8 @@ TEST(Cli, the_surveys_pair_and_stdout_work)
 
 TEST(Cli, every_sample_scene_is_in_order)
 {
-    for (const char* name : {"bar", "plate", "creature", "vase", "cloud"})
+    for (const char* name : {"bar", "plate", "creature", "vase", "cloud", "hand", "coil",
+                             "chain", "soup", "scan"})
     {
         const Result result =
             run({"check", support::samples_folder() + "/" + name + ".json"});

@@ -457,6 +457,13 @@ struct RegionCase
     Motion motion{rotation_about(Eigen::Vector3d::UnitZ(), 0.02), {0.01, 0, 0}};
     std::vector<Constraint> constraints{bar.cells.size()};
 
+    std::vector<RegionFade::Node> nodes() const
+    {
+        std::vector<RegionFade::Node> result;
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            result.push_back({samples[i], cells[i]});
+        return result;
+    }
     RegionCase()
     {
         for (int i = 0; i <= 12; ++i)
@@ -474,7 +481,7 @@ struct RegionCase
 TEST(RegionFade, region_samples_follow_their_motion_to_the_bit)
 {
     const RegionCase c;
-    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
     for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
     {
         const Field field(kind, c.bar.cells, rigid(c.bar, Motion()), c.constraints,
@@ -489,10 +496,27 @@ TEST(RegionFade, region_samples_follow_their_motion_to_the_bit)
     }
 }
 
+TEST(RegionFade, further_nodes_count_once_and_not_where_a_sample_is)
+{
+    const RegionCase c;
+    std::vector<RegionFade::Node> samples = c.nodes(), further;
+    samples.push_back({samples[3].place + Eigen::Vector3d(1e-9, 0, 0), samples[3].cell});
+    samples.push_back(samples[4]);
+    const std::size_t num_samples = samples.size() - 1;
+    for (const double hair : {0.0, 1e-12, -1e-12})
+    {
+        further.push_back({{1.1 + hair, 1.1, 1.1}, c.cells[0]});
+        further.push_back({samples[5].place + Eigen::Vector3d(0, hair, 0), c.cells[5]});
+    }
+    const RegionFade fade(c.bar.cells, samples, further);
+    EXPECT_EQ(fade.nodes().size(), num_samples + 1);
+    EXPECT_EQ(fade.nodes().back(), further.front().place);
+}
+
 TEST(RegionFade, fades_without_a_step_and_ends)
 {
     const RegionCase c;
-    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
     const Field field(FieldKind::Blend, c.bar.cells, rigid(c.bar, Motion()),
                       c.constraints, {{&fade, c.motion, false, {}}});
     Eigen::Vector3d last = Eigen::Vector3d::Zero();
@@ -516,7 +540,7 @@ TEST(RegionFade, fades_without_a_step_and_ends)
 TEST(RegionFade, gradient_matches_finite_differences)
 {
     const RegionCase c;
-    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
     std::mt19937 rng(9);
     for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
     {
@@ -544,7 +568,7 @@ TEST(RegionFade, gradient_matches_finite_differences)
 TEST(Field, threads_do_not_change_a_bit)
 {
     const RegionCase c;
-    const RegionFade fade(c.bar.cells, c.samples, c.cells);
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
     std::vector<Eigen::Vector3d> first;
     for (const int threads : {1, 2, 4})
     {
