@@ -49,7 +49,9 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
             {
                 const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
                 const int piece = pieces.piece_of_voxel[grid.index(voxel)];
-                if (piece < 0)
+                // A crumb belongs to another leaf's piece.
+                if (piece < first_piece ||
+                    piece >= first_piece + static_cast<int>(cells.size()))
                     continue;
                 const std::size_t at = static_cast<std::size_t>(piece - first_piece);
                 const Eigen::Vector3d size(extent(grid, 0, voxel.x()),
@@ -97,7 +99,9 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 above[axis] += 1;
                 const int a = pieces.piece_of_voxel[grid.index(below)];
                 const int b = pieces.piece_of_voxel[grid.index(above)];
-                if (a < 0 || b < 0)
+                if (a < 0 || b < 0 || a == b ||
+                    pieces.leaf_of_piece[static_cast<std::size_t>(a)] !=
+                        static_cast<int>(leaf_index))
                     continue;
                 const double area = extent(grid, u, below[u]) * extent(grid, v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);

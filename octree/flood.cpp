@@ -19,6 +19,10 @@ namespace
 /// marks, not an inside.
 constexpr double kMinInsideShare = 0.02;
 
+/// How much deeper than the radius that sealed it an inside is somewhere [voxel].
+/// Balls around the points of a sheet enclose pockets, but only shallow ones.
+constexpr float kMinDepth = 1.5f;
+
 /// A copy of the grid's marks with a free border all around, so that a flood can
 /// come from every side.
 struct PaddedMarks
@@ -101,9 +105,15 @@ double fill_by_flood(VoxelGrid& grid, int max_radius,
         const float r_squared = static_cast<float>(r * r);
         std::vector<std::uint8_t> reached = flooded(distances, r_squared, padded.counts);
         std::size_t inside = 0;
+        float deepest = 0.0f;
         for (std::size_t i = 0; i < reached.size(); ++i)
-            inside += !reached[i] && distances[i] > r_squared;
-        if (inside > best_inside)
+            if (!reached[i] && distances[i] > r_squared)
+            {
+                ++inside;
+                deepest = std::max(deepest, distances[i]);
+            }
+        const float depth = static_cast<float>(r) + kMinDepth;
+        if (inside > best_inside && (r == 0 || deepest >= depth * depth))
         {
             best_inside = inside;
             best_radius = r;
@@ -126,12 +136,12 @@ double fill_by_flood(VoxelGrid& grid, int max_radius,
     return best_radius;
 }
 
-void spread(VoxelGrid& grid, double r)
+void spread(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double r)
 {
-    const std::vector<float> distances =
-        squared_distances(grid.material(), grid.counts());
+    const std::vector<float> distances = squared_distances(marks, grid.counts());
     for (std::size_t i = 0; i < grid.size(); ++i)
-        grid.material()[i] = distances[i] <= static_cast<float>(r * r);
+        if (distances[i] <= static_cast<float>(r * r))
+            grid.material()[i] = 1;
 }
 
 void join_fragments(VoxelGrid& grid, int reach)

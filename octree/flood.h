@@ -17,9 +17,9 @@ namespace cellwarp
 double fill_by_flood(VoxelGrid& grid, int max_radius,
                      const std::function<bool(std::size_t)>& may_fill);
 
-/// Widens every mark to a ball of radius \p r [voxel]: a sheet of points becomes
-/// connected. (A closing would take off again all that lies between its points.)
-void spread(VoxelGrid& grid, double r);
+/// Adds to the material a ball of radius \p r [voxel] around each of \p marks: a sheet of
+/// points becomes connected. (A closing would take off again all that lies between.)
+void spread(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double r);
 
 /// Joins parts of the material that are at most \p reach voxels apart, nearest ones
 /// first, by the voxels in between. Samples of one surface may otherwise touch at

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "octree/distance_transform.h"
 #include "octree/flood.h"
 #include "octree/point_tree.h"
 #include "octree/surface_marks.h"
@@ -24,6 +25,21 @@ constexpr double kMaxSealRadius = 0.04;
 /// A surface counts as nearly closed below this share of open edges. A soup that
 /// lost every third triangle has more than half of its edges open.
 constexpr double kNearlyClosed = 0.2;
+
+/// Spreads the marks that bound no inside, none being within \p reach: an open sheet
+/// beside a closed body must hold together as well. Lengths in voxels.
+void spread_sheets(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double reach,
+                   double r)
+{
+    std::vector<std::uint8_t> inside = grid.material();
+    for (std::size_t i = 0; i < inside.size(); ++i)
+        inside[i] = inside[i] && !marks[i];
+    const std::vector<float> distances = squared_distances(inside, grid.counts());
+    std::vector<std::uint8_t> sheet = marks;
+    for (std::size_t i = 0; i < sheet.size(); ++i)
+        sheet[i] = marks[i] && distances[i] > static_cast<float>(reach * reach);
+    spread(grid, sheet, r);
+}
 
 } // namespace
 
@@ -61,6 +77,7 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
     mark_surface(shape, grid);
+    const std::vector<std::uint8_t> marks = grid.material();
     const double voxel = grid_shape.voxel();
     const bool is_cloud = shape.triangles.empty();
     if (is_cloud)
@@ -93,13 +110,17 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
         {
             material.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
             material.seal_radius = radius * voxel;
+            if (is_cloud)
+                spread_sheets(grid, marks,
+                              std::max<double>(radius, reach_of_samples) + 1.0,
+                              0.5 * (reach_of_samples + 1));
             join_fragments(grid, std::max(1, reach_of_samples));
             return material;
         }
     }
     if (reach_of_samples > 0)
     {
-        spread(grid, 0.5 * reach_of_samples);
+        spread(grid, marks, 0.5 * (reach_of_samples + 1));
         join_fragments(grid, reach_of_samples);
     }
     return material;

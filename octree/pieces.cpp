@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/pieces.h"
 
+#include <algorithm>
+#include <cmath>
+#include <map>
+
 #include "octree/parallel.h"
 
 namespace cellwarp
@@ -50,6 +54,83 @@ int label_leaf(const VoxelGrid& grid, const VoxelBlock& block,
     return count;
 }
 
+/// Calls visit(voxel) for all of a block.
+template <class Visit>
+void for_each_voxel(const VoxelBlock& block, Visit&& visit)
+{
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+                visit(Eigen::Vector3i(block.first + Eigen::Vector3i(i, j, k)));
+}
+
+/// A piece below this share of its leaf, beside another one there, is a crumb: a notch
+/// in a soup leaves such. As a cell of its own it would dangle by a voxel's face.
+constexpr double kCrumb = 0.02;
+
+/// For each piece that is a crumb the piece of another leaf that it touches most, for
+/// all others -1. \p first: of each leaf, and the end.
+std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
+                                   const Pieces& pieces,
+                                   const std::vector<std::int32_t>& first)
+{
+    std::vector<std::int32_t> adopter(pieces.size(), -1);
+    std::vector<int> sizes(pieces.size(), 0);
+    const auto piece_at = [&](const Eigen::Vector3i& voxel)
+    { return pieces.piece_of_voxel[grid.index(voxel)]; };
+    std::vector<bool> is_crumb(pieces.size(), false);
+    for (const bool is_first_pass : {true, false})
+        for (std::size_t leaf = 0; leaf + 1 < first.size(); ++leaf)
+        {
+            if (first[leaf + 1] - first[leaf] < 2)
+                continue;
+            const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf]);
+            if (is_first_pass)
+            {
+                for_each_voxel(block,
+                               [&](const Eigen::Vector3i& voxel)
+                               {
+                                   if (const std::int32_t piece = piece_at(voxel);
+                                       piece >= 0)
+                                       ++sizes[static_cast<std::size_t>(piece)];
+                               });
+                const double least = kCrumb * std::pow(block.width, 3);
+                for (std::int32_t piece = first[leaf]; piece < first[leaf + 1]; ++piece)
+                    is_crumb[static_cast<std::size_t>(piece)] =
+                        sizes[static_cast<std::size_t>(piece)] < least;
+                continue;
+            }
+            std::map<std::int32_t, std::map<std::int32_t, int>> touches;
+            for_each_voxel(block,
+                           [&](const Eigen::Vector3i& voxel)
+                           {
+                               const std::int32_t piece = piece_at(voxel);
+                               if (piece < 0 ||
+                                   !is_crumb[static_cast<std::size_t>(piece)])
+                                   return;
+                               for (int axis = 0; axis < 3; ++axis)
+                                   for (const int step : {-1, 1})
+                                   {
+                                       Eigen::Vector3i next = voxel;
+                                       next[axis] += step;
+                                       if (!grid.contains(next))
+                                           continue;
+                                       const std::int32_t other = piece_at(next);
+                                       if (other >= 0 && other != piece &&
+                                           !is_crumb[static_cast<std::size_t>(other)])
+                                           ++touches[piece][other];
+                                   }
+                           });
+            for (const auto& [piece, others] : touches)
+                adopter[static_cast<std::size_t>(piece)] =
+                    std::max_element(others.begin(), others.end(),
+                                     [](const auto& a, const auto& b)
+                                     { return a.second < b.second; })
+                        ->first;
+        }
+    return adopter;
+}
+
 } // namespace
 
 Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
@@ -64,7 +145,7 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
                      counts[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i]),
                                             pieces.piece_of_voxel);
                  });
-    std::vector<std::int32_t> first(leaves.size());
+    std::vector<std::int32_t> first(leaves.size() + 1);
     for (std::size_t i = 0; i < leaves.size(); ++i)
     {
         first[i] = static_cast<std::int32_t>(pieces.size());
@@ -72,21 +153,41 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
                                     static_cast<std::size_t>(counts[i]),
                                     static_cast<int>(i));
     }
-    parallel_for(leaves.size(),
-                 [&](std::size_t i)
-                 {
-                     const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
-                     for (int k = 0; k < block.width; ++k)
-                         for (int j = 0; j < block.width; ++j)
-                             for (int x = 0; x < block.width; ++x)
-                             {
-                                 std::int32_t& piece = pieces.piece_of_voxel[grid.index(
-                                     block.first.x() + x, block.first.y() + j,
-                                     block.first.z() + k)];
-                                 if (piece >= 0)
-                                     piece += first[i];
-                             }
-                 });
+    first.back() = static_cast<std::int32_t>(pieces.size());
+    const auto renumber = [&](auto&& number_of)
+    {
+        parallel_for(leaves.size(),
+                     [&](std::size_t i)
+                     {
+                         for_each_voxel(voxel_block(grid.shape(), leaves[i]),
+                                        [&](const Eigen::Vector3i& voxel)
+                                        {
+                                            std::int32_t& piece =
+                                                pieces.piece_of_voxel[grid.index(voxel)];
+                                            if (piece >= 0)
+                                                piece = number_of(i, piece);
+                                        });
+                     });
+    };
+    renumber([&](std::size_t leaf, std::int32_t piece) { return first[leaf] + piece; });
+    const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);
+    std::vector<std::int32_t> number(pieces.size());
+    std::vector<int> leaf_of_kept;
+    for (std::size_t piece = 0; piece < pieces.size(); ++piece)
+    {
+        number[piece] = static_cast<std::int32_t>(leaf_of_kept.size());
+        if (adopter[piece] < 0)
+            leaf_of_kept.push_back(pieces.leaf_of_piece[piece]);
+    }
+    if (leaf_of_kept.size() == pieces.size())
+        return pieces;
+    renumber(
+        [&](std::size_t, std::int32_t piece)
+        {
+            const std::int32_t by = adopter[static_cast<std::size_t>(piece)];
+            return number[static_cast<std::size_t>(by < 0 ? piece : by)];
+        });
+    pieces.leaf_of_piece = std::move(leaf_of_kept);
     return pieces;
 }
 

@@ -12,7 +12,9 @@
 namespace cellwarp
 {
 
-/// Sorted by leaf; within a leaf by first voxel.
+/// Sorted by leaf; within a leaf by first voxel. Crumbs, pieces too small to be bodies
+/// beside another one in their leaf, belong to a piece of a neighbouring leaf: what is
+/// there follows it, but they count for nothing else.
 struct Pieces
 {
     std::vector<int> leaf_of_piece;

@@ -77,6 +77,26 @@ TEST(Cells, two_fingers_in_one_leaf_are_two_cells)
                   components[static_cast<std::size_t>(face.b)]);
 }
 
+TEST(Cells, a_crumb_beside_another_piece_belongs_to_its_neighbour)
+{
+    // A thin bar reaches by a voxel into a leaf that holds part of a block.
+    const Shape shape =
+        joined(box_shape({0, 0, 0}, {2.03, 0.3, 0.3}), box_shape({2.3, 0, 0}, {4, 1, 1}));
+    const Built two = built(shape, 4, 0, Fill::Solid, 0.04);
+    EXPECT_EQ(two.octree.leaves().size(), 4u);
+    ASSERT_EQ(two.cells.size(), 4u);
+    const VoxelGrid& grid = two.material.grid;
+    const auto cell_at = [&](double x) {
+        return two.pieces.piece_of_voxel[grid.index(grid.locate({x, 0.1, 0.1}))];
+    };
+    EXPECT_EQ(cell_at(2.02), cell_at(1.5));
+    EXPECT_NE(cell_at(2.02), cell_at(2.5));
+    const std::vector<int> components = connected_components(two.cells);
+    EXPECT_EQ(*std::max_element(components.begin(), components.end()), 1);
+    for (const Face& face : two.cells.faces)
+        EXPECT_NE(face.a, face.b);
+}
+
 TEST(Cells, cells_that_meet_at_an_edge_only_are_not_glued)
 {
     const Shape diagonal =

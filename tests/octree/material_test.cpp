@@ -151,6 +151,65 @@ TEST(Material, an_open_sheet_is_a_shell)
     EXPECT_EQ(found(sheet).method, InsideMethod::None);
 }
 
+TEST(Material, a_tilted_sheet_of_points_encloses_nothing)
+{
+    std::mt19937 rng(31);
+    for (int trial = 0; trial < 2; ++trial)
+    {
+        const Eigen::Matrix3d Q = support::random_rotation(rng);
+        Shape sheet;
+        Eigen::Vector3d low = Eigen::Vector3d::Constant(1e9), high = -low;
+        for (int i = 0; i <= 120; ++i)
+            for (int j = 0; j <= 30; ++j)
+            {
+                sheet.samples.push_back(Q * Eigen::Vector3d(i / 30.0, j / 30.0, 0));
+                low = low.cwiseMin(sheet.samples.back());
+                high = high.cwiseMax(sheet.samples.back());
+            }
+        for (Eigen::Vector3d& x : sheet.samples)
+            x -= low;
+        const Material material = find_material(
+            sheet,
+            grid_shape(high - low, 24, 0, 0.008 / std::sqrt(6.0) * (high - low).norm()),
+            Fill::Solid);
+        EXPECT_EQ(material.method, InsideMethod::None);
+        // A layer about as thick as the points are apart.
+        EXPECT_LT(volume(material.grid), 4.0 * 1.0 * 0.1);
+    }
+}
+
+TEST(Material, an_open_sheet_beside_a_closed_body_holds_together)
+{
+    // A ball of points with a flat wing.
+    std::mt19937 rng(9);
+    Shape shape;
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < 12000; ++i)
+        shape.samples.push_back(
+            Eigen::Vector3d(1, 1, 1) +
+            Eigen::Vector3d(normal(rng), normal(rng), normal(rng)).normalized());
+    for (int i = 0; i < 4000; ++i)
+        shape.samples.emplace_back(support::random_number(rng, 1.99, 4.0),
+                                   support::random_number(rng, 0.5, 1.5), 1.0);
+    const GridShape grid = grid_shape({4, 2, 2}, 16, 0, 0.0165);
+    const Material material = find_material(shape, grid, Fill::Solid);
+    EXPECT_EQ(material.method, InsideMethod::Flood);
+    // No layer on the ball; the wing as thick as its points are apart.
+    EXPECT_NEAR(volume(material.grid), 4.0 / 3.0 * std::numbers::pi, 0.35);
+    const Octree octree(grid, material_test(material.grid));
+    const Cells cells =
+        build_cells(material.grid, octree, find_pieces(material.grid, octree));
+    int in_wing = 0, glued = 0;
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        if (cells.cells[c].box_centre.x() > 2.3)
+        {
+            ++in_wing;
+            glued += cells.neighbours_of(static_cast<int>(c)).size() >= 2;
+        }
+    EXPECT_GT(in_wing, 20);
+    EXPECT_GT(glued, 0.9 * in_wing); // a corner may hang by one side
+}
+
 TEST(Material, the_points_of_one_cloud_are_one_piece)
 {
     // Sparse enough that some points touch others at an edge only.

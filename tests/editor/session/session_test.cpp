@@ -179,6 +179,156 @@ TEST(Session, meshes_of_one_shape_bend_alike)
     EXPECT_LT(worst / std::sqrt(18.0), 1e-3);
 }
 
+TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
+{
+    const Shape mesh = survey_bar(54);
+    const Session wanted = played(model(mesh), kTwist, settings(32));
+    const Body& body = *wanted.stage().body;
+    const auto check = [&](const Shape& shape, double rms, double largest)
+    {
+        const Session session = played(model(shape), kTwist, settings(32));
+        double sum = 0.0, worst = 0.0;
+        for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        {
+            const Eigen::Vector3d x = body.frame.to_work(shape.samples[i]);
+            const int own = body.pieces.piece_of_voxel[body.material.grid.index(
+                body.material.grid.locate(x))];
+            const Eigen::Vector3d moved =
+                shape.samples[i] +
+                body.frame.vector_to_model(
+                    wanted.field()->displacements({&x, 1}, {&own, 1})[0]);
+            const double apart =
+                (session.patch().samples[i] - moved).norm() / std::sqrt(18.0);
+            sum += apart * apart;
+            worst = std::max(worst, apart);
+        }
+        EXPECT_LT(std::sqrt(sum / static_cast<double>(shape.samples.size())), rms);
+        EXPECT_LT(worst, largest);
+    };
+    Shape third;
+    std::vector<Triangle> shuffled = mesh.triangles;
+    std::shuffle(shuffled.begin(), shuffled.end(), std::mt19937(4));
+    shuffled.resize(shuffled.size() / 3);
+    for (const Triangle& triangle : shuffled)
+    {
+        const std::uint32_t first = static_cast<std::uint32_t>(third.samples.size());
+        for (const std::uint32_t corner : triangle)
+            third.samples.push_back(mesh.samples[corner]);
+        third.triangles.push_back({first, first + 1, first + 2});
+    }
+    check(third, 1e-3, 3e-3);
+    check(Shape{support::random_points(mesh, 200000, 6), {}}, 1e-3, 3e-3);
+}
+
+TEST(Session, flaws_of_a_mesh_change_little)
+{
+    const Shape clean = survey_bar(12);
+    const std::vector<Eigen::Vector3d> wanted =
+        played(model(clean), kTwist, settings(16)).patch().samples;
+    const auto check = [&](const Shape& flawed, double tolerance)
+    {
+        const Session session = played(model(flawed), kTwist, settings(16));
+        double worst = 0.0;
+        for (std::size_t i = 0; i < wanted.size(); ++i)
+            worst = std::max(worst, (session.patch().samples[i] - wanted[i]).norm());
+        EXPECT_LT(worst / std::sqrt(18.0), tolerance);
+    };
+    Shape flawed = clean;
+    flawed.triangles.push_back(clean.triangles[3]); // twice
+    flawed.triangles.push_back({clean.triangles[4][0], clean.triangles[4][2],
+                                clean.triangles[4][1]}); // reversed
+    flawed.triangles.push_back({0, 0, 1});               // degenerate
+    flawed.samples.push_back({0.1, 0.05, 2.03});         // isolated
+    check(flawed, 1e-12);
+    Shape turned = clean; // half of the faces look inwards
+    for (std::size_t t = 0; t < turned.triangles.size(); t += 2)
+        std::swap(turned.triangles[t][0], turned.triangles[t][1]);
+    check(turned, 1e-3);
+    Shape walled = clean; // a wall inside: edges of three faces
+    const auto near = [&](double x, double y)
+    {
+        std::size_t best = 0;
+        const Eigen::Vector3d place(x, y, 2.0);
+        for (std::size_t i = 0; i < clean.samples.size(); ++i)
+            if ((clean.samples[i] - place).norm() < (clean.samples[best] - place).norm())
+                best = i;
+        return static_cast<std::uint32_t>(best);
+    };
+    walled.triangles.push_back({near(-0.5, -0.5), near(0.5, -0.5), near(0.5, 0.5)});
+    check(walled, 1e-3);
+    Shape holed = clean;
+    holed.triangles.erase(holed.triangles.begin() + 700, holed.triangles.begin() + 706);
+    check(holed, 2e-3);
+    // A part that stands half inside: what overlaps is inside, so nothing is new there.
+    check(
+        support::joined(clean, support::box_shape({-0.45, -0.45, 1}, {0.45, 0.45, 3}, 8)),
+        1e-12);
+}
+
+TEST(Session, parts_that_lie_side_by_side_stay_apart)
+{
+    // Two slabs 1 % of the diagonal apart, joined at one end.
+    const Shape slabs = support::joined(
+        support::joined(support::box_shape({0, 0, 0}, {4, 0.4, 1}, 8),
+                        support::box_shape({0, 0.442, 0}, {4, 0.842, 1}, 8)),
+        support::box_shape({0, 0.2, 0}, {0.4, 0.642, 1}, 8));
+    const Session session =
+        played(model(slabs),
+               "fixed root box -1 -1 -1 0.2 2 2\nhandle tip box 3.8 0.43 -1 5 2 2\n"
+               "frame 1\nmove tip rotate 0 0 1 35 about 0.4 0.44 0.5\n",
+               settings(0));
+    double free = 0.0, pulled = 0.0;
+    for (std::size_t i = 0; i < slabs.samples.size(); ++i)
+        (slabs.samples[i].y() < 0.41 ? free : pulled) =
+            std::max(slabs.samples[i].y() < 0.41 ? free : pulled,
+                     (session.patch().samples[i] - slabs.samples[i]).norm());
+    const double diagonal = std::sqrt(16.0 + 0.842 * 0.842 + 1.0);
+    EXPECT_LT(free / diagonal, 0.02);
+    EXPECT_GT(pulled / diagonal, 0.5);
+}
+
+TEST(Session, sheets_and_wires_bend_also_when_they_are_tilted)
+{
+    std::mt19937 rng(31);
+    const Eigen::Matrix3d tilt = support::random_rotation(rng);
+    for (const bool is_sheet : {true, false})
+        for (const Eigen::Matrix3d& Q :
+             {Eigen::Matrix3d(Eigen::Matrix3d::Identity()), tilt})
+        {
+            Shape shape; // points alone, in a plane or on a line
+            std::string low, high;
+            for (int i = 0; i <= 120; ++i)
+                for (int j = 0; j <= (is_sheet ? 30 : 0); ++j)
+                {
+                    if (i <= 12 || i >= 108)
+                        (i <= 12 ? low : high) +=
+                            " " + std::to_string(shape.samples.size());
+                    shape.samples.push_back(Q * Eigen::Vector3d(i / 30.0, j / 30.0, 0));
+                }
+            // Half of a turn about an axis across it, and the ends nearer together.
+            const Eigen::Matrix3d R =
+                rotation_about(Q * Eigen::Vector3d::UnitY(), -0.5 * std::numbers::pi);
+            const Eigen::Vector3d end = Q * Eigen::Vector3d(2.5, 0, 2.2);
+            const Session session = played(
+                model(shape),
+                "fixed low indices" + low + "\nhandle high indices" + high +
+                    "\nframe 1\nmove high " +
+                    matrix_text(R, end - R * (Q * Eigen::Vector3d(4, 0, 0))) + "\n",
+                settings(24));
+            EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+            // Neighbouring samples keep their distance: no crease, no tear.
+            double longest = 0.0;
+            const int row = is_sheet ? 31 : 1;
+            for (std::size_t i = 0;
+                 i + static_cast<std::size_t>(row) < shape.samples.size(); ++i)
+                longest = std::max(
+                    longest, (session.patch().samples[i + static_cast<std::size_t>(row)] -
+                              session.patch().samples[i])
+                                 .norm());
+            EXPECT_LT(longest, 1.35 / 30.0) << is_sheet << Q << session.stage().body->cells.size() << (session.warnings().empty()?"":session.warnings()[0]);
+        }
+}
+
 TEST(Session, translation_scale_and_quarter_turns_commute_with_the_result)
 {
     const Shape shape = survey_bar(6);
