@@ -4,6 +4,8 @@
 #include "octree/flood.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <numeric>
 #include <vector>
 
@@ -53,38 +55,52 @@ struct PaddedMarks
     }
 };
 
-/// 1 for the voxels farther than r from a mark that a flood from the first voxel,
-/// through faces, reaches.
-std::vector<std::uint8_t> flooded(const std::vector<float>& distances, float r_squared,
-                                  const Eigen::Vector3i& counts)
+/// The largest radius in whole voxels, at most \p most, at which a voxel is free: farther
+/// from every mark than that. -1 for a mark.
+std::int8_t free_radius(float distance_squared, int most)
 {
-    std::vector<std::uint8_t> reached(distances.size(), 0);
+    const float d = std::sqrt(distance_squared);
+    return static_cast<std::int8_t>(std::min<float>(std::ceil(d) - 1.0f, most));
+}
+
+/// For every voxel the largest radius at which a flood from the first voxel, through
+/// faces of free voxels, reaches it; -1 if none does. One pass for all radii: widest
+/// paths, from the widest down.
+std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
+                                 const Eigen::Vector3i& counts)
+{
+    std::vector<std::int8_t> reached(distances.size(), -1);
     const std::ptrdiff_t step[3] = {1, counts.x(),
                                     static_cast<std::ptrdiff_t>(counts.x()) * counts.y()};
-    std::vector<std::size_t> stack = {0};
-    reached[0] = 1;
-    while (!stack.empty())
-    {
-        const std::size_t voxel = stack.back();
-        stack.pop_back();
-        const std::size_t nx = static_cast<std::size_t>(counts.x());
-        const std::size_t ny = static_cast<std::size_t>(counts.y());
-        const std::size_t place[3] = {voxel % nx, voxel / nx % ny, voxel / nx / ny};
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int direction : {-1, 1})
-            {
-                if (place[axis] ==
-                    (direction < 0 ? 0 : static_cast<std::size_t>(counts[axis] - 1)))
-                    continue;
-                const std::size_t next = static_cast<std::size_t>(
-                    static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
-                if (!reached[next] && distances[next] > r_squared)
+    std::vector<std::vector<std::size_t>> stacks(static_cast<std::size_t>(most) + 1);
+    reached[0] = static_cast<std::int8_t>(most);
+    stacks.back().push_back(0);
+    for (int r = most; r >= 0; --r)
+        while (!stacks[static_cast<std::size_t>(r)].empty())
+        {
+            const std::size_t voxel = stacks[static_cast<std::size_t>(r)].back();
+            stacks[static_cast<std::size_t>(r)].pop_back();
+            const std::size_t nx = static_cast<std::size_t>(counts.x());
+            const std::size_t ny = static_cast<std::size_t>(counts.y());
+            const std::size_t place[3] = {voxel % nx, voxel / nx % ny, voxel / nx / ny};
+            for (int axis = 0; axis < 3; ++axis)
+                for (const int direction : {-1, 1})
                 {
-                    reached[next] = 1;
-                    stack.push_back(next);
+                    if (place[axis] ==
+                        (direction < 0 ? 0 : static_cast<std::size_t>(counts[axis] - 1)))
+                        continue;
+                    const std::size_t next = static_cast<std::size_t>(
+                        static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
+                    if (reached[next] >= 0)
+                        continue;
+                    const int there =
+                        std::min<int>(r, free_radius(distances[next], most));
+                    if (there < 0)
+                        continue;
+                    reached[next] = static_cast<std::int8_t>(there);
+                    stacks[static_cast<std::size_t>(there)].push_back(next);
                 }
-            }
-    }
+        }
     return reached;
 }
 
@@ -93,47 +109,52 @@ std::vector<std::uint8_t> flooded(const std::vector<float>& distances, float r_s
 double fill_by_flood(VoxelGrid& grid, int max_radius,
                      const std::function<bool(std::size_t)>& may_fill)
 {
-    const PaddedMarks padded(grid, max_radius + 2);
-    const std::vector<float> distances = squared_distances(padded.marks, padded.counts);
-    const std::size_t num_marks = static_cast<std::size_t>(
-        std::count(grid.material().begin(), grid.material().end(), std::uint8_t(1)));
-    std::size_t best_inside = 0;
-    int best_radius = -1;
-    std::vector<std::uint8_t> best_reached;
-    for (int r = 0; r <= max_radius; ++r)
+    const int most = std::min(max_radius, 100);
+    const PaddedMarks padded(grid, most + 2);
+    std::vector<std::int8_t> reached;
+    // Of each radius: free voxels that the flood does not reach, and the deepest of them.
+    std::vector<std::size_t> inside(static_cast<std::size_t>(most) + 1, 0);
+    std::vector<float> deepest(inside.size(), 0.0f);
     {
-        const float r_squared = static_cast<float>(r * r);
-        std::vector<std::uint8_t> reached = flooded(distances, r_squared, padded.counts);
-        std::size_t inside = 0;
-        float deepest = 0.0f;
+        const std::vector<float> distances =
+            squared_distances(padded.marks, padded.counts);
+        reached = flooded(distances, most, padded.counts);
         for (std::size_t i = 0; i < reached.size(); ++i)
-            if (!reached[i] && distances[i] > r_squared)
+            for (int r = reached[i] + 1; r <= free_radius(distances[i], most); ++r)
             {
-                ++inside;
-                deepest = std::max(deepest, distances[i]);
+                const std::size_t at = static_cast<std::size_t>(r);
+                ++inside[at];
+                deepest[at] = std::max(deepest[at], distances[i]);
             }
-        const float depth = static_cast<float>(r) + kMinDepth;
-        if (inside > best_inside && (r == 0 || deepest >= depth * depth))
-        {
-            best_inside = inside;
-            best_radius = r;
-            best_reached = std::move(reached);
-        }
     }
-    if (static_cast<double>(best_inside) <
-        std::max(1.0, kMinInsideShare * static_cast<double>(num_marks)))
+    int best = -1;
+    for (int r = 0; r <= most; ++r)
+    {
+        const std::size_t at = static_cast<std::size_t>(r);
+        const float depth = static_cast<float>(r) + kMinDepth;
+        if (inside[at] > (best < 0 ? 0 : inside[static_cast<std::size_t>(best)]) &&
+            (r == 0 || deepest[at] >= depth * depth))
+            best = r;
+    }
+    const double num_marks = static_cast<double>(
+        std::count(grid.material().begin(), grid.material().end(), std::uint8_t(1)));
+    if (best < 0 || static_cast<double>(inside[static_cast<std::size_t>(best)]) <
+                        std::max(1.0, kMinInsideShare * num_marks))
         return -1.0;
-    const std::vector<float> outside = squared_distances(best_reached, padded.counts);
-    const float r_squared = static_cast<float>(best_radius * best_radius);
+    std::vector<std::uint8_t> outside(reached.size());
+    for (std::size_t i = 0; i < reached.size(); ++i)
+        outside[i] = reached[i] >= best;
+    const std::vector<float> distances = squared_distances(outside, padded.counts);
+    const float r_squared = static_cast<float>(best * best);
     for (int k = 0; k < grid.counts().z(); ++k)
         for (int j = 0; j < grid.counts().y(); ++j)
             for (int i = 0; i < grid.counts().x(); ++i)
             {
                 const std::size_t voxel = grid.index(i, j, k);
-                if (outside[padded.at(i, j, k)] > r_squared && may_fill(voxel))
+                if (distances[padded.at(i, j, k)] > r_squared && may_fill(voxel))
                     grid.material()[voxel] = 1;
             }
-    return best_radius;
+    return best;
 }
 
 void spread(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double r)
