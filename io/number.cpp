@@ -2,6 +2,7 @@
 #include "io/number.h"
 
 #include <charconv>
+#include <cmath>
 #include <limits>
 
 namespace cellwarp
@@ -69,6 +70,14 @@ std::string in_quotes(std::string_view token)
     for (const char c : token.substr(0, 40))
         text += static_cast<unsigned char>(c) < 32 || c == 127 ? '?' : c;
     return text + (token.size() > 40 ? "...'" : "'");
+}
+
+std::string in_bytes(double bytes)
+{
+    const bool is_giga = bytes >= 1e9;
+    const double tenths = std::round(bytes / (is_giga ? 1e8 : 1e5));
+    return shortest(is_giga || tenths < 100 ? tenths / 10 : std::round(tenths / 10)) +
+           (is_giga ? " GB" : " MB");
 }
 
 } // namespace cellwarp

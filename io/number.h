@@ -26,4 +26,7 @@ std::string shortest(double value);
 /// characters, in quotes.
 std::string in_quotes(std::string_view token);
 
+/// "340 MB" or "1.4 GB", for messages.
+std::string in_bytes(double bytes);
+
 } // namespace cellwarp

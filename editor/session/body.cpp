@@ -30,6 +30,9 @@ constexpr int kCandidates[] = {64, 56, 48, 40, 36, 32, 28, 24, 20, 16, 14, 12, 1
 /// Voxels along the longest side that are enough to count cells.
 constexpr double kProbeVoxels = 96.0;
 
+/// What a sample takes in the end, with its faces, places in the file and motions [byte].
+constexpr double kBytesPerSample = 250.0;
+
 /// While material is found: marks, distances twice, labels [byte a voxel].
 constexpr double kBytesPerVoxel = 20.0;
 
@@ -116,14 +119,23 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
                                            : automatic_across(shape, frame.size,
                                                               settings.fill, max_voxel);
     const GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
-    const double bytes = kBytesPerVoxel * num_voxels(grid);
+    const auto bytes_at = [&](double voxel)
+    {
+        return kBytesPerVoxel *
+                   num_voxels(grid_shape(frame.size, across, settings.max_depth, voxel)) +
+               kBytesPerSample * static_cast<double>(samples.size());
+    };
+    const double bytes = bytes_at(max_voxel);
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
         num_voxels(grid) > 4e9)
         throw Error(
             Fault::Budget,
-            fmt::format("the voxels need about {:.1f} GB (limit {:.1f} GB): a larger "
-                        "--gap, or a smaller --across or --max-depth, needs less",
-                        bytes / 1e9, settings.max_memory / 1e9));
+            fmt::format(
+                "{} samples and {:.3g} voxels need about {} (limit {}): a --gap of "
+                "{:.2g} needs {}, a smaller --across or --max-depth may need less",
+                samples.size(), num_voxels(grid), in_bytes(bytes),
+                settings.max_memory > 0 ? in_bytes(settings.max_memory) : "none",
+                2.0 * settings.gap, in_bytes(bytes_at(2.0 * max_voxel))));
     Material material = find_material(shape, grid, settings.fill);
     const MaterialTest has_material = material_test(material.grid);
     const Octree coarsest(grid, has_material);

@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include "io/error.h"
+#include "io/number.h"
 
 namespace cellwarp
 {
@@ -333,12 +334,11 @@ void Session::hold_cells(const std::vector<RegionShares>& shares)
     s.minimizer.emplace(s.body.cells, s.glue, s.constraints, s.components);
     const double factor_bytes = s.minimizer->factor_bytes();
     if (settings_.cells.max_memory > 0 && factor_bytes > settings_.cells.max_memory)
-        throw Error(
-            Fault::Budget,
-            fmt::format("the factor of {} cells needs about {:.1f} GB (limit {:.1f} "
-                        "GB): a smaller --across or --max-depth needs less",
-                        s.body.cells.size(), factor_bytes / 1e9,
-                        settings_.cells.max_memory / 1e9));
+        throw Error(Fault::Budget,
+                    fmt::format("the factor of {} cells needs about {} (limit {}): a "
+                                "smaller --across or --max-depth needs less",
+                                s.body.cells.size(), in_bytes(factor_bytes),
+                                in_bytes(settings_.cells.max_memory)));
 }
 
 /// Where the regions' corrections act: around their samples, and around the borders of
@@ -647,12 +647,11 @@ void Session::move_samples(FrameReport& report)
     {
         const double bytes = RbfField::memory_estimate(s.body.cells.size());
         if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
-            throw Error(
-                Fault::Budget,
-                fmt::format(
-                    "the global release field of {} cells needs {:.1f} GB or more "
-                    "(limit {:.1f} GB): the local one, rbf, needs less",
-                    s.body.cells.size(), bytes / 1e9, settings_.cells.max_memory / 1e9));
+            throw Error(Fault::Budget,
+                        fmt::format("the global release field of {} cells needs {} or "
+                                    "more (limit {}): the local one, rbf, needs less",
+                                    s.body.cells.size(), bytes / 1e9,
+                                    settings_.cells.max_memory / 1e9));
     }
     s.field = std::make_unique<Field>(settings_.field, s.body.cells, s.poses,
                                       s.constraints, std::move(moved));

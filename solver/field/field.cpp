@@ -55,20 +55,53 @@ Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
         const std::vector<int>& own = region.fade->node_cells();
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         region.misses.resize(nodes.size());
-        parallel_for(nodes.size(),
-                     [&](std::size_t i)
-                     {
-                         std::vector<Influence> influences, near;
-                         closest_.influences(nodes[i], own[i], influences);
-                         const FieldValue f =
-                             base(nodes[i], own[i], influences, near, !region.may_turn);
-                         region.misses[i].displacement =
-                             turn * nodes[i] + region.motion.t - f.displacement;
-                         if (!region.may_turn)
-                             region.misses[i].gradient = turn - f.gradient;
-                     });
+        const std::vector<bool> follows = followers_of(region.motion, constraints);
+        parallel_for(
+            nodes.size(),
+            [&](std::size_t i)
+            {
+                std::vector<Influence> influences, near;
+                closest_.influences(nodes[i], own[i], influences);
+                // Most nodes lie deep in their region, and nothing is missed.
+                if (std::all_of(
+                        influences.begin(), influences.end(),
+                        [&](const Influence& influence)
+                        { return follows[static_cast<std::size_t>(influence.cell)]; }))
+                    return;
+                const FieldValue f =
+                    base(nodes[i], own[i], influences, near, !region.may_turn);
+                region.misses[i].displacement =
+                    turn * nodes[i] + region.motion.t - f.displacement;
+                if (!region.may_turn)
+                    region.misses[i].gradient = turn - f.gradient;
+            });
     }
     regions_ = MovedRegions(std::move(regions), cells.size());
+}
+
+std::vector<bool> Field::followers_of(const Motion& motion,
+                                      std::span<const Constraint> constraints) const
+{
+    std::vector<bool> follows(cells_.size(), false);
+    if (closest4_ || global_)
+        return follows;
+    for (std::size_t i = 0; i < constraints.size(); ++i)
+    {
+        const Pose wanted = carried(motion, cells_.cells[i].centre);
+        follows[i] = constraints[i].hold == Hold::Prescribed && poses_[i].p == wanted.p &&
+                     poses_[i].R == wanted.R;
+    }
+    if (!local_)
+        return follows;
+    std::vector<bool> by_clusters = follows;
+    for (std::size_t i = 0; i < constraints.size(); ++i)
+        for (const Membership& member : local_->clusters().of_cell(static_cast<int>(i)))
+            for (const int cell : local_->clusters()
+                                      .clusters[static_cast<std::size_t>(member.cluster)]
+                                      .cells)
+                by_clusters[i] =
+                    by_clusters[i] && follows[static_cast<std::size_t>(cell)];
+    return by_clusters;
 }
 
 double Field::residual() const
@@ -117,28 +150,34 @@ FieldValue Field::value(const Eigen::Vector3d& x, int own) const
         return {};
     std::vector<Influence> influences, near;
     closest_.influences(x, own, influences);
-    return regions_.correct(base(x, own, influences, near, true), x, influences);
+    return regions_.correct(x, influences,
+                            [&] { return base(x, own, influences, near, true); });
 }
 
 std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3d> points,
                                                   std::span<const int> own) const
 {
     std::vector<Eigen::Vector3d> result(points.size());
-    parallel_ranges(
-        points.size(), 256,
-        [&](std::size_t begin, std::size_t end)
-        {
-            std::vector<Influence> influences, near;
-            for (std::size_t i = begin; i < end; ++i)
-            {
-                result[i].setZero();
-                if (is_idle_[static_cast<std::size_t>(own[i])])
-                    continue;
-                closest_.influences(points[i], own[i], influences);
-                const FieldValue value = base(points[i], own[i], influences, near, false);
-                result[i] = regions_.correct(value, points[i], influences).displacement;
-            }
-        });
+    parallel_ranges(points.size(), 256,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        std::vector<Influence> influences, near;
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            result[i].setZero();
+                            if (is_idle_[static_cast<std::size_t>(own[i])])
+                                continue;
+                            closest_.influences(points[i], own[i], influences);
+                            result[i] =
+                                regions_
+                                    .correct(points[i], influences,
+                                             [&] {
+                                                 return base(points[i], own[i],
+                                                             influences, near, false);
+                                             })
+                                    .displacement;
+                        }
+                    });
     return result;
 }
 

@@ -43,7 +43,10 @@ public:
     /// Of an RBF: its centres, its clusters, and the largest distance between a
     /// displacement given and the one reached. 0 of a blend.
     std::size_t num_centres() const { return num_centres_; }
-    std::size_t num_clusters() const { return local_ ? local_->num_clusters() : 0; }
+    std::size_t num_clusters() const
+    {
+        return local_ ? local_->clusters().clusters.size() : 0;
+    }
     double residual() const;
 
     /// Value and gradient at \p x in the material of cell \p own.
@@ -54,6 +57,10 @@ public:
                                                std::span<const int> own) const;
 
 private:
+    /// For each cell whether all that the field takes into account in its material moves
+    /// by \p motion, and the field therefore too, up to rounding.
+    std::vector<bool> followers_of(const Motion& motion,
+                                   std::span<const Constraint> constraints) const;
     /// Without the regions. \p near is scratch.
     FieldValue base(const Eigen::Vector3d& x, int own,
                     std::span<const Influence> influences, std::vector<Influence>& near,

@@ -33,7 +33,7 @@ public:
     Eigen::Vector3d displacement(const Eigen::Vector3d& x,
                                  std::span<const Influence> influences) const;
 
-    std::size_t num_clusters() const { return fits_.size(); }
+    const Clusters& clusters() const { return clusters_; }
     /// Largest distance between a displacement given and the one reached.
     double residual() const { return residual_; }
 

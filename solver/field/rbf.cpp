@@ -239,15 +239,42 @@ Eigen::Vector3d RbfField::displacement(const Eigen::Vector3d& x) const
 
 FieldValue RbfField::value(const Eigen::Vector3d& x) const
 {
-    // grad |r|^3 = 3 |r| r
+    // grad |r|^3 = 3 |r| r. Lanes as in displacement(); the rest fills up with weight 0.
     const Eigen::Vector3d u = x - origin_;
+    const Eigen::Index n = centres_.cols();
+    constexpr int kLanes = 4;
+    double sums[9][kLanes] = {};
+    for (Eigen::Index j = 0; j < n; j += kLanes)
+    {
+        const int filled = static_cast<int>(std::min<Eigen::Index>(kLanes, n - j));
+        double c[3][kLanes] = {}, w[3][kLanes] = {};
+        for (int k = 0; k < 3; ++k)
+            for (int l = 0; l < filled; ++l)
+            {
+                c[k][l] = centres_(k, j + l);
+                w[k][l] = weights_(k, j + l);
+            }
+        for (int l = 0; l < kLanes; ++l)
+        {
+            const double dx = u.x() - c[0][l], dy = u.y() - c[1][l], dz = u.z() - c[2][l];
+            const double squared = dx * dx + dy * dy + dz * dz;
+            const double length = std::sqrt(squared);
+            const double gx = 3.0 * length * dx, gy = 3.0 * length * dy,
+                         gz = 3.0 * length * dz;
+            for (int k = 0; k < 3; ++k)
+            {
+                sums[k][l] += w[k][l] * gx;
+                sums[3 + k][l] += w[k][l] * gy;
+                sums[6 + k][l] += w[k][l] * gz;
+            }
+        }
+    }
     FieldValue value;
     value.displacement = displacement(x);
-    for (Eigen::Index j = 0; j < centres_.cols(); ++j)
-    {
-        const Eigen::Vector3d r = u - centres_.col(j);
-        value.gradient += weights_.col(j) * (3.0 * r.norm() * r).transpose();
-    }
+    for (int l = 0; l < kLanes; ++l)
+        for (int axis = 0; axis < 3; ++axis)
+            for (int k = 0; k < 3; ++k)
+                value.gradient(k, axis) += sums[3 * axis + k][l];
     Eigen::Matrix<double, kTerms, 3> slope = Eigen::Matrix<double, kTerms, 3>::Zero();
     slope(1, 0) = slope(2, 1) = slope(3, 2) = 1.0;
     slope(4, 0) = 2 * u.x();

@@ -243,8 +243,9 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
                 static_cast<int>(r));
 }
 
-FieldValue MovedRegions::correct(const FieldValue& value, const Eigen::Vector3d& x,
-                                 std::span<const Influence> influences) const
+FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
+                                 std::span<const Influence> influences,
+                                 const std::function<FieldValue()>& value_at) const
 {
     struct Active
     {
@@ -268,11 +269,13 @@ FieldValue MovedRegions::correct(const FieldValue& value, const Eigen::Vector3d&
         if (weight.is_node)
         {
             const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-            return {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
+            return {turn * x + region.motion.t,
+                    region.may_turn ? value_at().gradient : turn};
         }
         if (weight.value > 0.0)
             active.push_back({&region, Dual(weight.value, weight.gradient)});
     }
+    const FieldValue value = value_at();
     if (active.empty())
         return value;
     const auto product_without = [&](const Active* left_out)

@@ -4,6 +4,7 @@
 // a cell or two of connected material.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -84,10 +85,11 @@ public:
     MovedRegions() = default;
     MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells);
 
-    /// \p value of the field at \p x, corrected for the regions around \p x. At a
-    /// node it is the region's motion to the bit.
-    FieldValue correct(const FieldValue& value, const Eigen::Vector3d& x,
-                       std::span<const Influence> influences) const;
+    /// The field at \p x, corrected for the regions around \p x. At a node it is the
+    /// region's motion to the bit. \p value_at() gives the field without the regions,
+    /// where it is needed: at the nodes of handles and fixed parts it is not.
+    FieldValue correct(const Eigen::Vector3d& x, std::span<const Influence> influences,
+                       const std::function<FieldValue()>& value_at) const;
 
 private:
     std::vector<MovedRegion> regions_;

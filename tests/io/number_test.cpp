@@ -71,4 +71,12 @@ TEST(Number, quotes_are_short_and_printable)
     EXPECT_LT(in_quotes(std::string(1000, 'x')).size(), 50u);
 }
 
+TEST(Number, bytes_are_told_in_words)
+{
+    EXPECT_EQ(in_bytes(1.42e9), "1.4 GB");
+    EXPECT_EQ(in_bytes(340.4e6), "340 MB");
+    EXPECT_EQ(in_bytes(12300), "0 MB");
+    EXPECT_EQ(in_bytes(1.26e6), "1.3 MB");
+}
+
 } // namespace cellwarp
