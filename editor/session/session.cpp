@@ -347,7 +347,8 @@ void Session::hold_cells(const std::vector<RegionShares>& shares)
 void Session::place_fades()
 {
     StageState& s = *state_;
-    const std::vector<Sides> borders = prescribed_borders(s.body.cells, s.constraints);
+    const std::vector<std::vector<Eigen::Vector3d>> borders =
+        border_points(s.body.cells, s.constraints);
     for (std::size_t r = 0; r < s.regions.size(); ++r)
     {
         const Region& region = s.regions[r];
@@ -360,8 +361,7 @@ void Session::place_fades()
         for (std::size_t c = 0; c < s.constraints.size(); ++c)
             if (s.region_of_cell[c] == static_cast<int>(r) &&
                 s.constraints[c].hold == Hold::Prescribed)
-                for (const Eigen::Vector3d& point :
-                     points_on(s.body.cells.cells[c], borders[c]))
+                for (const Eigen::Vector3d& point : borders[c])
                     further.push_back({point, static_cast<int>(c)});
         fade.emplace(s.body.cells, samples, further);
     }

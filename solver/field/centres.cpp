@@ -41,6 +41,15 @@ constexpr double kNearestSide = 0.1, kFarthestSide = 0.5;
 /// A coordinate axis that lies in the flat directions by less than this is no side.
 constexpr double kLeastAxis = 0.3;
 
+/// A cell whose material fills less of its box than this has no corners: they would lie
+/// off the material, and hold what is beside it as in a vice. A shell's cells are such.
+constexpr double kFull = 0.5;
+
+bool is_full(const Cell& cell)
+{
+    return cell.volume > kFull * cell.edge * cell.edge * cell.edge;
+}
+
 /// The cell, its neighbours and theirs.
 std::vector<int> neighbourhood(const Cells& cells, int cell)
 {
@@ -118,36 +127,37 @@ std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
 
 } // namespace
 
-std::vector<Sides> prescribed_borders(const Cells& cells,
-                                      std::span<const Constraint> constraints)
+std::vector<std::vector<Eigen::Vector3d>>
+border_points(const Cells& cells, std::span<const Constraint> constraints)
 {
-    std::vector<Sides> borders(cells.size(), Sides{});
+    std::vector<std::array<bool, 6>> sides(cells.size()); // low x, high x, low y, ...
+    std::vector<std::vector<Eigen::Vector3d>> points(cells.size());
     for (const Face& face : cells.faces)
     {
-        const std::size_t a = static_cast<std::size_t>(face.a);
-        const std::size_t b = static_cast<std::size_t>(face.b);
-        const bool is_border = (constraints[a].hold == Hold::Prescribed) !=
-                               (constraints[b].hold == Hold::Prescribed);
-        borders[a][static_cast<std::size_t>(2 * face.axis + 1)] |= is_border;
-        borders[b][static_cast<std::size_t>(2 * face.axis)] |= is_border;
+        const bool a_is_held =
+            constraints[static_cast<std::size_t>(face.a)].hold == Hold::Prescribed;
+        const bool b_is_held =
+            constraints[static_cast<std::size_t>(face.b)].hold == Hold::Prescribed;
+        if (a_is_held == b_is_held)
+            continue;
+        const std::size_t held = static_cast<std::size_t>(a_is_held ? face.a : face.b);
+        if (is_full(cells.cells[held]))
+            sides[held][static_cast<std::size_t>(2 * face.axis + a_is_held)] = true;
     }
-    return borders;
-}
-
-std::vector<Eigen::Vector3d> points_on(const Cell& cell, const Sides& sides)
-{
-    std::vector<Eigen::Vector3d> points;
-    for (int k = 0; k < 27; ++k)
-    {
-        const Eigen::Vector3i place(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-        bool is_on = false;
-        for (int axis = 0; axis < 3; ++axis)
-            is_on =
-                is_on || (place[axis] != 0 &&
-                          sides[static_cast<std::size_t>(2 * axis + (place[axis] > 0))]);
-        if (is_on)
-            points.push_back(cell.box_centre + 0.5 * cell.edge * place.cast<double>());
-    }
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        for (int k = 0; k < 27; ++k)
+        {
+            const Eigen::Vector3i place(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+            bool is_on = false;
+            for (int axis = 0; axis < 3; ++axis)
+                is_on =
+                    is_on ||
+                    (place[axis] != 0 &&
+                     sides[i][static_cast<std::size_t>(2 * axis + (place[axis] > 0))]);
+            if (is_on)
+                points[i].push_back(cells.cells[i].box_centre +
+                                    0.5 * cells.cells[i].edge * place.cast<double>());
+        }
     return points;
 }
 
@@ -155,7 +165,7 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
                            std::span<const Constraint> constraints)
     : cells_(cells), poses_(poses), constraints_(constraints),
       finest_(std::numeric_limits<double>::infinity()), sides_(cells.size()),
-      borders_(prescribed_borders(cells, constraints))
+      borders_(border_points(cells, constraints))
 {
     for (const Cell& cell : cells.cells)
         finest_ = std::min(finest_, cell.edge);
@@ -167,17 +177,22 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
         open[static_cast<std::size_t>(face.a)][face.axis] -= face.area;
         open[static_cast<std::size_t>(face.b)][face.axis] += face.area;
     }
+    // Next to prescribed cells the surface is not free.
+    for (const Face& face : cells.faces)
+        for (const auto& [one, other] : {std::pair(face.a, face.b), {face.b, face.a}})
+            if (constraints[static_cast<std::size_t>(other)].hold == Hold::Prescribed)
+                open[static_cast<std::size_t>(one)].setZero();
     parallel_for(cells.size(),
                  [&](std::size_t i)
                  {
-                     const bool is_border =
-                         std::find(borders_[i].begin(), borders_[i].end(), true) !=
-                         borders_[i].end();
-                     if (is_border)
-                         open[i].setZero();
-                     if (constraints_[i].hold != Hold::Prescribed)
+                     if (!has_corners(i))
                          sides_[i] = sides_of(cells_, static_cast<int>(i), open[i]);
                  });
+}
+
+bool CentreChoice::has_corners(std::size_t cell) const
+{
+    return constraints_[cell].hold == Hold::Prescribed && is_full(cells_.cells[cell]);
 }
 
 RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
@@ -211,8 +226,8 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
             continue;
         // Its corners, and more where free cells meet it: there the strain is largest,
         // and what an RBF misses between corners would be left to the fade.
-        std::vector<Eigen::Vector3d> points = points_on(cell, borders_[i]);
-        for (int k = 0; k < 8; ++k)
+        std::vector<Eigen::Vector3d> points = borders_[i];
+        for (int k = 0; k < 8 && has_corners(i); ++k)
             points.push_back(cell.box_centre + 0.5 * cell.edge *
                                                    Eigen::Vector3d(k & 1 ? 1 : -1,
                                                                    k & 2 ? 1 : -1,

@@ -2,7 +2,6 @@
 // Where an RBF takes its values from the cells.
 #pragma once
 
-#include <array>
 #include <span>
 #include <vector>
 
@@ -21,15 +20,11 @@ struct RbfCentres
     std::vector<Eigen::Vector3d> points, displacements;
 };
 
-/// Of a cell's box: low x, high x, low y, ...
-using Sides = std::array<bool, 6>;
-
-/// The sides of each cell at which a prescribed cell is glued to one that is not.
-std::vector<Sides> prescribed_borders(const Cells& cells,
-                                      std::span<const Constraint> constraints);
-
-/// Corners, middles of edges and middle of these sides of the cell's box.
-std::vector<Eigen::Vector3d> points_on(const Cell& cell, const Sides& sides);
+/// Of each prescribed cell the points where cells that are not prescribed are glued to
+/// it: corners, middles of edges and middle of that side of its box. None where the
+/// material fills little of the box.
+std::vector<std::vector<Eigen::Vector3d>>
+border_points(const Cells& cells, std::span<const Constraint> constraints);
 
 /// Chooses the centres: the centroid of every cell that is not idle; the corners of
 /// prescribed ones, whose motion is known, and more points where free cells meet them; of
@@ -47,13 +42,15 @@ public:
     RbfCentres centres_of(std::span<const int> some_cells) const;
 
 private:
+    bool has_corners(std::size_t cell) const;
+
     const Cells& cells_;
     std::span<const Pose> poses_;
     std::span<const Constraint> constraints_;
     double finest_ = 0.0; ///< edge of the smallest cell
     /// Offsets of the further points of each cell from its centroid.
     std::vector<std::vector<Eigen::Vector3d>> sides_;
-    std::vector<Sides> borders_;
+    std::vector<std::vector<Eigen::Vector3d>> borders_; ///< see border_points()
 };
 
 } // namespace cellwarp
