@@ -25,6 +25,10 @@ constexpr double kMinInsideShare = 0.02;
 /// Balls around the points of a sheet enclose pockets, but only shallow ones.
 constexpr float kMinDepth = 1.5f;
 
+/// The smallest radius is taken that encloses this share of the most that any does. A
+/// larger one could enclose more only by closing gaps between parts.
+constexpr double kSealed = 0.95;
+
 /// A copy of the grid's marks with a free border all around, so that a flood can
 /// come from every side.
 struct PaddedMarks
@@ -109,7 +113,7 @@ std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
 double fill_by_flood(VoxelGrid& grid, int max_radius,
                      const std::function<bool(std::size_t)>& may_fill)
 {
-    const int most = std::min(max_radius, 100);
+    const int most = max_radius;
     const PaddedMarks padded(grid, most + 2);
     std::vector<std::int8_t> reached;
     // Of each radius: free voxels that the flood does not reach, and the deepest of them.
@@ -127,19 +131,21 @@ double fill_by_flood(VoxelGrid& grid, int max_radius,
                 deepest[at] = std::max(deepest[at], distances[i]);
             }
     }
-    int best = -1;
-    for (int r = 0; r <= most; ++r)
-    {
-        const std::size_t at = static_cast<std::size_t>(r);
-        const float depth = static_cast<float>(r) + kMinDepth;
-        if (inside[at] > (best < 0 ? 0 : inside[static_cast<std::size_t>(best)]) &&
-            (r == 0 || deepest[at] >= depth * depth))
-            best = r;
-    }
+    for (int r = 1; r <= most; ++r)
+        if (const float depth = static_cast<float>(r) + kMinDepth;
+            deepest[static_cast<std::size_t>(r)] < depth * depth)
+            inside[static_cast<std::size_t>(r)] = 0;
+    const double enough =
+        kSealed * static_cast<double>(*std::max_element(inside.begin(), inside.end()));
+    const int best =
+        static_cast<int>(std::find_if(inside.begin(), inside.end(),
+                                      [&](std::size_t count)
+                                      { return static_cast<double>(count) >= enough; }) -
+                         inside.begin());
     const double num_marks = static_cast<double>(
         std::count(grid.material().begin(), grid.material().end(), std::uint8_t(1)));
-    if (best < 0 || static_cast<double>(inside[static_cast<std::size_t>(best)]) <
-                        std::max(1.0, kMinInsideShare * num_marks))
+    if (static_cast<double>(inside[static_cast<std::size_t>(best)]) <
+        std::max(1.0, kMinInsideShare * num_marks))
         return -1.0;
     std::vector<std::uint8_t> outside(reached.size());
     for (std::size_t i = 0; i < reached.size(); ++i)

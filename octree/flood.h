@@ -10,10 +10,10 @@
 namespace cellwarp
 {
 
-/// Fills what marks enclose once openings up to a radius are closed; the radius, at
-/// most \p max_radius [voxel], is the one that encloses most. Nothing is added on the
-/// outside. Only voxels that \p may_fill accepts are filled. Returns the radius
-/// [voxel], or -1 if nothing is enclosed.
+/// Fills what marks enclose once openings up to a radius are closed: the smallest radius,
+/// at most \p max_radius [voxel], that seals. Nothing is added on the outside. Only
+/// voxels that \p may_fill accepts are filled. Returns the radius [voxel], or -1 if
+/// nothing is enclosed.
 double fill_by_flood(VoxelGrid& grid, int max_radius,
                      const std::function<bool(std::size_t)>& may_fill);
 

@@ -26,6 +26,14 @@ constexpr double kMaxSealRadius = 0.04;
 /// lost every third triangle has more than half of its edges open.
 constexpr double kNearlyClosed = 0.2;
 
+/// The widest opening that is closed, as a radius [voxel].
+int max_seal_radius(const GridShape& grid_shape)
+{
+    return std::clamp(
+        static_cast<int>(kMaxSealRadius * grid_shape.size.norm() / grid_shape.voxel()), 1,
+        100);
+}
+
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
 /// beside a closed body must hold together as well. Lengths in voxels.
 void spread_sheets(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double reach,
@@ -72,6 +80,16 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
     return distances[distances.size() / 2];
 }
 
+double material_bytes(const GridShape& grid_shape)
+{
+    // The flood works on a grid with a border: marks, two bytes; distances, four, in a
+    // sweep each; the grid itself: marks, labels and distances.
+    const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
+    const Eigen::Array3d inner =
+        grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
+    return 12.0 * (inner + border).prod() + 20.0 * inner.prod();
+}
+
 Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill)
 {
     Material material{VoxelGrid(grid_shape)};
@@ -82,8 +100,7 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
     const bool is_cloud = shape.triangles.empty();
     if (is_cloud)
         material.spacing = point_spacing(shape.samples);
-    const int max_radius =
-        std::max(1, static_cast<int>(kMaxSealRadius * grid_shape.size.norm() / voxel));
+    const int max_radius = max_seal_radius(grid_shape);
     // How far apart neighbouring samples of a cloud are [voxel].
     const int reach_of_samples =
         material.spacing > 0
@@ -110,16 +127,20 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
         {
             material.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
             material.seal_radius = radius * voxel;
+            // A voxel on either side counts as well.
+            material.joins_below = (2.0 * radius + 2.0) * voxel;
             if (is_cloud)
                 spread_sheets(grid, marks,
                               std::max<double>(radius, reach_of_samples) + 1.0,
                               0.5 * (reach_of_samples + 1));
-            join_fragments(grid, std::max(1, reach_of_samples));
+            join_fragments(grid,
+                           std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
             return material;
         }
     }
     if (reach_of_samples > 0)
     {
+        material.joins_below = (reach_of_samples + 3.0) * voxel;
         spread(grid, marks, 0.5 * (reach_of_samples + 1));
         join_fragments(grid, reach_of_samples);
     }

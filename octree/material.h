@@ -46,13 +46,19 @@ struct Material
     InsideMethod method = InsideMethod::None;
     double spacing = 0.0;     ///< of the samples of a cloud; 0 for a surface
     double seal_radius = 0.0; ///< up to which openings were closed to find the inside
+    /// Parts nearer than this may be joined, because the samples leave openings as wide;
+    /// 0 where the voxels alone decide.
+    double joins_below = 0.0;
 };
 
 /// The voxels of \p shape on the grid \p grid_shape. Every voxel that a triangle
 /// or sample touches is material (conservative, so connected through faces), and
 /// for Fill::Solid the inside; if nothing is enclosed, the result is a shell.
-/// Memory: about ten bytes a voxel while it runs.
+/// Memory: see material_bytes().
 Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill);
+
+/// What find_material() takes at the most while it runs [byte].
+double material_bytes(const GridShape& grid_shape);
 
 /// Typical distance of neighbouring points, coincident ones not counted; 0 if
 /// there are fewer than two places.

@@ -165,16 +165,43 @@ void walk_columns(const std::vector<Crossing>& found, const VoxelGrid& grid, int
 std::vector<Triangle> bounding_triangles(const Shape& shape)
 {
     const std::vector<std::uint32_t> joined = joined_samples(shape.samples);
-    std::vector<Triangle> triangles;
-    triangles.reserve(shape.triangles.size());
+    struct Entry
+    {
+        Triangle corners; ///< ascending: copies of either direction are one
+        std::size_t order;
+        Triangle triangle;
+    };
+    std::vector<Entry> entries;
+    entries.reserve(shape.triangles.size());
     for (const Triangle& t : shape.triangles)
     {
         const Triangle j = {joined[t[0]], joined[t[1]], joined[t[2]]};
-        if (j[0] != j[1] && j[1] != j[2] && j[2] != j[0])
-            triangles.push_back(canonical(j));
+        if (j[0] == j[1] || j[1] == j[2] || j[2] == j[0])
+            continue;
+        Triangle corners = j;
+        std::sort(corners.begin(), corners.end());
+        entries.push_back({corners, entries.size(), canonical(j)});
     }
+    std::sort(entries.begin(), entries.end(),
+              [](const Entry& a, const Entry& b)
+              { return std::tie(a.corners, a.order) < std::tie(b.corners, b.order); });
+    // Of a face that is there in both directions either the second is a flaw, or both
+    // are the wall between two bodies that touch: what leaves fewer edges open.
+    std::vector<Triangle> first_kept, both_dropped;
+    for (std::size_t i = 0; i < entries.size();)
+    {
+        const std::size_t first = i;
+        bool has_both = false;
+        for (; i < entries.size() && entries[i].corners == entries[first].corners; ++i)
+            has_both = has_both || entries[i].triangle != entries[first].triangle;
+        first_kept.push_back(entries[first].triangle);
+        if (!has_both)
+            both_dropped.push_back(entries[first].triangle);
+    }
+    const bool keeps_first = both_dropped.size() < first_kept.size() &&
+                             open_edge_share(first_kept) < open_edge_share(both_dropped);
+    std::vector<Triangle> triangles = std::move(keeps_first ? first_kept : both_dropped);
     std::sort(triangles.begin(), triangles.end());
-    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
     return triangles;
 }
 

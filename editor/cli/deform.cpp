@@ -73,6 +73,22 @@ std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
     return numbers;
 }
 
+const char* inside_name(InsideMethod method)
+{
+    switch (method)
+    {
+    case InsideMethod::Winding:
+        return "winding number";
+    case InsideMethod::Votes:
+        return "rays";
+    case InsideMethod::Flood:
+        return "flood";
+    case InsideMethod::None:
+        break;
+    }
+    return "none";
+}
+
 Json unused_parts(const PartCounts& parts)
 {
     Json unused = Json::array();
@@ -218,6 +234,12 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         {
             json["across"] = stage.body->across;
             json["faces_of_glue"] = stage.body->cells.faces.size();
+            const Material& material = stage.body->material;
+            const double diagonal = stage.body->frame.diagonal();
+            json["material"] = {{"inside", inside_name(material.method)},
+                                {"voxel", material.grid.shape().voxel() / diagonal},
+                                {"sealed_up_to", 2.0 * material.seal_radius / diagonal},
+                                {"joins_below", material.joins_below / diagonal}};
         }
         json["frames"] = Json::array();
         for (const FrameReport& report : session.frames())

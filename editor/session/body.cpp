@@ -33,9 +33,6 @@ constexpr double kProbeVoxels = 96.0;
 /// What a sample takes in the end, with its faces, places in the file and motions [byte].
 constexpr double kBytesPerSample = 250.0;
 
-/// While material is found: marks, distances twice, labels [byte a voxel].
-constexpr double kBytesPerVoxel = 20.0;
-
 /// Volume of material tells how many cells a grid has before it is built.
 int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
                      double max_voxel)
@@ -119,23 +116,27 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
                                            : automatic_across(shape, frame.size,
                                                               settings.fill, max_voxel);
     const GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
-    const auto bytes_at = [&](double voxel)
-    {
-        return kBytesPerVoxel *
-                   num_voxels(grid_shape(frame.size, across, settings.max_depth, voxel)) +
-               kBytesPerSample * static_cast<double>(samples.size());
-    };
-    const double bytes = bytes_at(max_voxel);
+    const double bytes_of_samples = kBytesPerSample * static_cast<double>(samples.size());
+    const double bytes = material_bytes(grid) + bytes_of_samples;
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
         num_voxels(grid) > 4e9)
+    {
+        const double coarser =
+            material_bytes(
+                grid_shape(frame.size, across, settings.max_depth, 2.0 * max_voxel)) +
+            bytes_of_samples;
+        const std::string way =
+            coarser < 0.9 * bytes
+                ? fmt::format("a --gap of {:.2g} needs {}", 2.0 * settings.gap,
+                              in_bytes(coarser))
+                : "a smaller --across or --max-depth, or fewer samples, need less";
         throw Error(
             Fault::Budget,
-            fmt::format(
-                "{} samples and {:.3g} voxels need about {} (limit {}): a --gap of "
-                "{:.2g} needs {}, a smaller --across or --max-depth may need less",
-                samples.size(), num_voxels(grid), in_bytes(bytes),
-                settings.max_memory > 0 ? in_bytes(settings.max_memory) : "none",
-                2.0 * settings.gap, in_bytes(bytes_at(2.0 * max_voxel))));
+            fmt::format("{} samples and {:.3g} voxels need about {} (limit {}): {}",
+                        samples.size(), num_voxels(grid), in_bytes(bytes),
+                        settings.max_memory > 0 ? in_bytes(settings.max_memory) : "none",
+                        way));
+    }
     Material material = find_material(shape, grid, settings.fill);
     const MaterialTest has_material = material_test(material.grid);
     const Octree coarsest(grid, has_material);
@@ -178,12 +179,12 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
                 .piece_of_voxel[body.material.grid.index(body.material.grid.locate(x))]);
     if (settings.fill == Fill::Solid && body.material.method == InsideMethod::None)
         body.warnings.push_back("nothing is enclosed: the shape is treated as a shell");
-    const double sealed = 2.0 * body.material.seal_radius / frame.diagonal();
-    if (sealed > settings.gap && body.material.method == InsideMethod::Flood)
+    const double joined = body.material.joins_below / frame.diagonal();
+    if (joined > settings.gap)
         body.warnings.push_back(fmt::format(
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g})",
-            sealed, settings.gap));
+            joined, settings.gap));
     return body;
 }
 

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -219,6 +220,22 @@ void Session::start_stage(std::size_t stage)
     place_fades();
     for (const Cell& cell : s.body.cells.cells)
         s.poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
+    if (settings_.field == FieldKind::RbfGlobal && settings_.cells.max_memory > 0)
+    {
+        std::vector<int> all(s.body.cells.size());
+        std::iota(all.begin(), all.end(), 0);
+        const std::size_t centres = CentreChoice(s.body.cells, s.poses, s.constraints)
+                                        .centres_of(all)
+                                        .points.size();
+        const double bytes = RbfField::memory_estimate(centres);
+        if (bytes > settings_.cells.max_memory)
+            throw Error(
+                Fault::Budget,
+                fmt::format("the global release field of {} centres needs {} (limit "
+                            "{}): the local one, rbf, needs less",
+                            centres, in_bytes(bytes),
+                            in_bytes(settings_.cells.max_memory)));
+    }
     plan_frames(statements.frames);
 }
 
@@ -642,16 +659,6 @@ void Session::move_samples(FrameReport& report)
         if (!s.fades[r])
             continue;
         moved.push_back({&*s.fades[r], motions[r], s.regions[r].role == Role::Pin, {}});
-    }
-    if (settings_.field == FieldKind::RbfGlobal)
-    {
-        const double bytes = RbfField::memory_estimate(s.body.cells.size());
-        if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
-            throw Error(Fault::Budget,
-                        fmt::format("the global release field of {} cells needs {} or "
-                                    "more (limit {}): the local one, rbf, needs less",
-                                    s.body.cells.size(), bytes / 1e9,
-                                    settings_.cells.max_memory / 1e9));
     }
     s.field = std::make_unique<Field>(settings_.field, s.body.cells, s.poses,
                                       s.constraints, std::move(moved));

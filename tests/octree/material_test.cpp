@@ -102,6 +102,26 @@ TEST(Material, flaws_of_a_mesh_do_not_change_it)
     EXPECT_EQ(found(flawed).grid.material(), wanted);
 }
 
+TEST(Material, faces_of_both_directions_are_a_flaw_or_a_wall)
+{
+    const Shape clean = box_shape({0, 0, 0}, {1, 1, 1});
+    const std::vector<std::uint8_t> wanted = found(clean).grid.material();
+    for (const std::size_t count : {clean.triangles.size(), clean.triangles.size() / 3})
+    {
+        Shape two_sided = clean;
+        for (std::size_t t = 0; t < count; ++t)
+            two_sided.triangles.push_back(
+                {clean.triangles[t][0], clean.triangles[t][2], clean.triangles[t][1]});
+        EXPECT_EQ(found(two_sided).grid.material(), wanted);
+        EXPECT_EQ(found(two_sided).method, InsideMethod::Winding);
+    }
+    // Two boxes that touch: their common wall is there twice.
+    const Material touching = found(
+        joined(box_shape({0, 0, 0}, {0.5, 1, 1}), box_shape({0.5, 0, 0}, {1, 1, 1})));
+    EXPECT_EQ(touching.method, InsideMethod::Winding);
+    EXPECT_EQ(touching.grid.material(), wanted);
+}
+
 TEST(Material, a_few_holes_do_not_let_the_outside_in)
 {
     Shape shape = box_shape({0, 0, 0}, {1, 1, 1}, 40);
