@@ -884,6 +884,13 @@ TEST(Session, too_many_cells_are_over_the_budget)
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
                          "the factor of 2048 cells needs about"));
+    s = settings(16);
+    s.cells.gap = 1.0;
+    s.field = FieldKind::RbfGlobal;
+    s.cells.max_memory = 1.5e6;
+    EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "the global release field of"));
 }
 
 TEST(Session, the_automatic_grid_has_a_thousand_cells_or_two)
