@@ -6,13 +6,20 @@
 //   E = w ( s_a |D(c_a)|^2 + s_b |D(c_b)|^2 + sum_k |R_a l_k - R_b l_k|^2 ).
 // So E is a sum of five terms m |d|^2 with
 //   d = (r_a + f p_a) - (r_b + f p_b),
-// arms r that turn with their cell and f = 1 for the two centres, 0 for the moments.
+// arms r that turn with their cell and f = 1 for the two centres, 0 for the moments. At
+// c_a the arm of a is 0 and that of b is -R_b o, at c_b that of a is R_a o and that of b
+// is 0, with the offset o = c_b - c_a.
 // A twist changes r by omega x r + 1/2 omega x (omega x r) and p by v + 1/2 omega x v
 // (see pose.cpp), hence
 //   dE = 2 m d . (omega_a x r_a + f v_a - omega_b x r_b - f v_b),
 // the Gauss-Newton matrix is 2 m J^T J, and the curvature of omega_a adds
 //   2 m [ (d r^T + r d^T) / 2 - (d . r) I ],   that of omega_b the same with -d;
 // with g_v the gradient in v, the blocks of (v, omega) gain [g_v]x / 2.
+//
+// With C = sum_k r_bk r_ak^T over the moments (C = R_b S R_a^T) their parts are
+//   gradient   -2 w sum_k r_ak x r_bk, which is what is skew in C,
+//   diagonal    2 w (tr A I - A),  A = R_a S R_a^T, curvature 2 w (A - sym C - tr(A - C)
+//   I), coupling   -2 w (tr C I - C).
 #include "solver/glue.h"
 
 #include <cmath>
@@ -28,40 +35,62 @@ namespace cellwarp
 namespace
 {
 
-struct Term
+/// The gaps of a face: T_a - T_b at both centres and of the turned moment roots.
+struct Gaps
 {
-    double weight;
-    bool has_position;
-    Eigen::Vector3d d, arm_a, arm_b;
+    Eigen::Vector3d arm_a, arm_b;   ///< R_a o, -R_b o
+    Eigen::Vector3d at_a, at_b;     ///< T_a - T_b at c_a and c_b
+    Eigen::Matrix3d root_a, root_b; ///< R l_k as columns
+
+    Gaps(const GlueFace& face, const Pose& a, const Pose& b)
+        : arm_a(a.R * face.offset), arm_b(-(b.R * face.offset)),
+          root_a(a.R * face.moment_root), root_b(b.R * face.moment_root)
+    {
+        const Eigen::Vector3d gap = a.p - b.p;
+        at_a = gap - arm_b;
+        at_b = gap + arm_a;
+    }
 };
 
-std::array<Term, 5> terms(const GlueFace& face, const Pose& a, const Pose& b)
-{
-    std::array<Term, 5> t;
-    const Eigen::Vector3d zero = Eigen::Vector3d::Zero();
-    const Eigen::Vector3d gap = a.p - b.p;
-    // At c_a the arm of a is 0 and that of b is R_b (c_a - c_b); at c_b in turn.
-    t[0] = {face.stiffness * face.share_a, true, gap + b.R * face.offset, zero,
-            -(b.R * face.offset)};
-    t[1] = {face.stiffness * face.share_b, true, gap + a.R * face.offset,
-            a.R * face.offset, zero};
-    for (int k = 0; k < 3; ++k)
-    {
-        Term& term = t[static_cast<std::size_t>(2 + k)];
-        term.weight = face.stiffness;
-        term.has_position = false;
-        term.arm_a = a.R * face.moment_root.col(k);
-        term.arm_b = b.R * face.moment_root.col(k);
-        term.d = term.arm_a - term.arm_b;
-    }
-    return t;
-}
-
-/// [ (d r^T + r d^T) / 2 - (d . r) I ]
+/// sym(d r^T) - (d . r) I
 Eigen::Matrix3d arm_curvature(const Eigen::Vector3d& d, const Eigen::Vector3d& r)
 {
     return 0.5 * (d * r.transpose() + r * d.transpose()) -
            d.dot(r) * Eigen::Matrix3d::Identity();
+}
+
+/// tr M I - M
+Eigen::Matrix3d inertia(const Eigen::Matrix3d& M)
+{
+    return M.trace() * Eigen::Matrix3d::Identity() - M;
+}
+
+/// The diagonal block of the cell with the one given arm (the weight at the other
+/// cell's centre), the gap as seen from it, and its moment roots.
+Eigen::Matrix<double, 6, 6> diagonal(double stretch, double arm_weight,
+                                     const Eigen::Vector3d& arm, const Eigen::Vector3d& d,
+                                     const Eigen::Matrix3d& root,
+                                     const Eigen::Matrix3d& other_root,
+                                     const Eigen::Vector3d& force, double share)
+{
+    const Eigen::Matrix3d A = root * root.transpose();
+    Eigen::Matrix3d turn =
+        arm_weight * inertia(arm * arm.transpose()) + stretch * inertia(A);
+    Eigen::Matrix3d mixed = arm_weight * cross_matrix(arm); // angular, linear
+    if (share > 0)
+    {
+        const Eigen::Matrix3d C = other_root * root.transpose(), D = A - C;
+        turn += share * (arm_weight * arm_curvature(d, arm) +
+                         stretch * (0.5 * (D + D.transpose()) -
+                                    D.trace() * Eigen::Matrix3d::Identity()));
+        mixed -= 0.5 * share * cross_matrix(force);
+    }
+    Eigen::Matrix<double, 6, 6> H;
+    H.topLeftCorner<3, 3>() = turn;
+    H.topRightCorner<3, 3>() = mixed;
+    H.bottomLeftCorner<3, 3>() = mixed.transpose();
+    H.bottomRightCorner<3, 3>() = stretch * Eigen::Matrix3d::Identity();
+    return H;
 }
 
 Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
@@ -114,64 +143,68 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors)
 
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b)
 {
-    double energy = 0.0;
-    for (const Term& term : terms(face, a, b))
-        energy += term.weight * term.d.squaredNorm();
-    return energy;
+    const Gaps gaps(face, a, b);
+    return face.stiffness * (face.share_a * gaps.at_a.squaredNorm() +
+                             face.share_b * gaps.at_b.squaredNorm() +
+                             (gaps.root_a - gaps.root_b).squaredNorm());
 }
 
 Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
                                            const Pose& b)
 {
-    Eigen::Matrix<double, 12, 1> gradient = Eigen::Matrix<double, 12, 1>::Zero();
-    for (const Term& term : terms(face, a, b))
-    {
-        const Eigen::Vector3d force = 2.0 * term.weight * term.d;
-        gradient.segment<3>(0) += term.arm_a.cross(force);
-        gradient.segment<3>(6) -= term.arm_b.cross(force);
-        if (term.has_position)
-        {
-            gradient.segment<3>(3) += force;
-            gradient.segment<3>(9) -= force;
-        }
-    }
+    const Gaps gaps(face, a, b);
+    const double stretch = 2.0 * face.stiffness;
+    const Eigen::Vector3d force_a = stretch * face.share_a * gaps.at_a;
+    const Eigen::Vector3d force_b = stretch * face.share_b * gaps.at_b;
+    const Eigen::Matrix3d C = gaps.root_b * gaps.root_a.transpose();
+    const Eigen::Vector3d turn =
+        stretch *
+        Eigen::Vector3d(C(1, 2) - C(2, 1), C(2, 0) - C(0, 2), C(0, 1) - C(1, 0));
+    Eigen::Matrix<double, 12, 1> gradient;
+    gradient << turn + gaps.arm_a.cross(force_b), force_a + force_b,
+        -turn - gaps.arm_b.cross(force_a), -force_a - force_b;
     return gradient;
 }
 
-GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
-                     Curvature curvature)
+Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature)
 {
-    GlueBlock block;
-    block.gradient = glue_gradient(face, a, b);
-    for (const Term& term : terms(face, a, b))
-    {
-        block.energy += term.weight * term.d.squaredNorm();
-        Eigen::Matrix<double, 3, 12> J = Eigen::Matrix<double, 3, 12>::Zero();
-        J.block<3, 3>(0, 0) = -cross_matrix(term.arm_a);
-        J.block<3, 3>(0, 6) = cross_matrix(term.arm_b);
-        if (term.has_position)
-        {
-            J.block<3, 3>(0, 3).setIdentity();
-            J.block<3, 3>(0, 9) = -Eigen::Matrix3d::Identity();
-        }
-        block.hessian.noalias() += 2.0 * term.weight * (J.transpose() * J);
-        if (curvature.share > 0)
-        {
-            block.hessian.block<3, 3>(0, 0) +=
-                2.0 * curvature.share * term.weight * arm_curvature(term.d, term.arm_a);
-            block.hessian.block<3, 3>(6, 6) -=
-                2.0 * curvature.share * term.weight * arm_curvature(term.d, term.arm_b);
-        }
-    }
-    if (curvature.share > 0)
-        for (const int at : {0, 6})
-        {
-            const Eigen::Matrix3d half =
-                0.5 * curvature.share * cross_matrix(block.gradient.segment<3>(at + 3));
-            block.hessian.block<3, 3>(at + 3, at) += half;
-            block.hessian.block<3, 3>(at, at + 3) += half.transpose();
-        }
-    return block;
+    const Gaps gaps(face, a, b);
+    const double stretch = 2.0 * face.stiffness;
+    const Eigen::Vector3d force =
+        stretch * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
+    return diagonal(stretch, stretch * face.share_b, gaps.arm_a, gaps.at_b, gaps.root_a,
+                    gaps.root_b, force, curvature.share);
+}
+
+Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature)
+{
+    const Gaps gaps(face, a, b);
+    const double stretch = 2.0 * face.stiffness;
+    const Eigen::Vector3d force =
+        stretch * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
+    return diagonal(stretch, stretch * face.share_a, gaps.arm_b, -gaps.at_a, gaps.root_b,
+                    gaps.root_a, -force, curvature.share);
+}
+
+GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
+{
+    const Gaps gaps(face, a, b);
+    const double stretch = 2.0 * face.stiffness;
+    return {stretch * inertia(gaps.root_b * gaps.root_a.transpose()),
+            stretch * face.share_b * gaps.arm_a, stretch * face.share_a * gaps.arm_b,
+            stretch};
+}
+
+Eigen::Matrix<double, 6, 6> GlueCoupling::matrix() const
+{
+    Eigen::Matrix<double, 6, 6> M;
+    M.topLeftCorner<3, 3>() = -turn;
+    M.topRightCorner<3, 3>() = -cross_matrix(arm_a);
+    M.bottomLeftCorner<3, 3>() = cross_matrix(arm_b);
+    M.bottomRightCorner<3, 3>() = -stretch * Eigen::Matrix3d::Identity();
+    return M;
 }
 
 double glue_energy(const Glue& glue, std::span<const Pose> poses)

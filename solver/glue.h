@@ -8,8 +8,10 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "octree/cells.h"
+#include "solver/energy.h"
 #include "solver/pose.h"
 
 namespace cellwarp
@@ -44,29 +46,43 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors);
 /// second moments of full rank). [Botsch07]
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
 
-/// How much of the second derivative: J^T J, which is positive semi-definite, plus a
-/// share of the curvature of the rotations, which with 1 makes it exact.
-struct Curvature
-{
-    double share;
-};
-inline constexpr Curvature kGaussNewton{0.0}, kExact{1.0};
-
-/// Second-order model of one face in the twists of its cells: rows and columns
-/// 0..5 belong to a, 6..11 to b; angular before linear.
-struct GlueBlock
-{
-    double energy = 0.0;
-    Eigen::Matrix<double, 12, 1> gradient = Eigen::Matrix<double, 12, 1>::Zero();
-    Eigen::Matrix<double, 12, 12> hessian = Eigen::Matrix<double, 12, 12>::Zero();
-};
-
-GlueBlock glue_block(const GlueFace& face, const Pose& a, const Pose& b,
-                     Curvature curvature);
-
-/// The gradient alone.
+/// Derivative of the energy of one face in the twists of a (0..5) and b (6..11),
+/// angular before linear. In place of rotations themselves: see moved().
 Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
                                            const Pose& b);
+
+/// Second derivative in the twist of one of the face's cells.
+Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature);
+Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature);
+
+/// Second derivative in the twists of both cells: of its 36 numbers 16 differ, and all
+/// curvature is in the diagonal.
+struct GlueCoupling
+{
+    Eigen::Matrix3d turn;  ///< - angular, angular
+    Eigen::Vector3d arm_a; ///< - angular of a, linear of b: as cross product
+    Eigen::Vector3d arm_b; ///<   linear of a, angular of b: as cross product
+    double stretch;        ///< - linear, linear: times the identity
+
+    /// Rows of a, columns of b.
+    Eigen::Matrix<double, 6, 6> matrix() const;
+    /// y_a += matrix() x_b
+    void add_to_a(const Twist& x_b, Twist& y_a) const
+    {
+        y_a.head<3>() -= turn * x_b.head<3>() + arm_a.cross(x_b.tail<3>());
+        y_a.tail<3>() -= stretch * x_b.tail<3>() + x_b.head<3>().cross(arm_b);
+    }
+    /// y_b += matrix()^T x_a
+    void add_to_b(const Twist& x_a, Twist& y_b) const
+    {
+        y_b.head<3>() -= turn.transpose() * x_a.head<3>() + arm_b.cross(x_a.tail<3>());
+        y_b.tail<3>() -= stretch * x_a.tail<3>() + x_a.head<3>().cross(arm_a);
+    }
+};
+
+GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
 
 /// Sum over all faces, in their order.
 double glue_energy(const Glue& glue, std::span<const Pose> poses);

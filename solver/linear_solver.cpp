@@ -25,10 +25,13 @@ struct LinearSolver::Library
     // Mutable: solving uses the library's workspace.
     mutable cholmod_common common;
     cholmod_factor* factor = nullptr;
+    mutable cholmod_dense *solution = nullptr, *work_y = nullptr, *work_e = nullptr;
 
     Library() { cholmod_start(&common); }
     ~Library()
     {
+        for (cholmod_dense** dense : {&solution, &work_y, &work_e})
+            cholmod_free_dense(dense, &common);
         cholmod_free_factor(&factor, &common);
         cholmod_finish(&common);
     }
@@ -99,7 +102,7 @@ bool LinearSolver::factorize(const BlockMatrix& A)
     return std::isfinite(cholmod_rcond(library_->factor, &common));
 }
 
-Eigen::VectorXd LinearSolver::solve(const Eigen::VectorXd& b) const
+void LinearSolver::solve(const Eigen::VectorXd& b, Eigen::VectorXd& x) const
 {
     cholmod_dense right;
     std::memset(&right, 0, sizeof right);
@@ -108,13 +111,11 @@ Eigen::VectorXd LinearSolver::solve(const Eigen::VectorXd& b) const
     right.x = const_cast<double*>(b.data());
     right.xtype = CHOLMOD_REAL;
     right.dtype = CHOLMOD_DOUBLE;
-    cholmod_dense* x =
-        cholmod_solve(CHOLMOD_A, library_->factor, &right, &library_->common);
+    cholmod_solve2(CHOLMOD_A, library_->factor, &right, nullptr, &library_->solution,
+                   nullptr, &library_->work_y, &library_->work_e, &library_->common);
     throw_if_out_of_memory(library_->common);
-    Eigen::VectorXd solution =
-        Eigen::Map<const Eigen::VectorXd>(static_cast<const double*>(x->x), b.size());
-    cholmod_free_dense(&x, &library_->common);
-    return solution;
+    x = Eigen::Map<const Eigen::VectorXd>(
+        static_cast<const double*>(library_->solution->x), b.size());
 }
 
 double LinearSolver::factor_numbers() const

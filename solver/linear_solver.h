@@ -27,8 +27,9 @@ public:
     /// \pre \p A has the structure that was analysed.
     [[nodiscard]] bool factorize(const BlockMatrix& A);
 
+    /// Solves A x = b. Keeps its workspace: nothing is allocated from the second call on.
     /// \pre the last factorize() returned true.
-    Eigen::VectorXd solve(const Eigen::VectorXd& b) const;
+    void solve(const Eigen::VectorXd& b, Eigen::VectorXd& x) const;
 
     /// Numbers in the factor, known from the analysis: memory is 8 bytes each.
     double factor_numbers() const;

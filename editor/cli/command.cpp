@@ -88,7 +88,10 @@ void SessionFlags::add_to(CLI::App& app)
                     defaults.cells.gap));
     app.add_option("--max-cells", max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
-    app.add_option("--solver", solver, "newton or gauss-newton (default newton)");
+    app.add_option(
+        "--solver", solver,
+        "newton, gauss-newton or gauss-newton-direct, which factorises in each "
+        "iteration (default newton)");
     app.add_option("--max-iterations", max_iterations,
                    fmt::format("of one frame (default {})", defaults.max_iterations));
     app.add_flag("--tight", is_tight, "solve to a gradient of 1e-10 instead of 1e-6");
@@ -166,10 +169,14 @@ SessionRequest read_request(const SessionFlags& flags)
     cells.max_memory =
         flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
     const std::string solver = flags.solver.value_or("newton");
-    if (solver != "newton" && solver != "gauss-newton")
-        throw Error(Fault::Usage, "--solver: got " + in_quotes(solver) +
-                                      ", need newton or gauss-newton");
-    settings.method = solver == "newton" ? Method::Newton : Method::GaussNewton;
+    if (solver == "gauss-newton")
+        settings.method = Method::GaussNewton;
+    else if (solver == "gauss-newton-direct")
+        settings.method = Method::GaussNewtonDirect;
+    else if (solver != "newton")
+        throw Error(Fault::Usage,
+                    "--solver: got " + in_quotes(solver) +
+                        ", need newton, gauss-newton or gauss-newton-direct");
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
     request.release = scene.release.value_or("rbf");

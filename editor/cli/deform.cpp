@@ -121,7 +121,7 @@ Json frame_json(const FrameReport& report)
             {"handle_residual", report.handle_residual},
             {"max_pair_gap", report.max_pair_gap},
             {"steps", report.steps},
-            {"newton_iterations", report.solve.newton_iterations},
+            {"linear_steps", report.solve.linear_steps},
             {"backward_error", report.solve.backward_error},
             {"damped_factorisations", report.solve.damped_factorisations},
             {"ms",

@@ -128,7 +128,9 @@ struct Session::StageState
     std::vector<Component> components;
     Glue glue;
     std::optional<Minimizer> minimizer;
+    std::optional<MotionSpread> spread;
     std::vector<Pose> poses;
+    SolveReport last_solve;
     std::vector<Eigen::Vector3d> box_low, box_high; ///< of each region's samples [work]
     std::vector<std::optional<RegionFade>> fades;
     struct Overlap
@@ -348,14 +350,22 @@ void Session::hold_cells(const std::vector<RegionShares>& shares)
                             component.cells.size(),
                             component.free_rotations == 3 ? "one pin" : "pins in a line",
                             component.free_rotations));
+    const auto check_memory = [&](const char* what, double bytes)
+    {
+        if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
+            throw Error(Fault::Budget,
+                        fmt::format("the {} of {} cells need about {} (limit {}): a "
+                                    "smaller --across or --max-depth needs less",
+                                    what, s.body.cells.size(), in_bytes(bytes),
+                                    in_bytes(settings_.cells.max_memory)));
+    };
+    check_memory("equations", Multigrid::memory_estimate(s.body.cells.size(),
+                                                         s.body.cells.faces.size()));
     s.minimizer.emplace(s.body.cells, s.glue, s.constraints, s.components);
-    const double factor_bytes = s.minimizer->factor_bytes();
-    if (settings_.cells.max_memory > 0 && factor_bytes > settings_.cells.max_memory)
-        throw Error(Fault::Budget,
-                    fmt::format("the factor of {} cells needs about {} (limit {}): a "
-                                "smaller --across or --max-depth needs less",
-                                s.body.cells.size(), in_bytes(factor_bytes),
-                                in_bytes(settings_.cells.max_memory)));
+    if (settings_.method == Method::GaussNewtonDirect)
+        check_memory("factors", s.minimizer->factor_bytes());
+    s.spread.emplace(s.body.cells, s.glue, s.constraints, s.region_of_cell,
+                     static_cast<int>(s.regions.size()));
 }
 
 /// Where the regions' corrections act: around their samples, and around the borders of
@@ -526,49 +536,66 @@ std::vector<Motion> Session::set_motions(double t)
     return motions;
 }
 
-/// A component whose regions all make one rigid step makes it as a whole. A pin takes
-/// part if the step takes its held points where they must be.
-void Session::carry_rigid_steps(const std::vector<Motion>& last,
-                                const std::vector<Motion>& motions)
+/// The one rigid step that all regions of a component make, if they do. A pin takes part
+/// if the step takes its held points where they must be.
+std::optional<Motion> Session::rigid_step_of(const Component& component,
+                                             const std::vector<Motion>& last,
+                                             const std::vector<Motion>& steps) const
 {
-    StageState& s = *state_;
-    for (const Component& component : s.components)
-    {
-        std::optional<Motion> step;
-        bool is_rigid = component.is_held;
-        for (const bool is_pin : {false, true})
-            for (const int cell : component.cells)
-            {
-                const std::size_t c = static_cast<std::size_t>(cell);
-                const int owner = s.region_of_cell[c];
-                if (owner < 0 || !is_rigid ||
-                    (s.constraints[c].hold == Hold::Pinned) != is_pin)
-                    continue;
-                const std::size_t r = static_cast<std::size_t>(owner);
-                const Motion change = motions[r] * inverse(last[r]);
-                if (!step)
-                    step = change;
-                const double scale = std::max(1.0, change.t.norm());
-                if (is_pin)
-                    is_rigid = ((*step)(s.constraints[c].held_rest + last[r].t) -
-                                s.constraints[c].held_now)
-                                   .norm() <= kSameStep * scale;
-                else
-                    is_rigid = agree(*step, change, scale);
-            }
-        if (!is_rigid || !step || (step->R.isIdentity(0) && step->t.isZero(0)))
-            continue;
+    const StageState& s = *state_;
+    std::optional<Motion> step;
+    for (const bool is_pin : {false, true})
         for (const int cell : component.cells)
         {
             const std::size_t c = static_cast<std::size_t>(cell);
-            if (s.constraints[c].hold == Hold::Prescribed)
+            const int owner = s.region_of_cell[c];
+            if (owner < 0 || (s.constraints[c].hold == Hold::Pinned) != is_pin)
                 continue;
-            const Eigen::Vector3d& centre = s.body.cells.cells[c].centre;
+            const std::size_t r = static_cast<std::size_t>(owner);
+            if (!step)
+                step = steps[r];
+            const double scale = std::max(1.0, steps[r].t.norm());
+            const bool agrees = is_pin
+                                    ? ((*step)(s.constraints[c].held_rest + last[r].t) -
+                                       s.constraints[c].held_now)
+                                              .norm() <= kSameStep * scale
+                                    : agree(*step, steps[r], scale);
+            if (!agrees)
+                return std::nullopt;
+        }
+    return step;
+}
+
+/// Where the free cells start from: a component whose regions all make one rigid step
+/// makes it as a whole; in others each cell takes its part in them.
+void Session::carry_steps(const std::vector<Motion>& last,
+                          const std::vector<Motion>& motions)
+{
+    StageState& s = *state_;
+    std::vector<Motion> steps;
+    for (std::size_t r = 0; r < motions.size(); ++r)
+        steps.push_back(motions[r] * inverse(last[r]));
+    for (const Component& component : s.components)
+    {
+        if (!component.is_held)
+            continue;
+        const std::optional<Motion> rigid = rigid_step_of(component, last, steps);
+        if (rigid && rigid->R.isIdentity(0) && rigid->t.isZero(0))
+            continue;
+        std::vector<int> cells;
+        for (const int cell : component.cells)
+            if (s.constraints[static_cast<std::size_t>(cell)].hold != Hold::Prescribed)
+                cells.push_back(cell);
+        if (!rigid)
+            s.spread->carry(steps, cells, s.poses);
+        for (const int cell : cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            Pose& pose = s.poses[c];
+            if (rigid)
+                pose = {rigid->R * pose.R, (*rigid)(pose.p)};
             if (s.constraints[c].hold == Hold::Pinned)
-                s.poses[c] = held_at_pin({step->R * s.poses[c].R, centre},
-                                         s.constraints[c], centre);
-            else
-                s.poses[c] = {step->R * s.poses[c].R, (*step)(s.poses[c].p)};
+                pose = held_at_pin(pose, s.constraints[c], s.body.cells.cells[c].centre);
         }
     }
 }
@@ -579,8 +606,22 @@ void Session::solve_frame(FrameReport& report)
     const Clock::time_point start = Clock::now();
     const int parts = s.num_parts[frame_];
     std::vector<Motion> last;
+    bool is_moved = false;
     for (const Path& path : s.paths[frame_])
+    {
         last.push_back(path.at(0.0));
+        const Motion now = path.at(1.0);
+        is_moved = is_moved || now.R != last.back().R || now.t != last.back().t;
+    }
+    // The last solution stands, and is not polished to other bits.
+    if (!is_moved && frame_ > 0 && s.last_solve.stop == Stop::Converged)
+    {
+        s.last_solve.iterations = s.last_solve.linear_steps = 0;
+        s.last_solve.energy_before = s.last_solve.energy_after;
+        report.solve = s.last_solve;
+        report.max_pair_gap = largest_gap();
+        return;
+    }
     SolveReport total;
     double gradient_scale = 0.0;
     bool is_given_up = false;
@@ -598,7 +639,7 @@ void Session::solve_frame(FrameReport& report)
                 std::max(first.gradient, kUncancelledShare * first.uncancelled);
         }
         const double energy_before = glue_energy(s.glue, s.poses);
-        carry_rigid_steps(last, motions);
+        carry_steps(last, motions);
 
         SolveOptions options;
         options.method = settings_.method;
@@ -614,7 +655,7 @@ void Session::solve_frame(FrameReport& report)
                 std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(start));
         SolveReport solve = s.minimizer->minimize(s.poses, options);
         solve.iterations += std::max(0, total.iterations);
-        solve.newton_iterations += total.newton_iterations;
+        solve.linear_steps += total.linear_steps;
         solve.damped_factorisations += total.damped_factorisations;
         solve.backward_error = std::max(solve.backward_error, total.backward_error);
         solve.energy_before = energy_before;
@@ -625,7 +666,7 @@ void Session::solve_frame(FrameReport& report)
         is_given_up = solve.stop == Stop::TimeLimit || solve.stop == Stop::Stopped;
         last = std::move(motions);
     }
-    report.solve = total;
+    report.solve = s.last_solve = total;
     if (total.stop == Stop::NotPositiveDefinite)
         throw Error(Fault::Unsolvable,
                     at({handles_.path, 0, "frame " + std::to_string(report.frame)},
@@ -636,14 +677,20 @@ void Session::solve_frame(FrameReport& report)
             fmt::format("frame {}: the result may not be stable: its energy "
                         "falls in some direction",
                         report.frame));
+    report.max_pair_gap = largest_gap();
+}
+
+/// Between glued cells [diagonal].
+double Session::largest_gap() const
+{
+    const StageState& s = *state_;
+    double largest = 0.0;
     for (const GlueFace& face : s.glue.faces)
-    {
-        const double energy = glue_energy(face, s.poses[static_cast<std::size_t>(face.a)],
-                                          s.poses[static_cast<std::size_t>(face.b)]);
-        report.max_pair_gap =
-            std::max(report.max_pair_gap,
-                     std::sqrt(energy / face.stiffness) / s.body.frame.diagonal());
-    }
+        largest =
+            std::max(largest, glue_energy(face, s.poses[static_cast<std::size_t>(face.a)],
+                                          s.poses[static_cast<std::size_t>(face.b)]) /
+                                  face.stiffness);
+    return std::sqrt(largest) / s.body.frame.diagonal();
 }
 
 void Session::move_samples(FrameReport& report)

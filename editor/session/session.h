@@ -19,6 +19,7 @@
 #include "io/handle_file.h"
 #include "solver/field/field.h"
 #include "solver/minimize.h"
+#include "solver/motion_spread.h"
 
 namespace cellwarp
 {
@@ -108,8 +109,11 @@ private:
     void solve_frame(FrameReport& report);
     /// Puts prescribed and pinned cells where they are at \p t of this frame's way.
     std::vector<Motion> set_motions(double t);
-    void carry_rigid_steps(const std::vector<Motion>& last,
-                           const std::vector<Motion>& motions);
+    std::optional<Motion> rigid_step_of(const Component& component,
+                                        const std::vector<Motion>& last,
+                                        const std::vector<Motion>& steps) const;
+    void carry_steps(const std::vector<Motion>& last, const std::vector<Motion>& motions);
+    double largest_gap() const;
     void move_samples(FrameReport& report);
     void commit();
 

@@ -880,10 +880,15 @@ TEST(Session, too_many_cells_are_over_the_budget)
                          "290 samples and"));
     s = settings(32);
     s.cells.gap = 1.0;        // few voxels
-    s.cells.max_memory = 1e7; // enough for the samples and voxels
+    s.cells.max_memory = 7e6; // enough for the samples and voxels
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
-                         "the factor of 2048 cells needs about"));
+                         "the equations of 2048 cells need about"));
+    s.cells.max_memory = 1e7;
+    s.method = Method::GaussNewtonDirect;
+    EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
+                                  { Session(model(survey_bar(4)), handles(kTwist), s); }),
+                         "the factors of 2048 cells need about"));
     s = settings(16);
     s.cells.gap = 1.0;
     s.field = FieldKind::RbfGlobal;

@@ -1,0 +1,705 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Levels. The cells in a block of 2 x 2 x 2 that hang together become one body of the
+// next level, which moves them rigidly: with e = (omega, v) of the body about its centre
+// C,
+//   T_i e = (omega, v + omega x (c_i - C)),      A_C = sum T_i^T A_ij T_j
+// A_C has the form of glue between the bodies and the same rigid null space, so it goes
+// on like that until few bodies are left, which are solved for exactly.
+//
+// Correction. A body of two cells' width can be strained only in its joints: a linear
+// field makes jumps there that are twice as large over the same distance, so its energy
+// is doubled, on every level, along every axis. Corrections are therefore too small by up
+// to two, and are taken kOver times; 1 takes 24 steps at 115,000 cells where this
+// takes 12.
+//
+// Smoothing. Two steps of Chebyshev's iteration on D^-1 A. A is a sum of squares |J_a x_a
+// - J_b x_b|^2 <= 2 |J_a x_a|^2 + 2 |J_b x_b|^2, so its largest eigenvalue is at most 2
+// on every level, and nothing has to be estimated. The same before and after the
+// correction, the cycle is symmetric; and it is positive definite whatever kOver is,
+// being the sum of a positive definite smoother and a positive semi-definite correction.
+//
+// Scale. Angular and linear rows and rows of stiff and soft parts differ by many orders;
+// every level is scaled to a unit diagonal, so that single precision holds it.
+#include "solver/multigrid.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+
+#include <Eigen/Cholesky>
+
+#include "octree/parallel.h"
+#include "solver/block_matrix.h"
+#include "solver/linear_solver.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kOver = 1.7;
+
+/// The eigenvalues that a smoothing damps most. Lower ones are left to the correction.
+constexpr float kLargest = 2.0f, kSmallest = kLargest / 6.0f;
+
+/// Bodies that are coupled by less than this share of what holds each of them are not
+/// joined: a soft neighbour would stiffen with a stiff one.
+constexpr double kWeak = 0.01;
+
+/// So few bodies are solved for exactly; also when a level has hardly fewer bodies than
+/// the one before.
+constexpr int kFew = 48;
+constexpr double kStalled = 0.7;
+
+/// Loops over fewer bodies are not worth a second thread.
+constexpr std::size_t kGrain = 128;
+
+/// A column of six numbers in one register's width; the last two are 0.
+constexpr int kWide = 8;
+using Wide = float __attribute__((vector_size(kWide * sizeof(float))));
+using WideBlock = std::array<Wide, 6>; ///< columns
+
+template <class Body>
+void for_each(int count, Body&& body)
+{
+    parallel_ranges(static_cast<std::size_t>(count), kGrain,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t i = begin; i < end; ++i)
+                            body(i);
+                    });
+}
+
+void add_product(const WideBlock& A, const Wide& x, Wide& y)
+{
+    for (std::size_t k = 0; k < 6; ++k)
+        y += A[k] * x[k];
+}
+
+void subtract_product(const WideBlock& A, const Wide& x, Wide& y)
+{
+    for (std::size_t k = 0; k < 6; ++k)
+        y -= A[k] * x[k];
+}
+
+WideBlock wide(const Matrix6& A)
+{
+    WideBlock block{};
+    for (int c = 0; c < 6; ++c)
+        for (int r = 0; r < 6; ++r)
+            block[static_cast<std::size_t>(c)][r] = static_cast<float>(A(r, c));
+    return block;
+}
+
+/// The inverse of a positive definite block; what rounding made singular is held a
+/// little.
+Matrix6 inverse_of(const Matrix6& D)
+{
+    for (double ridge = 0.0; ridge < 1.0; ridge = std::max(1e-12, 10.0 * ridge))
+    {
+        const Eigen::LLT<Matrix6> factor(D + ridge * Matrix6::Identity());
+        if (factor.info() == Eigen::Success)
+            return factor.solve(Matrix6::Identity());
+    }
+    return Matrix6::Identity();
+}
+
+/// A level while it is built: rows of blocks in double precision, diagonal included.
+struct Rows
+{
+    std::vector<int> first; ///< rows + 1
+    std::vector<int> column;
+    std::vector<Matrix6> block;
+    std::vector<Vector6> scale; ///< of each row: the true unknowns are scale times these
+
+    int count() const { return static_cast<int>(first.size()) - 1; }
+    std::size_t begin(int row) const
+    {
+        return static_cast<std::size_t>(first[static_cast<std::size_t>(row)]);
+    }
+    std::size_t end(int row) const
+    {
+        return static_cast<std::size_t>(first[static_cast<std::size_t>(row) + 1]);
+    }
+    std::size_t diagonal(int row) const
+    {
+        std::size_t k = begin(row);
+        while (column[k] != row)
+            ++k;
+        return k;
+    }
+};
+
+/// Where the bodies of a level lie: their centres, and boxes of an edge of 2^size.
+struct Bodies
+{
+    std::vector<Eigen::Vector3d> centre;
+    std::vector<Eigen::Vector3i> box; ///< in edges
+    std::vector<int> size;
+    std::vector<bool> shifts; ///< false: it turns about a point and does nothing else
+};
+
+/// Scales rows and columns to a mean diagonal of 1, angular and linear apart.
+void scale_rows(Rows& A)
+{
+    A.scale.resize(static_cast<std::size_t>(A.count()));
+    const auto scale_of = [](double trace)
+    { return trace > 0 && std::isfinite(trace) ? 1.0 / std::sqrt(trace / 3.0) : 1.0; };
+    for_each(A.count(),
+             [&](std::size_t i)
+             {
+                 const Matrix6& D = A.block[A.diagonal(static_cast<int>(i))];
+                 A.scale[i].head<3>().setConstant(
+                     scale_of(D.topLeftCorner<3, 3>().trace()));
+                 A.scale[i].tail<3>().setConstant(
+                     scale_of(D.bottomRightCorner<3, 3>().trace()));
+             });
+    for_each(A.count(),
+             [&](std::size_t i)
+             {
+                 for (std::size_t k = A.begin(static_cast<int>(i));
+                      k < A.end(static_cast<int>(i)); ++k)
+                     A.block[k] =
+                         A.scale[i].asDiagonal() * A.block[k] *
+                         A.scale[static_cast<std::size_t>(A.column[k])].asDiagonal();
+             });
+}
+
+/// The rows of the finest level. A block of 3 gets three more unknowns that do nothing.
+Rows rows_of(const Energy& energy)
+{
+    const std::span<const int> sizes = energy.block_sizes();
+    const std::span<const std::pair<int, int>> pairs = energy.pairs();
+    Rows A;
+    std::vector<int> count(sizes.size(), 1);
+    for (const auto& [row, column] : pairs)
+    {
+        ++count[static_cast<std::size_t>(row)];
+        ++count[static_cast<std::size_t>(column)];
+    }
+    A.first.push_back(0);
+    for (const int n : count)
+        A.first.push_back(A.first.back() + n);
+    A.column.resize(static_cast<std::size_t>(A.first.back()));
+    A.block.resize(A.column.size());
+    // Next free place of each row; the diagonal comes first.
+    std::vector<int> next(A.first.begin(), A.first.end() - 1);
+    for (std::size_t i = 0; i < sizes.size(); ++i)
+        A.column[static_cast<std::size_t>(next[i]++)] = static_cast<int>(i);
+    std::vector<std::pair<int, int>> places;
+    for (const auto& [row, column] : pairs)
+    {
+        const int at_row = next[static_cast<std::size_t>(row)]++;
+        const int at_column = next[static_cast<std::size_t>(column)]++;
+        A.column[static_cast<std::size_t>(at_row)] = column;
+        A.column[static_cast<std::size_t>(at_column)] = row;
+        places.emplace_back(at_row, at_column);
+    }
+    for_each(static_cast<int>(sizes.size()),
+             [&](std::size_t i)
+             {
+                 Matrix6& D = A.block[static_cast<std::size_t>(A.first[i])];
+                 D.setIdentity();
+                 energy.diagonal_block(static_cast<int>(i),
+                                       D.topLeftCorner(sizes[i], sizes[i]));
+             });
+    for_each(static_cast<int>(pairs.size()),
+             [&](std::size_t k)
+             {
+                 const int rows = sizes[static_cast<std::size_t>(pairs[k].first)];
+                 const int columns = sizes[static_cast<std::size_t>(pairs[k].second)];
+                 Matrix6& block = A.block[static_cast<std::size_t>(places[k].first)];
+                 block.setZero();
+                 energy.pair_block(static_cast<int>(k),
+                                   block.topLeftCorner(rows, columns));
+                 A.block[static_cast<std::size_t>(places[k].second)] = block.transpose();
+             });
+    scale_rows(A);
+    return A;
+}
+
+Bodies bodies_of(const Energy& energy, std::span<const GridPlace> places)
+{
+    Bodies bodies;
+    for (const int size : energy.block_sizes())
+        bodies.shifts.push_back(size == 6);
+    double least = INFINITY;
+    for (const GridPlace& place : places)
+        least = std::min(least, place.edge);
+    for (const GridPlace& place : places)
+    {
+        bodies.centre.push_back(place.centre);
+        bodies.size.push_back(
+            static_cast<int>(std::lround(std::log2(place.edge / least))));
+        bodies.box.push_back((place.box_centre / place.edge).array().floor().cast<int>());
+    }
+    return bodies;
+}
+
+/// For each row the body of the next level. Rows of one block of the octree join if they
+/// hang together by couplings that are not weak; larger boxes wait for the others.
+std::vector<int> join(const Rows& A, const Bodies& bodies, int size, int& count)
+{
+    const auto is_near = [&](std::size_t i, std::size_t j)
+    {
+        return bodies.size[i] == size && bodies.size[j] == size &&
+               (bodies.box[i].array() >= 0).all() && (bodies.box[j].array() >= 0).all() &&
+               bodies.box[i] / 2 == bodies.box[j] / 2;
+    };
+    std::vector<int> body(static_cast<std::size_t>(A.count()), -1), queue;
+    count = 0;
+    for (int first = 0; first < A.count(); ++first)
+    {
+        if (body[static_cast<std::size_t>(first)] >= 0)
+            continue;
+        body[static_cast<std::size_t>(first)] = count;
+        queue.assign(1, first);
+        for (std::size_t next = 0; next < queue.size(); ++next)
+        {
+            const int i = queue[next];
+            for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+            {
+                const std::size_t j = static_cast<std::size_t>(A.column[k]);
+                if (body[j] >= 0 || !is_near(static_cast<std::size_t>(i), j) ||
+                    !(A.block[k].norm() > kWeak))
+                    continue;
+                body[j] = count;
+                queue.push_back(static_cast<int>(j));
+            }
+        }
+        ++count;
+    }
+    return body;
+}
+
+/// Members of each body, in their order.
+struct Members
+{
+    std::vector<int> first, row;
+
+    Members(std::span<const int> body, int count)
+        : first(static_cast<std::size_t>(count) + 1, 0), row(body.size())
+    {
+        for (const int b : body)
+            ++first[static_cast<std::size_t>(b) + 1];
+        for (std::size_t b = 1; b < first.size(); ++b)
+            first[b] += first[b - 1];
+        std::vector<int> next(first.begin(), first.end() - 1);
+        for (std::size_t i = 0; i < body.size(); ++i)
+            row[static_cast<std::size_t>(next[static_cast<std::size_t>(body[i])]++)] =
+                static_cast<int>(i);
+    }
+    std::span<const int> of(std::size_t body) const
+    {
+        return std::span(row).subspan(
+            static_cast<std::size_t>(first[body]),
+            static_cast<std::size_t>(first[body + 1] - first[body]));
+    }
+};
+
+Bodies joined_bodies(const Bodies& bodies, const Members& members, int size)
+{
+    Bodies next;
+    for (std::size_t b = 0; b + 1 < members.first.size(); ++b)
+    {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (const int i : members.of(b))
+            sum += bodies.centre[static_cast<std::size_t>(i)];
+        const std::size_t i = static_cast<std::size_t>(members.of(b).front());
+        const bool is_grown = bodies.size[i] == size;
+        next.centre.push_back(sum / static_cast<double>(members.of(b).size()));
+        next.size.push_back(bodies.size[i] + is_grown);
+        next.shifts.push_back(true);
+        next.box.push_back(is_grown ? Eigen::Vector3i(bodies.box[i] / 2) : bodies.box[i]);
+    }
+    return next;
+}
+
+/// How a row follows the body above, in the scaled unknowns of both.
+struct Transfer
+{
+    float turn = 1.0f, shift = 1.0f;
+    std::array<float, 3> arm = {}; ///< shift += turn of the body x arm
+};
+
+struct Level
+{
+    // Rows without the diagonal.
+    std::vector<int> first, column;
+    std::vector<WideBlock> block, diagonal, inverse;
+    // To the next level.
+    std::vector<int> body;
+    std::vector<Transfer> transfer;
+    std::optional<Members> members;
+    // Scratch of a cycle.
+    std::vector<Wide> right, x, r, d, d2;
+
+    explicit Level(const Rows& A);
+    int count() const { return static_cast<int>(diagonal.size()); }
+
+    /// sum -= A x, one row
+    void subtract_row(std::size_t i, const std::vector<Wide>& at, Wide& sum) const
+    {
+        subtract_product(diagonal[i], at[i], sum);
+        for (std::size_t k = static_cast<std::size_t>(first[i]);
+             k < static_cast<std::size_t>(first[i + 1]); ++k)
+            subtract_product(block[k], at[static_cast<std::size_t>(column[k])], sum);
+    }
+    void before(Level& next);
+    void after(const Level& next);
+};
+
+Level::Level(const Rows& A)
+{
+    const std::size_t n = static_cast<std::size_t>(A.count());
+    first.push_back(0);
+    for (int i = 0; i < A.count(); ++i)
+    {
+        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+            if (A.column[k] != i)
+            {
+                column.push_back(A.column[k]);
+                block.push_back(wide(A.block[k]));
+            }
+        first.push_back(static_cast<int>(column.size()));
+    }
+    diagonal.resize(n);
+    inverse.resize(n);
+    for_each(A.count(),
+             [&](std::size_t i)
+             {
+                 const Matrix6& D = A.block[A.diagonal(static_cast<int>(i))];
+                 diagonal[i] = wide(D);
+                 inverse[i] = wide(inverse_of(D));
+             });
+    for (std::vector<Wide>* v : {&right, &x, &r, &d, &d2})
+        v->assign(n, Wide{});
+}
+
+constexpr float kCentre = 0.5f * (kLargest + kSmallest);
+constexpr float kRadius = 0.5f * (kLargest - kSmallest);
+constexpr float kFirst = 1.0f / kCentre;
+/// Second step of the Chebyshev iteration: d2 = kKeep d + kGain D^-1 r.
+constexpr float kRho = 1.0f / (2.0f * kCentre / kRadius - kRadius / kCentre);
+constexpr float kKeep = kRho * kRadius / kCentre, kGain = 2.0f * kRho / kRadius;
+
+/// From x = 0: smooths, and sends what is left to the bodies above.
+void Level::before(Level& next)
+{
+    for_each(count(),
+             [&](std::size_t i)
+             {
+                 Wide z{};
+                 add_product(inverse[i], right[i], z);
+                 d[i] = kFirst * z;
+             });
+    for_each(count(),
+             [&](std::size_t i)
+             {
+                 r[i] = right[i];
+                 subtract_row(i, d, r[i]);
+                 Wide z{};
+                 add_product(inverse[i], r[i], z);
+                 d2[i] = kKeep * d[i] + kGain * z;
+                 x[i] = d[i] + d2[i];
+             });
+    for_each(next.count(),
+             [&](std::size_t b)
+             {
+                 Wide sum{};
+                 for (const int member : members->of(b))
+                 {
+                     const std::size_t i = static_cast<std::size_t>(member);
+                     Wide left = r[i];
+                     subtract_row(i, d2, left);
+                     const Transfer& t = transfer[i];
+                     // arm x force
+                     const Wide turned = {t.arm[1] * left[5] - t.arm[2] * left[4],
+                                          t.arm[2] * left[3] - t.arm[0] * left[5],
+                                          t.arm[0] * left[4] - t.arm[1] * left[3]};
+                     const Wide factor = {t.turn,  t.turn,  t.turn,
+                                          t.shift, t.shift, t.shift};
+                     sum += factor * left + turned;
+                 }
+                 next.right[b] = sum;
+             });
+}
+
+/// Takes the correction of the bodies above, and smooths again.
+void Level::after(const Level& next)
+{
+    for_each(count(),
+             [&](std::size_t i)
+             {
+                 const Wide& e = next.x[static_cast<std::size_t>(body[i])];
+                 const Transfer& t = transfer[i];
+                 const Wide factor = {t.turn, t.turn, t.turn, t.shift, t.shift, t.shift};
+                 const Wide carried = {0.0f,
+                                       0.0f,
+                                       0.0f,
+                                       e[1] * t.arm[2] - e[2] * t.arm[1],
+                                       e[2] * t.arm[0] - e[0] * t.arm[2],
+                                       e[0] * t.arm[1] - e[1] * t.arm[0]};
+                 x[i] += static_cast<float>(kOver) * (factor * e + carried);
+             });
+    for_each(count(),
+             [&](std::size_t i)
+             {
+                 r[i] = right[i];
+                 subtract_row(i, x, r[i]);
+                 Wide z{};
+                 add_product(inverse[i], r[i], z);
+                 d[i] = kFirst * z;
+             });
+    for_each(count(),
+             [&](std::size_t i)
+             {
+                 Wide left = r[i], z{};
+                 subtract_row(i, d, left);
+                 add_product(inverse[i], left, z);
+                 x[i] += (1.0f + kKeep) * d[i] + kGain * z;
+             });
+}
+
+/// A_C of all bodies; scaled.
+Rows joined_rows(const Rows& A, const Bodies& bodies, std::span<const int> body,
+                 const Members& members, const Bodies& next_bodies)
+{
+    const auto T = [&](std::size_t i) -> Matrix6
+    {
+        const Eigen::Vector3d arm =
+            bodies.centre[i] - next_bodies.centre[static_cast<std::size_t>(body[i])];
+        Matrix6 carried = Matrix6::Identity();
+        carried.bottomLeftCorner<3, 3>() = -cross_matrix(arm);
+        if (!bodies.shifts[i])
+            carried.bottomRows<3>().setZero();
+        return A.scale[i].cwiseInverse().asDiagonal() * carried;
+    };
+    const std::size_t count = next_bodies.centre.size();
+    std::vector<std::vector<std::pair<int, Matrix6>>> sums(count);
+    for_each(static_cast<int>(count),
+             [&](std::size_t b)
+             {
+                 std::vector<std::pair<int, Matrix6>>& row = sums[b];
+                 row.emplace_back(static_cast<int>(b), Matrix6::Zero());
+                 for (const int i : members.of(b))
+                 {
+                     const Matrix6 left = T(static_cast<std::size_t>(i)).transpose();
+                     for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+                     {
+                         const std::size_t j = static_cast<std::size_t>(A.column[k]);
+                         const auto is_of = [&](const auto& entry)
+                         { return entry.first == body[j]; };
+                         auto found = std::find_if(row.begin(), row.end(), is_of);
+                         if (found == row.end())
+                             found = row.insert(found, {body[j], Matrix6::Zero()});
+                         found->second += left * A.block[k] * T(j);
+                     }
+                 }
+                 Matrix6& D = row.front().second;
+                 if (D.bottomRightCorner<3, 3>().trace() == 0.0)
+                     D.bottomRightCorner<3, 3>().setIdentity();
+             });
+    Rows next;
+    next.first.push_back(0);
+    for (const std::vector<std::pair<int, Matrix6>>& row : sums)
+    {
+        for (const auto& [column, block] : row)
+        {
+            next.column.push_back(column);
+            next.block.push_back(block);
+        }
+        next.first.push_back(static_cast<int>(next.column.size()));
+    }
+    scale_rows(next);
+    return next;
+}
+
+std::vector<Transfer> transfers_of(const Rows& A, const Bodies& bodies,
+                                   std::span<const int> body, const Rows& next,
+                                   const Bodies& next_bodies)
+{
+    std::vector<Transfer> transfers(body.size());
+    for (std::size_t i = 0; i < body.size(); ++i)
+    {
+        const std::size_t b = static_cast<std::size_t>(body[i]);
+        const double turn = next.scale[b][0], shift = next.scale[b][3];
+        const Eigen::Vector3d arm =
+            (bodies.centre[i] - next_bodies.centre[b]) * (turn / A.scale[i][3]);
+        Transfer& t = transfers[i];
+        t.turn = static_cast<float>(turn / A.scale[i][0]);
+        t.shift = 0.0f;
+        if (!bodies.shifts[i])
+            continue;
+        t.shift = static_cast<float>(shift / A.scale[i][3]);
+        for (int k = 0; k < 3; ++k)
+            t.arm[static_cast<std::size_t>(k)] = static_cast<float>(arm[k]);
+    }
+    return transfers;
+}
+
+} // namespace
+
+struct Multigrid::Levels
+{
+    std::vector<int> sizes, first; ///< of the unknowns
+    std::vector<Vector6> scale;    ///< of the finest level
+    std::vector<Level> levels;
+    // The coarsest level, solved for exactly.
+    BlockMatrix matrix;
+    std::optional<LinearSolver> solver;
+    bool is_solved = false;
+    Eigen::VectorXd right, solution;
+
+    void factorize(const Rows& A);
+    void solve_coarsest();
+};
+
+void Multigrid::Levels::factorize(const Rows& A)
+{
+    const std::vector<int> six(static_cast<std::size_t>(A.count()), 6);
+    std::vector<std::pair<int, int>> pairs;
+    for (int i = 0; i < A.count(); ++i)
+        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+            if (A.column[k] < i)
+                pairs.emplace_back(i, A.column[k]);
+    matrix = BlockMatrix(six, pairs);
+    for (int i = 0; i < A.count(); ++i)
+        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+            if (A.column[k] <= i)
+                matrix.block(matrix.find(i, A.column[k])) = A.block[k];
+    solver.emplace(matrix);
+    is_solved = solver->factorize(matrix);
+    // What rounding made indefinite is held a little.
+    for (double ridge = 1e-12; !is_solved && ridge < 1.0; ridge *= 100.0)
+    {
+        for (int i = 0; i < A.count(); ++i)
+            matrix.diagonal(i).diagonal().array() += ridge;
+        is_solved = solver->factorize(matrix);
+    }
+    right.resize(matrix.rows());
+}
+
+void Multigrid::Levels::solve_coarsest()
+{
+    Level& level = levels.back();
+    for (int i = 0; i < level.count(); ++i)
+        for (int k = 0; k < 6; ++k)
+            right[6 * i + k] = level.right[static_cast<std::size_t>(i)][k];
+    solver->solve(right, solution);
+    for (int i = 0; i < level.count(); ++i)
+        for (int k = 0; k < 6; ++k)
+            level.x[static_cast<std::size_t>(i)][k] =
+                is_solved ? static_cast<float>(solution[6 * i + k]) : 0.0f;
+}
+
+Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places)
+    : levels_(std::make_unique<Levels>())
+{
+    Levels& own = *levels_;
+    own.sizes.assign(energy.block_sizes().begin(), energy.block_sizes().end());
+    own.first.push_back(0);
+    for (const int size : own.sizes)
+        own.first.push_back(own.first.back() + size);
+    if (own.sizes.empty())
+        return;
+    Rows A = rows_of(energy);
+    Bodies bodies = bodies_of(energy, places);
+    own.scale = A.scale;
+    for (int size = 0;; ++size)
+    {
+        Level& level = own.levels.emplace_back(A);
+        const int largest = *std::max_element(bodies.size.begin(), bodies.size.end());
+        int count = 0;
+        level.body = join(A, bodies, size, count);
+        const bool is_stalled = count > kStalled * A.count() && size >= largest;
+        if (A.count() <= kFew || is_stalled)
+        {
+            own.factorize(A);
+            return;
+        }
+        level.members.emplace(level.body, count);
+        Bodies next_bodies = joined_bodies(bodies, *level.members, size);
+        Rows next = joined_rows(A, bodies, level.body, *level.members, next_bodies);
+        level.transfer = transfers_of(A, bodies, level.body, next, next_bodies);
+        A = std::move(next);
+        bodies = std::move(next_bodies);
+    }
+}
+
+Multigrid::~Multigrid() = default;
+Multigrid::Multigrid(Multigrid&&) noexcept = default;
+Multigrid& Multigrid::operator=(Multigrid&&) noexcept = default;
+
+void Multigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
+{
+    Levels& own = *levels_;
+    z.resize(r.size());
+    if (own.levels.empty())
+        return;
+    // Residuals come in any size: the cycle is given one of about 1.
+    double largest = 0.0;
+    for (std::size_t i = 0; i < own.sizes.size(); ++i)
+        for (int k = 0; k < own.sizes[i]; ++k)
+            largest = std::max(largest, std::abs(r[own.first[i] + k] * own.scale[i][k]));
+    if (!(largest > 0.0) || !std::isfinite(largest))
+    {
+        z = r;
+        return;
+    }
+    Level& finest = own.levels.front();
+    for_each(finest.count(),
+             [&](std::size_t i)
+             {
+                 for (int k = 0; k < own.sizes[i]; ++k)
+                     finest.right[i][k] = static_cast<float>(r[own.first[i] + k] *
+                                                             own.scale[i][k] / largest);
+             });
+    for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
+        own.levels[l].before(own.levels[l + 1]);
+    own.solve_coarsest();
+    for (std::size_t l = own.levels.size() - 1; l-- > 0;)
+        own.levels[l].after(own.levels[l + 1]);
+    for_each(finest.count(),
+             [&](std::size_t i)
+             {
+                 for (int k = 0; k < own.sizes[i]; ++k)
+                     z[own.first[i] + k] = largest * own.scale[i][k] * finest.x[i][k];
+             });
+}
+
+std::vector<int> Multigrid::sizes() const
+{
+    std::vector<int> sizes;
+    for (const Level& level : levels_->levels)
+        sizes.push_back(level.count());
+    return sizes;
+}
+
+double Multigrid::bytes() const
+{
+    double bytes = levels_->solver ? 8.0 * levels_->solver->factor_numbers() : 0.0;
+    for (const Level& level : levels_->levels)
+        bytes += static_cast<double>(
+            sizeof(WideBlock) * (level.block.size() + 2 * level.diagonal.size()) +
+            sizeof(int) * (level.column.size() + 3 * level.body.size()) +
+            sizeof(Transfer) * level.transfer.size() + 5 * sizeof(Wide) * level.x.size());
+    return bytes;
+}
+
+double Multigrid::memory_estimate(std::size_t cells, std::size_t faces)
+{
+    // Blocks in single and in double precision, and a seventh for the coarser levels.
+    const double blocks =
+        2.0 * static_cast<double>(faces) + 2.0 * static_cast<double>(cells);
+    return 8.0 / 7.0 * (sizeof(WideBlock) + sizeof(Matrix6) + sizeof(int)) * blocks;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A preconditioner for cells of any number: ever larger groups of glued cells, moved as
+// rigid bodies. [Botsch07] names a hierarchical solver on the octree as future work; this
+// is one. multigrid.cpp tells how.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/energy.h"
+
+namespace cellwarp
+{
+
+/// Where the cell of an unknown rests.
+struct GridPlace
+{
+    Eigen::Vector3d centre;     ///< centroid
+    Eigen::Vector3d box_centre; ///< of its leaf
+    double edge = 0.0;          ///< of its leaf
+};
+
+/// One V-cycle, in single precision. Time and memory are linear in the cells. Nothing is
+/// allocated after construction. The result does not depend on the number of threads.
+class Multigrid final : public Preconditioner
+{
+public:
+    /// Takes the second derivatives of \p energy as linearised, at rest: blocks of 6 are
+    /// free cells, blocks of 3 turn about a point. \p places: one a block.
+    Multigrid(const Energy& energy, std::span<const GridPlace> places);
+    ~Multigrid() override;
+    Multigrid(Multigrid&&) noexcept;
+    Multigrid& operator=(Multigrid&&) noexcept;
+
+    void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override;
+
+    /// Cells, then groups of each coarser level.
+    std::vector<int> sizes() const;
+    double bytes() const;
+    /// Memory for so many cells and faces [byte], at most, while it is built.
+    static double memory_estimate(std::size_t cells, std::size_t faces);
+
+private:
+    struct Levels;
+    std::unique_ptr<Levels> levels_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The linear systems are solved as well as pays: to a tenth of the gradient far from the
+// solution, better as the gradient falls (eta = min(0.1, sqrt |g|_rel), [Nocedal06]),
+// which makes Newton's method quadratic at the end.
+#include "solver/newton.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Decrease that a step must bring, relative to what its slope promises (Armijo).
+constexpr double kSufficient = 1e-4;
+constexpr int kMaxHalvings = 40;
+
+/// When a step promises less than this share of the energy, the energy's own
+/// rounding hides the decrease and the gradient is the better judge.
+constexpr double kEnergyRounding = 1e-11;
+
+/// How well the linear systems are solved at first, and how many steps that may take.
+constexpr double kForcing = 0.1;
+constexpr int kMaxLinearSteps = 250;
+
+/// First damping when even J^T J does not factorise, relative to the diagonal;
+/// tenfold with each of kMaxDampings retries.
+constexpr double kFirstDamping = 1e-12;
+constexpr int kMaxDampings = 8;
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+void assemble(const Energy& energy, BlockMatrix& matrix)
+{
+    parallel_for(energy.block_sizes().size(),
+                 [&](std::size_t b)
+                 {
+                     const int block = static_cast<int>(b);
+                     energy.diagonal_block(block, matrix.diagonal(block));
+                 });
+    parallel_for(energy.pairs().size(),
+                 [&](std::size_t p)
+                 {
+                     const auto& [row, column] = energy.pairs()[p];
+                     energy.pair_block(static_cast<int>(p),
+                                       matrix.block(matrix.find(row, column)));
+                 });
+}
+
+} // namespace
+
+std::string stop_name(Stop stop)
+{
+    switch (stop)
+    {
+    case Stop::NotRun:
+        return "not run";
+    case Stop::Converged:
+        return "converged";
+    case Stop::IterationLimit:
+        return "iteration limit";
+    case Stop::TimeLimit:
+        return "time limit";
+    case Stop::Stopped:
+        return "stopped";
+    case Stop::NoDescent:
+    case Stop::NotPositiveDefinite:
+        return "no descent";
+    }
+    return {};
+}
+
+NewtonSolver::NewtonSolver(Energy& energy, Preconditioner& preconditioner)
+    : energy_(energy), preconditioner_(preconditioner),
+      rounding_(energy.block_sizes().size())
+{
+}
+
+/// One call of minimize().
+class NewtonSolver::Run
+{
+public:
+    Run(NewtonSolver& own, const SolveOptions& options) : own_(own), options_(options) {}
+    SolveReport operator()();
+
+private:
+    enum class Found
+    {
+        Step,
+        HiddenByRounding,
+        Nothing
+    };
+
+    bool is_converged() const;
+    bool find_step();
+    void find_step_by_gradients();
+    bool find_step_by_factor();
+    Found search_line();
+    bool is_accepted(double value, double length, double slope, bool is_hidden);
+
+    NewtonSolver& own_;
+    const SolveOptions& options_;
+    SolveReport report_;
+    double value_ = 0.0, gradient_norm_ = 0.0, scale_ = 0.0;
+};
+
+/// No block's part of the gradient is more than its rounding: stiff cells must not hide
+/// what soft ones still ask for.
+bool NewtonSolver::Run::is_converged() const
+{
+    if (gradient_norm_ <= options_.gradient_tolerance * scale_)
+        return true;
+    Eigen::Index first = 0;
+    for (std::size_t b = 0; b < own_.rounding_.size(); ++b)
+    {
+        const int size = own_.energy_.block_sizes()[b];
+        if (!(own_.gradient_.segment(first, size).norm() <= own_.rounding_[b]))
+            return false;
+        first += size;
+    }
+    return true;
+}
+
+void NewtonSolver::Run::find_step_by_gradients()
+{
+    const double relative = scale_ > 0 ? gradient_norm_ / scale_ : 1.0;
+    own_.right_ = -own_.gradient_;
+    const LinearReport linear =
+        own_.conjugate_gradients_.solve(own_.energy_, own_.preconditioner_, own_.right_,
+                                        std::min(kForcing, std::sqrt(relative)),
+                                        kMaxLinearSteps, options_.stop, own_.step_);
+    report_.linear_steps += linear.steps;
+    report_.is_saddle = linear.has_negative_curvature;
+}
+
+bool NewtonSolver::Run::find_step_by_factor()
+{
+    Clock::time_point start = Clock::now();
+    own_.analyse();
+    BlockMatrix& A = *own_.matrix_;
+    A.set_zero();
+    assemble(own_.energy_, A);
+    double damping = kFirstDamping;
+    int retries = 0;
+    for (; !own_.factor_->factorize(A); ++retries, damping *= 10.0)
+    {
+        if (retries == kMaxDampings)
+            return false;
+        ++report_.damped_factorisations;
+        for (int b = 0; b < A.num_blocks(); ++b)
+        {
+            BlockMatrix::Block block = A.diagonal(b);
+            block.diagonal() += damping * block.diagonal().cwiseAbs();
+        }
+    }
+    report_.ms.factorise += ms_since(start);
+    own_.right_ = -own_.gradient_;
+    own_.factor_->solve(own_.right_, own_.step_);
+    const double error = (A.multiply(own_.step_) - own_.right_).norm() /
+                         (A.norm() * own_.step_.norm() + own_.right_.norm());
+    report_.backward_error = std::max(report_.backward_error, error);
+    return true;
+}
+
+bool NewtonSolver::Run::find_step()
+{
+    Clock::time_point start = Clock::now();
+    own_.energy_.linearise(options_.method == Method::Newton ? kExact : kGaussNewton);
+    report_.ms.linearise += ms_since(start);
+    start = Clock::now();
+    report_.is_saddle = false;
+    bool is_found = true;
+    if (options_.method == Method::GaussNewtonDirect)
+        is_found = find_step_by_factor();
+    else
+        find_step_by_gradients();
+    report_.ms.linear += ms_since(start);
+    return is_found && own_.step_.allFinite();
+}
+
+bool NewtonSolver::Run::is_accepted(double value, double length, double slope,
+                                    bool is_hidden)
+{
+    if (value <= value_ + kSufficient * length * slope)
+        return true;
+    if (!is_hidden)
+        return false;
+    // Rounding hides the decrease: the gradient must fall instead.
+    own_.energy_.gradient(own_.trial_gradient_);
+    return own_.trial_gradient_.norm() < 0.5 * gradient_norm_ &&
+           value <= value_ * (1.0 + 1e-13);
+}
+
+/// Halves the step until it lowers the energy; the state is moved if it does.
+NewtonSolver::Run::Found NewtonSolver::Run::search_line()
+{
+    const double slope = own_.gradient_.dot(own_.step_);
+    const bool is_hidden = -slope <= kEnergyRounding * value_;
+    double length = 1.0;
+    for (int halving = 0; halving <= kMaxHalvings; ++halving, length *= 0.5)
+    {
+        own_.energy_.move(own_.step_, length);
+        const double value = own_.energy_.value();
+        if (is_accepted(value, length, slope, is_hidden))
+        {
+            own_.energy_.settle();
+            own_.energy_.gradient(own_.gradient_);
+            gradient_norm_ = own_.gradient_.norm();
+            value_ = value;
+            return Found::Step;
+        }
+        if (is_hidden)
+            break;
+    }
+    own_.energy_.move(own_.step_, 0.0);
+    return is_hidden ? Found::HiddenByRounding : Found::Nothing;
+}
+
+SolveReport NewtonSolver::Run::operator()()
+{
+    const Clock::time_point start = Clock::now();
+    report_.iterations = 0;
+    value_ = own_.energy_.value();
+    report_.energy_before = value_;
+    own_.energy_.gradient(own_.gradient_);
+    gradient_norm_ = own_.gradient_.norm();
+    own_.energy_.rounding(own_.rounding_);
+    scale_ = options_.gradient_scale > 0 ? options_.gradient_scale : gradient_norm_;
+    const auto finish = [&](Stop stop)
+    {
+        report_.stop = stop;
+        report_.energy_after = value_;
+        report_.gradient = scale_ > 0 ? gradient_norm_ / scale_ : 0.0;
+        return report_;
+    };
+    // Against a scale that overflowed everything would be small.
+    if (!std::isfinite(value_ + gradient_norm_ + scale_))
+        return finish(Stop::NotPositiveDefinite);
+    for (;;)
+    {
+        if (is_converged())
+            return finish(Stop::Converged);
+        if (report_.iterations >= options_.max_iterations)
+            return finish(Stop::IterationLimit);
+        if (options_.stop.stop_requested())
+            return finish(Stop::Stopped);
+        if (options_.time_budget > 0 && ms_since(start) > 1e3 * options_.time_budget)
+            return finish(Stop::TimeLimit);
+        if (!find_step())
+            return finish(Stop::NotPositiveDefinite);
+        const Clock::time_point search_start = Clock::now();
+        const Found found = search_line();
+        report_.ms.line_search += ms_since(search_start);
+        if (found == Found::HiddenByRounding)
+            return finish(Stop::Converged);
+        if (found == Found::Nothing)
+            return finish(Stop::NoDescent);
+        ++report_.iterations;
+    }
+}
+
+void NewtonSolver::analyse()
+{
+    if (factor_)
+        return;
+    const std::span<const std::pair<int, int>> pairs = energy_.pairs();
+    matrix_.emplace(energy_.block_sizes(), std::vector(pairs.begin(), pairs.end()));
+    factor_.emplace(*matrix_);
+}
+
+double NewtonSolver::factor_bytes()
+{
+    analyse();
+    return 8.0 * factor_->factor_numbers();
+}
+
+SolveReport NewtonSolver::minimize(const SolveOptions& options)
+{
+    return Run(*this, options)();
+}
+
+} // namespace cellwarp

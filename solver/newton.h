@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Lowers an energy: Gauss-Newton or Newton steps with a halving line search.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/block_matrix.h"
+#include "solver/conjugate_gradients.h"
+#include "solver/energy.h"
+#include "solver/linear_solver.h"
+
+namespace cellwarp
+{
+
+enum class Method
+{
+    Newton,           ///< the exact Hessian, by truncated conjugate gradients
+    GaussNewton,      ///< J^T J, as in [Botsch07], by conjugate gradients
+    GaussNewtonDirect ///< J^T J, factorised in each iteration: the textbook way
+};
+
+enum class Stop
+{
+    NotRun,
+    Converged,
+    IterationLimit,
+    TimeLimit,
+    Stopped,
+    NoDescent,
+    NotPositiveDefinite
+};
+
+/// "converged", "iteration limit", ...
+std::string stop_name(Stop stop);
+
+struct SolveOptions
+{
+    Method method = Method::Newton;
+    int max_iterations = 100;
+    /// Converged when the gradient is at most this times gradient_scale, or when no
+    /// descent is left at the level of rounding.
+    double gradient_tolerance = 1e-6;
+    double gradient_scale = 0.0; ///< 0: the first gradient
+    double time_budget = 0.0;    ///< [s], 0: no limit; checked between iterations
+    std::stop_token stop = {};
+};
+
+/// Where the time of a solve went [ms].
+struct SolveTimes
+{
+    double linearise = 0.0, linear = 0.0, line_search = 0.0, factorise = 0.0;
+};
+
+/// Starts as "not run": an unfilled report cannot look good.
+struct SolveReport
+{
+    Stop stop = Stop::NotRun;
+    int iterations = -1;
+    int linear_steps = 0; ///< of conjugate gradients, in all iterations
+    double energy_before = -1.0;
+    double energy_after = -1.0;
+    double gradient = -1.0;      ///< norm at the end, relative to the scale
+    double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a direct solve
+    int damped_factorisations = 0;
+    bool is_saddle = false; ///< the last Newton step found a direction of descent
+    SolveTimes ms;
+};
+
+/// Keeps all scratch between solves: with the methods of conjugate gradients nothing is
+/// allocated from the second solve on. Serves one thread.
+class NewtonSolver
+{
+public:
+    /// Both must outlive it.
+    NewtonSolver(Energy& energy, Preconditioner& preconditioner);
+
+    /// Lowers the energy from its current state. On any stop the state is the best
+    /// found. Never throws but for memory, never prints.
+    /// \post energy_after <= energy_before, up to rounding
+    SolveReport minimize(const SolveOptions& options);
+
+    /// Memory of the direct method's factor [byte]; analyses the structure.
+    double factor_bytes();
+
+private:
+    class Run;
+    void analyse();
+
+    Energy& energy_;
+    Preconditioner& preconditioner_;
+    ConjugateGradients conjugate_gradients_;
+    Eigen::VectorXd gradient_, trial_gradient_, right_, step_;
+    std::vector<double> rounding_;
+    // Of the direct method alone.
+    std::optional<BlockMatrix> matrix_;
+    std::optional<LinearSolver> factor_;
+};
+
+} // namespace cellwarp
