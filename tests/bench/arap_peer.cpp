@@ -126,7 +126,7 @@ End run(Peer& peer, double diagonal, double tolerance, double max_seconds,
         const After& after)
 {
     End end;
-    while (!end.is_converged && peer.seconds() < max_seconds)
+    while (!end.is_converged && (peer.iterations() == 0 || peer.seconds() < max_seconds))
     {
         end.movement = peer.iterate() / diagonal;
         end.is_converged = end.movement < tolerance;
@@ -173,6 +173,18 @@ Distance distance(const Points& a, const Points& b)
             std::sqrt(distance.rms / static_cast<double>(a.size()))};
 }
 
+/// How far the iterations still lead, if their movements go on to shrink by the same
+/// factor as in the last hundred, of the diagonal; all of it if they do not shrink.
+double remaining(const std::vector<double>& movements)
+{
+    constexpr std::size_t kBack = 100;
+    if (movements.size() <= kBack)
+        return movements.back();
+    const double before = movements[movements.size() - 1 - kBack];
+    const double factor = std::pow(movements.back() / before, 1.0 / kBack);
+    return factor < 1.0 ? movements.back() * factor / (1.0 - factor) : 1.0;
+}
+
 struct Flags
 {
     std::string scene;
@@ -191,8 +203,9 @@ Json curve(const Scene& scene, const Flags& flags)
     constexpr double kReferenceTolerance = 1e-8;
     const double diagonal = cellwarp::bench::diagonal(scene.shape);
     Peer reference(scene);
+    std::vector<double> movements;
     const End end = run(reference, diagonal, kReferenceTolerance, flags.reference_seconds,
-                        [](const End&) {});
+                        [&](const End& now) { movements.push_back(now.movement); });
     Json points = Json::array();
     Peer peer(scene);
     std::size_t next = 1;
@@ -213,6 +226,7 @@ Json curve(const Scene& scene, const Flags& flags)
              {{"tolerance", kReferenceTolerance},
               {"is_converged", end.is_converged},
               {"movement", end.movement},
+              {"remaining", remaining(movements)},
               {"iterations", reference.iterations()},
               {"seconds", reference.seconds()}}},
             {"points", points}};
