@@ -51,19 +51,29 @@ def duration(seconds, _=None):
     return "{:,.4g} {}".format(seconds / unit, name)
 
 
+def spread(places):
+    """Heights of labels at (across, up), moved apart where they would cover each other."""
+    line_height, text_width = 0.062, 0.3  # of the axes
+    heights = [up for _, up in places]
+    order = sorted(range(len(places)), key=lambda i: heights[i])
+    for _ in range(100):
+        for k, i in enumerate(order):
+            for j in order[k + 1:]:
+                push = line_height - (heights[j] - heights[i])
+                if push > 0 and abs(places[i][0] - places[j][0]) < text_width:
+                    heights[i] -= push / 2
+                    heights[j] += push / 2
+    return heights
+
+
 def label_ends(axes, ends):
-    """Names beside the ends (x, y, text, colour) of lines, pushed upwards where they would
-    cover each other. The limits of the axes are final from here."""
+    """Names beside the ends (x, y, text, colour) of lines. The limits of the axes are final
+    from here."""
     axes.set_xlim(axes.get_xlim())
     axes.set_ylim(axes.get_ylim())
-    line_height, text_width = 0.062, 0.3  # of the axes
-    placed = []
-    for x, y, text, colour in sorted(ends, key=lambda end: end[1]):
-        across, up = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
-        for other_across, other_up in placed:
-            if abs(across - other_across) < text_width:
-                up = max(up, other_up + line_height)
-        placed.append((across, up))
+    to_axes = axes.transData + axes.transAxes.inverted()
+    places = [to_axes.transform(end[:2]) for end in ends]
+    for (x, y, text, colour), (across, _), up in zip(ends, places, spread(places)):
         axes.annotate(text, (x, y), xytext=(across + 0.015, up), textcoords="axes fraction",
                       color=colour, va="center", annotation_clip=False)
 
@@ -114,6 +124,20 @@ def draw_peer(axes, family):
             (*one[-1], "one CGAL iteration", PEER)]
 
 
+def draw_scene(axes, result):
+    """A scene by itself, its name between its two points or above them."""
+    values = [(result["cellwarp"]["edit"], OWN)]
+    if "peer" in result:
+        values.append((result["peer"]["seconds"], PEER))
+    for seconds, colour in values:
+        axes.plot(result["vertices"], seconds, color=colour, marker="D", markersize=6,
+                  linestyle="none", markerfacecolor="white", markeredgewidth=1.6)
+    low, high = min(values)[0], max(values)[0]
+    axes.annotate(result["scene"], (result["vertices"], low if high > 5 * low else high),
+                  xytext=(0, 8), textcoords="offset points", ha="center", color=GREY,
+                  fontsize=11)
+
+
 def plot_seconds(results, path):
     """Seconds of one edit against vertices. Scenes beside the largest family are points."""
     family, others = families_of(results)
@@ -127,15 +151,7 @@ def plot_seconds(results, path):
     axes.plot(*zip(*line), color=OWN, linewidth=2.4, marker="o", markersize=5)
     ends.append((*line[-1], "cellwarp", OWN))
     for r in others:
-        values = [(r["cellwarp"]["edit"], OWN)]
-        if "peer" in r:
-            values.append((r["peer"]["seconds"], PEER))
-        for seconds, colour in values:
-            axes.plot(r["vertices"], seconds, color=colour, marker="D", markersize=6,
-                      linestyle="none", markerfacecolor="white", markeredgewidth=1.6)
-        axes.annotate(r["scene"], (r["vertices"], min(values)[0]), xytext=(0, -9),
-                      textcoords="offset points", ha="center", va="top", color=GREY,
-                      fontsize=11)
+        draw_scene(axes, r)
     draw_arrows(axes, results)
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(plain_number))
     axes.yaxis.set_major_formatter(ticker.FuncFormatter(duration))
@@ -170,7 +186,9 @@ def plot_error(curve, path):
         axes.plot(stop["seconds"], stop["largest"], color=PEER, marker="o", markersize=8,
                   markerfacecolor="white", markeredgewidth=1.8)
         axes.annotate("the usual stop:\n1e-4 an iteration", (stop["seconds"], stop["largest"]),
-                      xytext=(8, 6), textcoords="offset points", color=PEER, fontsize=11)
+                      xytext=(0, -62), textcoords="offset points", color=PEER, fontsize=11,
+                      ha="center", va="top", arrowprops={
+                          "arrowstyle": "-", "color": PEER, "linewidth": 0.8, "shrinkB": 5})
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(plain_number))
     save(figure, path)
 
