@@ -16,6 +16,7 @@
 #include <Eigen/Geometry>
 
 #include "octree/parallel.h"
+#include "solver/grouping.h"
 
 namespace cellwarp
 {
@@ -23,76 +24,124 @@ namespace cellwarp
 namespace
 {
 
-/// Of the shares; relative to the first residual.
-constexpr double kTolerance = 1e-3;
-constexpr int kMaxSteps = 2000;
+/// How well the shares are solved for where few groups are left, relative to the first
+/// residual, and with how many steps at most on the way down, where only what a coarser
+/// level cannot show is missing.
+constexpr double kTolerance = 1e-4;
+constexpr int kFew = 400;
+constexpr int kSmoothing = 12;
 
 /// Smaller shares are none.
 constexpr double kLeast = 1e-4;
 
-/// sum_j w_ij (x_i - x_j) in free cells, 0 elsewhere.
-class Laplacian
+/// Glue as a graph of cells, or of groups of them.
+struct Graph : Links
 {
-public:
-    Laplacian(const Glue& glue, std::vector<bool> is_free)
-        : glue_(glue), is_free_(std::move(is_free)), diagonal_(is_free_.size(), 0.0)
-    {
-        for (const GlueFace& face : glue.faces)
-        {
-            diagonal_[static_cast<std::size_t>(face.a)] += face.stiffness;
-            diagonal_[static_cast<std::size_t>(face.b)] += face.stiffness;
-        }
-    }
-    bool is_free(std::size_t cell) const { return is_free_[cell]; }
-    double diagonal(std::size_t cell) const { return diagonal_[cell]; }
+    std::vector<double> weight;   ///< of each link
+    std::vector<double> diagonal; ///< sum of the weights
+    std::vector<int> region;      ///< of each node, -1: free
 
+    /// sum_j w_ij (x_i - x_j) in free nodes, 0 in others.
     void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
     {
-        parallel_ranges(
-            is_free_.size(), 1024,
-            [&](std::size_t begin, std::size_t end)
-            {
-                for (std::size_t i = begin; i < end; ++i)
-                {
-                    double sum = 0.0;
-                    for (int k = glue_.first_face[i]; k < glue_.first_face[i + 1]; ++k)
-                    {
-                        const GlueFace& face = glue_.faces[static_cast<std::size_t>(
-                            glue_.faces_of_cell[static_cast<std::size_t>(k)])];
-                        sum += face.stiffness * (x[face.a] - x[face.b]) *
-                               (face.a == static_cast<int>(i) ? 1.0 : -1.0);
-                    }
-                    y[static_cast<Eigen::Index>(i)] = is_free_[i] ? sum : 0.0;
-                }
-            });
+        parallel_ranges(region.size(), 1024,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            for (std::size_t i = begin; i < end; ++i)
+                                y[static_cast<Eigen::Index>(i)] = row(i, x);
+                        });
     }
 
 private:
-    const Glue& glue_;
-    std::vector<bool> is_free_;
-    std::vector<double> diagonal_;
+    double row(std::size_t i, const Eigen::VectorXd& x) const
+    {
+        if (region[i] >= 0)
+            return 0.0;
+        double sum = diagonal[i] * x[static_cast<Eigen::Index>(i)];
+        for (std::size_t k = begin(i); k < end(i); ++k)
+            sum -= weight[k] * x[column[k]];
+        return sum;
+    }
 };
 
-/// Makes \p x, given in cells that are not free, harmonic in the others.
-void make_harmonic(const Laplacian& laplacian, Eigen::VectorXd& x)
+Graph graph_of(const Glue& glue, std::vector<int> region)
+{
+    Graph graph;
+    graph.first = glue.first_face;
+    graph.diagonal.assign(region.size(), 0.0);
+    for (std::size_t i = 0; i < region.size(); ++i)
+        for (std::size_t k = graph.begin(i); k < graph.end(i); ++k)
+        {
+            const GlueFace& face =
+                glue.faces[static_cast<std::size_t>(glue.faces_of_cell[k])];
+            graph.column.push_back(face.a == static_cast<int>(i) ? face.b : face.a);
+            graph.weight.push_back(face.stiffness);
+            graph.diagonal[i] += face.stiffness;
+        }
+    graph.region = std::move(region);
+    return graph;
+}
+
+Graph joined(const Graph& graph, const Grouping& grouping)
+{
+    Graph next;
+    next.first.push_back(0);
+    const std::vector<int>& group = grouping.group_of_node;
+    std::vector<std::pair<int, double>> row;
+    for (std::size_t g = 0; g < grouping.members.size(); ++g)
+    {
+        row.clear();
+        double sum = 0.0;
+        for (const int member : grouping.members.of(g))
+            for (std::size_t k = graph.begin(static_cast<std::size_t>(member));
+                 k < graph.end(static_cast<std::size_t>(member)); ++k)
+            {
+                const int other = group[static_cast<std::size_t>(graph.column[k])];
+                if (other == static_cast<int>(g))
+                    continue;
+                sum += graph.weight[k];
+                const auto found =
+                    std::find_if(row.begin(), row.end(),
+                                 [&](const auto& entry) { return entry.first == other; });
+                if (found == row.end())
+                    row.emplace_back(other, graph.weight[k]);
+                else
+                    found->second += graph.weight[k];
+            }
+        for (const auto& [column, weight] : row)
+        {
+            next.column.push_back(column);
+            next.weight.push_back(weight);
+        }
+        next.first.push_back(static_cast<int>(next.column.size()));
+        next.diagonal.push_back(sum);
+        next.region.push_back(
+            graph.region[static_cast<std::size_t>(grouping.members.of(g).front())]);
+    }
+    return next;
+}
+
+/// Makes \p x, given in nodes that are not free, more harmonic in the others.
+void make_harmonic(const Graph& graph, int max_steps, Eigen::VectorXd& x)
 {
     Eigen::VectorXd r(x.size()), z(x.size()), image(x.size());
     const auto precondition = [&]
     {
         for (Eigen::Index i = 0; i < x.size(); ++i)
-            z[i] = laplacian.is_free(static_cast<std::size_t>(i))
-                       ? r[i] / laplacian.diagonal(static_cast<std::size_t>(i))
-                       : 0.0;
+        {
+            const double diagonal = graph.diagonal[static_cast<std::size_t>(i)];
+            z[i] = diagonal > 0 ? r[i] / diagonal : 0.0;
+        }
     };
-    laplacian.multiply(x, r);
+    graph.multiply(x, r);
     r = -r;
     precondition();
     Eigen::VectorXd direction = z;
     double r_z = r.dot(z);
     const double least = kTolerance * kTolerance * r_z;
-    for (int step = 0; step < kMaxSteps && r_z > least; ++step)
+    for (int step = 0; step < max_steps && r_z > least; ++step)
     {
-        laplacian.multiply(direction, image);
+        graph.multiply(direction, image);
         const double length = r_z / direction.dot(image);
         if (!std::isfinite(length))
             break;
@@ -104,6 +153,57 @@ void make_harmonic(const Laplacian& laplacian, Eigen::VectorXd& x)
         r_z = next;
     }
 }
+
+/// Finest first; every level but the last has its grouping.
+struct Cascade
+{
+    std::vector<Graph> graphs;
+    std::vector<Grouping> groupings;
+
+    Cascade(Graph finest, std::span<const GridPlace> places)
+    {
+        graphs.push_back(std::move(finest));
+        OctreeBlocks blocks(places);
+        while (graphs.back().count() > kFew)
+        {
+            const Graph& graph = graphs.back();
+            const bool is_mixed = blocks.is_mixed();
+            Grouping grouping = blocks.join(
+                graph,
+                [&](std::size_t i, std::size_t k) {
+                    return graph.region[i] ==
+                           graph.region[static_cast<std::size_t>(graph.column[k])];
+                });
+            if (!is_mixed && grouping.members.size() == graph.region.size())
+                return;
+            graphs.push_back(joined(graph, grouping));
+            groupings.push_back(std::move(grouping));
+        }
+    }
+    /// The share of a region in each cell.
+    Eigen::VectorXd share(int region) const
+    {
+        Eigen::VectorXd x;
+        for (std::size_t level = graphs.size(); level-- > 0;)
+        {
+            const Graph& graph = graphs[level];
+            Eigen::VectorXd finer(graph.count());
+            for (Eigen::Index i = 0; i < finer.size(); ++i)
+            {
+                const std::size_t node = static_cast<std::size_t>(i);
+                const int own = graph.region[node];
+                finer[i] = own >= 0 ? (own == region ? 1.0 : 0.0)
+                           : level + 1 == graphs.size()
+                               ? 0.0
+                               : x[groupings[level].group_of_node[node]];
+            }
+            x = std::move(finer);
+            make_harmonic(graph, level + 1 == graphs.size() ? graph.count() : kSmoothing,
+                          x);
+        }
+        return x;
+    }
+};
 
 struct DualQuaternion
 {
@@ -136,23 +236,27 @@ MotionSpread::MotionSpread(const Cells& cells, const Glue& glue,
                            std::span<const int> region_of_cell, int num_regions)
 {
     const std::size_t n = cells.size();
-    std::vector<bool> is_free(n);
+    std::vector<int> region(n);
+    std::vector<bool> is_there(static_cast<std::size_t>(num_regions), false);
+    std::vector<GridPlace> places;
     for (std::size_t i = 0; i < n; ++i)
-        is_free[i] = constraints[i].hold == Hold::Free;
-    const Laplacian laplacian(glue, is_free);
-    std::vector<std::vector<Share>> of_cell(n);
-    for (int region = 0; region < num_regions; ++region)
     {
-        Eigen::VectorXd x = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(n));
-        for (std::size_t i = 0; i < n; ++i)
-            x[static_cast<Eigen::Index>(i)] =
-                !is_free[i] && region_of_cell[i] == region ? 1.0 : 0.0;
-        if (x.isZero(0))
+        const Cell& cell = cells.cells[i];
+        places.push_back({cell.centre, cell.box_centre, cell.edge});
+        region[i] = constraints[i].hold == Hold::Free ? -1 : region_of_cell[i];
+        if (region[i] >= 0)
+            is_there[static_cast<std::size_t>(region[i])] = true;
+    }
+    const Cascade cascade(graph_of(glue, std::move(region)), places);
+    std::vector<std::vector<Share>> of_cell(n);
+    for (int r = 0; r < num_regions; ++r)
+    {
+        if (!is_there[static_cast<std::size_t>(r)])
             continue;
-        make_harmonic(laplacian, x);
+        const Eigen::VectorXd x = cascade.share(r);
         for (std::size_t i = 0; i < n; ++i)
             if (const double value = x[static_cast<Eigen::Index>(i)]; value > kLeast)
-                of_cell[i].push_back({region, static_cast<float>(value)});
+                of_cell[i].push_back({r, static_cast<float>(value)});
     }
     first_.push_back(0);
     for (const std::vector<Share>& shares : of_cell)

@@ -61,10 +61,13 @@ constexpr double kStalled = 0.7;
 /// Loops over fewer bodies are not worth a second thread.
 constexpr std::size_t kGrain = 128;
 
-/// A column of six numbers in one register's width; the last two are 0.
+constexpr std::size_t kBlockBytes = 36 * sizeof(float);
+
+/// Six numbers in one register's width. What stands in the last two lanes means nothing.
 constexpr int kWide = 8;
 using Wide = float __attribute__((vector_size(kWide * sizeof(float))));
-using WideBlock = std::array<Wide, 6>; ///< columns
+using Unaligned = float __attribute__((vector_size(kWide * sizeof(float)),
+                                       aligned(alignof(float)), may_alias));
 
 template <class Body>
 void for_each(int count, Body&& body)
@@ -77,26 +80,40 @@ void for_each(int count, Body&& body)
                     });
 }
 
-void add_product(const WideBlock& A, const Wide& x, Wide& y)
+/// 6 x 6 blocks in a row, by columns. A column is loaded in full width: its last lanes
+/// are the next column's first numbers, which are finite and go nowhere.
+class Blocks
 {
-    for (std::size_t k = 0; k < 6; ++k)
-        y += A[k] * x[k];
-}
+public:
+    explicit Blocks(std::size_t count) : numbers_(36 * count + (kWide - 6), 0.0f) {}
 
-void subtract_product(const WideBlock& A, const Wide& x, Wide& y)
-{
-    for (std::size_t k = 0; k < 6; ++k)
-        y -= A[k] * x[k];
-}
+    std::size_t size() const { return numbers_.size() / 36; }
+    void set(std::size_t at, const Matrix6& A)
+    {
+        Eigen::Map<Eigen::Matrix<float, 6, 6>>(numbers_.data() + 36 * at) =
+            A.cast<float>();
+    }
+    /// y += A x
+    void add_product(std::size_t at, const Wide& x, Wide& y) const
+    {
+        for (int k = 0; k < 6; ++k)
+            y += column(at, k) * x[k];
+    }
+    /// y -= A x
+    void subtract_product(std::size_t at, const Wide& x, Wide& y) const
+    {
+        for (int k = 0; k < 6; ++k)
+            y -= column(at, k) * x[k];
+    }
 
-WideBlock wide(const Matrix6& A)
-{
-    WideBlock block{};
-    for (int c = 0; c < 6; ++c)
-        for (int r = 0; r < 6; ++r)
-            block[static_cast<std::size_t>(c)][r] = static_cast<float>(A(r, c));
-    return block;
-}
+private:
+    const Unaligned& column(std::size_t at, int k) const
+    {
+        return *reinterpret_cast<const Unaligned*>(numbers_.data() + 36 * at + 6 * k);
+    }
+
+    std::vector<float> numbers_;
+};
 
 /// The inverse of a positive definite block; what rounding made singular is held a
 /// little.
@@ -112,37 +129,24 @@ Matrix6 inverse_of(const Matrix6& D)
 }
 
 /// A level while it is built: rows of blocks in double precision, diagonal included.
-struct Rows
+struct Rows : Links
 {
-    std::vector<int> first; ///< rows + 1
-    std::vector<int> column;
     std::vector<Matrix6> block;
     std::vector<Vector6> scale; ///< of each row: the true unknowns are scale times these
 
-    int count() const { return static_cast<int>(first.size()) - 1; }
-    std::size_t begin(int row) const
-    {
-        return static_cast<std::size_t>(first[static_cast<std::size_t>(row)]);
-    }
-    std::size_t end(int row) const
-    {
-        return static_cast<std::size_t>(first[static_cast<std::size_t>(row) + 1]);
-    }
-    std::size_t diagonal(int row) const
+    std::size_t diagonal(std::size_t row) const
     {
         std::size_t k = begin(row);
-        while (column[k] != row)
+        while (column[k] != static_cast<int>(row))
             ++k;
         return k;
     }
 };
 
-/// Where the bodies of a level lie: their centres, and boxes of an edge of 2^size.
+/// The bodies of a level.
 struct Bodies
 {
     std::vector<Eigen::Vector3d> centre;
-    std::vector<Eigen::Vector3i> box; ///< in edges
-    std::vector<int> size;
     std::vector<bool> shifts; ///< false: it turns about a point and does nothing else
 };
 
@@ -155,7 +159,7 @@ void scale_rows(Rows& A)
     for_each(A.count(),
              [&](std::size_t i)
              {
-                 const Matrix6& D = A.block[A.diagonal(static_cast<int>(i))];
+                 const Matrix6& D = A.block[A.diagonal(i)];
                  A.scale[i].head<3>().setConstant(
                      scale_of(D.topLeftCorner<3, 3>().trace()));
                  A.scale[i].tail<3>().setConstant(
@@ -164,8 +168,7 @@ void scale_rows(Rows& A)
     for_each(A.count(),
              [&](std::size_t i)
              {
-                 for (std::size_t k = A.begin(static_cast<int>(i));
-                      k < A.end(static_cast<int>(i)); ++k)
+                 for (std::size_t k = A.begin(i); k < A.end(i); ++k)
                      A.block[k] =
                          A.scale[i].asDiagonal() * A.block[k] *
                          A.scale[static_cast<std::size_t>(A.column[k])].asDiagonal();
@@ -225,99 +228,16 @@ Rows rows_of(const Energy& energy)
     return A;
 }
 
-Bodies bodies_of(const Energy& energy, std::span<const GridPlace> places)
-{
-    Bodies bodies;
-    for (const int size : energy.block_sizes())
-        bodies.shifts.push_back(size == 6);
-    double least = INFINITY;
-    for (const GridPlace& place : places)
-        least = std::min(least, place.edge);
-    for (const GridPlace& place : places)
-    {
-        bodies.centre.push_back(place.centre);
-        bodies.size.push_back(
-            static_cast<int>(std::lround(std::log2(place.edge / least))));
-        bodies.box.push_back((place.box_centre / place.edge).array().floor().cast<int>());
-    }
-    return bodies;
-}
-
-/// For each row the body of the next level. Rows of one block of the octree join if they
-/// hang together by couplings that are not weak; larger boxes wait for the others.
-std::vector<int> join(const Rows& A, const Bodies& bodies, int size, int& count)
-{
-    const auto is_near = [&](std::size_t i, std::size_t j)
-    {
-        return bodies.size[i] == size && bodies.size[j] == size &&
-               (bodies.box[i].array() >= 0).all() && (bodies.box[j].array() >= 0).all() &&
-               bodies.box[i] / 2 == bodies.box[j] / 2;
-    };
-    std::vector<int> body(static_cast<std::size_t>(A.count()), -1), queue;
-    count = 0;
-    for (int first = 0; first < A.count(); ++first)
-    {
-        if (body[static_cast<std::size_t>(first)] >= 0)
-            continue;
-        body[static_cast<std::size_t>(first)] = count;
-        queue.assign(1, first);
-        for (std::size_t next = 0; next < queue.size(); ++next)
-        {
-            const int i = queue[next];
-            for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-            {
-                const std::size_t j = static_cast<std::size_t>(A.column[k]);
-                if (body[j] >= 0 || !is_near(static_cast<std::size_t>(i), j) ||
-                    !(A.block[k].norm() > kWeak))
-                    continue;
-                body[j] = count;
-                queue.push_back(static_cast<int>(j));
-            }
-        }
-        ++count;
-    }
-    return body;
-}
-
-/// Members of each body, in their order.
-struct Members
-{
-    std::vector<int> first, row;
-
-    Members(std::span<const int> body, int count)
-        : first(static_cast<std::size_t>(count) + 1, 0), row(body.size())
-    {
-        for (const int b : body)
-            ++first[static_cast<std::size_t>(b) + 1];
-        for (std::size_t b = 1; b < first.size(); ++b)
-            first[b] += first[b - 1];
-        std::vector<int> next(first.begin(), first.end() - 1);
-        for (std::size_t i = 0; i < body.size(); ++i)
-            row[static_cast<std::size_t>(next[static_cast<std::size_t>(body[i])]++)] =
-                static_cast<int>(i);
-    }
-    std::span<const int> of(std::size_t body) const
-    {
-        return std::span(row).subspan(
-            static_cast<std::size_t>(first[body]),
-            static_cast<std::size_t>(first[body + 1] - first[body]));
-    }
-};
-
-Bodies joined_bodies(const Bodies& bodies, const Members& members, int size)
+Bodies joined_bodies(const Bodies& bodies, const Members& members)
 {
     Bodies next;
-    for (std::size_t b = 0; b + 1 < members.first.size(); ++b)
+    for (std::size_t b = 0; b < members.size(); ++b)
     {
         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
         for (const int i : members.of(b))
             sum += bodies.centre[static_cast<std::size_t>(i)];
-        const std::size_t i = static_cast<std::size_t>(members.of(b).front());
-        const bool is_grown = bodies.size[i] == size;
         next.centre.push_back(sum / static_cast<double>(members.of(b).size()));
-        next.size.push_back(bodies.size[i] + is_grown);
         next.shifts.push_back(true);
-        next.box.push_back(is_grown ? Eigen::Vector3i(bodies.box[i] / 2) : bodies.box[i]);
     }
     return next;
 }
@@ -332,52 +252,51 @@ struct Transfer
 struct Level
 {
     // Rows without the diagonal.
-    std::vector<int> first, column;
-    std::vector<WideBlock> block, diagonal, inverse;
+    Links links;
+    Blocks block, diagonal, inverse;
     // To the next level.
-    std::vector<int> body;
+    Grouping grouping;
     std::vector<Transfer> transfer;
-    std::optional<Members> members;
     // Scratch of a cycle.
     std::vector<Wide> right, x, r, d, d2;
 
     explicit Level(const Rows& A);
-    int count() const { return static_cast<int>(diagonal.size()); }
+    int count() const { return links.count(); }
 
     /// sum -= A x, one row
     void subtract_row(std::size_t i, const std::vector<Wide>& at, Wide& sum) const
     {
-        subtract_product(diagonal[i], at[i], sum);
-        for (std::size_t k = static_cast<std::size_t>(first[i]);
-             k < static_cast<std::size_t>(first[i + 1]); ++k)
-            subtract_product(block[k], at[static_cast<std::size_t>(column[k])], sum);
+        diagonal.subtract_product(i, at[i], sum);
+        for (std::size_t k = links.begin(i); k < links.end(i); ++k)
+            block.subtract_product(k, at[static_cast<std::size_t>(links.column[k])], sum);
     }
     void before(Level& next);
     void after(const Level& next);
 };
 
 Level::Level(const Rows& A)
+    : block(A.column.size() - static_cast<std::size_t>(A.count())),
+      diagonal(static_cast<std::size_t>(A.count())),
+      inverse(static_cast<std::size_t>(A.count()))
 {
     const std::size_t n = static_cast<std::size_t>(A.count());
-    first.push_back(0);
-    for (int i = 0; i < A.count(); ++i)
+    links.first.push_back(0);
+    for (std::size_t i = 0; i < n; ++i)
     {
         for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-            if (A.column[k] != i)
+            if (A.column[k] != static_cast<int>(i))
             {
-                column.push_back(A.column[k]);
-                block.push_back(wide(A.block[k]));
+                block.set(links.column.size(), A.block[k]);
+                links.column.push_back(A.column[k]);
             }
-        first.push_back(static_cast<int>(column.size()));
+        links.first.push_back(static_cast<int>(links.column.size()));
     }
-    diagonal.resize(n);
-    inverse.resize(n);
     for_each(A.count(),
              [&](std::size_t i)
              {
-                 const Matrix6& D = A.block[A.diagonal(static_cast<int>(i))];
-                 diagonal[i] = wide(D);
-                 inverse[i] = wide(inverse_of(D));
+                 const Matrix6& D = A.block[A.diagonal(i)];
+                 diagonal.set(i, D);
+                 inverse.set(i, inverse_of(D));
              });
     for (std::vector<Wide>* v : {&right, &x, &r, &d, &d2})
         v->assign(n, Wide{});
@@ -397,7 +316,7 @@ void Level::before(Level& next)
              [&](std::size_t i)
              {
                  Wide z{};
-                 add_product(inverse[i], right[i], z);
+                 inverse.add_product(i, right[i], z);
                  d[i] = kFirst * z;
              });
     for_each(count(),
@@ -406,7 +325,7 @@ void Level::before(Level& next)
                  r[i] = right[i];
                  subtract_row(i, d, r[i]);
                  Wide z{};
-                 add_product(inverse[i], r[i], z);
+                 inverse.add_product(i, r[i], z);
                  d2[i] = kKeep * d[i] + kGain * z;
                  x[i] = d[i] + d2[i];
              });
@@ -414,7 +333,7 @@ void Level::before(Level& next)
              [&](std::size_t b)
              {
                  Wide sum{};
-                 for (const int member : members->of(b))
+                 for (const int member : grouping.members.of(b))
                  {
                      const std::size_t i = static_cast<std::size_t>(member);
                      Wide left = r[i];
@@ -438,7 +357,8 @@ void Level::after(const Level& next)
     for_each(count(),
              [&](std::size_t i)
              {
-                 const Wide& e = next.x[static_cast<std::size_t>(body[i])];
+                 const Wide& e =
+                     next.x[static_cast<std::size_t>(grouping.group_of_node[i])];
                  const Transfer& t = transfer[i];
                  const Wide factor = {t.turn, t.turn, t.turn, t.shift, t.shift, t.shift};
                  const Wide carried = {0.0f,
@@ -455,7 +375,7 @@ void Level::after(const Level& next)
                  r[i] = right[i];
                  subtract_row(i, x, r[i]);
                  Wide z{};
-                 add_product(inverse[i], r[i], z);
+                 inverse.add_product(i, r[i], z);
                  d[i] = kFirst * z;
              });
     for_each(count(),
@@ -463,46 +383,56 @@ void Level::after(const Level& next)
              {
                  Wide left = r[i], z{};
                  subtract_row(i, d, left);
-                 add_product(inverse[i], left, z);
+                 inverse.add_product(i, left, z);
                  x[i] += (1.0f + kKeep) * d[i] + kGain * z;
              });
 }
 
 /// A_C of all bodies; scaled.
-Rows joined_rows(const Rows& A, const Bodies& bodies, std::span<const int> body,
-                 const Members& members, const Bodies& next_bodies)
+Rows joined_rows(const Rows& A, const Bodies& bodies, const Grouping& grouping,
+                 const Bodies& next_bodies)
 {
-    const auto T = [&](std::size_t i) -> Matrix6
+    const std::vector<int>& body = grouping.group_of_node;
+    const auto arm = [&](std::size_t i) -> Eigen::Matrix3d
     {
-        const Eigen::Vector3d arm =
-            bodies.centre[i] - next_bodies.centre[static_cast<std::size_t>(body[i])];
-        Matrix6 carried = Matrix6::Identity();
-        carried.bottomLeftCorner<3, 3>() = -cross_matrix(arm);
-        if (!bodies.shifts[i])
-            carried.bottomRows<3>().setZero();
-        return A.scale[i].cwiseInverse().asDiagonal() * carried;
+        return cross_matrix(bodies.centre[i] -
+                            next_bodies.centre[static_cast<std::size_t>(body[i])]);
     };
-    const std::size_t count = next_bodies.centre.size();
+    // T_i^T A_ij T_j in true unknowns, with T = [I 0; -[arm]x I].
+    const auto carried = [&](std::size_t i, std::size_t j, const Matrix6& scaled)
+    {
+        Matrix6 B = A.scale[i].cwiseInverse().asDiagonal() * scaled *
+                    A.scale[j].cwiseInverse().asDiagonal();
+        if (!bodies.shifts[i])
+            B.bottomRows<3>().setZero();
+        if (!bodies.shifts[j])
+            B.rightCols<3>().setZero();
+        B.leftCols<3>() -= B.rightCols<3>() * arm(j);
+        B.topRows<3>() += arm(i) * B.bottomRows<3>();
+        return B;
+    };
+    const std::size_t count = grouping.members.size();
     std::vector<std::vector<std::pair<int, Matrix6>>> sums(count);
     for_each(static_cast<int>(count),
              [&](std::size_t b)
              {
                  std::vector<std::pair<int, Matrix6>>& row = sums[b];
                  row.emplace_back(static_cast<int>(b), Matrix6::Zero());
-                 for (const int i : members.of(b))
+                 for (const int member : grouping.members.of(b))
                  {
-                     const Matrix6 left = T(static_cast<std::size_t>(i)).transpose();
+                     const std::size_t i = static_cast<std::size_t>(member);
                      for (std::size_t k = A.begin(i); k < A.end(i); ++k)
                      {
                          const std::size_t j = static_cast<std::size_t>(A.column[k]);
-                         const auto is_of = [&](const auto& entry)
-                         { return entry.first == body[j]; };
-                         auto found = std::find_if(row.begin(), row.end(), is_of);
+                         auto found = std::find_if(row.begin(), row.end(),
+                                                   [&](const auto& entry)
+                                                   { return entry.first == body[j]; });
                          if (found == row.end())
                              found = row.insert(found, {body[j], Matrix6::Zero()});
-                         found->second += left * A.block[k] * T(j);
+                         found->second += carried(i, j, A.block[k]);
                      }
                  }
+                 // A body of one cell that only turns has nothing to shift.
                  Matrix6& D = row.front().second;
                  if (D.bottomRightCorner<3, 3>().trace() == 0.0)
                      D.bottomRightCorner<3, 3>().setIdentity();
@@ -523,13 +453,13 @@ Rows joined_rows(const Rows& A, const Bodies& bodies, std::span<const int> body,
 }
 
 std::vector<Transfer> transfers_of(const Rows& A, const Bodies& bodies,
-                                   std::span<const int> body, const Rows& next,
+                                   const Grouping& grouping, const Rows& next,
                                    const Bodies& next_bodies)
 {
-    std::vector<Transfer> transfers(body.size());
-    for (std::size_t i = 0; i < body.size(); ++i)
+    std::vector<Transfer> transfers(bodies.centre.size());
+    for (std::size_t i = 0; i < transfers.size(); ++i)
     {
-        const std::size_t b = static_cast<std::size_t>(body[i]);
+        const std::size_t b = static_cast<std::size_t>(grouping.group_of_node[i]);
         const double turn = next.scale[b][0], shift = next.scale[b][3];
         const Eigen::Vector3d arm =
             (bodies.centre[i] - next_bodies.centre[b]) * (turn / A.scale[i][3]);
@@ -565,16 +495,23 @@ struct Multigrid::Levels
 void Multigrid::Levels::factorize(const Rows& A)
 {
     const std::vector<int> six(static_cast<std::size_t>(A.count()), 6);
+    const auto for_lower = [&](auto&& body)
+    {
+        for (std::size_t i = 0; i < six.size(); ++i)
+            for (std::size_t k = A.begin(i); k < A.end(i); ++k)
+                if (A.column[k] <= static_cast<int>(i))
+                    body(static_cast<int>(i), A.column[k], A.block[k]);
+    };
     std::vector<std::pair<int, int>> pairs;
-    for (int i = 0; i < A.count(); ++i)
-        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-            if (A.column[k] < i)
-                pairs.emplace_back(i, A.column[k]);
+    for_lower(
+        [&](int row, int column, const Matrix6&)
+        {
+            if (column < row)
+                pairs.emplace_back(row, column);
+        });
     matrix = BlockMatrix(six, pairs);
-    for (int i = 0; i < A.count(); ++i)
-        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-            if (A.column[k] <= i)
-                matrix.block(matrix.find(i, A.column[k])) = A.block[k];
+    for_lower([&](int row, int column, const Matrix6& block)
+              { matrix.block(matrix.find(row, column)) = block; });
     solver.emplace(matrix);
     is_solved = solver->factorize(matrix);
     // What rounding made indefinite is held a little.
@@ -611,24 +548,32 @@ Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places)
     if (own.sizes.empty())
         return;
     Rows A = rows_of(energy);
-    Bodies bodies = bodies_of(energy, places);
     own.scale = A.scale;
-    for (int size = 0;; ++size)
+    Bodies bodies;
+    for (std::size_t i = 0; i < places.size(); ++i)
+    {
+        bodies.centre.push_back(places[i].centre);
+        bodies.shifts.push_back(own.sizes[i] == 6);
+    }
+    OctreeBlocks blocks(places);
+    for (;;)
     {
         Level& level = own.levels.emplace_back(A);
-        const int largest = *std::max_element(bodies.size.begin(), bodies.size.end());
-        int count = 0;
-        level.body = join(A, bodies, size, count);
-        const bool is_stalled = count > kStalled * A.count() && size >= largest;
+        const bool may_stall = blocks.is_mixed();
+        if (A.count() > kFew)
+            level.grouping = blocks.join(A, [&](std::size_t, std::size_t k)
+                                         { return A.block[k].norm() > kWeak; });
+        const std::size_t count = A.count() > kFew ? level.grouping.members.size() : 0;
+        const bool is_stalled =
+            !may_stall && static_cast<double>(count) > kStalled * A.count();
         if (A.count() <= kFew || is_stalled)
         {
             own.factorize(A);
             return;
         }
-        level.members.emplace(level.body, count);
-        Bodies next_bodies = joined_bodies(bodies, *level.members, size);
-        Rows next = joined_rows(A, bodies, level.body, *level.members, next_bodies);
-        level.transfer = transfers_of(A, bodies, level.body, next, next_bodies);
+        Bodies next_bodies = joined_bodies(bodies, level.grouping.members);
+        Rows next = joined_rows(A, bodies, level.grouping, next_bodies);
+        level.transfer = transfers_of(A, bodies, level.grouping, next, next_bodies);
         A = std::move(next);
         bodies = std::move(next_bodies);
     }
@@ -688,8 +633,8 @@ double Multigrid::bytes() const
     double bytes = levels_->solver ? 8.0 * levels_->solver->factor_numbers() : 0.0;
     for (const Level& level : levels_->levels)
         bytes += static_cast<double>(
-            sizeof(WideBlock) * (level.block.size() + 2 * level.diagonal.size()) +
-            sizeof(int) * (level.column.size() + 3 * level.body.size()) +
+            kBlockBytes * (level.block.size() + 2 * level.diagonal.size()) +
+            sizeof(int) * (level.links.column.size() + 4 * level.transfer.size()) +
             sizeof(Transfer) * level.transfer.size() + 5 * sizeof(Wide) * level.x.size());
     return bytes;
 }
@@ -699,7 +644,7 @@ double Multigrid::memory_estimate(std::size_t cells, std::size_t faces)
     // Blocks in single and in double precision, and a seventh for the coarser levels.
     const double blocks =
         2.0 * static_cast<double>(faces) + 2.0 * static_cast<double>(cells);
-    return 8.0 / 7.0 * (sizeof(WideBlock) + sizeof(Matrix6) + sizeof(int)) * blocks;
+    return 8.0 / 7.0 * (kBlockBytes + sizeof(Matrix6) + sizeof(int)) * blocks;
 }
 
 } // namespace cellwarp

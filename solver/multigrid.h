@@ -11,17 +11,10 @@
 #include <Eigen/Core>
 
 #include "solver/energy.h"
+#include "solver/grouping.h"
 
 namespace cellwarp
 {
-
-/// Where the cell of an unknown rests.
-struct GridPlace
-{
-    Eigen::Vector3d centre;     ///< centroid
-    Eigen::Vector3d box_centre; ///< of its leaf
-    double edge = 0.0;          ///< of its leaf
-};
 
 /// One V-cycle, in single precision. Time and memory are linear in the cells. Nothing is
 /// allocated after construction. The result does not depend on the number of threads.
