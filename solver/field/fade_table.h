@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The corrections of the regions (region_fade.h) at points known beforehand: sums over
+// the nodes of what the field misses there.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "solver/field/blend.h"
+#include "solver/field/blend_kernel.h"
+#include "solver/field/region_fade.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// The cells that count at a point, by either way of the blend.
+class BlendInfluences
+{
+public:
+    BlendInfluences(const Cells& cells, bool is_closest4);
+
+    struct Found
+    {
+        std::vector<Influence> near; ///< of ClosestCells: the regions ask for them
+        std::vector<Influence> base; ///< that the point follows
+    };
+    void find(const Eigen::Vector3d& x, int own, Found& out) const;
+
+private:
+    ClosestCells closest_;
+    std::optional<Closest4> closest4_;
+};
+
+/// A region whose motion its samples follow. Keeps the pointer.
+struct FadedRegion
+{
+    const RegionFade* fade = nullptr;
+    bool may_turn = false;  ///< a pin: the motion tells where nodes go, not how they turn
+    std::vector<int> cells; ///< whose poses are always the ones that its motion carries
+};
+
+/// One node's part in a correction: factors of the miss there and of its three slopes.
+struct FadeTerm
+{
+    std::uint32_t node = 0;
+    float factors[4] = {0, 0, 0, 0};
+};
+
+/// What the field misses at a node: the displacement and its three slopes, each of three
+/// numbers and one unused.
+struct alignas(64) NodeMiss
+{
+    Eigen::Array4f columns[4];
+};
+
+/// The nodes of all regions, numbered through, and what is missed there.
+class FadeNodes
+{
+public:
+    FadeNodes(const Cells& cells, const BlendInfluences& influences,
+              std::span<const FadedRegion> regions);
+
+    const RegionFades& fades() const { return fades_; }
+    bool may_turn(int region) const
+    {
+        return regions_[static_cast<std::size_t>(region)].may_turn;
+    }
+
+    /// Adds the terms of the correction at \p x, or of its slope along \p direction.
+    /// Left out are nodes at which nothing is ever missed, because all cells that count
+    /// there follow the region.
+    void add_terms(const Eigen::Vector3d& x, std::span<const RegionFades::Share> shares,
+                   const Eigen::Vector3d* direction, std::vector<FadeTerm>& out) const;
+
+    /// After the last use of add_terms(): the nodes that were used (one flag each).
+    void tabulate(const BlendInfluences& influences, std::span<const char> is_used);
+    std::size_t size() const { return places_.size(); }
+
+    void find_misses(const Cells& cells, std::span<const Pose> poses,
+                     std::span<const Motion> motions);
+    std::span<const NodeMiss> misses() const { return misses_; }
+
+private:
+    std::vector<FadedRegion> regions_;
+    RegionFades fades_;
+    std::vector<std::size_t> first_node_; ///< of each region
+    std::vector<Eigen::Vector3d> places_;
+    std::vector<int> own_, region_of_node_;
+    std::vector<char> follows_;
+    std::vector<std::uint32_t> used_;
+    std::vector<std::size_t> first_influence_; ///< of each used node
+    std::vector<Influence> influences_;
+    std::vector<NodeMiss> misses_;
+};
+
+/// Corrections as sums of terms, each for one lane of three rows. Lanes that are padding
+/// have no terms.
+class FadeSums
+{
+public:
+    /// Terms of the next sum, of the next lane.
+    void add(std::span<const FadeTerm> terms);
+    void append(const FadeSums& other);
+    std::size_t size() const { return first_term_.size() - 1; }
+    std::span<const FadeTerm> terms() const { return terms_; }
+
+    /// After the last sum: makes room for the results.
+    void finish() { rows_.resize(size() / kLanes * 3); }
+    void sum(std::span<const NodeMiss> misses);
+    /// Three rows for kLanes sums.
+    const Row* rows() const { return rows_.data(); }
+
+private:
+    std::vector<std::size_t> first_term_ = {0};
+    std::vector<FadeTerm> terms_;
+    std::vector<Row> rows_;
+};
+
+} // namespace cellwarp
