@@ -153,7 +153,7 @@ public:
     PartMaker(const Points& points, const Cells& cells, std::span<const char> is_idle,
               const BlendInfluences& influences, const FadeNodes& nodes)
         : points_(points), num_cells_(cells.size()), is_idle_(is_idle),
-          influences_(influences), nodes_(nodes)
+          influences_(influences), nodes_(nodes), bit_of_cell_(cells.size(), -1)
     {
     }
     Part part(std::span<const std::uint32_t> points);
@@ -167,7 +167,7 @@ private:
         int follows = kCells;
         std::uint64_t cells = 0; ///< one bit each: which of cells_
         std::size_t first_influence = 0, end_influence = 0;
-        std::size_t first_term[3] = {0, 0, 0};
+        std::size_t first_term[2] = {0, 0}, end_term[2] = {0, 0};
     };
     void add_member(std::uint32_t point);
     void add_terms(Member& member);
@@ -193,15 +193,17 @@ private:
     RegionFades::Reach reach_;
     std::vector<Member> members_;
     std::vector<Influence> pool_;
-    std::vector<FadeTerm> terms_;
-    std::vector<int> cells_; ///< that count somewhere in the box, ascending
+    FadeTerms terms_[2];           ///< of the displacement, or along the two tangents
+    std::vector<int> cells_;       ///< that count somewhere in the box, ascending
+    std::vector<int> bit_of_cell_; ///< where in cells_; -1 between calls
 };
 
 Part PartMaker::part(std::span<const std::uint32_t> points)
 {
     members_.clear();
     pool_.clear();
-    terms_.clear();
+    for (FadeTerms& terms : terms_)
+        terms.clear();
     for (const std::uint32_t point : points)
         add_member(point);
     find_cells();
@@ -243,25 +245,20 @@ void PartMaker::add_member(std::uint32_t point)
 
 void PartMaker::add_terms(Member& member)
 {
-    const Eigen::Vector3d& x = points_.place(member.point);
-    std::fill_n(member.first_term, 3, terms_.size());
+    for (std::size_t k = 0; k < 2; ++k)
+        member.first_term[k] = member.end_term[k] = terms_[k].size();
     if (reach_.shares.empty())
         return;
+    const Eigen::Vector3d& x = points_.place(member.point);
     if (points_.is_normals())
-    {
-        const std::array<Eigen::Vector3d, 2> tangents =
-            unit_tangents(points_.normal(member.point).cast<double>());
-        nodes_.add_terms(x, reach_.shares, &tangents[0], terms_);
-        member.first_term[1] = terms_.size();
-        nodes_.add_terms(x, reach_.shares, &tangents[1], terms_);
-    }
+        nodes_.add_slope_terms(x, reach_.shares,
+                               unit_tangents(points_.normal(member.point).cast<double>()),
+                               terms_);
     else
-    {
-        nodes_.add_terms(x, reach_.shares, nullptr, terms_);
-        member.first_term[1] = terms_.size();
-    }
-    member.first_term[2] = terms_.size();
-    if (member.first_term[2] > member.first_term[0])
+        nodes_.add_terms(x, reach_.shares, terms_[0]);
+    for (std::size_t k = 0; k < 2; ++k)
+        member.end_term[k] = terms_[k].size();
+    if (member.end_term[0] > member.first_term[0])
         member.follows = kFaded;
 }
 
@@ -269,21 +266,24 @@ void PartMaker::find_cells()
 {
     cells_.clear();
     for (const Influence& influence : pool_)
-    {
-        const auto at = std::lower_bound(cells_.begin(), cells_.end(), influence.cell);
-        if (at == cells_.end() || *at != influence.cell)
-            cells_.insert(at, influence.cell);
-    }
+        if (int& bit = bit_of_cell_[static_cast<std::size_t>(influence.cell)]; bit < 0)
+        {
+            bit = 0;
+            cells_.push_back(influence.cell);
+        }
+    std::sort(cells_.begin(), cells_.end());
+    for (std::size_t i = 0; i < cells_.size(); ++i)
+        bit_of_cell_[static_cast<std::size_t>(cells_[i])] = static_cast<int>(i);
     for (Member& member : members_)
         for (const Influence& influence : influences_of(member))
-        {
-            const std::ptrdiff_t bit =
-                std::lower_bound(cells_.begin(), cells_.end(), influence.cell) -
-                cells_.begin();
             // More cells than bits: one group of them all.
             member.cells |=
-                cells_.size() > 64 ? ~std::uint64_t(0) : std::uint64_t(1) << bit;
-        }
+                cells_.size() > 64
+                    ? ~std::uint64_t(0)
+                    : std::uint64_t(1)
+                          << bit_of_cell_[static_cast<std::size_t>(influence.cell)];
+    for (const int cell : cells_)
+        bit_of_cell_[static_cast<std::size_t>(cell)] = -1;
 }
 
 /// Afterwards members of one group are beside each other. The cells of those that are
@@ -313,8 +313,10 @@ void PartMaker::merge_small_groups()
         }
         for (const std::size_t i : small)
             members_[i].cells = merged;
+        if (!small.empty())
+            std::sort(members_.begin() + static_cast<std::ptrdiff_t>(begin),
+                      members_.begin() + static_cast<std::ptrdiff_t>(end), by_key);
     }
-    std::sort(members_.begin(), members_.end(), by_key);
 }
 
 void PartMaker::add_group(std::span<const Member> members, Part& part) const
@@ -376,8 +378,8 @@ void PartMaker::fill_row_lanes(const Member& member, std::span<const std::uint32
     for (const Influence& influence : influences_of(member))
     {
         const std::size_t i = static_cast<std::size_t>(
-            std::lower_bound(maps.begin(), maps.end(),
-                             static_cast<std::uint32_t>(influence.cell)) -
+            std::find(maps.begin(), maps.end(),
+                      static_cast<std::uint32_t>(influence.cell)) -
             maps.begin());
         // The kernel does without the weight of the first.
         if (i == 0)
@@ -400,9 +402,9 @@ void PartMaker::add_sums(std::span<const Member> members, Part& part) const
         for (std::size_t s = 0; s < sums_a_point; ++s)
             for (std::size_t i = block * kLanes; i < (block + 1) * kLanes; ++i)
                 if (i < members.size())
-                    part.sums.add(std::span(terms_).subspan(
+                    part.sums.add(std::span(terms_[s]).subspan(
                         members[i].first_term[s],
-                        members[i].first_term[s + 1] - members[i].first_term[s]));
+                        members[i].end_term[s] - members[i].first_term[s]));
                 else
                     part.sums.add({});
 }
@@ -479,7 +481,7 @@ void BlendTable::make_chunks()
 
 std::size_t BlendTable::bytes() const
 {
-    return rows_.size() * sizeof(Row) + sums_.terms().size_bytes();
+    return rows_.size() * sizeof(Row) + sums_.bytes();
 }
 
 void BlendTable::apply(std::span<const AffineMap> maps, std::span<const NodeMiss> misses,

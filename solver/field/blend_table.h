@@ -65,7 +65,8 @@ public:
     std::span<const std::uint32_t> order() const { return order_; }
     /// Three numbers each; at rest before the first frame.
     std::span<const float> values() const { return values_; }
-    std::span<const FadeTerm> terms() const { return sums_.terms(); }
+    /// Of the corrections.
+    std::span<FadeTerm> terms() { return sums_.terms(); }
     /// What a frame reads of the table.
     std::size_t bytes() const;
 

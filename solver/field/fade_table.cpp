@@ -12,6 +12,19 @@
 namespace cellwarp
 {
 
+namespace
+{
+
+FadeTerm term(std::uint32_t node, double a, const Eigen::Vector3d& c)
+{
+    FadeTerm result;
+    result.node = node;
+    Eigen::Map<Eigen::Vector4f>(result.factors) << static_cast<float>(a), c.cast<float>();
+    return result;
+}
+
+} // namespace
+
 BlendInfluences::BlendInfluences(const Cells& cells, bool is_closest4) : closest_(cells)
 {
     if (is_closest4)
@@ -21,10 +34,11 @@ BlendInfluences::BlendInfluences(const Cells& cells, bool is_closest4) : closest
 void BlendInfluences::find(const Eigen::Vector3d& x, int own, Found& out) const
 {
     closest_.influences(x, own, out.near);
-    if (closest4_)
-        closest4_->influences(x, out.base);
-    else
-        out.base = out.near;
+    out.base = out.near;
+    if (!closest4_)
+        return;
+    closest4_->influences(x, out.closest4);
+    out.base = out.closest4;
 }
 
 FadeNodes::FadeNodes(const Cells& cells, const BlendInfluences& influences,
@@ -66,10 +80,10 @@ FadeNodes::FadeNodes(const Cells& cells, const BlendInfluences& influences,
         });
 }
 
-void FadeNodes::add_terms(const Eigen::Vector3d& x,
-                          std::span<const RegionFades::Share> shares,
-                          const Eigen::Vector3d* direction,
-                          std::vector<FadeTerm>& out) const
+template <class Add>
+void FadeNodes::for_each_node(const Eigen::Vector3d& x,
+                              std::span<const RegionFades::Share> shares,
+                              const Add& add) const
 {
     RegionFade::NodeShares near;
     for (const RegionFades::Share& share : shares)
@@ -77,46 +91,75 @@ void FadeNodes::add_terms(const Eigen::Vector3d& x,
         const std::size_t first = first_node_[static_cast<std::size_t>(share.region)];
         fades_.fade(share.region).node_shares(x, near);
         for (const RegionFade::NodeShare& node : near.nodes)
-        {
-            const std::size_t index = first + node.node;
-            if (follows_[index])
-                continue;
-            const Eigen::Vector3d arm = x - places_[index];
-            Eigen::Vector4d factors;
-            factors[0] = share.value * node.value;
-            factors.tail<3>() = near.slope * factors[0] * arm;
-            if (direction)
-            {
-                const double change =
-                    (share.value * node.gradient + share.gradient * node.value)
-                        .dot(*direction);
-                factors.tail<3>() = (near.slope * change +
-                                     factors[0] * near.slope_gradient.dot(*direction)) *
-                                        arm +
-                                    near.slope * factors[0] * *direction;
-                factors[0] = change;
-            }
-            FadeTerm& term = out.emplace_back();
-            term.node = static_cast<std::uint32_t>(index);
-            Eigen::Map<Eigen::Vector4f>(term.factors) = factors.cast<float>();
-        }
+            if (!follows_[first + node.node])
+                add(static_cast<std::uint32_t>(first + node.node), share, near, node);
     }
 }
 
-void FadeNodes::tabulate(const BlendInfluences& influences, std::span<const char> is_used)
+void FadeNodes::add_terms(const Eigen::Vector3d& x,
+                          std::span<const RegionFades::Share> shares,
+                          FadeTerms& out) const
 {
+    for_each_node(
+        x, shares,
+        [&](std::uint32_t index, const RegionFades::Share& share,
+            const RegionFade::NodeShares& near, const RegionFade::NodeShare& node)
+        {
+            const double a = share.value * node.value;
+            out.push_back(term(index, a, near.slope * a * (x - places_[index])));
+        });
+}
+
+void FadeNodes::add_slope_terms(const Eigen::Vector3d& x,
+                                std::span<const RegionFades::Share> shares,
+                                std::span<const Eigen::Vector3d> directions,
+                                std::span<FadeTerms> out) const
+{
+    for_each_node(
+        x, shares,
+        [&](std::uint32_t index, const RegionFades::Share& share,
+            const RegionFade::NodeShares& near, const RegionFade::NodeShare& node)
+        {
+            const double a = share.value * node.value;
+            const Eigen::Vector3d slope =
+                share.value * node.gradient + share.gradient * node.value;
+            const Eigen::Vector3d arm = x - places_[index];
+            for (std::size_t k = 0; k < directions.size(); ++k)
+            {
+                const Eigen::Vector3d& t = directions[k];
+                const double a_slope = slope.dot(t);
+                out[k].push_back(
+                    term(index, a_slope,
+                         (near.slope * a_slope + a * near.slope_gradient.dot(t)) * arm +
+                             near.slope * a * t));
+            }
+        });
+}
+
+void FadeNodes::tabulate(const BlendInfluences& influences,
+                         std::span<const std::span<FadeTerm>> terms)
+{
+    constexpr std::uint32_t kUnused = 0xffffffff;
+    std::vector<std::uint32_t> number(places_.size(), kUnused);
+    for (const std::span<FadeTerm> list : terms)
+        for (FadeTerm& one : list)
+        {
+            if (number[one.node] == kUnused)
+            {
+                number[one.node] = static_cast<std::uint32_t>(used_.size());
+                used_.push_back(one.node);
+            }
+            one.node = number[one.node];
+        }
     BlendInfluences::Found found;
     first_influence_.push_back(0);
-    for (std::size_t i = 0; i < places_.size(); ++i)
+    for (const std::uint32_t i : used_)
     {
-        if (!is_used[i])
-            continue;
-        used_.push_back(static_cast<std::uint32_t>(i));
         influences.find(places_[i], own_[i], found);
         influences_.insert(influences_.end(), found.base.begin(), found.base.end());
         first_influence_.push_back(influences_.size());
     }
-    misses_.resize(places_.size());
+    misses_.resize(used_.size());
 }
 
 void FadeNodes::find_misses(const Cells& cells, std::span<const Pose> poses,
@@ -138,7 +181,7 @@ void FadeNodes::find_misses(const Cells& cells, std::span<const Pose> poses,
                                          first_influence_[u + 1] - first_influence_[u]),
                             poses, cells, places_[i]);
                 const Eigen::Matrix3d turn = motions[r].R - Eigen::Matrix3d::Identity();
-                NodeMiss& miss = misses_[i];
+                NodeMiss& miss = misses_[u];
                 set(miss.columns[0],
                     turn * places_[i] + motions[r].t - field.displacement);
                 for (int k = 0; k < 3; ++k)
@@ -166,16 +209,26 @@ void FadeSums::append(const FadeSums& other)
 
 void FadeSums::sum(std::span<const NodeMiss> misses)
 {
+    const auto sum_of = [&](std::size_t i)
+    {
+        // Four sums, so that no addition waits for the last one.
+        Eigen::Array4f sums[4];
+        for (Eigen::Array4f& one : sums)
+            one.setZero();
+        for (const FadeTerm *term = terms_.data() + first_term_[i],
+                            *end = terms_.data() + first_term_[i + 1];
+             term != end; ++term)
+            for (int k = 0; k < 4; ++k)
+                sums[k] += term->factors[k] * misses.data()[term->node].columns[k];
+        return Eigen::Array4f((sums[0] + sums[1]) + (sums[2] + sums[3]));
+    };
     parallel_ranges(
-        size(), 16 * kLanes,
+        size() / kLanes, 8,
         [&](std::size_t begin, std::size_t end)
         {
-            for (std::size_t i = begin; i < end; ++i)
+            for (std::size_t i = begin * kLanes; i < end * kLanes; ++i)
             {
-                Eigen::Array4f total = Eigen::Array4f::Zero();
-                for (std::size_t t = first_term_[i]; t < first_term_[i + 1]; ++t)
-                    for (int k = 0; k < 4; ++k)
-                        total += terms_[t].factors[k] * misses[terms_[t].node].columns[k];
+                const Eigen::Array4f total = sum_of(i);
                 for (int k = 0; k < 3; ++k)
                     rows_[i / kLanes * 3 + static_cast<std::size_t>(k)].lane[i % kLanes] =
                         total[k];

@@ -27,8 +27,9 @@ public:
 
     struct Found
     {
-        std::vector<Influence> near; ///< of ClosestCells: the regions ask for them
-        std::vector<Influence> base; ///< that the point follows
+        std::vector<Influence> near;     ///< of ClosestCells: the regions ask for them
+        std::vector<Influence> closest4; ///< empty if that is not the way
+        std::span<const Influence> base; ///< the ones that the point follows
     };
     void find(const Eigen::Vector3d& x, int own, Found& out) const;
 
@@ -51,6 +52,7 @@ struct FadeTerm
     std::uint32_t node = 0;
     float factors[4] = {0, 0, 0, 0};
 };
+using FadeTerms = std::vector<FadeTerm>;
 
 /// What the field misses at a node: the displacement and its three slopes, each of three
 /// numbers and one unused.
@@ -72,21 +74,32 @@ public:
         return regions_[static_cast<std::size_t>(region)].may_turn;
     }
 
-    /// Adds the terms of the correction at \p x, or of its slope along \p direction.
-    /// Left out are nodes at which nothing is ever missed, because all cells that count
-    /// there follow the region.
+    /// Adds the terms of the correction at \p x, or of its slopes along \p directions,
+    /// one list each. Left out are nodes at which nothing is ever missed, because all
+    /// cells that count there follow the region.
     void add_terms(const Eigen::Vector3d& x, std::span<const RegionFades::Share> shares,
-                   const Eigen::Vector3d* direction, std::vector<FadeTerm>& out) const;
+                   FadeTerms& out) const;
+    void add_slope_terms(const Eigen::Vector3d& x,
+                         std::span<const RegionFades::Share> shares,
+                         std::span<const Eigen::Vector3d> directions,
+                         std::span<FadeTerms> out) const;
 
-    /// After the last use of add_terms(): the nodes that were used (one flag each).
-    void tabulate(const BlendInfluences& influences, std::span<const char> is_used);
-    std::size_t size() const { return places_.size(); }
+    /// Numbers the nodes of these terms, which are all that will be used, anew: what is
+    /// used together is then beside each other.
+    void tabulate(const BlendInfluences& influences,
+                  std::span<const std::span<FadeTerm>> terms);
 
     void find_misses(const Cells& cells, std::span<const Pose> poses,
                      std::span<const Motion> motions);
     std::span<const NodeMiss> misses() const { return misses_; }
 
 private:
+    /// add(node, share of its region, all node shares there, its own) for each node
+    /// that matters at \p x.
+    template <class Add>
+    void for_each_node(const Eigen::Vector3d& x,
+                       std::span<const RegionFades::Share> shares, const Add& add) const;
+
     std::vector<FadedRegion> regions_;
     RegionFades fades_;
     std::vector<std::size_t> first_node_; ///< of each region
@@ -108,7 +121,8 @@ public:
     void add(std::span<const FadeTerm> terms);
     void append(const FadeSums& other);
     std::size_t size() const { return first_term_.size() - 1; }
-    std::span<const FadeTerm> terms() const { return terms_; }
+    std::span<FadeTerm> terms() { return terms_; }
+    std::size_t bytes() const { return terms_.size() * sizeof(FadeTerm); }
 
     /// After the last sum: makes room for the results.
     void finish() { rows_.resize(size() / kLanes * 3); }
@@ -118,7 +132,7 @@ public:
 
 private:
     std::vector<std::size_t> first_term_ = {0};
-    std::vector<FadeTerm> terms_;
+    FadeTerms terms_;
     std::vector<Row> rows_;
 };
 

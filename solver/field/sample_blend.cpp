@@ -39,11 +39,8 @@ SampleBlend::SampleBlend(FieldKind kind, const Cells& cells, const SampleSet& sa
                influences_, nodes_),
       maps_(cells.size() + regions.size()), instruction_set_(instruction_sets().back())
 {
-    std::vector<char> is_used(nodes_.size(), false);
-    for (const BlendTable* table : {&places_, &normals_})
-        for (const FadeTerm& term : table->terms())
-            is_used[term.node] = true;
-    nodes_.tabulate(influences_, is_used);
+    const std::span<FadeTerm> terms[] = {places_.terms(), normals_.terms()};
+    nodes_.tabulate(influences_, terms);
 }
 
 void SampleBlend::apply(std::span<const Pose> poses, std::span<const Motion> motions)
