@@ -50,10 +50,36 @@ struct BlendRun
     float* out = nullptr; ///< three numbers a sample
 };
 
+/// One node's part in a correction (fade_table.h): factors of the miss there and of its
+/// three slopes.
+struct FadeTerm
+{
+    unsigned node = 0;
+    float factors[4] = {0, 0, 0, 0};
+};
+
+/// What the field misses at a node: the displacement and its three slopes, each of three
+/// numbers and one unused.
+struct alignas(64) NodeMiss
+{
+    float columns[16];
+};
+
+/// Sums of terms, each for one lane of three rows.
+struct FadeRun
+{
+    const NodeMiss* misses = nullptr;
+    const FadeTerm* terms = nullptr;
+    const std::size_t* first_term = nullptr; ///< of each lane, and the end of the last
+    std::size_t num_blocks = 0;              ///< of kLanes lanes
+    Row* out = nullptr;
+};
+
 struct BlendKernels
 {
     void (*places)(const BlendRun&);
     void (*normals)(const BlendRun&);
+    void (*corrections)(const FadeRun&);
 };
 
 /// \pre \p set is one of instruction_sets()

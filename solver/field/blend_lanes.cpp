@@ -206,6 +206,49 @@ void run_blocks(const BlendRun& run)
     }
 }
 
+// Of corrections the lanes are the numbers of a node. More than eight at once would only
+// wait for their factors.
+constexpr std::size_t kNodeLanes = CELLWARP_WIDTH > 4 ? 8 : 4,
+                      kNodeParts = 16 / kNodeLanes;
+using NodeLanes = float __attribute__((vector_size(4 * kNodeLanes), may_alias));
+using Factors = float __attribute__((vector_size(16), aligned(4), may_alias));
+
+/// Each of the factors for the four numbers of its column; those of one part.
+inline NodeLanes spread(const Factors& f, std::size_t part)
+{
+#if CELLWARP_WIDTH > 4
+    return part == 0 ? __builtin_shufflevector(f, f, 0, 0, 0, 0, 1, 1, 1, 1)
+                     : __builtin_shufflevector(f, f, 2, 2, 2, 2, 3, 3, 3, 3);
+#else
+    return NodeLanes{} + f[part];
+#endif
+}
+
+/// The columns are summed apart, so that no addition waits for the last one.
+void sum_corrections(const FadeRun& run)
+{
+    for (std::size_t i = 0; i < run.num_blocks * kLanes; ++i)
+    {
+        NodeLanes sums[kNodeParts] = {};
+        const FadeTerm* const end = run.terms + run.first_term[i + 1];
+        for (const FadeTerm* term = run.terms + run.first_term[i]; term != end; ++term)
+        {
+            const Factors& factors = *reinterpret_cast<const Factors*>(term->factors);
+            const float* miss = run.misses[term->node].columns;
+            for (std::size_t p = 0; p < kNodeParts; ++p)
+                sums[p] += spread(factors, p) *
+                           *reinterpret_cast<const NodeLanes*>(miss + p * kNodeLanes);
+        }
+        NodeMiss total;
+        for (std::size_t p = 0; p < kNodeParts; ++p)
+            *reinterpret_cast<NodeLanes*>(total.columns + p * kNodeLanes) = sums[p];
+        const float* c = total.columns;
+        for (std::size_t k = 0; k < 3; ++k)
+            run.out[i / kLanes * 3 + k].lane[i % kLanes] =
+                (c[k] + c[4 + k]) + (c[8 + k] + c[12 + k]);
+    }
+}
+
 } // namespace
 
 BlendKernels kernels();
@@ -213,7 +256,8 @@ BlendKernels kernels();
 BlendKernels kernels()
 {
     return {run_blocks<place, kPlaceRows, kPlaceWeightRows, kPlaceCorrectionRows>,
-            run_blocks<normal, kNormalRows, kNormalWeightRows, kNormalCorrectionRows>};
+            run_blocks<normal, kNormalRows, kNormalWeightRows, kNormalCorrectionRows>,
+            sum_corrections};
 }
 
 } // namespace cellwarp::CELLWARP_LANES_FOR

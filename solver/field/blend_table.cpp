@@ -487,7 +487,7 @@ std::size_t BlendTable::bytes() const
 void BlendTable::apply(std::span<const AffineMap> maps, std::span<const NodeMiss> misses,
                        const BlendKernels& kernels)
 {
-    sums_.sum(misses);
+    sums_.sum(misses, kernels);
     parallel_ranges(chunks_.size(), 4,
                     [&](std::size_t begin, std::size_t end)
                     {

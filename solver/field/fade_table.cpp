@@ -165,8 +165,8 @@ void FadeNodes::tabulate(const BlendInfluences& influences,
 void FadeNodes::find_misses(const Cells& cells, std::span<const Pose> poses,
                             std::span<const Motion> motions)
 {
-    const auto set = [](Eigen::Array4f& column, const Eigen::Vector3d& value)
-    { column << value.cast<float>().array(), 0.0f; };
+    const auto set = [](NodeMiss& miss, int column, const Eigen::Vector3d& value)
+    { Eigen::Map<Eigen::Vector3f>(miss.columns + 4 * column) = value.cast<float>(); };
     parallel_ranges(
         used_.size(), 64,
         [&](std::size_t begin, std::size_t end)
@@ -182,10 +182,9 @@ void FadeNodes::find_misses(const Cells& cells, std::span<const Pose> poses,
                             poses, cells, places_[i]);
                 const Eigen::Matrix3d turn = motions[r].R - Eigen::Matrix3d::Identity();
                 NodeMiss& miss = misses_[u];
-                set(miss.columns[0],
-                    turn * places_[i] + motions[r].t - field.displacement);
+                set(miss, 0, turn * places_[i] + motions[r].t - field.displacement);
                 for (int k = 0; k < 3; ++k)
-                    set(miss.columns[k + 1],
+                    set(miss, k + 1,
                         regions_[r].may_turn
                             ? Eigen::Vector3d::Zero()
                             : Eigen::Vector3d(turn.col(k) - field.gradient.col(k)));
@@ -207,33 +206,19 @@ void FadeSums::append(const FadeSums& other)
         first_term_.push_back(before + other.first_term_[i]);
 }
 
-void FadeSums::sum(std::span<const NodeMiss> misses)
+void FadeSums::sum(std::span<const NodeMiss> misses, const BlendKernels& kernels)
 {
-    const auto sum_of = [&](std::size_t i)
-    {
-        // Four sums, so that no addition waits for the last one.
-        Eigen::Array4f sums[4];
-        for (Eigen::Array4f& one : sums)
-            one.setZero();
-        for (const FadeTerm *term = terms_.data() + first_term_[i],
-                            *end = terms_.data() + first_term_[i + 1];
-             term != end; ++term)
-            for (int k = 0; k < 4; ++k)
-                sums[k] += term->factors[k] * misses.data()[term->node].columns[k];
-        return Eigen::Array4f((sums[0] + sums[1]) + (sums[2] + sums[3]));
-    };
-    parallel_ranges(
-        size() / kLanes, 8,
-        [&](std::size_t begin, std::size_t end)
-        {
-            for (std::size_t i = begin * kLanes; i < end * kLanes; ++i)
-            {
-                const Eigen::Array4f total = sum_of(i);
-                for (int k = 0; k < 3; ++k)
-                    rows_[i / kLanes * 3 + static_cast<std::size_t>(k)].lane[i % kLanes] =
-                        total[k];
-            }
-        });
+    parallel_ranges(size() / kLanes, 8,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        FadeRun run;
+                        run.misses = misses.data();
+                        run.terms = terms_.data();
+                        run.first_term = first_term_.data() + begin * kLanes;
+                        run.num_blocks = end - begin;
+                        run.out = rows_.data() + 3 * begin;
+                        kernels.corrections(run);
+                    });
 }
 
 } // namespace cellwarp

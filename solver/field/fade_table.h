@@ -46,20 +46,7 @@ struct FadedRegion
     std::vector<int> cells; ///< whose poses are always the ones that its motion carries
 };
 
-/// One node's part in a correction: factors of the miss there and of its three slopes.
-struct FadeTerm
-{
-    std::uint32_t node = 0;
-    float factors[4] = {0, 0, 0, 0};
-};
 using FadeTerms = std::vector<FadeTerm>;
-
-/// What the field misses at a node: the displacement and its three slopes, each of three
-/// numbers and one unused.
-struct alignas(64) NodeMiss
-{
-    Eigen::Array4f columns[4];
-};
 
 /// The nodes of all regions, numbered through, and what is missed there.
 class FadeNodes
@@ -126,7 +113,7 @@ public:
 
     /// After the last sum: makes room for the results.
     void finish() { rows_.resize(size() / kLanes * 3); }
-    void sum(std::span<const NodeMiss> misses);
+    void sum(std::span<const NodeMiss> misses, const BlendKernels& kernels);
     /// Three rows for kLanes sums.
     const Row* rows() const { return rows_.data(); }
 
