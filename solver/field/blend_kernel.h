@@ -62,7 +62,7 @@ struct FadeTerm
 /// numbers and one unused.
 struct alignas(64) NodeMiss
 {
-    float columns[16];
+    float columns[16] = {};
 };
 
 /// Sums of terms, each for one lane of three rows.

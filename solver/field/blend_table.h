@@ -30,13 +30,6 @@ struct SampleSet
     std::span<const SampleNormal> normals;
 };
 
-/// Displacement A x + b.
-struct AffineMap
-{
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-};
-
 /// Points that follow the same maps, in blocks.
 struct BlendGroup
 {

@@ -159,37 +159,39 @@ void FadeNodes::tabulate(const BlendInfluences& influences,
         influences_.insert(influences_.end(), found.base.begin(), found.base.end());
         first_influence_.push_back(influences_.size());
     }
-    misses_.resize(used_.size());
+    misses_.assign(used_.size(), NodeMiss{});
 }
 
-void FadeNodes::find_misses(const Cells& cells, std::span<const Pose> poses,
-                            std::span<const Motion> motions)
+void FadeNodes::find_misses(std::span<const AffineMap> maps)
 {
+    const std::span<const AffineMap> of_regions = maps.last(regions_.size());
     const auto set = [](NodeMiss& miss, int column, const Eigen::Vector3d& value)
     { Eigen::Map<Eigen::Vector3f>(miss.columns + 4 * column) = value.cast<float>(); };
-    parallel_ranges(
-        used_.size(), 64,
-        [&](std::size_t begin, std::size_t end)
+    const auto find = [&](std::size_t u)
+    {
+        const std::size_t i = used_[u], r = static_cast<std::size_t>(region_of_node_[i]);
+        const Eigen::Vector3d& x = places_[i];
+        Eigen::Vector3d miss = of_regions[r].A * x + of_regions[r].b;
+        Eigen::Matrix3d slope = of_regions[r].A;
+        for (std::size_t k = first_influence_[u]; k < first_influence_[u + 1]; ++k)
         {
-            for (std::size_t u = begin; u < end; ++u)
-            {
-                const std::size_t i = used_[u],
-                                  r = static_cast<std::size_t>(region_of_node_[i]);
-                const FieldValue field =
-                    blended(std::span(influences_)
-                                .subspan(first_influence_[u],
-                                         first_influence_[u + 1] - first_influence_[u]),
-                            poses, cells, places_[i]);
-                const Eigen::Matrix3d turn = motions[r].R - Eigen::Matrix3d::Identity();
-                NodeMiss& miss = misses_[u];
-                set(miss, 0, turn * places_[i] + motions[r].t - field.displacement);
-                for (int k = 0; k < 3; ++k)
-                    set(miss, k + 1,
-                        regions_[r].may_turn
-                            ? Eigen::Vector3d::Zero()
-                            : Eigen::Vector3d(turn.col(k) - field.gradient.col(k)));
-            }
-        });
+            const Influence& influence = influences_[k];
+            const AffineMap& map = maps[static_cast<std::size_t>(influence.cell)];
+            const Eigen::Vector3d d = map.A * x + map.b;
+            miss -= influence.weight * d;
+            slope -= influence.weight * map.A + d * influence.gradient.transpose();
+        }
+        set(misses_[u], 0, miss);
+        // A pin does not say how things turn.
+        for (int k = 0; k < 3 && !regions_[r].may_turn; ++k)
+            set(misses_[u], k + 1, slope.col(k));
+    };
+    parallel_ranges(used_.size(), 64,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t u = begin; u < end; ++u)
+                            find(u);
+                    });
 }
 
 void FadeSums::add(std::span<const FadeTerm> terms)

@@ -14,7 +14,6 @@
 #include "solver/field/blend.h"
 #include "solver/field/blend_kernel.h"
 #include "solver/field/region_fade.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {
@@ -36,6 +35,13 @@ public:
 private:
     ClosestCells closest_;
     std::optional<Closest4> closest4_;
+};
+
+/// Displacement A x + b: of a cell, or of a region.
+struct AffineMap
+{
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
 };
 
 /// A region whose motion its samples follow. Keeps the pointer.
@@ -76,8 +82,8 @@ public:
     void tabulate(const BlendInfluences& influences,
                   std::span<const std::span<FadeTerm>> terms);
 
-    void find_misses(const Cells& cells, std::span<const Pose> poses,
-                     std::span<const Motion> motions);
+    /// \p maps: of the cells, then of the regions.
+    void find_misses(std::span<const AffineMap> maps);
     std::span<const NodeMiss> misses() const { return misses_; }
 
 private:

@@ -56,7 +56,7 @@ void SampleBlend::apply(std::span<const Pose> poses, std::span<const Motion> mot
     for (std::size_t r = 0; r < motions.size(); ++r)
         maps_[poses.size() + r] = {motions[r].R - Eigen::Matrix3d::Identity(),
                                    motions[r].t};
-    nodes_.find_misses(cells_, poses, motions);
+    nodes_.find_misses(maps_);
     const BlendKernels kernels = blend_kernels(instruction_set_);
     places_.apply(maps_, nodes_.misses(), kernels);
     normals_.apply(maps_, nodes_.misses(), kernels);

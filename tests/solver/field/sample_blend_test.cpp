@@ -281,6 +281,42 @@ TEST(SampleBlend, idle_parts_stay_while_others_move)
     EXPECT_GT(num_moved, 1000);
 }
 
+TEST(SampleBlend, a_sample_may_follow_very_many_cells)
+{
+    // A hundred pieces of one leaf, glued in a chain.
+    std::mt19937 rng(7);
+    Cells cells;
+    std::vector<Pose> poses;
+    for (int i = 0; i < 100; ++i)
+    {
+        Cell cell;
+        cell.box_centre = Eigen::Vector3d::Constant(0.5);
+        cell.edge = 1.0;
+        cell.centre = cell.box_centre + random_vector(rng, 0.5);
+        cells.cells.push_back(cell);
+        poses.push_back(support::random_pose(rng, 1.0));
+        cells.first_neighbour.push_back(static_cast<int>(cells.neighbours.size()));
+        for (const int other : {i - 1, i + 1})
+            if (other >= 0 && other < 100)
+                cells.neighbours.push_back(other);
+    }
+    cells.first_neighbour.push_back(static_cast<int>(cells.neighbours.size()));
+    std::vector<Eigen::Vector3d> places;
+    std::vector<int> own;
+    for (int i = 0; i < 3000; ++i)
+    {
+        places.push_back(Eigen::Vector3d::Constant(0.5) + random_vector(rng, 0.5));
+        own.push_back(i % 100);
+    }
+    SampleBlend blend(FieldKind::Blend, cells, {places, own, {}}, {}, {});
+    blend.apply(poses, {});
+    const Field field(FieldKind::Blend, cells, poses, {}, {});
+    const std::vector<Eigen::Vector3d> wanted = field.displacements(places, own);
+    const std::vector<Eigen::Vector3f> found = blend.positions_as_given();
+    for (std::size_t i = 0; i < places.size(); ++i)
+        EXPECT_LT((found[i].cast<double>() - places[i] - wanted[i]).norm(), 1e-5);
+}
+
 TEST(SampleBlend, small_groups_and_large_ones_give_the_same)
 {
     const Case many = held_bar();
