@@ -99,20 +99,6 @@ bool is_closed(const Geometry& geometry)
                        });
 }
 
-/// A normal after the map with Jacobian J: the cofactor matrix keeps it normal to
-/// the surface, also where J is singular in one direction. The length is kept.
-Eigen::Vector3d turned_normal(const Eigen::Matrix3d& J, const Eigen::Vector3d& normal)
-{
-    if (J.isIdentity(0))
-        return normal;
-    Eigen::Matrix3d cofactor;
-    for (int k = 0; k < 3; ++k)
-        cofactor.col(k) = J.col((k + 1) % 3).cross(J.col((k + 2) % 3));
-    const Eigen::Vector3d turned = cofactor * normal;
-    const double length = turned.norm();
-    return length > 0 ? Eigen::Vector3d(turned * (normal.norm() / length)) : normal;
-}
-
 } // namespace
 
 /// Everything that belongs to one stage.

@@ -187,8 +187,7 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
     return weight;
 }
 
-FieldValue RegionFade::average(const Eigen::Vector3d& x,
-                               std::span<const FieldValue> node_values) const
+void RegionFade::node_shares(const Eigen::Vector3d& x, NodeShares& out) const
 {
     std::vector<PointTree::Neighbour> near;
     tree_.nearest(x, kNearest, near);
@@ -200,9 +199,11 @@ FieldValue RegionFade::average(const Eigen::Vector3d& x,
     };
     // Slopes fade faster than values: they would stiffen what is around the region.
     const Dual u = distance(near.front()) / (radius_ * kSlopeShare);
-    const Dual slope_share = u.value() < 1.0
-                                 ? Dual(1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0)))
-                                 : Dual(0.0, kNoSlope);
+    const Dual slope = u.value() < 1.0
+                           ? Dual(1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0)))
+                           : Dual(0.0, kNoSlope);
+    out.slope = slope.value();
+    out.slope_gradient = slope.derivatives();
     std::vector<Dual> shares;
     const Dual far = distance(near.back());
     Dual sum(0.0, kNoSlope);
@@ -216,42 +217,55 @@ FieldValue RegionFade::average(const Eigen::Vector3d& x,
     }
     // At a node, and where all are equally far, the weights are none.
     const bool has_weights = sum.value() > 0 && near.front().distance_squared > 0;
-    FieldValue result;
+    out.nodes.clear();
     for (std::size_t i = 0; i < near.size(); ++i)
     {
         const double alone = near.front().distance_squared > 0
                                  ? 1.0 / static_cast<double>(near.size())
                                  : (i == 0 ? 1.0 : 0.0);
         const Dual share = has_weights ? Dual(shares[i] / sum) : Dual(alone, kNoSlope);
-        const FieldValue& known = node_values[near[i].index];
-        const Eigen::Vector3d step = known.gradient * (x - nodes()[near[i].index]);
-        const Eigen::Vector3d value = known.displacement + slope_share.value() * step;
-        result.displacement += share.value() * value;
-        result.gradient += value * share.derivatives().transpose() +
-                           share.value() * (slope_share.value() * known.gradient +
-                                            step * slope_share.derivatives().transpose());
+        out.nodes.push_back({near[i].index, share.value(), share.derivatives()});
+    }
+}
+
+FieldValue RegionFade::average(const Eigen::Vector3d& x,
+                               std::span<const FieldValue> node_values) const
+{
+    NodeShares shares;
+    node_shares(x, shares);
+    FieldValue result;
+    for (const NodeShare& share : shares.nodes)
+    {
+        const FieldValue& known = node_values[share.node];
+        const Eigen::Vector3d step = known.gradient * (x - nodes()[share.node]);
+        const Eigen::Vector3d value = known.displacement + shares.slope * step;
+        result.displacement += share.value * value;
+        result.gradient += value * share.gradient.transpose() +
+                           share.value * (shares.slope * known.gradient +
+                                          step * shares.slope_gradient.transpose());
     }
     return result;
 }
 
-MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
-    : regions_(std::move(regions)), regions_of_cell_(num_cells)
+RegionFades::RegionFades(std::vector<const RegionFade*> fades, std::size_t num_cells)
+    : fades_(std::move(fades)), regions_of_cell_(num_cells)
 {
-    for (std::size_t r = 0; r < regions_.size(); ++r)
-        for (const int cell : regions_[r].fade->near_cells())
+    for (std::size_t r = 0; r < fades_.size(); ++r)
+        for (const int cell : fades_[r]->near_cells())
             regions_of_cell_[static_cast<std::size_t>(cell)].push_back(
                 static_cast<int>(r));
 }
 
-FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
-                                 std::span<const Influence> influences,
-                                 const std::function<FieldValue()>& value_at) const
+void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
+                        Reach& out) const
 {
     struct Active
     {
-        const MovedRegion* region;
+        int region;
         Dual weight;
     };
+    out.node_of = -1;
+    out.shares.clear();
     std::vector<int> near;
     for (const Influence& influence : influences)
     {
@@ -264,20 +278,17 @@ FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
     std::vector<Active> active;
     for (const int r : near)
     {
-        const MovedRegion& region = regions_[static_cast<std::size_t>(r)];
-        const RegionFade::Weight weight = region.fade->weight(x, influences);
+        const RegionFade::Weight weight = fade(r).weight(x, influences);
         if (weight.is_node)
         {
-            const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-            return {turn * x + region.motion.t,
-                    region.may_turn ? value_at().gradient : turn};
+            out.node_of = r;
+            return;
         }
         if (weight.value > 0.0)
-            active.push_back({&region, Dual(weight.value, weight.gradient)});
+            active.push_back({r, Dual(weight.value, weight.gradient)});
     }
-    const FieldValue value = value_at();
     if (active.empty())
-        return value;
+        return;
     const auto product_without = [&](const Active* left_out)
     {
         Dual product(1.0, Eigen::Vector3d::Zero());
@@ -293,7 +304,6 @@ FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
         shares.push_back(one.weight * product_without(&one));
         total += shares.back();
     }
-    FieldValue result = value;
     // So near to nodes of two regions that rounding makes both weights 1: the first.
     if (!(total.value() > 0))
     {
@@ -301,14 +311,42 @@ FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
         shares = {Dual(1.0, Eigen::Vector3d::Zero())};
         total = shares.front();
     }
-    for (std::size_t r = 0; r < active.size(); ++r)
+    for (std::size_t i = 0; i < active.size(); ++i)
     {
-        const FieldValue miss =
-            active[r].region->fade->average(x, active[r].region->misses);
-        const Dual share = shares[r] / total;
-        result.displacement += share.value() * miss.displacement;
-        result.gradient += share.value() * miss.gradient +
-                           miss.displacement * share.derivatives().transpose();
+        const Dual share = shares[i] / total;
+        out.shares.push_back({active[i].region, share.value(), share.derivatives()});
+    }
+}
+
+MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
+    : regions_(std::move(regions))
+{
+    std::vector<const RegionFade*> fades;
+    for (const MovedRegion& region : regions_)
+        fades.push_back(region.fade);
+    fades_ = RegionFades(std::move(fades), num_cells);
+}
+
+FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
+                                 std::span<const Influence> influences,
+                                 const std::function<FieldValue()>& value_at) const
+{
+    RegionFades::Reach reach;
+    fades_.reach(x, influences, reach);
+    if (reach.node_of >= 0)
+    {
+        const MovedRegion& region = regions_[static_cast<std::size_t>(reach.node_of)];
+        const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
+        return {turn * x + region.motion.t, region.may_turn ? value_at().gradient : turn};
+    }
+    FieldValue result = value_at();
+    for (const RegionFades::Share& share : reach.shares)
+    {
+        const MovedRegion& region = regions_[static_cast<std::size_t>(share.region)];
+        const FieldValue miss = region.fade->average(x, region.misses);
+        result.displacement += share.value * miss.displacement;
+        result.gradient +=
+            share.value * miss.gradient + miss.displacement * share.gradient.transpose();
     }
     return result;
 }

@@ -51,8 +51,26 @@ public:
     /// are near through the glue.
     Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences) const;
 
-    /// What is known at the nodes, value and slope, carried to \p x: a continuous
-    /// average of the nearest ones. Slopes reach a cell far.
+    /// A node near a point, and how much of the average there it makes.
+    struct NodeShare
+    {
+        std::size_t node = 0;
+        double value = 0.0;
+        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    };
+    /// All that the average at a point takes from the place of the point. What a node
+    /// tells there is its value + slope * (its slope) (point - node).
+    struct NodeShares
+    {
+        std::vector<NodeShare> nodes;
+        double slope = 0.0;
+        Eigen::Vector3d slope_gradient = Eigen::Vector3d::Zero();
+    };
+    /// The nearest nodes, so weighted that the average is continuous. Slopes reach a
+    /// cell far. Replaces \p out.
+    void node_shares(const Eigen::Vector3d& x, NodeShares& out) const;
+
+    /// What is known at the nodes, value and slope, carried to \p x.
     FieldValue average(const Eigen::Vector3d& x,
                        std::span<const FieldValue> node_values) const;
 
@@ -78,7 +96,42 @@ struct MovedRegion
     std::vector<FieldValue> misses; ///< one a node: motion minus field
 };
 
-/// All regions of a frame, found by the cells that they reach.
+/// The fades of all regions, found by the cells that they reach.
+class RegionFades
+{
+public:
+    RegionFades() = default;
+    /// Keeps the pointers.
+    RegionFades(std::vector<const RegionFade*> fades, std::size_t num_cells);
+
+    /// How much the miss of one region counts at a point.
+    struct Share
+    {
+        int region = 0;
+        double value = 0.0;
+        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    };
+    /// What the regions mean for a point: it is a node of one, or takes shares.
+    struct Reach
+    {
+        int node_of = -1;
+        std::vector<Share> shares;
+    };
+    /// \p influences: of ClosestCells at \p x. Replaces \p out.
+    void reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
+               Reach& out) const;
+
+    const RegionFade& fade(int region) const
+    {
+        return *fades_[static_cast<std::size_t>(region)];
+    }
+
+private:
+    std::vector<const RegionFade*> fades_;
+    std::vector<std::vector<int>> regions_of_cell_;
+};
+
+/// All regions of a frame.
 class MovedRegions
 {
 public:
@@ -93,7 +146,7 @@ public:
 
 private:
     std::vector<MovedRegion> regions_;
-    std::vector<std::vector<int>> regions_of_cell_;
+    RegionFades fades_;
 };
 
 } // namespace cellwarp
