@@ -80,6 +80,18 @@ std::string stop_name(Stop stop)
     return {};
 }
 
+void SolveReport::add_earlier(const SolveReport& earlier)
+{
+    iterations += std::max(0, earlier.iterations);
+    linear_steps += earlier.linear_steps;
+    damped_factorisations += earlier.damped_factorisations;
+    backward_error = std::max(backward_error, earlier.backward_error);
+    ms.linearise += earlier.ms.linearise;
+    ms.linear += earlier.ms.linear;
+    ms.line_search += earlier.ms.line_search;
+    ms.factorise += earlier.ms.factorise;
+}
+
 NewtonSolver::NewtonSolver(Energy& energy, Preconditioner& preconditioner)
     : energy_(energy), preconditioner_(preconditioner),
       rounding_(energy.block_sizes().size())
@@ -256,6 +268,9 @@ SolveReport NewtonSolver::Run::operator()()
             return finish(Stop::Stopped);
         if (options_.time_budget > 0 && ms_since(start) > 1e3 * options_.time_budget)
             return finish(Stop::TimeLimit);
+        if (options_.watch)
+            options_.watch(report_.iterations,
+                           scale_ > 0 ? gradient_norm_ / scale_ : 0.0);
         if (!find_step())
             return finish(Stop::NotPositiveDefinite);
         const Clock::time_point search_start = Clock::now();

@@ -2,6 +2,7 @@
 // Lowers an energy: Gauss-Newton or Newton steps with a halving line search.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -48,7 +49,9 @@ struct SolveOptions
     double gradient_tolerance = 1e-6;
     double gradient_scale = 0.0; ///< 0: the first gradient
     double time_budget = 0.0;    ///< [s], 0: no limit; checked between iterations
-    std::stop_token stop = {};
+    std::stop_token stop = {};   ///< looked at in every step of the linear solves
+    /// Called before every iteration with its number and the relative gradient.
+    std::function<void(int, double)> watch = {};
 };
 
 /// Where the time of a solve went [ms].
@@ -70,6 +73,9 @@ struct SolveReport
     int damped_factorisations = 0;
     bool is_saddle = false; ///< the last Newton step found a direction of descent
     SolveTimes ms;
+
+    /// Counts what an earlier solve of the same frame took.
+    void add_earlier(const SolveReport& earlier);
 };
 
 /// Keeps all scratch between solves: with the methods of conjugate gradients nothing is

@@ -25,9 +25,9 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
     print_warnings(warnings, common);
-    const StageView stage = session.stage();
-    const std::size_t cells = stage.body ? stage.body->cells.size() : 0;
-    const std::size_t regions = stage.regions ? stage.regions->size() : 0;
+    const Rig* const rig = session.rig();
+    const std::size_t cells = rig ? rig->body().cells.size() : 0;
+    const std::size_t regions = rig ? rig->regions().size() : 0;
     const std::size_t samples = session.model().geometry.samples.size();
     std::string text;
     if (common.is_json)

@@ -196,25 +196,38 @@ void print_warnings(const std::vector<std::string>& warnings, const CommonFlags&
             fmt::print(stderr, "warning: {}\n", warning);
 }
 
-Progress::Progress(const CommonFlags& common, std::string what, std::size_t total)
-    : is_shown_(!common.is_quiet && ::isatty(2)), what_(std::move(what)), total_(total)
+Progress::Progress(const CommonFlags& common, std::size_t frames)
+    : is_shown_(!common.is_quiet && ::isatty(2)), frames_(frames)
 {
 }
 
 Progress::~Progress()
 {
+    end();
+}
+
+void Progress::end()
+{
     if (is_shown_)
         fmt::print(stderr, "\r\x1b[K");
 }
 
-void Progress::show(std::size_t done)
+void Progress::show(const FrameProgress& now)
 {
-    if (!is_shown_)
-        return;
     constexpr std::size_t kWidth = 30;
-    const std::size_t full = total_ > 0 ? kWidth * done / total_ : 0;
-    fmt::print(stderr, "\r{} [{}{}] {}/{}", what_, std::string(full, '#'),
-               std::string(kWidth - full, ' '), done, total_);
+    constexpr auto kPause = std::chrono::milliseconds(100);
+    const auto time = std::chrono::steady_clock::now();
+    if (!is_shown_ || frames_ == 0 || time - last_ < kPause)
+        return;
+    last_ = time;
+    const double done =
+        (static_cast<double>(now.frames_done) +
+         static_cast<double>(now.step - 1) / static_cast<double>(now.steps)) /
+        static_cast<double>(frames_);
+    const std::size_t full = static_cast<std::size_t>(kWidth * std::min(1.0, done));
+    fmt::print(stderr, "\r[{}{}] frame {} ({}/{}), step {}/{}, gradient {:.1e}\x1b[K",
+               std::string(full, '#'), std::string(kWidth - full, ' '), now.frame,
+               now.frames_done + 1, frames_, now.step, now.steps, now.gradient);
     std::fflush(stderr);
 }
 

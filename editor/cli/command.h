@@ -2,6 +2,7 @@
 // What all subcommands of the command line share: settings, messages, progress.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -73,18 +74,21 @@ void add_columns(CLI::App& app, std::string& columns);
 /// "warning: ..." on stderr, unless quiet.
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);
 
-/// Draws a bar on stderr, only where that is a terminal and not quiet.
+/// Draws a bar on stderr, only where that is a terminal and not quiet; at most ten times
+/// a second.
 class Progress
 {
 public:
-    Progress(const CommonFlags& common, std::string what, std::size_t total);
+    Progress(const CommonFlags& common, std::size_t frames);
     ~Progress();
-    void show(std::size_t done);
+    void show(const FrameProgress& now);
+    /// Takes the bar away.
+    void end();
 
 private:
     bool is_shown_;
-    std::string what_;
-    std::size_t total_;
+    std::size_t frames_;
+    std::chrono::steady_clock::time_point last_ = {};
 };
 
 /// Peak resident memory of this process [MB].

@@ -127,8 +127,111 @@ Json frame_json(const FrameReport& report)
             {"ms",
              {{"cells", report.cells_ms},
               {"solve", report.solve_ms},
+              {"linearise", report.solve.ms.linearise},
+              {"linear", report.solve.ms.linear},
+              {"factorise", report.solve.ms.factorise},
+              {"line_search", report.solve.ms.line_search},
               {"field_fit", report.fit_ms},
               {"field_apply", report.apply_ms}}}};
+}
+
+/// Refuses what cannot be written before any work is done.
+void check_outputs(const OutputName& name, const std::string& output,
+                   const std::string& model, const std::vector<std::int64_t>& frames,
+                   const CommonFlags& common)
+{
+    if (!name.has_frame())
+        check_output(output, common.overwrite());
+    const std::string format = extension_of(model);
+    if (is_geometry_format(format) && output != "-" && extension_of(name.of(0)) != format)
+        throw Error(Fault::Usage,
+                    fmt::format("{}: the output has the model's format (got {}, "
+                                "need .{})",
+                                output, in_quotes("." + extension_of(name.of(0))),
+                                format));
+    if (name.has_frame())
+        for (const std::int64_t frame : frames)
+            check_output(name.of(frame), common.overwrite());
+}
+
+/// How the cells of the session's last stage came out.
+void add_cells(Json& json, const Session& session)
+{
+    const Rig* const rig = session.rig();
+    std::vector<int> per_depth;
+    int free_cells = 0;
+    if (rig)
+        for (std::size_t c = 0; c < rig->body().cells.size(); ++c)
+        {
+            const std::size_t leaf =
+                static_cast<std::size_t>(rig->body().cells.cells[c].leaf);
+            const std::size_t level =
+                static_cast<std::size_t>(rig->body().octree.leaves()[leaf].level);
+            per_depth.resize(std::max(per_depth.size(), level + 1), 0);
+            ++per_depth[level];
+            free_cells += rig->region_of_cell()[c] < 0;
+        }
+    json["cells"] = rig ? rig->body().cells.size() : 0;
+    json["free_cells"] = free_cells;
+    json["depth"] = per_depth.empty() ? 0 : static_cast<int>(per_depth.size()) - 1;
+    json["cells_per_depth"] = per_depth;
+    if (!rig)
+        return;
+    const Material& material = rig->body().material;
+    const double diagonal = rig->body().frame.diagonal();
+    json["across"] = rig->body().across;
+    json["faces_of_glue"] = rig->body().cells.faces.size();
+    json["groups_of_cells"] = rig->minimizer().multigrid().sizes();
+    json["material"] = {{"inside", inside_name(material.method)},
+                        {"voxel", material.grid.shape().voxel() / diagonal},
+                        {"sealed_up_to", 2.0 * material.seal_radius / diagonal},
+                        {"joins_below", material.joins_below / diagonal}};
+}
+
+Json field_json(const Session& session, const std::string& release)
+{
+    const Field* const field = session.field();
+    const Rig* const rig = session.rig();
+    if (!field || field->num_centres() == 0)
+        return {{"kind", "blend"},
+                {"centres", rig ? rig->body().cells.size() : 0},
+                {"clusters", 0},
+                {"residual", 0.0}};
+    return {{"kind", release},
+            {"centres", field->num_centres()},
+            {"clusters", field->num_clusters()},
+            {"residual", field->residual() / rig->body().frame.diagonal()}};
+}
+
+Json volume_json(const std::optional<Volume>& volume)
+{
+    return volume ? Json{{"before", volume->before}, {"after", volume->after}}
+                  : Json(nullptr);
+}
+
+/// Milliseconds of the stages of the whole run.
+struct RunTimes
+{
+    double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0;
+};
+
+/// Sums the frames, and warns of those that did not converge.
+bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& warnings)
+{
+    bool is_converged = true;
+    for (const FrameReport& report : session.frames())
+    {
+        ms.cells += report.cells_ms;
+        ms.solve += report.solve_ms;
+        ms.field += report.fit_ms + report.apply_ms;
+        if (report.solve.stop == Stop::Converged)
+            continue;
+        is_converged = false;
+        warnings.push_back(fmt::format("frame {} did not converge ({}, gradient {:.3g})",
+                                       report.frame, stop_name(report.solve.stop),
+                                       report.solve.gradient));
+    }
+    return is_converged;
 }
 
 int run(const DeformFlags& flags, const CommonFlags& common)
@@ -140,28 +243,17 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     SessionRequest request = read_request(flags.session);
     if (!request.handles)
         request.handles.emplace();
-    if (!name.has_frame())
-        check_output(flags.output, common.overwrite());
-    const std::string format = extension_of(request.model);
-    if (is_geometry_format(format) && flags.output != "-" &&
-        extension_of(name.of(0)) != format)
-        throw Error(Fault::Usage,
-                    fmt::format("{}: the output has the model's format (got {}, "
-                                "need .{})",
-                                flags.output, in_quotes("." + extension_of(name.of(0))),
-                                format));
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
-    if (name.has_frame())
-        for (const std::int64_t frame : frames)
-            check_output(name.of(frame), common.overwrite());
+    check_outputs(name, flags.output, request.model, frames, common);
 
+    RunTimes ms;
     GeometryFile model = read_geometry(request.model, request.read);
-    const double load_ms = ms_since(start);
-
+    ms.load = ms_since(start);
+    Progress progress(common, frames.size());
+    request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
     const Clock::time_point build_start = Clock::now();
     Session session(std::move(model), std::move(*request.handles), request.settings);
-    const double build_ms = ms_since(build_start);
-    double write_ms = 0.0;
+    ms.cells = ms_since(build_start);
     std::vector<std::string> warnings = request.warnings;
     const auto write = [&](const std::string& path)
     {
@@ -169,97 +261,42 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         std::size_t num_split = 0;
         const std::string bytes = patched(session.model(), session.patch(), &num_split);
         write_file(path, bytes, common.overwrite());
-        write_ms += ms_since(write_start);
+        ms.write += ms_since(write_start);
         if (num_split > 0)
             warnings.push_back(
                 fmt::format("{}: {} normals were split: their corners need "
                             "different directions now",
                             path, num_split));
     };
-    Progress progress(common, "frame", frames.size());
     for (std::size_t i = 0; i < frames.size(); ++i)
     {
-        progress.show(i);
         session.next_frame(name.has_frame() || i + 1 == frames.size());
         if (name.has_frame())
             write(name.of(frames[i]));
     }
     if (!name.has_frame())
         write(flags.output);
+    progress.end();
 
-    bool is_converged = true;
-    double cells_ms = build_ms, solve_ms = 0.0, field_ms = 0.0;
-    for (const FrameReport& report : session.frames())
-    {
-        cells_ms += report.cells_ms;
-        solve_ms += report.solve_ms;
-        field_ms += report.fit_ms + report.apply_ms;
-        if (report.solve.stop != Stop::Converged)
-        {
-            is_converged = false;
-            warnings.push_back(fmt::format(
-                "frame {} did not converge ({}, gradient {:.3g})", report.frame,
-                stop_name(report.solve.stop), report.solve.gradient));
-        }
-    }
+    const bool is_converged = sum_frames(session, ms, warnings);
     warnings.insert(warnings.begin(), session.warnings().begin(),
                     session.warnings().end());
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        const StageView stage = session.stage();
         Json json;
         json["model"] = request.model;
         json["samples"] = session.model().geometry.samples.size();
         json["faces"] = session.model().geometry.num_faces();
-        std::vector<int> per_depth;
-        int free_cells = 0;
-        if (stage.body)
-            for (std::size_t c = 0; c < stage.body->cells.size(); ++c)
-            {
-                const std::size_t level =
-                    static_cast<std::size_t>(stage.body->octree
-                                                 .leaves()[static_cast<std::size_t>(
-                                                     stage.body->cells.cells[c].leaf)]
-                                                 .level);
-                per_depth.resize(std::max(per_depth.size(), level + 1), 0);
-                ++per_depth[level];
-                free_cells += (*stage.region_of_cell)[c] < 0;
-            }
-        json["cells"] = stage.body ? stage.body->cells.size() : 0;
-        json["free_cells"] = free_cells;
-        json["depth"] = per_depth.empty() ? 0 : static_cast<int>(per_depth.size()) - 1;
-        json["cells_per_depth"] = per_depth;
-        if (stage.body)
-        {
-            json["across"] = stage.body->across;
-            json["faces_of_glue"] = stage.body->cells.faces.size();
-            const Material& material = stage.body->material;
-            const double diagonal = stage.body->frame.diagonal();
-            json["material"] = {{"inside", inside_name(material.method)},
-                                {"voxel", material.grid.shape().voxel() / diagonal},
-                                {"sealed_up_to", 2.0 * material.seal_radius / diagonal},
-                                {"joins_below", material.joins_below / diagonal}};
-        }
+        add_cells(json, session);
         json["frames"] = Json::array();
         for (const FrameReport& report : session.frames())
             json["frames"].push_back(frame_json(report));
-        const Field* field = session.field();
-        const bool is_rbf = field && field->num_centres() > 0;
-        json["field"] = {
-            {"kind", is_rbf ? request.release : "blend"},
-            {"centres",
-             is_rbf ? field->num_centres() : (stage.body ? stage.body->cells.size() : 0)},
-            {"clusters", field ? field->num_clusters() : 0},
-            {"residual",
-             is_rbf ? field->residual() / stage.body->frame.diagonal() : 0.0}};
-        const std::optional<Volume> volume = session.volume();
-        json["volume"] = volume
-                             ? Json{{"before", volume->before}, {"after", volume->after}}
-                             : Json(nullptr);
-        json["ms"] = {{"load", load_ms},   {"cells", cells_ms},
-                      {"solve", solve_ms}, {"field", field_ms},
-                      {"write", write_ms}, {"total", ms_since(start)}};
+        json["field"] = field_json(session, request.release);
+        json["volume"] = volume_json(session.volume());
+        json["ms"] = {{"load", ms.load},   {"cells", ms.cells},
+                      {"solve", ms.solve}, {"field", ms.field},
+                      {"write", ms.write}, {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_rss_mb();
         json["unused"] = unused_parts(session.parts());
         json["warnings"] = warnings;

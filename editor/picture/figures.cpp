@@ -54,9 +54,8 @@ Figure figure_of(const Session& session)
 {
     Figure figure = figure_of(session.model().geometry);
     figure.points = session.patch().samples;
-    const StageView stage = session.stage();
-    if (stage.regions)
-        for (const Region& region : *stage.regions)
+    if (const Rig* const rig = session.rig())
+        for (const Region& region : rig->regions())
             for (const std::uint32_t i : region.samples)
                 figure.colours[i] = colour_of(region.role);
     return figure;
@@ -64,27 +63,26 @@ Figure figure_of(const Session& session)
 
 void add_cells(Figure& figure, const Session& session)
 {
-    const StageView stage = session.stage();
-    if (!stage.body)
+    const Rig* const rig = session.rig();
+    if (!rig)
         return;
-    for (std::size_t c = 0; c < stage.body->cells.size(); ++c)
+    for (std::size_t c = 0; c < rig->body().cells.size(); ++c)
     {
-        const Cell& cell = stage.body->cells.cells[c];
-        const Pose& pose = (*stage.poses)[c];
+        const Cell& cell = rig->body().cells.cells[c];
+        const Pose& pose = rig->poses()[c];
         std::array<Eigen::Vector3d, 8> corners;
         for (std::size_t k = 0; k < 8; ++k)
         {
             const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
                                        k & 4 ? 0.5 : -0.5);
-            corners[k] = stage.body->frame.to_model(
+            corners[k] = rig->body().frame.to_model(
                 image(pose, cell.centre, cell.box_centre + cell.edge * side));
         }
         figure.boxes.push_back(corners);
-        const int owner = (*stage.region_of_cell)[c];
+        const int owner = rig->region_of_cell()[c];
         figure.box_colours.push_back(
-            owner < 0
-                ? kPlain
-                : colour_of((*stage.regions)[static_cast<std::size_t>(owner)].role));
+            owner < 0 ? kPlain
+                      : colour_of(rig->regions()[static_cast<std::size_t>(owner)].role));
     }
 }
 

@@ -13,16 +13,23 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/body.h"
-#include "editor/session/regions.h"
+#include "editor/session/rig.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 #include "solver/field/field.h"
-#include "solver/minimize.h"
-#include "solver/motion_spread.h"
 
 namespace cellwarp
 {
+
+/// Where a session is: frames done, and how far the next one is.
+struct FrameProgress
+{
+    std::size_t frames_done = 0;
+    std::int64_t frame = 0;  ///< its number
+    int step = 0, steps = 1; ///< of its way
+    int iteration = 0;
+    double gradient = 1.0; ///< relative; 1 where it is not known yet
+};
 
 struct SessionSettings
 {
@@ -33,6 +40,8 @@ struct SessionSettings
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldKind field = FieldKind::Rbf;
     std::stop_token stop = {};
+    /// Called on the way, in the thread that runs the session: at every iteration.
+    std::function<void(const FrameProgress&)> watch = {};
 };
 
 /// What one frame took and reached. Lengths are relative to the diagonal.
@@ -50,16 +59,6 @@ struct FrameReport
 struct PartCounts
 {
     int interior = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0, faces = 0;
-};
-
-/// What the session works on now; all null before its first stage, and valid until
-/// the next one begins.
-struct StageView
-{
-    const Body* body = nullptr;
-    const std::vector<Region>* regions = nullptr;
-    const std::vector<int>* region_of_cell = nullptr; ///< -1: none
-    const std::vector<Pose>* poses = nullptr;
 };
 
 /// What a closed mesh encloses.
@@ -93,7 +92,9 @@ public:
     const PartCounts& parts() const { return parts_; }
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
-    StageView stage() const;
+    /// What the session works on now: null before its first stage, and valid until the
+    /// next one begins.
+    const Rig* rig() const;
     /// Null unless every edge has exactly two, opposite faces.
     std::optional<Volume> volume() const;
 
@@ -101,19 +102,13 @@ private:
     struct StageState;
 
     void start_stage(std::size_t stage);
-    void measure_regions(const std::vector<RegionShares>& shares);
-    void hold_cells(const std::vector<RegionShares>& shares);
-    void place_fades();
+    void check_global_field() const;
     void plan_frames(const std::vector<FrameStatement>& frames);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
+    bool stands() const;
+    void move_regions(double t);
+    SolveReport travel(int& steps);
     void solve_frame(FrameReport& report);
-    /// Puts prescribed and pinned cells where they are at \p t of this frame's way.
-    std::vector<Motion> set_motions(double t);
-    std::optional<Motion> rigid_step_of(const Component& component,
-                                        const std::vector<Motion>& last,
-                                        const std::vector<Motion>& steps) const;
-    void carry_steps(const std::vector<Motion>& last, const std::vector<Motion>& motions);
-    double largest_gap() const;
     void move_samples(FrameReport& report);
     void commit();
 

@@ -36,6 +36,7 @@ struct ModelBox
 {
     Eigen::Vector3d low, high;
     Eigen::Vector3d size() const { return high - low; }
+    Eigen::Vector3d centre() const { return 0.5 * (low + high); }
 };
 /// \pre not empty
 ModelBox bounding_box(std::span<const Eigen::Vector3d> samples);

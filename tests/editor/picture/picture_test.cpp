@@ -115,7 +115,7 @@ TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
     EXPECT_EQ(figure.points, session.patch().samples);
     EXPECT_NE(figure.colours.front(), figure.colours.back());
     add_cells(figure, session);
-    EXPECT_EQ(figure.boxes.size(), session.stage().body->cells.size());
+    EXPECT_EQ(figure.boxes.size(), session.rig()->body().cells.size());
 }
 
 } // namespace cellwarp

@@ -133,7 +133,7 @@ TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
                    "frame 1\nmove head rotate 1 1 0 50 translate 0.4 0.2 -0.5\n",
                    s);
         EXPECT_LT(session.frames()[0].handle_residual, 1e-12);
-        for (const std::uint32_t i : (*session.stage().regions)[0].samples)
+        for (const std::uint32_t i : session.rig()->regions()[0].samples)
             EXPECT_EQ(session.patch().samples[i], shape.samples[i]);
         EXPECT_GT(session.frames()[0].max_pair_gap, 0.0);
     }
@@ -142,7 +142,7 @@ TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
 TEST(Session, the_surveys_twist_and_bend_keep_their_volume)
 {
     const Session twist = played(model(survey_bar(18)), kTwist, settings(32));
-    EXPECT_EQ(twist.stage().body->cells.size(), 2048u);
+    EXPECT_EQ(twist.rig()->body().cells.size(), 2048u);
     EXPECT_GT(volume_change(twist), -0.035);
     EXPECT_LT(volume_change(twist), 0.0);
     EXPECT_NEAR(volume_change(played(model(survey_bar(18)), kTwist, settings(40))),
@@ -183,7 +183,7 @@ TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
 {
     const Shape mesh = survey_bar(54);
     const Session wanted = played(model(mesh), kTwist, settings(32));
-    const Body& body = *wanted.stage().body;
+    const Body& body = wanted.rig()->body();
     const auto check = [&](const Shape& shape, double rms, double largest)
     {
         const Session session = played(model(shape), kTwist, settings(32));
@@ -585,9 +585,9 @@ TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
     EXPECT_LT((session.patch().samples[tip] - Eigen::Vector3d(2, 0, 3)).norm(), 1e-12);
     EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
     double turn = 0.0;
-    for (std::size_t c = 0; c < session.stage().region_of_cell->size(); ++c)
-        if ((*session.stage().region_of_cell)[c] == 1)
-            turn = std::max(turn, rotation_vector((*session.stage().poses)[c].R).norm());
+    for (std::size_t c = 0; c < session.rig()->region_of_cell().size(); ++c)
+        if (session.rig()->region_of_cell()[c] == 1)
+            turn = std::max(turn, rotation_vector(session.rig()->poses()[c].R).norm());
     EXPECT_GT(turn, 0.3);
 }
 
@@ -628,7 +628,7 @@ TEST(Session, a_pin_on_a_cell_corner_holds_one_point)
                    shortest(to.y()) + " " + shortest(to.z()) + "\n",
                tight(16));
     std::size_t num_pinned = 0;
-    for (const int owner : *session.stage().region_of_cell)
+    for (const int owner : session.rig()->region_of_cell())
         num_pinned += owner == 2;
     EXPECT_GT(num_pinned, 1u);
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
@@ -725,8 +725,8 @@ TEST(Session, a_stiff_region_bends_less)
     {
         const Session session =
             played(model(survey_bar(6)), kBarEnds + more + bend, settings(16));
-        const Cells& cells = session.stage().body->cells;
-        const double diagonal_z = session.stage().body->frame.size.z();
+        const Cells& cells = session.rig()->body().cells;
+        const double diagonal_z = session.rig()->body().frame.size.z();
         Eigen::Matrix3d low = Eigen::Matrix3d::Identity(), high = low;
         double low_z = 1e9, high_z = -1e9;
         for (std::size_t c = 0; c < cells.size(); ++c)
@@ -735,12 +735,12 @@ TEST(Session, a_stiff_region_bends_less)
             if (z > 0.4 && z < low_z)
             {
                 low_z = z;
-                low = (*session.stage().poses)[c].R;
+                low = session.rig()->poses()[c].R;
             }
             if (z < 0.6 && z > high_z)
             {
                 high_z = z;
-                high = (*session.stage().poses)[c].R;
+                high = session.rig()->poses()[c].R;
             }
         }
         return rotation_vector(high * low.transpose()).norm();
@@ -905,8 +905,8 @@ TEST(Session, the_automatic_grid_has_a_thousand_cells_or_two)
     {
         const Session session(model(shape), handles("fixed a all\nframe 1\n"),
                               settings(0));
-        EXPECT_GE(session.stage().body->cells.size(), 1000u);
-        EXPECT_LE(session.stage().body->cells.size(), 2500u);
+        EXPECT_GE(session.rig()->body().cells.size(), 1000u);
+        EXPECT_LE(session.rig()->body().cells.size(), 2500u);
     }
 }
 
@@ -985,8 +985,8 @@ TEST(Session, real_models_bend)
         EXPECT_EQ(report.solve.stop, Stop::Converged);
         EXPECT_LT(report.handle_residual, 1e-12);
         EXPECT_LT(report.solve.iterations, 40);
-        EXPECT_GE(session.stage().body->cells.size(), 1000u);
-        EXPECT_LE(session.stage().body->cells.size(), 2500u);
+        EXPECT_GE(session.rig()->body().cells.size(), 1000u);
+        EXPECT_LE(session.rig()->body().cells.size(), 2500u);
     };
     const std::string relative = "units relative\n";
     check("stanford-bunny.obj", relative +

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the user sees while a handle is in the hand: a frame in milliseconds, for display
+// only. What is kept is solved anew on release.
+#pragma once
+
+#include <future>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "editor/session/rig.h"
+#include "solver/field/sample_blend.h"
+
+namespace cellwarp
+{
+
+struct DragSettings
+{
+    FieldKind field = FieldKind::Blend; ///< or Closest4
+    int max_iterations = 2;             ///< of one frame
+    double gradient_tolerance = 1e-2;   ///< of the frame's first gradient
+    double time_budget = 0.0;           ///< [s] of one frame's solve, 0: no limit
+};
+
+struct DragReport
+{
+    SolveReport solve;
+    double solve_ms = 0.0, blend_ms = 0.0;
+};
+
+/// Keeps everything that lasts between frames: the rig with its preconditioner, tabulated
+/// blend weights, buffers. A frame allocates nothing and factorises nothing.
+class Drag
+{
+public:
+    /// Starts from where \p rig is. \p normals: in work axes.
+    Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> normals);
+
+    /// Moves the regions (one motion a region, from rest), takes a step or two towards
+    /// the minimum, and moves all samples along. Frames with the same motions go on
+    /// converging.
+    DragReport frame(std::span<const Motion> motions);
+
+    /// Shows \p poses, at which the regions have made \p motions.
+    void start_from(std::span<const Pose> poses, std::span<const Motion> motions);
+
+    const Rig& rig() const { return *rig_; }
+    /// Places three numbers each [work], in an order of their own; see SampleBlend.
+    const SampleBlend& samples() const { return *samples_; }
+
+private:
+    void blend(std::span<const Motion> motions);
+
+    DragSettings settings_;
+    std::unique_ptr<Rig> rig_; ///< at a fixed address: the table points into it
+    std::optional<SampleBlend> samples_;
+    std::vector<std::size_t> faded_regions_;
+    std::vector<Motion> faded_motions_;
+};
+
+/// What a drag is made of.
+struct DragRequest
+{
+    std::shared_ptr<const Body> body;
+    std::vector<Region> regions;
+    std::vector<Motion> motions; ///< that the regions have made already
+    RigSettings rig;
+    DragSettings drag;
+    std::vector<SampleNormal> normals;
+};
+
+/// Draws with one drag while the next one, for other regions of the same body, is made in
+/// the background.
+class DragDesk
+{
+public:
+    explicit DragDesk(const DragRequest& first);
+
+    /// Begins to make the next drag, in place of one that is being made. Returns at once.
+    void choose(DragRequest request);
+    bool is_preparing() const { return next_.valid(); }
+    void wait() const { next_.wait(); }
+    /// If the next drag is ready, draws with it from now on, from where the last one is.
+    /// True if so. Throws what making it threw; then the last one stays.
+    bool take_next();
+
+    Drag& drag() { return *drag_; }
+
+private:
+    struct Made
+    {
+        Drag drag;
+        std::vector<Motion> motions;
+    };
+
+    std::optional<Drag> drag_;
+    std::future<Made> next_;
+    std::vector<std::future<Made>> given_up_; ///< still being made, of no use
+};
+
+} // namespace cellwarp

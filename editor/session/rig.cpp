@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/rig.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Steps of all regions that differ by no more are one rigid motion.
+constexpr double kSameStep = 1e-12;
+
+/// Regions whose stiffness differs by more than this get a warning.
+constexpr double kExtremeContrast = 1e12;
+
+bool agree(const Motion& a, const Motion& b, double scale)
+{
+    return (a.R - b.R).norm() <= kSameStep && (a.t - b.t).norm() <= kSameStep * scale;
+}
+
+/// The samples as the file has them, nearly: for messages.
+std::vector<Eigen::Vector3d> model_samples(const Body& body)
+{
+    std::vector<Eigen::Vector3d> samples;
+    for (const Eigen::Vector3d& x : body.samples)
+        samples.push_back(body.frame.to_model(x));
+    return samples;
+}
+
+} // namespace
+
+Rig::Rig(std::shared_ptr<const Body> body, std::vector<Region> regions,
+         const RigSettings& settings, const std::string& file)
+    : body_(std::move(body)), regions_(std::move(regions))
+{
+    const Cells& cells = body_->cells;
+    const std::vector<RegionShares> shares = region_shares(
+        regions_, body_->material.grid, body_->pieces, body_->frame, body_->samples);
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+        if (regions_[r].samples.empty() && shares[r].cells.empty())
+            throw malformed({file, regions_[r].line, regions_[r].name},
+                            "selects nothing of the model" +
+                                nearest_sample_note(regions_[r], model_samples(*body_)));
+    region_of_cell_ = prescribing_regions(regions_, shares, cells.size(), file);
+    const std::vector<double> factors = cell_factors(regions_, shares, cells.size());
+    const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
+    if (!factors.empty() && *stiffest > kExtremeContrast * *softest)
+        warnings_.push_back(
+            fmt::format("stiffness differs by a factor of {:.1g}: the soft "
+                        "parts keep few digits",
+                        *stiffest / *softest));
+    glue_ = build_glue(cells, factors);
+    for (const Cell& cell : cells.cells)
+        poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
+    motions_.resize(regions_.size());
+    last_motions_ = steps_ = motions_;
+
+    measure_regions(shares);
+    find_overlaps();
+    hold_cells(shares);
+    std::vector<Component> components = find_components(cells, constraints_);
+    check_memory("equations",
+                 Multigrid::memory_estimate(cells.size(), cells.faces.size()), settings);
+    minimizer_.emplace(cells, glue_, constraints_, components);
+    if (settings.method == Method::GaussNewtonDirect)
+        check_memory("factors", minimizer_->factor_bytes(), settings);
+    spread_.emplace(cells, glue_, constraints_, region_of_cell_,
+                    static_cast<int>(regions_.size()));
+    for (Component& component : components)
+    {
+        Part& part = parts_.emplace_back();
+        for (const int cell : component.cells)
+            if (constraints_[static_cast<std::size_t>(cell)].hold != Hold::Prescribed)
+                part.movable.push_back(cell);
+        part.component = std::move(component);
+    }
+    warn_of_components();
+    place_fades();
+}
+
+/// Boxes of the regions' samples: centres of rotation, and how far they travel.
+void Rig::measure_regions(const std::vector<RegionShares>& shares)
+{
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        ModelBox& box = boxes_.emplace_back();
+        box.low.setConstant(INFINITY);
+        box.high = -box.low;
+        const auto include = [&](const Eigen::Vector3d& x)
+        {
+            box.low = box.low.cwiseMin(x);
+            box.high = box.high.cwiseMax(x);
+        };
+        for (const std::uint32_t i : regions_[r].samples)
+            include(body_->samples[i]);
+        if (regions_[r].samples.empty())
+            for (const auto& [cell, share] : shares[r].cells)
+                include(body_->cells.cells[static_cast<std::size_t>(cell)].centre);
+    }
+}
+
+void Rig::find_overlaps()
+{
+    std::vector<int> first_region(body_->samples.size(), -1);
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+        for (const std::uint32_t i : regions_[r].samples)
+        {
+            if (!regions_[r].prescribes())
+                break;
+            if (first_region[i] >= 0)
+                overlaps_.push_back({static_cast<std::size_t>(first_region[i]), r, i});
+            else
+                first_region[i] = static_cast<int>(r);
+        }
+}
+
+void Rig::hold_cells(const std::vector<RegionShares>& shares)
+{
+    constraints_.resize(body_->cells.size());
+    for (std::size_t c = 0; c < constraints_.size(); ++c)
+    {
+        const int owner = region_of_cell_[c];
+        if (owner < 0)
+            continue;
+        const Region& region = regions_[static_cast<std::size_t>(owner)];
+        constraints_[c].hold = region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
+        constraints_[c].held_rest = body_->cells.cells[c].centre;
+    }
+    hold_pins(shares);
+    for (Constraint& constraint : constraints_)
+        constraint.held_now = constraint.held_rest;
+}
+
+/// A pinned cell is held at the mean of the pin's samples in it. One without any is held
+/// at its centre if most of it is the pin's, else, being a neighbour of a small pin,
+/// where the pin's nearest sample is.
+void Rig::hold_pins(const std::vector<RegionShares>& shares)
+{
+    const std::vector<Eigen::Vector3d>& samples = body_->samples;
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        const Region& region = regions_[r];
+        if (region.role != Role::Pin || region.samples.empty())
+            continue;
+        std::map<int, std::pair<Eigen::Vector3d, int>> sums;
+        for (const std::uint32_t i : region.samples)
+        {
+            auto [found, is_new] =
+                sums.try_emplace(body_->cell_of_sample[i], Eigen::Vector3d::Zero(), 0);
+            found->second.first += samples[i] - boxes_[r].low;
+            ++found->second.second;
+        }
+        for (const auto& [cell, share] : shares[r].cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            if (region_of_cell_[c] != static_cast<int>(r))
+                continue;
+            Eigen::Vector3d& held = constraints_[c].held_rest;
+            const auto found = sums.find(cell);
+            if (found != sums.end())
+                held = boxes_[r].low + found->second.first / found->second.second;
+            else if (share < 0.5)
+                held = samples[*std::min_element(
+                    region.samples.begin(), region.samples.end(),
+                    [&](std::uint32_t a, std::uint32_t b) {
+                        return (samples[a] - held).squaredNorm() <
+                               (samples[b] - held).squaredNorm();
+                    })];
+        }
+    }
+}
+
+void Rig::warn_of_components()
+{
+    const std::size_t num_idle = static_cast<std::size_t>(
+        std::count_if(parts_.begin(), parts_.end(),
+                      [](const Part& part) { return !part.component.is_held; }));
+    if (num_idle > 0)
+        warnings_.push_back(
+            fmt::format("{} of {} components have no region: they stay at rest", num_idle,
+                        parts_.size()));
+    for (const Part& part : parts_)
+        if (part.component.free_rotations > 0)
+            warnings_.push_back(fmt::format(
+                "a component of {} cells is held by {} alone: {} of its rotations are "
+                "free and are kept as they are",
+                part.component.cells.size(),
+                part.component.free_rotations == 3 ? "one pin" : "pins in a line",
+                part.component.free_rotations));
+}
+
+/// Around the samples of the regions, and around the borders of their cells, where the
+/// field knows the motion too. Without these what lies just outside would depend on how
+/// near the last sample of the region happens to be.
+void Rig::place_fades()
+{
+    const std::vector<std::vector<Eigen::Vector3d>> borders =
+        border_points(body_->cells, constraints_);
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        const Region& region = regions_[r];
+        std::optional<RegionFade>& fade = fades_.emplace_back();
+        if (!region.prescribes() || region.samples.empty())
+            continue;
+        std::vector<RegionFade::Node> samples, further;
+        for (const std::uint32_t i : region.samples)
+            samples.push_back({body_->samples[i], body_->cell_of_sample[i]});
+        for (std::size_t c = 0; c < constraints_.size(); ++c)
+            if (region_of_cell_[c] == static_cast<int>(r) &&
+                constraints_[c].hold == Hold::Prescribed)
+                for (const Eigen::Vector3d& point : borders[c])
+                    further.push_back({point, static_cast<int>(c)});
+        fade.emplace(body_->cells, samples, further);
+    }
+}
+
+void Rig::check_memory(const char* what, double bytes, const RigSettings& settings) const
+{
+    if (settings.max_memory > 0 && bytes > settings.max_memory)
+        throw Error(Fault::Budget,
+                    fmt::format("the {} of {} cells need about {} (limit {}): a "
+                                "smaller --across or --max-depth needs less",
+                                what, body_->cells.size(), in_bytes(bytes),
+                                in_bytes(settings.max_memory)));
+}
+
+void Rig::set_state(std::span<const Pose> poses, std::span<const Motion> motions)
+{
+    std::copy(poses.begin(), poses.end(), poses_.begin());
+    move_regions(motions);
+    last_motions_ = motions_;
+}
+
+void Rig::move_regions(std::span<const Motion> motions)
+{
+    last_motions_.swap(motions_);
+    std::copy(motions.begin(), motions.end(), motions_.begin());
+    for (std::size_t c = 0; c < constraints_.size(); ++c)
+    {
+        const int owner = region_of_cell_[c];
+        if (owner < 0)
+            continue;
+        const Motion& motion = motions_[static_cast<std::size_t>(owner)];
+        Constraint& constraint = constraints_[c];
+        const Eigen::Vector3d& centre = body_->cells.cells[c].centre;
+        if (constraint.hold == Hold::Prescribed)
+            poses_[c] = carried(motion, centre);
+        else if (constraint.hold == Hold::Pinned)
+        {
+            constraint.held_now = constraint.held_rest + motion.t;
+            poses_[c] = held_at_pin(poses_[c], constraint, centre);
+        }
+    }
+    minimizer_->set_held_points(constraints_);
+}
+
+/// The one rigid step that all regions of a component make, if they do. A pin takes part
+/// if the step takes its held points where they must be.
+std::optional<Motion> Rig::rigid_step_of(const Component& component) const
+{
+    std::optional<Motion> step;
+    for (const bool is_pin : {false, true})
+        for (const int cell : component.cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            const int owner = region_of_cell_[c];
+            if (owner < 0 || (constraints_[c].hold == Hold::Pinned) != is_pin)
+                continue;
+            const std::size_t r = static_cast<std::size_t>(owner);
+            if (!step)
+                step = steps_[r];
+            const double scale = std::max(1.0, steps_[r].t.norm());
+            const bool agrees =
+                is_pin ? ((*step)(constraints_[c].held_rest + last_motions_[r].t) -
+                          constraints_[c].held_now)
+                                 .norm() <= kSameStep * scale
+                       : agree(*step, steps_[r], scale);
+            if (!agrees)
+                return std::nullopt;
+        }
+    return step;
+}
+
+void Rig::carry_others()
+{
+    for (std::size_t r = 0; r < steps_.size(); ++r)
+        steps_[r] = motions_[r] * inverse(last_motions_[r]);
+    for (const Part& part : parts_)
+    {
+        if (!part.component.is_held)
+            continue;
+        const std::optional<Motion> rigid = rigid_step_of(part.component);
+        if (rigid && rigid->R.isIdentity(0) && rigid->t.isZero(0))
+            continue;
+        if (!rigid)
+            spread_->carry(steps_, part.movable, poses_);
+        for (const int cell : part.movable)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            Pose& pose = poses_[c];
+            if (rigid)
+                pose = {rigid->R * pose.R, (*rigid)(pose.p)};
+            if (constraints_[c].hold == Hold::Pinned)
+                pose = held_at_pin(pose, constraints_[c], body_->cells.cells[c].centre);
+        }
+    }
+}
+
+Residual Rig::residual()
+{
+    return minimizer_->residual(poses_);
+}
+
+SolveReport Rig::solve(const SolveOptions& options)
+{
+    return minimizer_->minimize(poses_, options);
+}
+
+double Rig::largest_gap() const
+{
+    double largest = 0.0;
+    for (const GlueFace& face : glue_.faces)
+        largest =
+            std::max(largest, glue_energy(face, poses_[static_cast<std::size_t>(face.a)],
+                                          poses_[static_cast<std::size_t>(face.b)]) /
+                                  face.stiffness);
+    return std::sqrt(largest) / body_->frame.diagonal();
+}
+
+} // namespace cellwarp
