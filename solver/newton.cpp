@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <random>
 
 #include "octree/parallel.h"
 
@@ -27,6 +28,11 @@ constexpr double kEnergyRounding = 1e-11;
 /// How well the linear systems are solved at first, and how many steps that may take.
 constexpr double kForcing = 0.1;
 constexpr int kMaxLinearSteps = 250;
+
+/// Steps of conjugate gradients that look for a direction of descent. Preconditioned, all
+/// eigenvalues but those of unstable directions lie around 1: what is clearly negative
+/// shows within six.
+constexpr int kStabilitySteps = 8;
 
 /// First damping when even J^T J does not factorise, relative to the diagonal;
 /// tenfold with each of kMaxDampings retries.
@@ -90,6 +96,7 @@ void SolveReport::add_earlier(const SolveReport& earlier)
     ms.linear += earlier.ms.linear;
     ms.line_search += earlier.ms.line_search;
     ms.factorise += earlier.ms.factorise;
+    ms.stability += earlier.ms.stability;
 }
 
 NewtonSolver::NewtonSolver(Energy& energy, Preconditioner& preconditioner)
@@ -118,6 +125,7 @@ private:
     void find_step_by_gradients();
     bool find_step_by_factor();
     Found search_line();
+    void check_stability();
     bool is_accepted(double value, double length, double slope, bool is_hidden);
 
     NewtonSolver& own_;
@@ -152,7 +160,6 @@ void NewtonSolver::Run::find_step_by_gradients()
                                         std::min(kForcing, std::sqrt(relative)),
                                         kMaxLinearSteps, options_.stop, own_.step_);
     report_.linear_steps += linear.steps;
-    report_.is_saddle = linear.has_negative_curvature;
 }
 
 bool NewtonSolver::Run::find_step_by_factor()
@@ -190,7 +197,6 @@ bool NewtonSolver::Run::find_step()
     own_.energy_.linearise(options_.method == Method::Newton ? kExact : kGaussNewton);
     report_.ms.linearise += ms_since(start);
     start = Clock::now();
-    report_.is_saddle = false;
     bool is_found = true;
     if (options_.method == Method::GaussNewtonDirect)
         is_found = find_step_by_factor();
@@ -238,6 +244,24 @@ NewtonSolver::Run::Found NewtonSolver::Run::search_line()
     return is_hidden ? Found::HiddenByRounding : Found::Nothing;
 }
 
+/// From a right-hand side without any symmetry, always the same.
+void NewtonSolver::Run::check_stability()
+{
+    const Clock::time_point start = Clock::now();
+    own_.energy_.linearise(kExact);
+    own_.right_.resize(own_.gradient_.size());
+    std::minstd_rand random(1);
+    for (double& number : own_.right_)
+        number =
+            static_cast<double>(random()) / static_cast<double>(std::minstd_rand::max()) -
+            0.5;
+    const LinearReport linear =
+        own_.conjugate_gradients_.solve(own_.energy_, own_.preconditioner_, own_.right_,
+                                        1e-6, kStabilitySteps, options_.stop, own_.step_);
+    report_.is_saddle = linear.has_negative_curvature;
+    report_.ms.stability += ms_since(start);
+}
+
 SolveReport NewtonSolver::Run::operator()()
 {
     const Clock::time_point start = Clock::now();
@@ -251,6 +275,9 @@ SolveReport NewtonSolver::Run::operator()()
     const auto finish = [&](Stop stop)
     {
         report_.stop = stop;
+        if (options_.checks_stability && stop == Stop::Converged &&
+            own_.gradient_.size() > 0)
+            check_stability();
         report_.energy_after = value_;
         report_.gradient = scale_ > 0 ? gradient_norm_ / scale_ : 0.0;
         return report_;

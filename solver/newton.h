@@ -49,7 +49,10 @@ struct SolveOptions
     double gradient_tolerance = 1e-6;
     double gradient_scale = 0.0; ///< 0: the first gradient
     double time_budget = 0.0;    ///< [s], 0: no limit; checked between iterations
-    std::stop_token stop = {};   ///< looked at in every step of the linear solves
+    /// Looks for directions of descent where the gradient has vanished: a state that is
+    /// symmetric in a way that the minimum is not would pass for a minimum.
+    bool checks_stability = false;
+    std::stop_token stop = {}; ///< looked at in every step of the linear solves
     /// Called before every iteration with its number and the relative gradient.
     std::function<void(int, double)> watch = {};
 };
@@ -57,7 +60,8 @@ struct SolveOptions
 /// Where the time of a solve went [ms].
 struct SolveTimes
 {
-    double linearise = 0.0, linear = 0.0, line_search = 0.0, factorise = 0.0;
+    double linearise = 0.0, linear = 0.0, line_search = 0.0, factorise = 0.0,
+           stability = 0.0;
 };
 
 /// Starts as "not run": an unfilled report cannot look good.
@@ -71,7 +75,8 @@ struct SolveReport
     double gradient = -1.0;      ///< norm at the end, relative to the scale
     double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a direct solve
     int damped_factorisations = 0;
-    bool is_saddle = false; ///< the last Newton step found a direction of descent
+    bool is_saddle =
+        false; ///< from where it converged, the energy falls in some direction
     SolveTimes ms;
 
     /// Counts what an earlier solve of the same frame took.

@@ -131,6 +131,7 @@ Json frame_json(const FrameReport& report)
               {"linear", report.solve.ms.linear},
               {"factorise", report.solve.ms.factorise},
               {"line_search", report.solve.ms.line_search},
+              {"stability", report.solve.ms.stability},
               {"field_fit", report.fit_ms},
               {"field_apply", report.apply_ms}}}};
 }

@@ -352,6 +352,7 @@ SolveReport Session::travel(int& steps)
         options.max_iterations =
             is_last ? settings_.max_iterations
                     : std::min(settings_.max_iterations, kTravelIterations);
+        options.checks_stability = is_last;
         options.gradient_tolerance =
             is_last ? settings_.gradient_tolerance : kTravelTolerance;
         if (settings_.time_budget > 0)

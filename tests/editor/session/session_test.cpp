@@ -509,6 +509,23 @@ TEST(Session, frames_start_from_the_last_solution_and_come_back)
     EXPECT_LT(largest_difference(session.patch().samples, survey_bar(6).samples), 1e-8);
 }
 
+TEST(Session, warns_where_a_compressed_bar_would_give_way)
+{
+    // Euler: clamped at both ends over 3.5 widths it buckles at a fifth to a quarter.
+    const auto warnings_at = [&](const std::string& shift)
+    {
+        return played(model(survey_bar(6)),
+                      kBarEnds + "frame 1\nmove head translate 0 0 " + shift + "\n",
+                      settings(16))
+            .warnings();
+    };
+    EXPECT_TRUE(warnings_at("-0.4").empty());
+    EXPECT_TRUE(warnings_at("1.5").empty());
+    const std::vector<std::string> compressed = warnings_at("-1.2");
+    ASSERT_EQ(compressed.size(), 1u);
+    EXPECT_TRUE(contains(compressed[0], "may not be stable"));
+}
+
 TEST(Session, a_commit_makes_the_result_the_new_rest_shape)
 {
     const std::string two =
