@@ -4,20 +4,11 @@
 #pragma once
 
 #include <cstddef>
-#include <span>
+
+#include "solver/field/instruction_set.h"
 
 namespace cellwarp
 {
-
-enum class InstructionSet
-{
-    Plain, ///< what every processor of the kind has
-    Avx2,
-    Avx512
-};
-
-/// The ones that this processor has, the widest last.
-std::span<const InstructionSet> instruction_sets();
 
 /// Samples are lanes: blocks of this many, the last one of a group padded.
 constexpr std::size_t kLanes = 16;

@@ -251,9 +251,9 @@ void sum_corrections(const FadeRun& run)
 
 } // namespace
 
-BlendKernels kernels();
+BlendKernels blend_kernels();
 
-BlendKernels kernels()
+BlendKernels blend_kernels()
 {
     return {run_blocks<place, kPlaceRows, kPlaceWeightRows, kPlaceCorrectionRows>,
             run_blocks<normal, kNormalRows, kNormalWeightRows, kNormalCorrectionRows>,

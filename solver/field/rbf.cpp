@@ -72,6 +72,12 @@ private:
     bool is_done_ = false;
 };
 
+const RbfKernels& widest_kernels()
+{
+    static const RbfKernels kernels = rbf_kernels(instruction_sets().back());
+    return kernels;
+}
+
 /// The first centre of every group of coincident ones.
 std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, double same)
 {
@@ -122,15 +128,15 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
         extent = std::max(extent, (c - origin_).norm());
     const std::vector<std::size_t> kept = distinct(centres, kSameCentre * extent);
     const Eigen::Index n = static_cast<Eigen::Index>(kept.size());
-    centres_.resize(3, n);
-    weights_.resize(3, n);
+    num_centres_ = n;
+    Eigen::Matrix3Xd centred(3, n);
     Eigen::MatrixXd f(n, 3), P(n, kTerms);
     for (Eigen::Index i = 0; i < n; ++i)
     {
         const std::size_t at = kept[static_cast<std::size_t>(i)];
-        centres_.col(i) = centres[at] - origin_;
+        centred.col(i) = centres[at] - origin_;
         f.row(i) = displacements[at].transpose();
-        P.row(i) = basis(centres_.col(i)).transpose();
+        P.row(i) = basis(centred.col(i)).transpose();
     }
 
     // Q R = the terms of P that are determined, in their order; Gram-Schmidt twice.
@@ -164,7 +170,7 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
                  [&](Eigen::Index j)
                  {
                      for (Eigen::Index i = 0; i < n; ++i)
-                         A(i, j) = cube_of_distance(centres_.col(i) - centres_.col(j));
+                         A(i, j) = cube_of_distance(centred.col(i) - centred.col(j));
                  });
     const Eigen::MatrixXd B = A * Q;
     const double t = n > 1 ? A.cwiseAbs().sum() / static_cast<double>(n) : 1.0;
@@ -188,12 +194,15 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
                      {
                          Eigen::Vector3d sum = Eigen::Vector3d::Zero();
                          for (Eigen::Index j = 0; j < n; ++j)
-                             sum += cube_of_distance(centres_.col(i) - centres_.col(j)) *
+                             sum += cube_of_distance(centred.col(i) - centred.col(j)) *
                                     w.row(j).transpose();
                          Aw.row(i) = sum.transpose();
                      });
     }
-    weights_ = w.transpose();
+    constexpr Eigen::Index kPad = static_cast<Eigen::Index>(kCentreLanes);
+    rows_.setZero(6, (n + kPad - 1) / kPad * kPad);
+    rows_.topLeftCorner(3, n) = centred;
+    rows_.bottomLeftCorner(3, n) = w.transpose();
     const Eigen::MatrixXd coefficients =
         R.triangularView<Eigen::Upper>().solve(Q.transpose() * (f - Aw));
     polynomial_.setZero();
@@ -203,78 +212,37 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
     for (Eigen::Index i = 0; i < n; ++i)
     {
         const Eigen::Vector3d reached =
-            Aw.row(i).transpose() + polynomial_ * basis(centres_.col(i));
+            Aw.row(i).transpose() + polynomial_ * basis(centred.col(i));
         residual_ = std::max(residual_, (reached - f.row(i).transpose()).norm());
     }
+}
+
+RbfRun RbfField::run_at(const Eigen::Vector3d& u) const
+{
+    RbfRun run;
+    run.rows = rows_.data();
+    run.num_padded = static_cast<std::size_t>(rows_.cols());
+    Eigen::Map<Eigen::Vector3d>(run.place) = u;
+    return run;
 }
 
 Eigen::Vector3d RbfField::displacement(const Eigen::Vector3d& x) const
 {
     const Eigen::Vector3d u = x - origin_;
-    const Eigen::Index n = centres_.cols();
-    const double *cx = centres_.data(), *cy = cx + n, *cz = cy + n;
-    const double *wx = weights_.data(), *wy = wx + n, *wz = wy + n;
-    // Lanes are added in a fixed order, whatever vector unit runs them.
-    constexpr int kLanes = 8;
-    double sx[kLanes] = {}, sy[kLanes] = {}, sz[kLanes] = {};
-    Eigen::Index j = 0;
-    for (; j + kLanes <= n; j += kLanes)
-        for (int l = 0; l < kLanes; ++l)
-        {
-            const double dx = u.x() - cx[j + l], dy = u.y() - cy[j + l],
-                         dz = u.z() - cz[j + l];
-            const double squared = dx * dx + dy * dy + dz * dz;
-            const double cube = squared * std::sqrt(squared);
-            sx[l] += cube * wx[j + l];
-            sy[l] += cube * wy[j + l];
-            sz[l] += cube * wz[j + l];
-        }
-    Eigen::Vector3d sum = polynomial_ * basis(u);
-    for (int l = 0; l < kLanes; ++l)
-        sum += Eigen::Vector3d(sx[l], sy[l], sz[l]);
-    for (; j < n; ++j)
-        sum += cube_of_distance(u - centres_.col(j)) * weights_.col(j);
-    return sum;
+    RbfRun run = run_at(u);
+    widest_kernels().displacement(run);
+    return polynomial_ * basis(u) + Eigen::Map<const Eigen::Vector3d>(run.displacement);
 }
 
 FieldValue RbfField::value(const Eigen::Vector3d& x) const
 {
-    // grad |r|^3 = 3 |r| r. Lanes as in displacement(); the rest fills up with weight 0.
     const Eigen::Vector3d u = x - origin_;
-    const Eigen::Index n = centres_.cols();
-    constexpr int kLanes = 4;
-    double sums[9][kLanes] = {};
-    for (Eigen::Index j = 0; j < n; j += kLanes)
-    {
-        const int filled = static_cast<int>(std::min<Eigen::Index>(kLanes, n - j));
-        double c[3][kLanes] = {}, w[3][kLanes] = {};
-        for (int k = 0; k < 3; ++k)
-            for (int l = 0; l < filled; ++l)
-            {
-                c[k][l] = centres_(k, j + l);
-                w[k][l] = weights_(k, j + l);
-            }
-        for (int l = 0; l < kLanes; ++l)
-        {
-            const double dx = u.x() - c[0][l], dy = u.y() - c[1][l], dz = u.z() - c[2][l];
-            const double squared = dx * dx + dy * dy + dz * dz;
-            const double length = std::sqrt(squared);
-            const double gx = 3.0 * length * dx, gy = 3.0 * length * dy,
-                         gz = 3.0 * length * dz;
-            for (int k = 0; k < 3; ++k)
-            {
-                sums[k][l] += w[k][l] * gx;
-                sums[3 + k][l] += w[k][l] * gy;
-                sums[6 + k][l] += w[k][l] * gz;
-            }
-        }
-    }
+    RbfRun run = run_at(u);
+    widest_kernels().value(run);
     FieldValue value;
-    value.displacement = displacement(x);
-    for (int l = 0; l < kLanes; ++l)
-        for (int axis = 0; axis < 3; ++axis)
-            for (int k = 0; k < 3; ++k)
-                value.gradient(k, axis) += sums[3 * axis + k][l];
+    value.displacement =
+        polynomial_ * basis(u) + Eigen::Map<const Eigen::Vector3d>(run.displacement);
+    value.gradient = Eigen::Map<const Eigen::Matrix3d>(run.slopes);
     Eigen::Matrix<double, kTerms, 3> slope = Eigen::Matrix<double, kTerms, 3>::Zero();
     slope(1, 0) = slope(2, 1) = slope(3, 2) = 1.0;
     slope(4, 0) = 2 * u.x();

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "solver/field/blend.h"
+#include "solver/field/rbf_kernel.h"
 
 namespace cellwarp
 {
@@ -29,7 +30,7 @@ public:
     /// The displacement alone: faster.
     Eigen::Vector3d displacement(const Eigen::Vector3d& x) const;
 
-    std::size_t num_centres() const { return static_cast<std::size_t>(centres_.cols()); }
+    std::size_t num_centres() const { return static_cast<std::size_t>(num_centres_); }
     /// Largest distance between a displacement given and the one reached.
     double residual() const { return residual_; }
 
@@ -40,9 +41,12 @@ private:
     static constexpr int kTerms = 10;
     using Basis = Eigen::Matrix<double, kTerms, 1>;
     static Basis basis(const Eigen::Vector3d& x);
+    RbfRun run_at(const Eigen::Vector3d& u) const;
 
+    Eigen::Index num_centres_ = 0;
     Eigen::Vector3d origin_; ///< mean of the centres
-    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor> centres_, weights_;
+    /// Centres and weights as RbfRun wants them, padded.
+    Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor> rows_;
     Eigen::Matrix<double, 3, kTerms> polynomial_;
     double residual_ = 0.0;
 };

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Which vector instructions this processor has. Inner loops are compiled for each set
+// (CMakeLists.txt) and chosen at run time; all of them give the same bits.
+#pragma once
+
+#include <span>
+
+namespace cellwarp
+{
+
+enum class InstructionSet
+{
+    Plain, ///< what every processor of the kind has
+    Avx2,
+    Avx512
+};
+
+/// The ones that this processor has, the widest last.
+std::span<const InstructionSet> instruction_sets();
+
+} // namespace cellwarp
