@@ -367,7 +367,7 @@ void Level::after(const Level& next)
                                        e[1] * t.arm[2] - e[2] * t.arm[1],
                                        e[2] * t.arm[0] - e[0] * t.arm[2],
                                        e[0] * t.arm[1] - e[1] * t.arm[0]};
-                 x[i] += static_cast<float>(kOver) * (factor * e + carried);
+                 x[i] += factor * e + carried;
              });
     for_each(count(),
              [&](std::size_t i)
@@ -460,7 +460,10 @@ std::vector<Transfer> transfers_of(const Rows& A, const Bodies& bodies,
     for (std::size_t i = 0; i < transfers.size(); ++i)
     {
         const std::size_t b = static_cast<std::size_t>(grouping.group_of_node[i]);
-        const double turn = next.scale[b][0], shift = next.scale[b][3];
+        // The same factor on both ways keeps the cycle symmetric. A body of one row moves
+        // as the row does: there is nothing to make up for.
+        const double over = grouping.members.of(b).size() > 1 ? std::sqrt(kOver) : 1.0;
+        const double turn = over * next.scale[b][0], shift = over * next.scale[b][3];
         const Eigen::Vector3d arm =
             (bodies.centre[i] - next_bodies.centre[b]) * (turn / A.scale[i][3]);
         Transfer& t = transfers[i];
