@@ -456,13 +456,15 @@ std::vector<Transfer> transfers_of(const Rows& A, const Bodies& bodies,
                                    const Grouping& grouping, const Rows& next,
                                    const Bodies& next_bodies)
 {
+    // The same factor on both ways keeps the cycle symmetric, and the same for all bodies
+    // lets several move as one. Where most rows wait for others there is little to make
+    // up.
+    const bool is_joined = 2 * grouping.members.size() < bodies.centre.size();
+    const double over = is_joined ? std::sqrt(kOver) : 1.0;
     std::vector<Transfer> transfers(bodies.centre.size());
     for (std::size_t i = 0; i < transfers.size(); ++i)
     {
         const std::size_t b = static_cast<std::size_t>(grouping.group_of_node[i]);
-        // The same factor on both ways keeps the cycle symmetric. A body of one row moves
-        // as the row does: there is nothing to make up for.
-        const double over = grouping.members.of(b).size() > 1 ? std::sqrt(kOver) : 1.0;
         const double turn = over * next.scale[b][0], shift = over * next.scale[b][3];
         const Eigen::Vector3d arm =
             (bodies.centre[i] - next_bodies.centre[b]) * (turn / A.scale[i][3]);
