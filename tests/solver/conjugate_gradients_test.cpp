@@ -122,6 +122,32 @@ TEST(ConjugateGradients, reach_double_precision_with_a_preconditioner_in_single)
     EXPECT_LT((s.x - s.A.ldlt().solve(s.b)).norm(), 1e-12);
 }
 
+TEST(ConjugateGradients, bear_a_preconditioner_that_is_never_the_same)
+{
+    /// The inverse, but for 15 % of other noise in each call.
+    class Noisy final : public Preconditioner
+    {
+    public:
+        explicit Noisy(const Eigen::MatrixXd& A) : inverse(A.inverse()) {}
+        Eigen::MatrixXd inverse;
+        std::mt19937 rng{1};
+        void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override
+        {
+            z = inverse * r;
+            for (Eigen::Index i = 0; i < z.size(); ++i)
+                z[i] *= support::random_number(rng, 0.85, 1.15);
+        }
+    };
+    for (unsigned seed = 1; seed <= 5; ++seed)
+    {
+        System s(seed);
+        Noisy noisy(s.A);
+        const LinearReport report = s.solve(noisy, 1e-12, 100);
+        EXPECT_LE(report.residual, 1e-12);
+        EXPECT_LE(report.steps, 14);
+    }
+}
+
 TEST(ConjugateGradients, end_as_soon_as_the_residual_is_small)
 {
     System s(4);

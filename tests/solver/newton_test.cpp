@@ -425,7 +425,7 @@ TEST(Newton, a_tolerance_of_zero_ends_where_rounding_does)
 
 TEST(Newton, goes_on_by_the_gradient_where_rounding_hides_the_decrease)
 {
-    for (const double offset : {0.0, 1e4, 1e8})
+    for (const double offset : {0.0, 1e4, 1e8, -1e4, -1e8})
     {
         Chain chain(8);
         chain.offset = offset;
