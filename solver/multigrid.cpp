@@ -696,10 +696,12 @@ double Multigrid::bytes() const
 
 double Multigrid::memory_estimate(std::size_t cells, std::size_t faces)
 {
-    // Blocks in single and in double precision, and a seventh for the coarser levels.
-    const double blocks =
-        2.0 * static_cast<double>(faces) + 2.0 * static_cast<double>(cells);
-    return 8.0 / 7.0 * (sizeof(WideBlock) + sizeof(Matrix6) + sizeof(int)) * blocks;
+    // Blocks in single and in double precision. In solids the coarser levels add a
+    // seventh, in rods and where cells differ in size as much again; and vectors grow by
+    // doubling.
+    constexpr double kLevels = 2.5;
+    const double blocks = 2.0 * static_cast<double>(faces) + static_cast<double>(cells);
+    return kLevels * (sizeof(WideBlock) + sizeof(Matrix6) + sizeof(int)) * blocks;
 }
 
 } // namespace cellwarp
