@@ -438,6 +438,11 @@ Rows joined_rows(const Rows& A, const Bodies& bodies, const Grouping& grouping,
                      D.bottomRightCorner<3, 3>().setIdentity();
              });
     Rows next;
+    std::size_t num_blocks = 0;
+    for (const std::vector<std::pair<int, Matrix6>>& row : sums)
+        num_blocks += row.size();
+    next.column.reserve(num_blocks);
+    next.block.reserve(num_blocks);
     next.first.push_back(0);
     for (const std::vector<std::pair<int, Matrix6>>& row : sums)
     {
@@ -646,10 +651,12 @@ double Multigrid::bytes() const
 
 double Multigrid::memory_estimate(std::size_t cells, std::size_t faces)
 {
-    // Blocks in single and in double precision, and a seventh for the coarser levels.
-    const double blocks =
-        2.0 * static_cast<double>(faces) + 2.0 * static_cast<double>(cells);
-    return 8.0 / 7.0 * (kBlockBytes + sizeof(Matrix6) + sizeof(int)) * blocks;
+    // Blocks in single and in double precision. In solids the coarser levels add a
+    // seventh, in rods and where cells differ in size as much again; and vectors grow by
+    // doubling.
+    constexpr double kLevels = 2.5;
+    const double blocks = 2.0 * static_cast<double>(faces) + static_cast<double>(cells);
+    return kLevels * (kBlockBytes + sizeof(Matrix6) + sizeof(int)) * blocks;
 }
 
 } // namespace cellwarp

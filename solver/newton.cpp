@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The linear systems are solved as well as pays: to a tenth of the gradient far from the
 // solution, better as the gradient falls (eta = min(0.1, sqrt |g|_rel), [Nocedal06]),
-// which makes Newton's method quadratic at the end.
+// which makes Newton's method converge with order 3/2 at the end.
 #include "solver/newton.h"
 
 #include <algorithm>

@@ -5,17 +5,32 @@
 #include <cstdlib>
 #include <new>
 
+#include <malloc.h>
+
 namespace
 {
 
-std::atomic<std::size_t> count{0};
+std::atomic<std::size_t> count{0}, in_use{0}, most{0};
 
 void* counted(void* memory)
 {
     ++count;
     if (!memory)
         throw std::bad_alloc();
+    const std::size_t size = ::malloc_usable_size(memory);
+    const std::size_t now = in_use.fetch_add(size) + size;
+    std::size_t last = most;
+    while (last < now && !most.compare_exchange_weak(last, now))
+    {
+    }
     return memory;
+}
+
+void give_back(void* memory)
+{
+    if (memory)
+        in_use -= ::malloc_usable_size(memory);
+    std::free(memory);
 }
 
 } // namespace
@@ -32,19 +47,19 @@ void* operator new(std::size_t size, std::align_val_t alignment)
 }
 void operator delete(void* memory) noexcept
 {
-    std::free(memory);
+    give_back(memory);
 }
 void operator delete(void* memory, std::size_t) noexcept
 {
-    std::free(memory);
+    give_back(memory);
 }
 void operator delete(void* memory, std::align_val_t) noexcept
 {
-    std::free(memory);
+    give_back(memory);
 }
 void operator delete(void* memory, std::size_t, std::align_val_t) noexcept
 {
-    std::free(memory);
+    give_back(memory);
 }
 
 namespace cellwarp::support
@@ -53,6 +68,16 @@ namespace cellwarp::support
 std::size_t num_allocations()
 {
     return count;
+}
+
+MostMemory::MostMemory() : before_(in_use)
+{
+    most = before_;
+}
+
+std::size_t MostMemory::bytes() const
+{
+    return most - before_;
 }
 
 } // namespace cellwarp::support

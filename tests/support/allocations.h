@@ -11,4 +11,16 @@ namespace cellwarp::support
 /// library takes by malloc is not counted.
 std::size_t num_allocations();
 
+/// The most that operator new had given and not got back at any time since this was
+/// made, beyond what it had then [byte]; on all threads. One at a time.
+class MostMemory
+{
+public:
+    MostMemory();
+    std::size_t bytes() const;
+
+private:
+    std::size_t before_;
+};
+
 } // namespace cellwarp::support

@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/glue_energy.h"
+
+#include <algorithm>
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "octree/parallel.h"
+#include "tests/support/energy_checks.h"
+#include "tests/support/held_body.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+using support::HeldBody;
+using support::random_vector;
+
+namespace
+{
+
+bool is_in_first_layer(const Cell& cell)
+{
+    return cell.centre.x() < 1.0;
+}
+
+/// Every cell somewhere else and turned by some other rotation; pins are kept.
+std::vector<Pose> random_poses(const HeldBody& body, std::mt19937& rng)
+{
+    std::vector<Pose> poses = body.rest();
+    for (std::size_t i = 0; i < poses.size(); ++i)
+    {
+        poses[i] = {support::random_rotation(rng), poses[i].p + random_vector(rng, 0.5)};
+        if (body.constraints[i].hold == Hold::Pinned)
+            poses[i] =
+                held_at_pin(poses[i], body.constraints[i], body.cells.cells[i].centre);
+    }
+    return poses;
+}
+
+/// A small bar: one end prescribed, pins in two corners of the other.
+HeldBody bar_with_pins()
+{
+    HeldBody body(support::bar(3, 2, 2).cells);
+    body.prescribe(is_in_first_layer);
+    std::size_t pins = 0;
+    for (std::size_t i = 0; i < body.cells.size(); ++i)
+    {
+        const Eigen::Vector3d& centre = body.cells.cells[i].centre;
+        if (centre.x() > 2.0 && centre.y() < 1.0 && ++pins)
+            body.pin(i, centre + Eigen::Vector3d(0.5, -0.25, 0.375));
+    }
+    EXPECT_EQ(pins, 2u);
+    return body;
+}
+
+/// Only one of its points is given, and that has moved.
+HeldBody bar_on_one_pin()
+{
+    HeldBody body(support::bar(3, 1, 1).cells);
+    body.pin(0, {0.0, 0.25, 0.5});
+    body.constraints[0].held_now = {0.5, 1.0, -0.5};
+    return body;
+}
+
+} // namespace
+
+TEST(GlueEnergy, has_the_derivatives_of_its_value_in_free_cells)
+{
+    std::mt19937 rng(1);
+    HeldBody body(support::bar(3, 2, 2).cells);
+    body.prescribe(is_in_first_layer);
+    GlueEnergy energy = body.energy();
+    EXPECT_EQ(energy.num_unknown_cells(), 8);
+    for (int trial = 0; trial < 5; ++trial)
+    {
+        SCOPED_TRACE(trial);
+        energy.set_poses(random_poses(body, rng));
+        support::check_energy(energy, rng);
+    }
+}
+
+TEST(GlueEnergy, has_the_derivatives_of_its_value_in_pinned_cells)
+{
+    std::mt19937 rng(2);
+    HeldBody body = bar_with_pins();
+    GlueEnergy energy = body.energy();
+    EXPECT_EQ(std::count(energy.block_sizes().begin(), energy.block_sizes().end(), 3), 2);
+    for (int trial = 0; trial < 5; ++trial)
+    {
+        SCOPED_TRACE(trial);
+        for (Constraint& constraint : body.constraints)
+            constraint.held_now = constraint.held_rest + random_vector(rng, 1.0);
+        energy.set_held_points(body.constraints);
+        energy.set_poses(random_poses(body, rng));
+        support::check_energy(energy, rng);
+    }
+}
+
+TEST(GlueEnergy, holds_a_little_what_turns_about_one_pin)
+{
+    std::mt19937 rng(3);
+    HeldBody body = bar_on_one_pin();
+    GlueEnergy energy = body.energy();
+    energy.set_held_points(body.constraints);
+    energy.set_poses(random_poses(body, rng));
+    support::check_structure(energy);
+    support::check_gradient(energy);
+    for (const Curvature curvature : {kGaussNewton, kExact})
+        support::check_blocks(energy, curvature);
+    // The second derivatives, and in the pinned cell alone a multiple of the identity.
+    const Eigen::MatrixXd by_values = support::hessian_by_values(energy);
+    Eigen::MatrixXd added = support::dense_hessian(energy) - by_values;
+    const double held = added(0, 0);
+    EXPECT_GT(held, 1e-5 * by_values.norm());
+    EXPECT_LT(held, 1e-2 * by_values.norm());
+    added.diagonal().head<3>().array() -= held;
+    EXPECT_LT(added.norm(), 1e-6 * by_values.norm());
+}
+
+TEST(GlueEnergy, on_one_pin_is_positive_definite_at_rest)
+{
+    HeldBody body = bar_on_one_pin();
+    GlueEnergy energy = body.energy();
+    energy.linearise(kGaussNewton);
+    const Eigen::MatrixXd H = support::dense_hessian(energy);
+    EXPECT_EQ(H.llt().info(), Eigen::Success);
+}
+
+TEST(GlueEnergy, at_rest_all_curvature_is_that_of_gauss_newton)
+{
+    HeldBody body = bar_with_pins();
+    GlueEnergy energy = body.energy();
+    support::check_zero_residuals(energy);
+    Eigen::VectorXd gradient;
+    energy.gradient(gradient);
+    EXPECT_LT(gradient.norm(), 1e-12);
+}
+
+TEST(GlueEnergy, is_not_changed_by_a_rigid_motion_of_all)
+{
+    // Unknowns are in the cells' own axes: not even the derivatives change.
+    std::mt19937 rng(4);
+    HeldBody body = bar_with_pins();
+    GlueEnergy energy = body.energy();
+    const auto derivatives =
+        [&](const std::vector<Pose>& poses, Eigen::VectorXd& gradient)
+    {
+        energy.set_held_points(body.constraints);
+        energy.set_poses(poses);
+        energy.gradient(gradient);
+        energy.linearise(kExact);
+        return support::dense_hessian(energy);
+    };
+    std::vector<Pose> poses = random_poses(body, rng);
+    Eigen::VectorXd before, after;
+    const Eigen::MatrixXd H = derivatives(poses, before);
+    const double value = energy.value();
+    const Motion motion{support::random_rotation(rng), random_vector(rng, 2.0)};
+    for (Pose& pose : poses)
+        pose = {motion.R * pose.R, motion(pose.p)};
+    for (Constraint& constraint : body.constraints)
+        constraint.held_now = motion(constraint.held_now);
+    EXPECT_LT((derivatives(poses, after) - H).norm(), 1e-12 * H.norm());
+    EXPECT_NEAR(energy.value(), value, 1e-12 * value);
+    EXPECT_LT((after - before).norm(), 1e-12 * before.norm());
+    EXPECT_GT(before.norm(), 1.0);
+
+    std::vector<Pose> rigid;
+    for (const Cell& cell : body.cells.cells)
+        rigid.push_back(carried(motion, cell.centre));
+    energy.set_poses(rigid);
+    EXPECT_LT(energy.value(), 1e-24);
+}
+
+TEST(GlueEnergy, gives_back_the_poses_that_it_was_given)
+{
+    std::mt19937 rng(5);
+    HeldBody body = bar_with_pins();
+    GlueEnergy energy = body.energy();
+    const std::vector<Pose> poses = random_poses(body, rng);
+    energy.set_poses(poses);
+    ASSERT_EQ(energy.poses().size(), poses.size());
+    for (std::size_t i = 0; i < poses.size(); ++i)
+    {
+        EXPECT_EQ(energy.poses()[i].R, poses[i].R);
+        EXPECT_EQ(energy.poses()[i].p, poses[i].p);
+    }
+    EXPECT_NEAR(energy.value(), glue_energy(body.glue, poses), 1e-12);
+}
+
+TEST(GlueEnergy, moves_unknown_cells_from_the_base_and_pinned_ones_about_their_points)
+{
+    std::mt19937 rng(6);
+    HeldBody body = bar_with_pins();
+    GlueEnergy energy = body.energy();
+    const std::vector<Pose> poses = random_poses(body, rng);
+    energy.set_poses(poses);
+    Eigen::VectorXd gradient;
+    energy.gradient(gradient);
+    const Eigen::VectorXd step = gradient.normalized();
+    energy.move(step, 0.7);
+    const double once = energy.value();
+    energy.move(step, -2.0);
+    energy.move(step, 0.7);
+    EXPECT_EQ(energy.value(), once);
+    energy.settle();
+    energy.move(step, 0.7);
+    EXPECT_NE(energy.value(), once);
+    for (std::size_t i = 0; i < poses.size(); ++i)
+    {
+        const Constraint& constraint = body.constraints[i];
+        const Pose& now = energy.poses()[i];
+        if (constraint.hold == Hold::Prescribed)
+        {
+            EXPECT_EQ(now.p, poses[i].p);
+        }
+        if (constraint.hold == Hold::Pinned)
+        {
+            EXPECT_LT((image(now, body.cells.cells[i].centre, constraint.held_rest) -
+                       constraint.held_now)
+                          .norm(),
+                      1e-14);
+        }
+    }
+}
+
+TEST(GlueEnergy, tells_how_large_the_forces_are_that_cancel)
+{
+    std::mt19937 rng(7);
+    HeldBody body(support::bar(3, 2, 2).cells);
+    body.prescribe(is_in_first_layer);
+    GlueEnergy energy = body.energy();
+    EXPECT_LT(energy.uncancelled(), 1e-12);
+    energy.set_poses(random_poses(body, rng));
+    Eigen::VectorXd gradient;
+    energy.gradient(gradient);
+    EXPECT_GE(energy.uncancelled(), gradient.norm());
+}
+
+TEST(GlueEnergy, threads_do_not_change_a_bit)
+{
+    HeldBody body(support::bar(12, 8, 8).cells);
+    body.prescribe(is_in_first_layer);
+    body.pin(700, body.cells.cells[700].centre);
+    GlueEnergy energy = body.energy();
+    std::mt19937 rng(8);
+    const std::vector<Pose> poses = random_poses(body, rng);
+    Eigen::VectorXd first;
+    for (const int threads : {1, 2, 4})
+    {
+        const ThreadLimit limit(threads);
+        energy.set_poses(poses);
+        energy.linearise(kExact);
+        Eigen::VectorXd gradient, image;
+        energy.gradient(gradient);
+        energy.multiply(gradient, image);
+        energy.move(gradient, 1e-3);
+        Eigen::VectorXd all(gradient.size() + image.size() + 1);
+        all << gradient, image, energy.value();
+        if (first.size() == 0)
+            first = all;
+        EXPECT_EQ(all, first);
+    }
+}
+
+} // namespace cellwarp

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Cells with their glue and what holds them: what every test of the solver begins with.
+#pragma once
+
+#include <vector>
+
+#include "octree/cells.h"
+#include "solver/constraints.h"
+#include "solver/glue.h"
+#include "solver/glue_energy.h"
+#include "solver/multigrid.h"
+
+namespace cellwarp::support
+{
+
+struct HeldBody
+{
+    Cells cells;
+    Glue glue;
+    std::vector<Constraint> constraints;
+    std::vector<Component> components;
+
+    /// All free. \p factors as in build_glue().
+    explicit HeldBody(const Cells& of, const std::vector<double>& factors = {})
+        : cells(of), glue(build_glue(of, factors)), constraints(of.size())
+    {
+    }
+
+    template <class Where>
+    void prescribe(Where&& where)
+    {
+        for (std::size_t i = 0; i < cells.size(); ++i)
+            if (where(cells.cells[i]))
+                constraints[i].hold = Hold::Prescribed;
+    }
+    /// Pins the cell at one of its points.
+    void pin(std::size_t cell, const Eigen::Vector3d& point)
+    {
+        constraints[cell] = {Hold::Pinned, point, point};
+    }
+    /// The energy at rest, when all is held that is to be.
+    GlueEnergy energy()
+    {
+        components = find_components(cells, constraints);
+        return GlueEnergy(cells, glue, constraints, components);
+    }
+    std::vector<Pose> rest() const
+    {
+        std::vector<Pose> poses;
+        for (const Cell& cell : cells.cells)
+            poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
+        return poses;
+    }
+    std::vector<GridPlace> places(const GlueEnergy& energy) const
+    {
+        std::vector<GridPlace> places;
+        for (int u = 0; u < energy.num_unknown_cells(); ++u)
+        {
+            const Cell& cell =
+                cells.cells[static_cast<std::size_t>(energy.cell_of_unknown(u))];
+            places.push_back({cell.centre, cell.box_centre, cell.edge});
+        }
+        return places;
+    }
+};
+
+} // namespace cellwarp::support
