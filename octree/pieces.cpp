@@ -13,12 +13,31 @@ namespace cellwarp
 namespace
 {
 
+/// Calls visit(voxel) for all of a block.
+template <class Visit>
+void for_each_voxel(const VoxelBlock& block, Visit&& visit)
+{
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+                visit(Eigen::Vector3i(block.first + Eigen::Vector3i(i, j, k)));
+}
+
 /// Numbers the pieces of one leaf from 0 in piece_of_voxel; returns their count.
 int label_leaf(const VoxelGrid& grid, const VoxelBlock& block,
                std::vector<std::int32_t>& piece_of_voxel)
 {
     const std::vector<std::uint8_t>& material = grid.material();
     const Eigen::Vector3i end = (block.first.array() + block.width).matrix();
+    bool is_full = true;
+    for_each_voxel(block, [&](const Eigen::Vector3i& voxel)
+                   { is_full = is_full && material[grid.index(voxel)]; });
+    if (is_full)
+    {
+        for_each_voxel(block, [&](const Eigen::Vector3i& voxel)
+                       { piece_of_voxel[grid.index(voxel)] = 0; });
+        return 1;
+    }
     int count = 0;
     std::vector<Eigen::Vector3i> stack;
     for (int k = block.first.z(); k < end.z(); ++k)
@@ -54,19 +73,59 @@ int label_leaf(const VoxelGrid& grid, const VoxelBlock& block,
     return count;
 }
 
-/// Calls visit(voxel) for all of a block.
-template <class Visit>
-void for_each_voxel(const VoxelBlock& block, Visit&& visit)
-{
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
-            for (int i = 0; i < block.width; ++i)
-                visit(Eigen::Vector3i(block.first + Eigen::Vector3i(i, j, k)));
-}
-
 /// A piece below this share of its leaf, beside another one there, is a crumb: a notch
 /// in a soup leaves such. As a cell of its own it would dangle by a voxel's face.
 constexpr double kCrumb = 0.02;
+
+/// Which pieces of one leaf are crumbs. \p first: number of its first piece.
+std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
+                            const Pieces& pieces, std::int32_t first, std::size_t count)
+{
+    std::vector<int> sizes(count, 0);
+    for_each_voxel(block,
+                   [&](const Eigen::Vector3i& voxel)
+                   {
+                       const std::int32_t piece =
+                           pieces.piece_of_voxel[grid.index(voxel)];
+                       if (piece >= 0)
+                           ++sizes[static_cast<std::size_t>(piece - first)];
+                   });
+    const double least = kCrumb * std::pow(block.width, 3);
+    std::vector<bool> is_crumb;
+    for (const int size : sizes)
+        is_crumb.push_back(size < least);
+    return is_crumb;
+}
+
+/// For each crumb of a leaf how many faces it has in common with each whole piece.
+std::map<std::int32_t, std::map<std::int32_t, int>>
+touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
+           const std::vector<bool>& is_crumb)
+{
+    const auto piece_at = [&](const Eigen::Vector3i& voxel)
+    { return pieces.piece_of_voxel[grid.index(voxel)]; };
+    std::map<std::int32_t, std::map<std::int32_t, int>> touches;
+    for_each_voxel(block,
+                   [&](const Eigen::Vector3i& voxel)
+                   {
+                       const std::int32_t piece = piece_at(voxel);
+                       if (piece < 0 || !is_crumb[static_cast<std::size_t>(piece)])
+                           return;
+                       for (int axis = 0; axis < 3; ++axis)
+                           for (const int step : {-1, 1})
+                           {
+                               Eigen::Vector3i next = voxel;
+                               next[axis] += step;
+                               if (!grid.contains(next))
+                                   continue;
+                               const std::int32_t other = piece_at(next);
+                               if (other >= 0 && other != piece &&
+                                   !is_crumb[static_cast<std::size_t>(other)])
+                                   ++touches[piece][other];
+                           }
+                   });
+    return touches;
+}
 
 /// For each piece that is a crumb the piece of another leaf that it touches most, for
 /// all others -1. \p first: of each leaf, and the end.
@@ -75,59 +134,27 @@ std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
                                    const std::vector<std::int32_t>& first)
 {
     std::vector<std::int32_t> adopter(pieces.size(), -1);
-    std::vector<int> sizes(pieces.size(), 0);
-    const auto piece_at = [&](const Eigen::Vector3i& voxel)
-    { return pieces.piece_of_voxel[grid.index(voxel)]; };
     std::vector<bool> is_crumb(pieces.size(), false);
-    for (const bool is_first_pass : {true, false})
-        for (std::size_t leaf = 0; leaf + 1 < first.size(); ++leaf)
-        {
-            if (first[leaf + 1] - first[leaf] < 2)
-                continue;
-            const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf]);
-            if (is_first_pass)
-            {
-                for_each_voxel(block,
-                               [&](const Eigen::Vector3i& voxel)
-                               {
-                                   if (const std::int32_t piece = piece_at(voxel);
-                                       piece >= 0)
-                                       ++sizes[static_cast<std::size_t>(piece)];
-                               });
-                const double least = kCrumb * std::pow(block.width, 3);
-                for (std::int32_t piece = first[leaf]; piece < first[leaf + 1]; ++piece)
-                    is_crumb[static_cast<std::size_t>(piece)] =
-                        sizes[static_cast<std::size_t>(piece)] < least;
-                continue;
-            }
-            std::map<std::int32_t, std::map<std::int32_t, int>> touches;
-            for_each_voxel(block,
-                           [&](const Eigen::Vector3i& voxel)
-                           {
-                               const std::int32_t piece = piece_at(voxel);
-                               if (piece < 0 ||
-                                   !is_crumb[static_cast<std::size_t>(piece)])
-                                   return;
-                               for (int axis = 0; axis < 3; ++axis)
-                                   for (const int step : {-1, 1})
-                                   {
-                                       Eigen::Vector3i next = voxel;
-                                       next[axis] += step;
-                                       if (!grid.contains(next))
-                                           continue;
-                                       const std::int32_t other = piece_at(next);
-                                       if (other >= 0 && other != piece &&
-                                           !is_crumb[static_cast<std::size_t>(other)])
-                                           ++touches[piece][other];
-                                   }
-                           });
-            for (const auto& [piece, others] : touches)
-                adopter[static_cast<std::size_t>(piece)] =
-                    std::max_element(others.begin(), others.end(),
-                                     [](const auto& a, const auto& b)
-                                     { return a.second < b.second; })
-                        ->first;
-        }
+    std::vector<std::size_t> shared; // leaves of several pieces
+    for (std::size_t leaf = 0; leaf + 1 < first.size(); ++leaf)
+    {
+        if (first[leaf + 1] - first[leaf] < 2)
+            continue;
+        shared.push_back(leaf);
+        const std::vector<bool> found = crumbs_of(
+            grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces, first[leaf],
+            static_cast<std::size_t>(first[leaf + 1] - first[leaf]));
+        std::copy(found.begin(), found.end(), is_crumb.begin() + first[leaf]);
+    }
+    for (const std::size_t leaf : shared)
+        for (const auto& [piece, others] :
+             touches_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
+                        is_crumb))
+            adopter[static_cast<std::size_t>(piece)] =
+                std::max_element(others.begin(), others.end(),
+                                 [](const auto& a, const auto& b)
+                                 { return a.second < b.second; })
+                    ->first;
     return adopter;
 }
 
