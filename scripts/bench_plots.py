@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plots of bench_report: logarithmic on both axes, every line named where it ends."""
 import math
+import os
 
 import matplotlib
 matplotlib.use("Agg")
+import matplotlib.patheffects as patheffects  # noqa: E402
 import matplotlib.pyplot as plt  # noqa: E402
 import matplotlib.ticker as ticker  # noqa: E402
 
@@ -11,6 +13,22 @@ OWN, PEER, GREY = "#1f5fa8", "#c8501e", "#666666"
 STAGES = (("cells", "material, cells", "#5b9bd5"), ("solve", "solve", "#3c9a75"),
           ("field", "release field", "#8f7fc0"))
 PALETTE = (OWN, PEER, "#3c9a75", "#8f7fc0", "#b08a1e", GREY)
+
+# Families of benchmarks that belong together: title, what the size counts, names.
+PLOTS = (
+    ("Solver over cells", "cells",
+     ("solve", "factor", "newton_step", "solve_rest_factor", "multigrid_setup", "cg_step",
+      "linearise")),
+    ("Multigrid beside one factor at rest", "cells",
+     ("solve", "solve_rest_factor", "multigrid_setup", "rest_factor_setup", "cg_step",
+      "rest_factor_cg_step")),
+    ("A frame over samples", "samples", ("frame", "frame solve", "frame blend")),
+    ("A frame over cells", "cells", ("frame_cells", "frame_cells solve", "frame_cells blend")),
+)
+# What takes the place of another: dashed, in the colour of that one, by a shorter name.
+STAND_INS = {"solve_rest_factor": ("solve", "rest factor"),
+             "rest_factor_setup": ("multigrid_setup", "rest factor"),
+             "rest_factor_cg_step": ("cg_step", "rest factor")}
 
 
 def slope(points):
@@ -75,7 +93,8 @@ def label_ends(axes, ends):
     places = [to_axes.transform(end[:2]) for end in ends]
     for (x, y, text, colour), (across, _), up in zip(ends, places, spread(places)):
         axes.annotate(text, (x, y), xytext=(across + 0.015, up), textcoords="axes fraction",
-                      color=colour, va="center", annotation_clip=False)
+                      color=colour, va="center", annotation_clip=False, path_effects=[
+                          patheffects.withStroke(linewidth=4, foreground="white")])
 
 
 def save(figure, path):
@@ -193,21 +212,53 @@ def plot_error(curve, path):
     save(figure, path)
 
 
-def plot_families(google, path):
-    """Measured seconds as points, the fitted power as a line."""
-    figure, axes = new_axes("size", google["name"] + ": time against size")
+def plot_families(google, folder):
+    """Plots of what PLOTS names, of all families if it names none of them: (title, file)."""
+    by_name = {family["family"]: family for family in google["families"]}
+    plots = [(title, size, [by_name[name] for name in names if name in by_name])
+             for title, size, names in PLOTS if not by_name.keys().isdisjoint(names)]
+    if not plots and by_name:
+        plots = [(google["name"] + ": time against size", "size", google["families"])]
+    drawn = []
+    for title, size, families in plots:
+        name = google["name"]
+        if len(plots) > 1:
+            name += "-" + title.lower().replace(" ", "-")
+        draw_families(families, size, title, os.path.join(folder, name + ".png"))
+        drawn.append((title, name + ".png"))
+    return drawn
+
+
+def styles_of(names):
+    """Name, colour and whether it is a stand-in, for each family of a plot."""
+    styles = {}
+    for name in sorted(names, key=STAND_INS.__contains__):
+        partner, text = STAND_INS.get(name, (None, None))
+        if partner in styles:
+            styles[name] = (text, styles[partner][1], True)
+        else:
+            text = name.split()[-1].replace("_", " ")  # of "frame blend" the part
+            styles[name] = (text, PALETTE[len(styles) % len(PALETTE)], False)
+    return [styles[name] for name in names]
+
+
+def draw_families(families, size, title, path):
+    """Measured seconds as points, the fitted power as a line; without one they are joined."""
+    figure, axes = new_axes(size, title)
     ends = []
-    for i, family in enumerate(google["families"]):
-        colour = PALETTE[i % len(PALETTE)]
+    styles = styles_of([family["family"] for family in families])
+    for family, (text, colour, is_stand_in) in zip(families, styles):
         sizes, seconds = zip(*family["points"])
-        axes.plot(sizes, seconds, color=colour, marker="o", markersize=6, linestyle="none")
-        text = family["family"]
+        axes.plot(sizes, seconds, color=colour, marker="o", markersize=6, linestyle="none",
+                  markerfacecolor="white" if is_stand_in else colour)
+        line = seconds
         if family["slope"] is not None:
             text += "  n$^{%.2f}$" % family["slope"]
             at = math.exp(sum(map(math.log, seconds)) / len(seconds))
             middle = math.exp(sum(map(math.log, sizes)) / len(sizes))
-            axes.plot(sizes, [at * (n / middle) ** family["slope"] for n in sizes],
-                      color=colour, linewidth=1.6)
+            line = [at * (n / middle) ** family["slope"] for n in sizes]
+        axes.plot(sizes, line, color=colour, linewidth=1.6, zorder=1.5,
+                  linestyle=(0, (4, 2)) if is_stand_in else "-")
         ends.append((sizes[-1], seconds[-1], text, colour))
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(plain_number))
     axes.yaxis.set_major_formatter(ticker.FuncFormatter(duration))
