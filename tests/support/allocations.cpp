@@ -12,9 +12,8 @@ namespace
 
 std::atomic<std::size_t> count{0}, in_use{0}, most{0};
 
-void* counted(void* memory)
+void* accounted(void* memory)
 {
-    ++count;
     if (!memory)
         throw std::bad_alloc();
     const std::size_t size = ::malloc_usable_size(memory);
@@ -35,15 +34,31 @@ void give_back(void* memory)
 
 } // namespace
 
+// The linker sends all calls of malloc and realloc in the program's own code here
+// (CMakeLists.txt): those of operator new below, and of Eigen's vectors.
+extern "C" void* __real_malloc(std::size_t);
+extern "C" void* __real_realloc(void*, std::size_t);
+extern "C" void* __wrap_malloc(std::size_t size)
+{
+    ++count;
+    return __real_malloc(size);
+}
+extern "C" void* __wrap_realloc(void* memory, std::size_t size)
+{
+    ++count;
+    return __real_realloc(memory, size);
+}
+
 // The array, nothrow and sized forms of the library call these.
 void* operator new(std::size_t size)
 {
-    return counted(std::malloc(size ? size : 1));
+    return accounted(std::malloc(size ? size : 1));
 }
 void* operator new(std::size_t size, std::align_val_t alignment)
 {
     const std::size_t unit = static_cast<std::size_t>(alignment);
-    return counted(std::aligned_alloc(unit, (size + unit - 1) / unit * unit));
+    ++count;
+    return accounted(std::aligned_alloc(unit, (size + unit - 1) / unit * unit));
 }
 void operator delete(void* memory) noexcept
 {

@@ -7,8 +7,8 @@
 namespace cellwarp::support
 {
 
-/// How often operator new was called, on all threads, since the program began. What a
-/// library takes by malloc is not counted.
+/// How often the program's own code took memory, by operator new or as Eigen's vectors
+/// do, on all threads, since it began. What shared libraries take is not counted.
 std::size_t num_allocations();
 
 /// The most that operator new had given and not got back at any time since this was

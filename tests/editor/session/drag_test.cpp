@@ -123,6 +123,9 @@ TEST(Drag, a_frame_allocates_nothing)
     for (const std::vector<Motion>& motions : ways)
         drag.frame(motions);
     EXPECT_EQ(support::num_allocations(), before);
+    // What is counted, vectors included.
+    const Eigen::VectorXd vector = Eigen::VectorXd::Ones(30);
+    EXPECT_GT(support::num_allocations(), before) << vector.size();
 }
 
 TEST(Drag, gives_the_same_bits_for_every_number_of_threads)
