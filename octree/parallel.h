@@ -22,7 +22,7 @@ struct ParallelBody
 };
 
 /// Calls \p body for parts of [0, count), on all threads, and returns when all are
-/// done. Parts are at least \p grain long, but for the last. Throws what a part throws.
+/// done. What is no longer than \p grain is not split. Throws what a part throws.
 void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body);
 
 /// Calls body(begin, end) as run_parallel() does: for loops that keep something from

@@ -10,9 +10,8 @@ namespace cellwarp
 
 LinearReport ConjugateGradients::solve(const Energy& energy,
                                        Preconditioner& preconditioner,
-                                       const Eigen::VectorXd& b, double tolerance,
-                                       int max_steps, const std::stop_token& stop,
-                                       Eigen::VectorXd& x)
+                                       const Eigen::VectorXd& b,
+                                       const LinearLimits& limits, Eigen::VectorXd& x)
 {
     LinearReport report;
     const double size = b.norm();
@@ -23,7 +22,12 @@ LinearReport ConjugateGradients::solve(const Energy& energy,
     preconditioner.apply(r_, z_);
     direction_ = z_;
     double r_z = r_.dot(z_);
-    for (; report.steps < max_steps && !stop.stop_requested();)
+    const auto is_out_of_time = [&]
+    {
+        return report.steps > 0 && (limits.stop.stop_requested() ||
+                                    std::chrono::steady_clock::now() > limits.deadline);
+    };
+    while (report.steps < limits.max_steps && !is_out_of_time())
     {
         energy.multiply(direction_, image_);
         const double curvature = direction_.dot(image_);
@@ -39,11 +43,15 @@ LinearReport ConjugateGradients::solve(const Energy& energy,
         x.noalias() += length * direction_;
         last_r_ = r_;
         r_.noalias() -= length * image_;
-        if (!(r_.norm() > tolerance * size))
+        if (!(r_.norm() > limits.tolerance * size))
             break;
         preconditioner.apply(r_, z_);
         const double beta = (r_.dot(z_) - last_r_.dot(z_)) / r_z;
         r_z = r_.dot(z_);
+        // Rounding has made the preconditioner indefinite here: no better direction is
+        // left.
+        if (!(r_z > 0.0))
+            break;
         direction_ = z_ + beta * direction_;
     }
     report.residual = r_.norm() / size;

@@ -2,6 +2,7 @@
 // Conjugate gradients for the step of a Newton method. [Steihaug83]
 #pragma once
 
+#include <chrono>
 #include <stop_token>
 
 #include <Eigen/Core>
@@ -18,17 +19,26 @@ struct LinearReport
     bool has_negative_curvature = false;
 };
 
+/// When a solve ends.
+struct LinearLimits
+{
+    double tolerance = 1e-6; ///< of the residual, relative to the right-hand side
+    int max_steps = 100;
+    std::chrono::steady_clock::time_point deadline =
+        std::chrono::steady_clock::time_point::max();
+    std::stop_token stop = {};
+};
+
 /// Keeps its vectors between calls: nothing is allocated for problems of one size.
 class ConjugateGradients
 {
 public:
-    /// Solves H x = b for the linearised \p energy, from 0, until the residual is
-    /// \p tolerance times that of 0. Ends early at a direction of negative curvature with
-    /// what it has, which descends (the first direction itself, if it is that one), after
-    /// \p max_steps, and on request.
+    /// Solves H x = b for the linearised \p energy, from 0. Ends early, with what it has,
+    /// which descends, at a direction of negative curvature (with the first direction
+    /// itself, if it is that one), and at its limits, but not without a step.
     LinearReport solve(const Energy& energy, Preconditioner& preconditioner,
-                       const Eigen::VectorXd& b, double tolerance, int max_steps,
-                       const std::stop_token& stop, Eigen::VectorXd& x);
+                       const Eigen::VectorXd& b, const LinearLimits& limits,
+                       Eigen::VectorXd& x);
 
 private:
     Eigen::VectorXd r_, z_, direction_, image_, last_r_;

@@ -57,6 +57,9 @@ class Preconditioner
 public:
     virtual ~Preconditioner() = default;
     virtual void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) = 0;
+    /// Made anew for the current state of the energy, linearised without curvature. May
+    /// do nothing.
+    virtual void refresh() {}
 };
 
 } // namespace cellwarp

@@ -91,6 +91,14 @@ GlueEnergy::GlueEnergy(const Cells& cells, const Glue& glue,
     twists_.assign(cells.size(), Twist::Zero());
 }
 
+std::vector<Pose> GlueEnergy::unknown_poses() const
+{
+    std::vector<Pose> poses;
+    for (const int cell : cell_of_unknown_)
+        poses.push_back(poses_[static_cast<std::size_t>(cell)]);
+    return poses;
+}
+
 void GlueEnergy::set_poses(std::span<const Pose> poses)
 {
     std::copy(poses.begin(), poses.end(), poses_.begin());

@@ -25,6 +25,8 @@ public:
                std::span<const Component> components);
 
     const std::vector<Pose>& poses() const { return poses_; }
+    /// Those of the unknown cells, in their order.
+    std::vector<Pose> unknown_poses() const;
     /// Current and base state.
     void set_poses(std::span<const Pose> poses);
     /// Where the held points of pinned cells are to be from now on.

@@ -12,12 +12,11 @@
 namespace cellwarp
 {
 
-/// Where the cell of an unknown rests.
+/// The leaf of a cell.
 struct GridPlace
 {
-    Eigen::Vector3d centre;     ///< centroid
-    Eigen::Vector3d box_centre; ///< of its leaf
-    double edge = 0.0;          ///< of its leaf
+    Eigen::Vector3d box_centre;
+    double edge = 0.0;
 };
 
 /// Neighbours in compressed rows.

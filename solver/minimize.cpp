@@ -6,22 +6,62 @@
 namespace cellwarp
 {
 
+/// The multigrid of the cells, made anew for the poses of the moment on request.
+class Minimizer::CellPreconditioner final : public Preconditioner
+{
+public:
+    /// \pre \p energy is linearised
+    CellPreconditioner(const GlueEnergy& energy, const Cells& cells)
+        : energy_(energy), places_(places_of(energy, cells)),
+          multigrid_(energy, places_, energy.unknown_poses())
+    {
+    }
+    void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override
+    {
+        multigrid_.apply(r, z);
+    }
+    void refresh() override
+    {
+        multigrid_ = Multigrid(energy_, places_, energy_.unknown_poses());
+    }
+    const Multigrid& multigrid() const { return multigrid_; }
+
+private:
+    static std::vector<GridPlace> places_of(const GlueEnergy& energy, const Cells& cells)
+    {
+        std::vector<GridPlace> places;
+        for (int u = 0; u < energy.num_unknown_cells(); ++u)
+        {
+            const Cell& cell =
+                cells.cells[static_cast<std::size_t>(energy.cell_of_unknown(u))];
+            places.push_back({cell.box_centre, cell.edge});
+        }
+        return places;
+    }
+
+    const GlueEnergy& energy_;
+    std::vector<GridPlace> places_;
+    Multigrid multigrid_;
+};
+
 Minimizer::Minimizer(const Cells& cells, const Glue& glue,
                      std::span<const Constraint> constraints,
                      std::span<const Component> components)
     : energy_(std::make_unique<GlueEnergy>(cells, glue, constraints, components))
 {
-    std::vector<GridPlace> places;
-    for (int u = 0; u < energy_->num_unknown_cells(); ++u)
-    {
-        const Cell& cell =
-            cells.cells[static_cast<std::size_t>(energy_->cell_of_unknown(u))];
-        places.push_back({cell.centre, cell.box_centre, cell.edge});
-    }
     energy_->linearise(kGaussNewton);
-    multigrid_ = std::make_unique<Multigrid>(*energy_, places);
-    solver_ = std::make_unique<NewtonSolver>(*energy_, *multigrid_);
+    preconditioner_ = std::make_unique<CellPreconditioner>(*energy_, cells);
+    solver_ = std::make_unique<NewtonSolver>(*energy_, *preconditioner_);
     energy_->set_held_points(constraints);
+}
+
+Minimizer::~Minimizer() = default;
+Minimizer::Minimizer(Minimizer&&) noexcept = default;
+Minimizer& Minimizer::operator=(Minimizer&&) noexcept = default;
+
+const Multigrid& Minimizer::multigrid() const
+{
+    return preconditioner_->multigrid();
 }
 
 void Minimizer::set_held_points(std::span<const Constraint> constraints)

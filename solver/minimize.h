@@ -34,8 +34,12 @@ public:
               std::span<const Constraint> constraints,
               std::span<const Component> components);
 
+    ~Minimizer();
+    Minimizer(Minimizer&&) noexcept;
+    Minimizer& operator=(Minimizer&&) noexcept;
+
     int num_unknown_cells() const { return energy_->num_unknown_cells(); }
-    const Multigrid& multigrid() const { return *multigrid_; }
+    const Multigrid& multigrid() const;
     /// Memory of the factor that Method::GaussNewtonDirect needs [byte].
     double factor_bytes()
     {
@@ -51,9 +55,11 @@ public:
     SolveReport minimize(std::vector<Pose>& poses, const SolveOptions& options);
 
 private:
+    class CellPreconditioner;
+
     // At fixed addresses, which the solver keeps.
     std::unique_ptr<GlueEnergy> energy_;
-    std::unique_ptr<Multigrid> multigrid_;
+    std::unique_ptr<CellPreconditioner> preconditioner_;
     std::unique_ptr<NewtonSolver> solver_;
     Eigen::VectorXd gradient_;
 };

@@ -31,6 +31,9 @@ constexpr double kTolerance = 1e-4;
 constexpr int kFew = 400;
 constexpr int kSmoothing = 12;
 
+/// Shorter sums of quaternions are no rotation.
+constexpr double kLeastBlend = 0.1;
+
 /// Smaller shares are none.
 constexpr double kLeast = 1e-4;
 
@@ -242,7 +245,7 @@ MotionSpread::MotionSpread(const Cells& cells, const Glue& glue,
     for (std::size_t i = 0; i < n; ++i)
     {
         const Cell& cell = cells.cells[i];
-        places.push_back({cell.centre, cell.box_centre, cell.edge});
+        places.push_back({cell.box_centre, cell.edge});
         region[i] = constraints[i].hold == Hold::Free ? -1 : region_of_cell[i];
         if (region[i] >= 0)
             is_there[static_cast<std::size_t>(region[i])] = true;
@@ -296,7 +299,9 @@ void MotionSpread::carry(std::span<const Motion> steps, std::span<const int> cel
             real += static_cast<double>(share.value) * q.real;
             dual += static_cast<double>(share.value) * q.dual;
         }
-        const Motion blend = is_one ? one : motion_of(real, dual);
+        // Where turns that oppose each other cancel, the blend means nothing.
+        const bool is_blend = !is_one && real.norm() > kLeastBlend;
+        const Motion blend = is_blend ? motion_of(real, dual) : one;
         poses[i] = {blend.R * poses[i].R, blend(poses[i].p)};
     };
     parallel_ranges(cells.size(), 256,

@@ -175,8 +175,18 @@ void scale_rows(Rows& A)
              });
 }
 
-/// The rows of the finest level. A block of 3 gets three more unknowns that do nothing.
-Rows rows_of(const Energy& energy)
+/// Turns a block of the finest level into common axes.
+void turn_block(const Eigen::Matrix3d& row, const Eigen::Matrix3d& column, Matrix6& block)
+{
+    for (const int i : {0, 3})
+        for (const int j : {0, 3})
+            block.block<3, 3>(i, j) =
+                row * block.block<3, 3>(i, j).eval() * column.transpose();
+}
+
+/// The rows of the finest level, in common axes. A block of 3 gets three more unknowns
+/// that do nothing.
+Rows rows_of(const Energy& energy, std::span<const Pose> poses)
 {
     const std::span<const int> sizes = energy.block_sizes();
     const std::span<const std::pair<int, int>> pairs = energy.pairs();
@@ -212,6 +222,7 @@ Rows rows_of(const Energy& energy)
                  D.setIdentity();
                  energy.diagonal_block(static_cast<int>(i),
                                        D.topLeftCorner(sizes[i], sizes[i]));
+                 turn_block(poses[i].R, poses[i].R, D);
              });
     for_each(static_cast<int>(pairs.size()),
              [&](std::size_t k)
@@ -222,6 +233,8 @@ Rows rows_of(const Energy& energy)
                  block.setZero();
                  energy.pair_block(static_cast<int>(k),
                                    block.topLeftCorner(rows, columns));
+                 turn_block(poses[static_cast<std::size_t>(pairs[k].first)].R,
+                            poses[static_cast<std::size_t>(pairs[k].second)].R, block);
                  A.block[static_cast<std::size_t>(places[k].second)] = block.transpose();
              });
     scale_rows(A);
@@ -489,8 +502,9 @@ std::vector<Transfer> transfers_of(const Rows& A, const Bodies& bodies,
 
 struct Multigrid::Levels
 {
-    std::vector<int> sizes, first; ///< of the unknowns
-    std::vector<Vector6> scale;    ///< of the finest level
+    std::vector<int> sizes, first;     ///< of the unknowns
+    std::vector<Vector6> scale;        ///< of the finest level
+    std::vector<Eigen::Matrix3d> axes; ///< of each unknown, when this was made
     std::vector<Level> levels;
     // The coarsest level, solved for exactly.
     BlockMatrix matrix;
@@ -540,14 +554,18 @@ void Multigrid::Levels::solve_coarsest()
     for (int i = 0; i < level.count(); ++i)
         for (int k = 0; k < 6; ++k)
             right[6 * i + k] = level.right[static_cast<std::size_t>(i)][k];
-    solver->solve(right, solution);
+    if (is_solved)
+        solver->solve(right, solution);
+    else
+        solution.setZero(right.size());
     for (int i = 0; i < level.count(); ++i)
         for (int k = 0; k < 6; ++k)
             level.x[static_cast<std::size_t>(i)][k] =
-                is_solved ? static_cast<float>(solution[6 * i + k]) : 0.0f;
+                static_cast<float>(solution[6 * i + k]);
 }
 
-Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places)
+Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places,
+                     std::span<const Pose> poses)
     : levels_(std::make_unique<Levels>())
 {
     Levels& own = *levels_;
@@ -557,12 +575,14 @@ Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places)
         own.first.push_back(own.first.back() + size);
     if (own.sizes.empty())
         return;
-    Rows A = rows_of(energy);
+    Rows A = rows_of(energy, poses);
+    for (const Pose& pose : poses)
+        own.axes.push_back(pose.R);
     own.scale = A.scale;
     Bodies bodies;
     for (std::size_t i = 0; i < places.size(); ++i)
     {
-        bodies.centre.push_back(places[i].centre);
+        bodies.centre.push_back(poses[i].p);
         bodies.shifts.push_back(own.sizes[i] == 6);
     }
     OctreeBlocks blocks(places);
@@ -613,9 +633,14 @@ void Multigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
     for_each(finest.count(),
              [&](std::size_t i)
              {
-                 for (int k = 0; k < own.sizes[i]; ++k)
-                     finest.right[i][k] = static_cast<float>(r[own.first[i] + k] *
-                                                             own.scale[i][k] / largest);
+                 for (int k = 0; k < own.sizes[i]; k += 3)
+                 {
+                     const Eigen::Vector3d part = own.axes[i] *
+                                                  r.segment<3>(own.first[i] + k) *
+                                                  (own.scale[i][k] / largest);
+                     for (int axis = 0; axis < 3; ++axis)
+                         finest.right[i][k + axis] = static_cast<float>(part[axis]);
+                 }
              });
     for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
         own.levels[l].before(own.levels[l + 1]);
@@ -625,8 +650,14 @@ void Multigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
     for_each(finest.count(),
              [&](std::size_t i)
              {
-                 for (int k = 0; k < own.sizes[i]; ++k)
-                     z[own.first[i] + k] = largest * own.scale[i][k] * finest.x[i][k];
+                 for (int k = 0; k < own.sizes[i]; k += 3)
+                 {
+                     Eigen::Vector3d part;
+                     for (int axis = 0; axis < 3; ++axis)
+                         part[axis] = finest.x[i][k + axis];
+                     z.segment<3>(own.first[i] + k) =
+                         own.axes[i].transpose() * part * (largest * own.scale[i][k]);
+                 }
              });
 }
 

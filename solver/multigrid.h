@@ -12,6 +12,7 @@
 
 #include "solver/energy.h"
 #include "solver/grouping.h"
+#include "solver/pose.h"
 
 namespace cellwarp
 {
@@ -21,9 +22,11 @@ namespace cellwarp
 class Multigrid final : public Preconditioner
 {
 public:
-    /// Takes the second derivatives of \p energy as linearised, at rest: blocks of 6 are
-    /// free cells, blocks of 3 turn about a point. \p places: one a block.
-    Multigrid(const Energy& energy, std::span<const GridPlace> places);
+    /// Takes the second derivatives of \p energy as linearised, best by kGaussNewton:
+    /// blocks of 6 are free cells, blocks of 3 turn about a point, unknowns are in their
+    /// own axes. One of \p places and one of \p poses a block.
+    Multigrid(const Energy& energy, std::span<const GridPlace> places,
+              std::span<const Pose> poses);
     ~Multigrid() override;
     Multigrid(Multigrid&&) noexcept;
     Multigrid& operator=(Multigrid&&) noexcept;

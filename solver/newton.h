@@ -48,11 +48,13 @@ struct SolveOptions
     /// descent is left at the level of rounding.
     double gradient_tolerance = 1e-6;
     double gradient_scale = 0.0; ///< 0: the first gradient
-    double time_budget = 0.0;    ///< [s], 0: no limit; checked between iterations
+    double time_budget = 0.0;    ///< [s], 0: no limit; looked at in every step too
     /// Looks for directions of descent where the gradient has vanished: a state that is
     /// symmetric in a way that the minimum is not would pass for a minimum.
     bool checks_stability = false;
-    std::stop_token stop = {}; ///< looked at in every step of the linear solves
+    /// Makes the preconditioner anew where it serves badly; that allocates.
+    bool may_refresh = true;
+    std::stop_token stop = {};
     /// Called before every iteration with its number and the relative gradient.
     std::function<void(int, double)> watch = {};
 };
@@ -70,6 +72,7 @@ struct SolveReport
     Stop stop = Stop::NotRun;
     int iterations = -1;
     int linear_steps = 0; ///< of conjugate gradients, in all iterations
+    int refreshes = 0;    ///< of the preconditioner
     double energy_before = -1.0;
     double energy_after = -1.0;
     double gradient = -1.0;      ///< norm at the end, relative to the scale
@@ -108,6 +111,7 @@ private:
     ConjugateGradients conjugate_gradients_;
     Eigen::VectorXd gradient_, trial_gradient_, right_, step_;
     std::vector<double> rounding_;
+    bool is_slow_ = false; ///< the preconditioner served badly at the last step
     // Of the direct method alone.
     std::optional<BlockMatrix> matrix_;
     std::optional<LinearSolver> factor_;

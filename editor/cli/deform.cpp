@@ -122,6 +122,7 @@ Json frame_json(const FrameReport& report)
             {"max_pair_gap", report.max_pair_gap},
             {"steps", report.steps},
             {"linear_steps", report.solve.linear_steps},
+            {"refreshes", report.solve.refreshes},
             {"backward_error", report.solve.backward_error},
             {"damped_factorisations", report.solve.damped_factorisations},
             {"ms",

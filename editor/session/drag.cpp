@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/drag.h"
 
+#include <cassert>
 #include <chrono>
 
 namespace cellwarp
@@ -14,12 +15,6 @@ using Clock = std::chrono::steady_clock;
 double ms_since(Clock::time_point start)
 {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-template <class Value>
-bool is_ready(const std::future<Value>& value)
-{
-    return value.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 Rig rig_of(const DragRequest& request)
@@ -63,6 +58,7 @@ void Drag::blend(std::span<const Motion> motions)
 
 DragReport Drag::frame(std::span<const Motion> motions)
 {
+    assert(motions.size() == rig_->regions().size());
     DragReport report;
     Clock::time_point start = Clock::now();
     rig_->move_regions(motions);
@@ -71,6 +67,7 @@ DragReport Drag::frame(std::span<const Motion> motions)
     options.max_iterations = settings_.max_iterations;
     options.gradient_tolerance = settings_.gradient_tolerance;
     options.time_budget = settings_.time_budget;
+    options.may_refresh = false; // that would allocate
     report.solve = rig_->solve(options);
     report.solve_ms = ms_since(start);
     start = Clock::now();
@@ -88,28 +85,48 @@ void Drag::start_from(std::span<const Pose> poses, std::span<const Motion> motio
 DragDesk::DragDesk(const DragRequest& first)
     : drag_(std::in_place, rig_of(first), first.drag, first.normals)
 {
-    drag_->start_from(drag_->rig().poses(), first.motions);
 }
 
 void DragDesk::choose(DragRequest request)
 {
-    std::erase_if(given_up_, is_ready<Made>);
+    assert(request.body.get() == &drag_->rig().body());
     if (next_.valid())
-        given_up_.push_back(std::move(next_));
-    next_ = std::async(std::launch::async,
-                       [request = std::move(request)]() -> Made {
-                           return {Drag(rig_of(request), request.drag, request.normals),
-                                   request.motions};
-                       });
+        waiting_ = std::move(request);
+    else
+        start(std::move(request));
 }
 
-bool DragDesk::take_next()
+void DragDesk::start(DragRequest request)
 {
-    if (!next_.valid() || !is_ready(next_))
+    next_ = std::async(std::launch::async, [request = std::move(request)]
+                       { return Drag(rig_of(request), request.drag, request.normals); });
+}
+
+bool DragDesk::is_next_ready()
+{
+    if (!next_.valid() ||
+        next_.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
         return false;
-    Made made = next_.get();
-    made.drag.start_from(drag_->rig().poses(), made.motions);
-    drag_.emplace(std::move(made.drag));
+    if (!waiting_)
+        return true;
+    start(std::move(*waiting_)); // what was made for nothing goes, its errors too
+    waiting_.reset();
+    return false;
+}
+
+void DragDesk::wait()
+{
+    while (next_.valid() && !is_next_ready())
+        next_.wait();
+}
+
+bool DragDesk::take_next(std::span<const Motion> motions)
+{
+    if (!is_next_ready())
+        return false;
+    Drag made = next_.get();
+    made.start_from(drag_->rig().poses(), motions);
+    drag_.emplace(std::move(made));
     return true;
 }
 

@@ -38,7 +38,7 @@ public:
     /// Starts from where \p rig is. \p normals: in work axes.
     Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> normals);
 
-    /// Moves the regions (one motion a region, from rest), takes a step or two towards
+    /// Moves the regions (one motion each, from rest), takes a step or two towards
     /// the minimum, and moves all samples along. Frames with the same motions go on
     /// converging.
     DragReport frame(std::span<const Motion> motions);
@@ -65,7 +65,6 @@ struct DragRequest
 {
     std::shared_ptr<const Body> body;
     std::vector<Region> regions;
-    std::vector<Motion> motions; ///< that the regions have made already
     RigSettings rig;
     DragSettings drag;
     std::vector<SampleNormal> normals;
@@ -76,28 +75,30 @@ struct DragRequest
 class DragDesk
 {
 public:
+    /// At rest.
     explicit DragDesk(const DragRequest& first);
 
-    /// Begins to make the next drag, in place of one that is being made. Returns at once.
+    /// Begins to make the next drag; one that is being made is given up, and only the
+    /// last choice counts. Returns at once. \pre the body is that of the first drag
     void choose(DragRequest request);
     bool is_preparing() const { return next_.valid(); }
-    void wait() const { next_.wait(); }
-    /// If the next drag is ready, draws with it from now on, from where the last one is.
-    /// True if so. Throws what making it threw; then the last one stays.
-    bool take_next();
+    /// Until the last choice is ready.
+    void wait();
+    /// If the next drag is ready, draws with it from now on: from where the last one is,
+    /// with its regions at \p motions, one each. True if so. Throws what making it threw;
+    /// then the last one stays.
+    bool take_next(std::span<const Motion> motions);
 
     Drag& drag() { return *drag_; }
 
 private:
-    struct Made
-    {
-        Drag drag;
-        std::vector<Motion> motions;
-    };
+    void start(DragRequest request);
+    /// Whether the last choice is ready; starts it if another one was in its way.
+    bool is_next_ready();
 
     std::optional<Drag> drag_;
-    std::future<Made> next_;
-    std::vector<std::future<Made>> given_up_; ///< still being made, of no use
+    std::future<Drag> next_;
+    std::optional<DragRequest> waiting_; ///< chosen while another one was being made
 };
 
 } // namespace cellwarp

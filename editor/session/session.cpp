@@ -350,8 +350,9 @@ SolveReport Session::travel(int& steps)
         const double energy_before = s.rig.energy();
         s.rig.carry_others();
         options.max_iterations =
-            is_last ? settings_.max_iterations
-                    : std::min(settings_.max_iterations, kTravelIterations);
+            std::max(0, settings_.max_iterations - std::max(0, total.iterations));
+        if (!is_last)
+            options.max_iterations = std::min(options.max_iterations, kTravelIterations);
         options.checks_stability = is_last;
         options.gradient_tolerance =
             is_last ? settings_.gradient_tolerance : kTravelTolerance;
@@ -370,7 +371,7 @@ SolveReport Session::travel(int& steps)
         solve.energy_before = energy_before;
         total = solve;
         ++steps;
-        if (is_last)
+        if (is_last || total.stop == Stop::NotPositiveDefinite)
             break;
     }
     return total;

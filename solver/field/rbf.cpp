@@ -29,6 +29,10 @@ namespace
 /// its size at the centres, is one that the centres do not determine.
 constexpr double kMinShare = 1e-8;
 
+/// The size that a term has at least, relative to the extent of the centres to its
+/// degree: in a row of cells y z is nothing but rounding, however much of itself that is.
+constexpr double kMinSize = 1e-4;
+
 /// From this many centres on the library's blocked kernels win. They work in a buffer
 /// of 128 MB for each thread, which small fits in parallel should not take.
 constexpr Eigen::Index kLapackFrom = 1000;
@@ -145,7 +149,9 @@ RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
     for (int k = 0; k < kTerms && static_cast<Eigen::Index>(terms.size()) < n; ++k)
     {
         Eigen::VectorXd column = P.col(k);
-        const double size = column.norm();
+        const int degree = k == 0 ? 0 : k < 4 ? 1 : 2;
+        const double size =
+            std::max(column.norm(), kMinSize * std::sqrt(n) * std::pow(extent, degree));
         const Eigen::Index rank = static_cast<Eigen::Index>(terms.size());
         Eigen::VectorXd along = Eigen::VectorXd::Zero(rank);
         for (int pass = 0; pass < 2; ++pass)

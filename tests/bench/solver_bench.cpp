@@ -154,7 +154,7 @@ public:
         {
             const Cell& cell =
                 built_.cells.cells[static_cast<std::size_t>(energy_->cell_of_unknown(u))];
-            places_.push_back({cell.centre, cell.box_centre, cell.edge});
+            places_.push_back({cell.box_centre, cell.edge});
         }
     }
 
@@ -200,7 +200,10 @@ public:
         energy_->set_poses(start());
         energy_->linearise(kExact);
     }
-    Multigrid new_multigrid() const { return {*energy_, places_}; }
+    Multigrid new_multigrid() const
+    {
+        return {*energy_, places_, energy_->unknown_poses()};
+    }
     Multigrid& multigrid()
     {
         if (!multigrid_)

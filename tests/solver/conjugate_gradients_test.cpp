@@ -76,8 +76,9 @@ struct System
     }
     LinearReport solve(Preconditioner& preconditioner, double tolerance, int max_steps)
     {
-        return conjugate_gradients.solve(energy, preconditioner, b, tolerance, max_steps,
-                                         {}, x);
+        return conjugate_gradients.solve(energy, preconditioner, b,
+                                         {.tolerance = tolerance, .max_steps = max_steps},
+                                         x);
     }
 };
 
@@ -172,8 +173,8 @@ TEST(ConjugateGradients, end_at_negative_curvature_with_a_descent)
         const Eigen::VectorXd bent = s.b.normalized() + random_numbers(s.rng, kCount);
         Quadratic saddle(kSizes, s.A - 30.0 * bent * bent.transpose(), s.b);
         saddle.linearise(kExact);
-        const LinearReport report =
-            s.conjugate_gradients.solve(saddle, s.identity, s.b, 1e-10, 100, {}, s.x);
+        const LinearReport report = s.conjugate_gradients.solve(
+            saddle, s.identity, s.b, {.tolerance = 1e-10}, s.x);
         EXPECT_TRUE(report.has_negative_curvature);
         EXPECT_GT(s.x.dot(s.b), 0.0);
         EXPECT_TRUE(s.x.allFinite());
@@ -235,11 +236,22 @@ TEST(ConjugateGradients, end_on_request_with_what_they_have)
     System s(8);
     Stopping stopping;
     const LinearReport report = s.conjugate_gradients.solve(
-        s.energy, stopping, s.b, 1e-12, 100, stopping.source.get_token(), s.x);
+        s.energy, stopping, s.b,
+        {.tolerance = 1e-12, .stop = stopping.source.get_token()}, s.x);
     EXPECT_EQ(report.steps, 3);
     const Eigen::VectorXd stopped = s.x;
     s.solve(s.identity, 1e-12, 3);
     EXPECT_EQ(s.x, stopped);
+}
+
+TEST(ConjugateGradients, a_deadline_leaves_the_first_step)
+{
+    System s(9);
+    const LinearReport report = s.conjugate_gradients.solve(
+        s.energy, s.identity, s.b,
+        {.tolerance = 1e-12, .deadline = std::chrono::steady_clock::now()}, s.x);
+    EXPECT_EQ(report.steps, 1);
+    EXPECT_GT(s.x.dot(s.b), 0.0);
 }
 
 } // namespace cellwarp

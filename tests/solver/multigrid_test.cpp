@@ -65,7 +65,7 @@ struct Prepared
         ConjugateGradients conjugate_gradients;
         Eigen::VectorXd x;
         const LinearReport report = conjugate_gradients.solve(
-            energy, multigrid, random_numbers(count, seed), 1e-6, 500, {}, x);
+            energy, multigrid, random_numbers(count, seed), {.max_steps = 500}, x);
         EXPECT_LE(report.residual, 1e-6);
         EXPECT_FALSE(report.has_negative_curvature);
         return report.steps;
@@ -81,7 +81,7 @@ private:
     Multigrid made(const HeldBody& body)
     {
         energy.linearise(kGaussNewton);
-        return Multigrid(energy, body.places(energy));
+        return Multigrid(energy, body.places(energy), energy.unknown_poses());
     }
 };
 
@@ -423,7 +423,7 @@ TEST(Multigrid, is_built_within_its_estimate)
         energy.linearise(kGaussNewton);
         const std::vector<GridPlace> places = body.places(energy);
         const support::MostMemory most;
-        const Multigrid multigrid(energy, places);
+        const Multigrid multigrid(energy, places, energy.unknown_poses());
         const double bytes = static_cast<double>(most.bytes());
         EXPECT_LT(multigrid.bytes(), bytes);
         const double estimate =

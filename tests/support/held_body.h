@@ -58,7 +58,7 @@ struct HeldBody
         {
             const Cell& cell =
                 cells.cells[static_cast<std::size_t>(energy.cell_of_unknown(u))];
-            places.push_back({cell.centre, cell.box_centre, cell.edge});
+            places.push_back({cell.box_centre, cell.edge});
         }
         return places;
     }

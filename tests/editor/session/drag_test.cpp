@@ -48,7 +48,7 @@ struct Bar
     {
         return regions("fixed foot box 0 0 0 1 1 0.25\nhandle head box 0 0 3.75 1 1 4\n");
     }
-    DragRequest request() const { return {body, ends(), {{}, {}}, {}, {}, {}}; }
+    DragRequest request() const { return {body, ends(), {}, {}, {}}; }
     Drag drag() const { return {Rig(body, ends(), {}, ""), {}, {}}; }
 };
 
@@ -165,26 +165,28 @@ TEST(DragDesk, draws_with_the_old_regions_until_the_new_ones_are_ready)
     DragDesk desk(bar.request());
     const std::vector<Motion> motions = turned_head(bar, 0.5);
     desk.drag().frame(motions);
-    EXPECT_FALSE(desk.take_next());
+    EXPECT_FALSE(desk.take_next(motions));
     DragRequest next = bar.request();
     next.regions = bar.regions("fixed foot box 0 0 0 1 1 0.25\n"
                                "handle middle box 0 0 1.75 1 1 2.25\n"
                                "fixed head box 0 0 3.75 1 1 4\n");
-    next.motions = {motions[0], {}, motions[1]};
     desk.choose(next);
     EXPECT_TRUE(desk.is_preparing());
-    desk.drag().frame(motions); // goes on
+    const std::vector<Motion> later = turned_head(bar, 0.6);
+    desk.drag().frame(later); // the hand goes on
     EXPECT_EQ(desk.drag().rig().regions().size(), 2u);
     const Eigen::Vector3d left = desk.drag().rig().poses()[200].p;
     desk.wait();
-    EXPECT_TRUE(desk.take_next());
+    EXPECT_TRUE(desk.take_next(std::vector<Motion>{later[0], {}, later[1]}));
     EXPECT_FALSE(desk.is_preparing());
     ASSERT_EQ(desk.drag().rig().regions().size(), 3u);
     EXPECT_EQ(desk.drag().rig().constraints()[200].hold, Hold::Free);
     EXPECT_EQ(desk.drag().rig().poses()[200].p, left);
+    const std::size_t last = desk.drag().rig().poses().size() - 1;
+    EXPECT_EQ(desk.drag().rig().poses()[last].R, later[1].R); // no snap back
     Motion shift;
     shift.t.x() = 0.1;
-    const std::vector<Motion> moved = {motions[0], shift, motions[1]};
+    const std::vector<Motion> moved = {later[0], shift, later[1]};
     EXPECT_EQ(desk.drag().frame(moved).solve.iterations, 2);
 }
 
@@ -195,11 +197,14 @@ TEST(DragDesk, the_last_choice_counts_and_a_bad_one_leaves_the_old_drag)
     DragRequest bad = bar.request();
     bad.regions[1].samples.clear();
     bad.regions[1].shapes.clear();
+    const std::vector<Motion> rest(2);
+    desk.choose(bar.request());
     desk.choose(bar.request());
     desk.choose(bad);
     desk.wait();
-    EXPECT_THROW(desk.take_next(), std::exception);
-    EXPECT_FALSE(desk.take_next());
+    EXPECT_THROW(desk.take_next(rest), std::exception);
+    EXPECT_FALSE(desk.take_next(rest));
+    EXPECT_FALSE(desk.is_preparing());
     EXPECT_EQ(desk.drag().frame(turned_head(bar, 0.1)).solve.iterations, 2);
 }
 

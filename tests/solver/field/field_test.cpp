@@ -582,4 +582,25 @@ TEST(Field, threads_do_not_change_a_bit)
     }
 }
 
+TEST(RbfField, what_rounding_leaves_of_a_term_does_not_count)
+{
+    // A row of cells: its centres and the middles of its sides. y z is 0 but for
+    // rounding.
+    std::vector<Eigen::Vector3d> centres, moves;
+    std::mt19937 rng(4);
+    for (int i = 0; i < 40; ++i)
+        for (const auto& [y, z] : {std::pair(0.0, 0.0), {0.01, 0.0}, {0.0, 0.01}})
+        {
+            centres.push_back(Eigen::Vector3d(0.025 * i, y, z) +
+                              support::random_vector(rng, 1e-17));
+            moves.emplace_back(0.0, 0.1 * std::sin(0.1 * i), 0.3 * y - 0.2 * z);
+        }
+    const RbfField field(centres, moves);
+    for (const Eigen::Vector3d& c : centres)
+    {
+        const Eigen::Vector3d beside = c + Eigen::Vector3d(0.0, 0.004, 0.004);
+        EXPECT_LT(field.displacement(beside).norm(), 0.2);
+    }
+}
+
 } // namespace cellwarp
