@@ -33,6 +33,11 @@ struct LinearLimits
 class ConjugateGradients
 {
 public:
+    explicit ConjugateGradients(Eigen::Index size = 0)
+        : r_(size), z_(size), direction_(size), image_(size), last_r_(size)
+    {
+    }
+
     /// Solves H x = b for the linearised \p energy, from 0. Ends early, with what it has,
     /// which descends, at a direction of negative curvature (with the first direction
     /// itself, if it is that one), and at its limits, but not without a step.

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The minimiser sees only glue that is torn where a region has moved away from its
-// neighbours, and would mend it from there inwards, the slower the finer the cells. From
-// a start that spreads the step over the whole body it takes the same few iterations for
-// any number of cells.
+// neighbours, and would mend it from there inwards, the slower the finer the cells: a bar
+// turned by 135 degrees takes 49 iterations with 207,360 cells. From a start that spreads
+// the step over the whole body it takes 4 for any number of cells of a bar; where fine
+// features give way and fold, more cells still mean more iterations.
 //
 // Shares s_r solve sum_j w_ij (s_i - s_j) = 0 over the glue, 1 in cells of region r, 0 in
 // those of others: found by conjugate gradients, no better than a guess deserves. Steps
-// are blended as dual quaternions [Kavan07], along screws; every step turns by less than
-// half a turn, so the quaternions of all with a positive real part can be added.
+// are blended as dual quaternions [Kavan07], along screws; with positive real parts they
+// are added by the shortest turns from where the cells are.
 #include "solver/motion_spread.h"
 
 #include <algorithm>

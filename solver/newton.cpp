@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <numeric>
 #include <random>
 
 #include "octree/parallel.h"
@@ -112,6 +113,11 @@ NewtonSolver::NewtonSolver(Energy& energy, Preconditioner& preconditioner)
     : energy_(energy), preconditioner_(preconditioner),
       rounding_(energy.block_sizes().size())
 {
+    const Eigen::Index size = std::accumulate(
+        energy.block_sizes().begin(), energy.block_sizes().end(), Eigen::Index(0));
+    for (Eigen::VectorXd* vector : {&gradient_, &trial_gradient_, &right_, &step_})
+        vector->resize(size);
+    conjugate_gradients_ = ConjugateGradients(size);
 }
 
 /// One call of minimize().
