@@ -52,6 +52,12 @@ struct Gaps
     }
 };
 
+/// The gradient in the linear part of a's twist; b's is the opposite.
+Eigen::Vector3d force_on_a(const GlueFace& face, const Gaps& gaps)
+{
+    return 2.0 * face.stiffness * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
+}
+
 /// sym(d r^T) - (d . r) I
 Eigen::Matrix3d arm_curvature(const Eigen::Vector3d& d, const Eigen::Vector3d& r)
 {
@@ -171,10 +177,8 @@ Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
 {
     const Gaps gaps(face, a, b);
     const double stretch = 2.0 * face.stiffness;
-    const Eigen::Vector3d force =
-        stretch * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
     return diagonal(stretch, stretch * face.share_b, gaps.arm_a, gaps.at_b, gaps.root_a,
-                    gaps.root_b, force, curvature.share);
+                    gaps.root_b, force_on_a(face, gaps), curvature.share);
 }
 
 Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
@@ -182,10 +186,8 @@ Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
 {
     const Gaps gaps(face, a, b);
     const double stretch = 2.0 * face.stiffness;
-    const Eigen::Vector3d force =
-        stretch * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
     return diagonal(stretch, stretch * face.share_a, gaps.arm_b, -gaps.at_a, gaps.root_b,
-                    gaps.root_a, -force, curvature.share);
+                    gaps.root_a, -force_on_a(face, gaps), curvature.share);
 }
 
 GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)

@@ -25,7 +25,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <optional>
 
 #include <Eigen/Cholesky>
@@ -589,24 +588,21 @@ Multigrid::Multigrid(const Energy& energy, std::span<const GridPlace> places,
     for (;;)
     {
         Level& level = own.levels.emplace_back(A);
-        const bool may_stall = blocks.is_mixed();
-        if (A.count() > kFew)
-            level.grouping = blocks.join(A, [&](std::size_t, std::size_t k)
-                                         { return A.block[k].norm() > kWeak; });
-        const std::size_t count = A.count() > kFew ? level.grouping.members.size() : 0;
-        const bool is_stalled =
-            !may_stall && static_cast<double>(count) > kStalled * A.count();
-        if (A.count() <= kFew || is_stalled)
-        {
-            own.factorize(A);
-            return;
-        }
+        if (A.count() <= kFew)
+            break;
+        const bool is_waiting = blocks.is_mixed();
+        level.grouping = blocks.join(A, [&](std::size_t, std::size_t k)
+                                     { return A.block[k].norm() > kWeak; });
+        const double left = static_cast<double>(level.grouping.members.size());
+        if (!is_waiting && left > kStalled * A.count())
+            break;
         Bodies next_bodies = joined_bodies(bodies, level.grouping.members);
         Rows next = joined_rows(A, bodies, level.grouping, next_bodies);
         level.transfer = transfers_of(A, bodies, level.grouping, next, next_bodies);
         A = std::move(next);
         bodies = std::move(next_bodies);
     }
+    own.factorize(A);
 }
 
 Multigrid::~Multigrid() = default;
