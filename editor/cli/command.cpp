@@ -151,6 +151,7 @@ SessionRequest read_request(const SessionFlags& flags)
         number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
     cells.max_depth =
         number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, cells.max_depth);
+    cells.min_depth = cells.max_depth;
     cells.gap = number("--gap", flags.gap, scene.gap, 1e-6, 1.0, cells.gap);
     cells.max_cells = number("--max-cells", flags.max_cells, scene.max_cells, 1,
                              std::int64_t(1) << 31, cells.max_cells);

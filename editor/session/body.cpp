@@ -148,7 +148,7 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
                         coarsest.leaves().size(), settings.max_cells));
     std::vector<std::string> warnings;
     Octree octree = coarsest;
-    for (int level = 1; level <= settings.max_depth; ++level)
+    for (int level = 1; level <= settings.min_depth; ++level)
     {
         Octree finer = octree.split_all(level, has_material);
         if (static_cast<std::int64_t>(finer.leaves().size()) > settings.max_cells)

@@ -2,6 +2,7 @@
 // A shape as the solver sees it: material, octree, pieces and cells in work space.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -22,8 +23,11 @@ namespace cellwarp
 struct CellSettings
 {
     Fill fill = Fill::Solid;
-    int across = 0;     ///< coarsest cells along the longest side; 0: automatic
-    int max_depth = 0;  ///< splits below them
+    int across = 0;    ///< coarsest cells along the longest side; 0: automatic
+    int max_depth = 0; ///< splits below them, at the most
+    int min_depth = 0; ///< splits below them, everywhere
+    /// [diagonal] Cells with a larger error are split; infinity: none.
+    double threshold = INFINITY;
     double gap = 0.008; ///< [diagonal] parts farther apart are never glued
     std::int64_t max_cells = 200000;
     double max_memory = 0.0;       ///< [byte], 0: no limit

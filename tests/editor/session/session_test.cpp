@@ -887,7 +887,7 @@ TEST(Session, too_many_cells_are_over_the_budget)
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
                          "2048 cells"));
     s = settings(16);
-    s.cells.max_depth = 1;
+    s.cells.max_depth = s.cells.min_depth = 1;
     s.cells.max_cells = 300;
     const Session session(model(survey_bar(4)), handles(kTwist), s);
     EXPECT_TRUE(contains(session.warnings().at(0), "refinement stopped"));
