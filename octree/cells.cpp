@@ -15,10 +15,6 @@ namespace cellwarp
 namespace
 {
 
-/// Least distance of a centroid to its face [voxel]: a piece that is a mere film
-/// on its box would otherwise be glued without bound.
-constexpr double kMinDistance = 0.25;
-
 double extent(const VoxelGrid& grid, int axis, int i)
 {
     const std::vector<double>& lines = grid.lines(axis);
@@ -72,6 +68,7 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         cell.box_centre = box_centre;
         cell.edge = edge;
         cell.centre = box_centre + mean;
+        cell.anchor = cells.size() > 1 ? cell.centre : box_centre;
         cell.second_moment = second[at] / cell.volume - mean * mean.transpose();
     }
 }
@@ -143,16 +140,13 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 static_cast<int>(first[i]));
             faces[i] = leaf_faces(grid, octree, pieces, i);
         });
-    const double least = kMinDistance * grid.shape().voxel();
     std::vector<std::vector<int>> neighbours(result.size());
     for (std::vector<Face>& of_leaf : faces)
         for (Face& face : of_leaf)
         {
             const std::size_t a = static_cast<std::size_t>(face.a);
             const std::size_t b = static_cast<std::size_t>(face.b);
-            const double plane = face.centre[face.axis];
-            face.distance_a = std::max(least, plane - result.cells[a].centre[face.axis]);
-            face.distance_b = std::max(least, result.cells[b].centre[face.axis] - plane);
+            face.distance = 0.5 * (result.cells[a].edge + result.cells[b].edge);
             neighbours[a].push_back(face.b);
             neighbours[b].push_back(face.a);
             result.faces.push_back(face);

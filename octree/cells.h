@@ -22,6 +22,9 @@ struct Cell
     Eigen::Vector3d box_centre = Eigen::Vector3d::Zero(); ///< of the leaf
     double edge = 0.0;                                    ///< of the leaf
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();     ///< centroid of the piece
+    /// Where its motion is that of the body (glue.cpp says why): the centre of its box;
+    /// the centroid where the box holds other pieces.
+    Eigen::Vector3d anchor = Eigen::Vector3d::Zero();
     double volume = 0.0;
     /// (1/V) int (x - centre)(x - centre)^T over the piece.
     Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();
@@ -33,8 +36,8 @@ struct Face
     int a = 0, b = 0;
     int axis = 0;
     double area = 0.0;
-    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    double distance_a = 0.0, distance_b = 0.0; ///< of the centroids to the face's plane
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< of what they share
+    double distance = 0.0; ///< of the boxes' centres along the axis
 };
 
 /// Rest state: immutable once built. Faces are sorted by (a, axis, b).

@@ -1,14 +1,26 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// With D = T_a - T_b and a cell's centroid c and second moment S,
-//   int_C |D|^2 = V ( |D(c)|^2 + tr(dR S dR^T) ),   dR = R_a - R_b,
-// because D is affine. Over both cells, divided by V_a + V_b and with
+// [Botsch07] integrates |T_a - T_b|^2 over both cells where they are. Here each of them
+// is first slid to have its centroid at the centre x of the face that they share. With D
+// = T_a - T_b, which is affine, and a cell's second moment S,
+//   int_C |D|^2 = V ( |D(x)|^2 + tr(dR S dR^T) ),   dR = R_a - R_b,
+// so over both cells, divided by V_a + V_b and with
 // S = (V_a S_a + V_b S_b) / (V_a + V_b) = sum_k l_k l_k^T,
-//   E = w ( s_a |D(c_a)|^2 + s_b |D(c_b)|^2 + sum_k |R_a l_k - R_b l_k|^2 ).
-// So E is a sum of five terms m |d|^2 with
+//   E = w ( |D(x)|^2 + sum_k |R_a l_k - R_b l_k|^2 ),   w = area / length.
+// Both tend to int |grad phi - R|^2 as cells become small. But
+// - unslid the last term is that of S + (c_b - c_a)(c_b - c_a)^T / 4: a row of single
+//   cells then bends five times as stiffly as its material, slid twice; in a bar of n
+//   cells across what is too much falls from 4 / n^2 to 1 / n^2.
+// - Slid, a field of constant strain F = R U balances every cell of one size, cut by the
+//   surface or not. Let the T_i agree with it at the boxes' centres q_i: the gap is then
+//   (F - R)(q_b - q_a), normal to the face and as long as the cells are apart. So the
+//   force of a face is 2 area (F - R) n and acts at its centre, as the traction of that
+//   field does; forces and moments of a cell add up to those of the field on what is left
+//   open, where it has no traction. Between centroids, which lie anywhere in pieces, they
+//   do not: forces of first order would be left along every surface.
+//
+// E is a sum of four terms m |d|^2 with
 //   d = (r_a + f p_a) - (r_b + f p_b),
-// arms r that turn with their cell and f = 1 for the two centres, 0 for the moments. At
-// c_a the arm of a is 0 and that of b is -R_b o, at c_b that of a is R_a o and that of b
-// is 0, with the offset o = c_b - c_a.
+// arms r that turn with their cell and f = 1 for the face's centre, 0 for the moments.
 // A twist changes r by omega x r + 1/2 omega x (omega x r) and p by v + 1/2 omega x v
 // (see pose.cpp), hence
 //   dE = 2 m d . (omega_a x r_a + f v_a - omega_b x r_b - f v_b),
@@ -35,28 +47,20 @@ namespace cellwarp
 namespace
 {
 
-/// The gaps of a face: T_a - T_b at both centres and of the turned moment roots.
+/// The gaps of a face: T_a - T_b at its centre and of the turned moment roots.
 struct Gaps
 {
-    Eigen::Vector3d arm_a, arm_b;   ///< R_a o, -R_b o
-    Eigen::Vector3d at_a, at_b;     ///< T_a - T_b at c_a and c_b
+    Eigen::Vector3d arm_a, arm_b;   ///< R_a reach_a, R_b reach_b
+    Eigen::Vector3d open;           ///< T_a - T_b
     Eigen::Matrix3d root_a, root_b; ///< R l_k as columns
 
     Gaps(const GlueFace& face, const Pose& a, const Pose& b)
-        : arm_a(a.R * face.offset), arm_b(-(b.R * face.offset)),
-          root_a(a.R * face.moment_root), root_b(b.R * face.moment_root)
+        : arm_a(a.R * face.reach_a), arm_b(b.R * face.reach_b),
+          open(a.p + arm_a - b.p - arm_b), root_a(a.R * face.moment_root),
+          root_b(b.R * face.moment_root)
     {
-        const Eigen::Vector3d gap = a.p - b.p;
-        at_a = gap - arm_b;
-        at_b = gap + arm_a;
     }
 };
-
-/// The gradient in the linear part of a's twist; b's is the opposite.
-Eigen::Vector3d force_on_a(const GlueFace& face, const Gaps& gaps)
-{
-    return 2.0 * face.stiffness * (face.share_a * gaps.at_a + face.share_b * gaps.at_b);
-}
 
 /// sym(d r^T) - (d . r) I
 Eigen::Matrix3d arm_curvature(const Eigen::Vector3d& d, const Eigen::Vector3d& r)
@@ -71,32 +75,29 @@ Eigen::Matrix3d inertia(const Eigen::Matrix3d& M)
     return M.trace() * Eigen::Matrix3d::Identity() - M;
 }
 
-/// The diagonal block of the cell with the one given arm (the weight at the other
-/// cell's centre), the gap as seen from it, and its moment roots.
-Eigen::Matrix<double, 6, 6> diagonal(double stretch, double arm_weight,
-                                     const Eigen::Vector3d& arm, const Eigen::Vector3d& d,
+/// The diagonal block of the cell with the one given arm, the gap as seen from it, and
+/// its moment roots.
+Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
+                                     const Eigen::Vector3d& d,
                                      const Eigen::Matrix3d& root,
-                                     const Eigen::Matrix3d& other_root,
-                                     const Eigen::Vector3d& force, double share)
+                                     const Eigen::Matrix3d& other_root, double share)
 {
     const Eigen::Matrix3d A = root * root.transpose();
-    Eigen::Matrix3d turn =
-        arm_weight * inertia(arm * arm.transpose()) + stretch * inertia(A);
-    Eigen::Matrix3d mixed = arm_weight * cross_matrix(arm); // angular, linear
+    Eigen::Matrix3d turn = inertia(arm * arm.transpose()) + inertia(A);
+    Eigen::Matrix3d mixed = cross_matrix(arm); // angular, linear
     if (share > 0)
     {
         const Eigen::Matrix3d C = other_root * root.transpose(), D = A - C;
-        turn += share * (arm_weight * arm_curvature(d, arm) +
-                         stretch * (0.5 * (D + D.transpose()) -
-                                    D.trace() * Eigen::Matrix3d::Identity()));
-        mixed -= 0.5 * share * cross_matrix(force);
+        turn += share * (arm_curvature(d, arm) + 0.5 * (D + D.transpose()) -
+                         D.trace() * Eigen::Matrix3d::Identity());
+        mixed -= 0.5 * share * cross_matrix(d);
     }
     Eigen::Matrix<double, 6, 6> H;
     H.topLeftCorner<3, 3>() = turn;
     H.topRightCorner<3, 3>() = mixed;
     H.bottomLeftCorner<3, 3>() = mixed.transpose();
-    H.bottomRightCorner<3, 3>() = stretch * Eigen::Matrix3d::Identity();
-    return H;
+    H.bottomRightCorner<3, 3>().setIdentity();
+    return stretch * H;
 }
 
 Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
@@ -108,7 +109,8 @@ Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
 
 } // namespace
 
-Glue build_glue(const Cells& cells, std::span<const double> cell_factors)
+Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
+                std::span<const double> lengths)
 {
     Glue glue;
     std::vector<std::vector<int>> of_cell(cells.size());
@@ -129,12 +131,13 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors)
         GlueFace& out = glue.faces[f];
         out.a = face.a;
         out.b = face.b;
-        out.stiffness = factor * face.area / (face.distance_a + face.distance_b);
-        out.offset = b.centre - a.centre;
-        out.share_a = a.volume / (a.volume + b.volume);
-        out.share_b = b.volume / (a.volume + b.volume);
+        out.stiffness =
+            factor * face.area / (lengths.empty() ? face.distance : lengths[f]);
+        out.reach_a = face.centre - a.centre;
+        out.reach_b = face.centre - b.centre;
         out.moment_root =
-            square_root(out.share_a * a.second_moment + out.share_b * b.second_moment);
+            square_root((a.volume * a.second_moment + b.volume * b.second_moment) /
+                        (a.volume + b.volume));
         of_cell[static_cast<std::size_t>(face.a)].push_back(static_cast<int>(f));
         of_cell[static_cast<std::size_t>(face.b)].push_back(static_cast<int>(f));
     }
@@ -150,9 +153,8 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors)
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b)
 {
     const Gaps gaps(face, a, b);
-    return face.stiffness * (face.share_a * gaps.at_a.squaredNorm() +
-                             face.share_b * gaps.at_b.squaredNorm() +
-                             (gaps.root_a - gaps.root_b).squaredNorm());
+    return face.stiffness *
+           (gaps.open.squaredNorm() + (gaps.root_a - gaps.root_b).squaredNorm());
 }
 
 Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
@@ -160,15 +162,14 @@ Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
 {
     const Gaps gaps(face, a, b);
     const double stretch = 2.0 * face.stiffness;
-    const Eigen::Vector3d force_a = stretch * face.share_a * gaps.at_a;
-    const Eigen::Vector3d force_b = stretch * face.share_b * gaps.at_b;
+    const Eigen::Vector3d force = stretch * gaps.open;
     const Eigen::Matrix3d C = gaps.root_b * gaps.root_a.transpose();
     const Eigen::Vector3d turn =
         stretch *
         Eigen::Vector3d(C(1, 2) - C(2, 1), C(2, 0) - C(0, 2), C(0, 1) - C(1, 0));
     Eigen::Matrix<double, 12, 1> gradient;
-    gradient << turn + gaps.arm_a.cross(force_b), force_a + force_b,
-        -turn - gaps.arm_b.cross(force_a), -force_a - force_b;
+    gradient << turn + gaps.arm_a.cross(force), force, -turn - gaps.arm_b.cross(force),
+        -force;
     return gradient;
 }
 
@@ -176,27 +177,26 @@ Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
                                             const Pose& b, Curvature curvature)
 {
     const Gaps gaps(face, a, b);
-    const double stretch = 2.0 * face.stiffness;
-    return diagonal(stretch, stretch * face.share_b, gaps.arm_a, gaps.at_b, gaps.root_a,
-                    gaps.root_b, force_on_a(face, gaps), curvature.share);
+    return diagonal(2.0 * face.stiffness, gaps.arm_a, gaps.open, gaps.root_a, gaps.root_b,
+                    curvature.share);
 }
 
 Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
                                             const Pose& b, Curvature curvature)
 {
     const Gaps gaps(face, a, b);
-    const double stretch = 2.0 * face.stiffness;
-    return diagonal(stretch, stretch * face.share_a, gaps.arm_b, -gaps.at_a, gaps.root_b,
-                    gaps.root_a, -force_on_a(face, gaps), curvature.share);
+    return diagonal(2.0 * face.stiffness, gaps.arm_b, -gaps.open, gaps.root_b,
+                    gaps.root_a, curvature.share);
 }
 
 GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
 {
     const Gaps gaps(face, a, b);
     const double stretch = 2.0 * face.stiffness;
-    return {stretch * inertia(gaps.root_b * gaps.root_a.transpose()),
-            stretch * face.share_b * gaps.arm_a, stretch * face.share_a * gaps.arm_b,
-            stretch};
+    // (omega_a x r_a) . (omega_b x r_b) = omega_a^T (r_a . r_b I - r_b r_a^T) omega_b
+    const Eigen::Matrix3d C =
+        gaps.arm_b * gaps.arm_a.transpose() + gaps.root_b * gaps.root_a.transpose();
+    return {stretch * inertia(C), stretch * gaps.arm_a, stretch * gaps.arm_b, stretch};
 }
 
 Eigen::Matrix<double, 6, 6> GlueCoupling::matrix() const

@@ -22,8 +22,7 @@ struct GlueFace
 {
     int a = 0, b = 0;
     double stiffness = 0.0; ///< w_ij [length], times the factor of stiff regions
-    Eigen::Vector3d offset; ///< c_b - c_a
-    double share_a = 0.0, share_b = 0.0; ///< V_a / (V_a + V_b), V_b / (V_a + V_b)
+    Eigen::Vector3d reach_a, reach_b; ///< from the centroids to the face's centre
     /// Columns l_k with sum l_k l_k^T = the volume-weighted mean of the second moments.
     Eigen::Matrix3d moment_root;
 };
@@ -38,12 +37,15 @@ struct Glue
 
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
 /// takes the geometric mean of its two where both differ from 1, else 1.
-/// Empty: all 1.
-Glue build_glue(const Cells& cells, std::span<const double> cell_factors);
+/// Empty: all 1. \p lengths: of each face, over which its glue stretches; empty: from
+/// box centre to box centre.
+Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
+                std::span<const double> lengths = {});
 
-/// E_ij of one face: w_ij / (V_i + V_j) int |T_i - T_j|^2 over both cells
-/// [length^3]. Zero if and only if both cells make the same rigid motion (for
-/// second moments of full rank). [Botsch07]
+/// E_ij of one face: w_ij / (V_i + V_j) int |T_i - T_j|^2 over both cells, each slid to
+/// have its centroid on the face [length^3]. Zero if and only if both cells make the
+/// same rigid motion (for second moments of full rank). After [Botsch07]; glue.cpp says
+/// why slid.
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
 
 /// Derivative of the energy of one face in the twists of a (0..5) and b (6..11),

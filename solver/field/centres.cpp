@@ -100,9 +100,9 @@ std::vector<Eigen::Vector3d> flat_directions(const Cells& cells, int cell)
     return directions;
 }
 
-/// Offsets from the centroid to further points of the cell: on both sides where the
-/// material is one cell thick, else outwards where it ends. \p open: the sum of the
-/// outward normals, times area, of what is not glued.
+/// Further points of the cell, beside its anchor: on both sides where the material is one
+/// cell thick, else outwards where it ends. \p open: the sum of the outward normals,
+/// times area, of what is not glued.
 std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
                                       const Eigen::Vector3d& open)
 {
@@ -112,8 +112,10 @@ std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
     {
         const double half_thickness =
             std::sqrt(3.0 * std::max(0.0, direction.dot(own.second_moment * direction)));
-        sides.push_back(direction * std::clamp(half_thickness, kNearestSide * own.edge,
-                                               kFarthestSide * own.edge));
+        const double side =
+            std::clamp(half_thickness, kNearestSide * own.edge, kFarthestSide * own.edge);
+        sides.push_back(own.anchor +
+                        direction * (direction.dot(own.centre - own.anchor) + side));
     };
     for (const Eigen::Vector3d& direction : flat_directions(cells, cell))
     {
@@ -219,9 +221,9 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
         const Cell& cell = cells_.cells[i];
         if (constraints_[i].hold == Hold::Idle)
             continue;
-        add(i, cell.centre);
+        add(i, cell.anchor);
         for (const Eigen::Vector3d& side : sides_[i])
-            add(i, cell.centre + side);
+            add(i, side);
         if (constraints_[i].hold != Hold::Prescribed)
             continue;
         // Its corners, and more where free cells meet it: there the strain is largest,

@@ -26,10 +26,10 @@ struct RbfCentres
 std::vector<std::vector<Eigen::Vector3d>>
 border_points(const Cells& cells, std::span<const Constraint> constraints);
 
-/// Chooses the centres: the centroid of every cell that is not idle; the corners of
+/// Chooses the centres: the anchor of every cell that is not idle; the corners of
 /// prescribed ones, whose motion is known, and more points where free cells meet them; of
 /// other cells at a free surface a point there; and where the material is one cell thick,
-/// points on both sides, because centroids in a plane or on a line say nothing of turns
+/// points on both sides, because anchors in a plane or on a line say nothing of turns
 /// about it. Keeps references to its arguments.
 class CentreChoice
 {
@@ -48,7 +48,7 @@ private:
     std::span<const Pose> poses_;
     std::span<const Constraint> constraints_;
     double finest_ = 0.0; ///< edge of the smallest cell
-    /// Offsets of the further points of each cell from its centroid.
+    /// Further points of each cell.
     std::vector<std::vector<Eigen::Vector3d>> sides_;
     std::vector<std::vector<Eigen::Vector3d>> borders_; ///< see border_points()
 };

@@ -32,8 +32,7 @@ TEST(Cells, of_a_bar_are_cubes_with_known_moments)
     for (const Face& face : bar.cells.faces)
     {
         EXPECT_NEAR(face.area, 1.0, 1e-12);
-        EXPECT_NEAR(face.distance_a, 0.5, 1e-12);
-        EXPECT_NEAR(face.distance_b, 0.5, 1e-12);
+        EXPECT_NEAR(face.distance, 1.0, 1e-12);
     }
 }
 
@@ -136,7 +135,7 @@ TEST(Cells, neighbours_of_different_size_share_their_true_area)
         EXPECT_NEAR(face.area, 0.25, 1e-12);
         if (is_large)
         {
-            EXPECT_NEAR(face.distance_a + face.distance_b, 0.75, 1e-12);
+            EXPECT_NEAR(face.distance, 0.75, 1e-12);
         }
     }
     EXPECT_EQ(num_large, 4);

@@ -35,8 +35,8 @@ Cells two_cells()
     Face face;
     face.b = 1;
     face.area = 3.0;
-    face.distance_a = 0.5;
-    face.distance_b = 0.25;
+    face.centre = {1, 0.1, 0};
+    face.distance = 0.75;
     cells.faces.push_back(face);
     return cells;
 }
@@ -83,7 +83,7 @@ TEST(Glue, is_zero_for_a_common_rigid_motion_and_only_then)
     }
 }
 
-TEST(Glue, is_the_integral_over_both_cells)
+TEST(Glue, is_the_integral_over_both_cells_slid_to_their_face)
 {
     // Brute force: 2-point Gauss rule on each axis integrates quadratics exactly.
     std::mt19937 rng(2);
@@ -102,7 +102,7 @@ TEST(Glue, is_the_integral_over_both_cells)
                 const Eigen::Vector3d corner(k & 1 ? 1 : -1, k & 2 ? 1 : -1,
                                              k & 4 ? 1 : -1);
                 const Eigen::Vector3d x =
-                    cells.cells[i].centre +
+                    cells.faces[0].centre +
                     corner.cwiseProduct(sizes[i]) / (2.0 * std::sqrt(3.0));
                 const Eigen::Vector3d d = image(poses[0], cells.cells[0].centre, x) -
                                           image(poses[1], cells.cells[1].centre, x);
@@ -210,6 +210,52 @@ TEST(Glue, is_stiffened_where_both_cells_are)
     EXPECT_EQ(build_glue(cells, std::vector<double>{20, 1}).faces[0].stiffness, plain);
     EXPECT_NEAR(build_glue(cells, std::vector<double>{4, 9}).faces[0].stiffness,
                 6 * plain, 1e-12);
+}
+
+TEST(Glue, stretches_over_the_length_that_is_given)
+{
+    const Cells cells = two_cells();
+    const double plain = build_glue(cells, {}).faces[0].stiffness;
+    EXPECT_NEAR(build_glue(cells, {}, std::vector<double>{0.25}).faces[0].stiffness,
+                3 * plain, 1e-12);
+}
+
+TEST(Glue, balances_cells_that_the_surface_cuts_under_constant_strain)
+{
+    // The top lies inside the uppermost leaves, the bar in the middle of its frame.
+    const support::Built bar =
+        support::built(support::box_shape({0, 0, 0}, {4, 1.3, 0.9}), 8, 0);
+    const Glue glue = build_glue(bar.cells, {});
+    Eigen::Matrix3d F = Eigen::Matrix3d::Identity(); // no traction on the sides
+    F(0, 0) = 1.2;
+    std::mt19937 rng(7);
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    std::vector<Pose> poses;
+    for (const Cell& cell : bar.cells.cells)
+        poses.push_back({R, R * (F * cell.anchor + cell.centre - cell.anchor)});
+    std::vector<Eigen::Matrix<double, 6, 1>> sums(bar.cells.size(),
+                                                  Eigen::Matrix<double, 6, 1>::Zero());
+    double largest = 0.0;
+    for (const GlueFace& face : glue.faces)
+    {
+        const std::size_t a = static_cast<std::size_t>(face.a);
+        const std::size_t b = static_cast<std::size_t>(face.b);
+        const Vector12 force = glue_gradient(face, poses[a], poses[b]);
+        sums[a] += force.head<6>();
+        sums[b] += force.tail<6>();
+        largest = std::max(largest, force.norm());
+    }
+    ASSERT_GT(largest, 0.01);
+    int num_cut = 0;
+    for (std::size_t i = 0; i < bar.cells.size(); ++i)
+    {
+        const Cell& cell = bar.cells.cells[i];
+        if (cell.box_centre.x() < 0.5 || cell.box_centre.x() > 3.5)
+            continue; // the ends are pulled
+        num_cut += cell.volume < 0.9 * std::pow(cell.edge, 3);
+        EXPECT_LT(sums[i].norm(), 1e-12 * largest);
+    }
+    EXPECT_GT(num_cut, 20);
 }
 
 TEST(Glue, energy_of_a_stretched_bar_converges_to_the_continuum)
