@@ -15,12 +15,6 @@ namespace cellwarp
 namespace
 {
 
-double extent(const VoxelGrid& grid, int axis, int i)
-{
-    const std::vector<double>& lines = grid.lines(axis);
-    return lines[static_cast<std::size_t>(i) + 1] - lines[static_cast<std::size_t>(i)];
-}
-
 /// Mass properties of the pieces of one leaf; sums run about the leaf's box centre
 /// to keep their digits.
 void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
@@ -50,9 +44,9 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                     piece >= first_piece + static_cast<int>(cells.size()))
                     continue;
                 const std::size_t at = static_cast<std::size_t>(piece - first_piece);
-                const Eigen::Vector3d size(extent(grid, 0, voxel.x()),
-                                           extent(grid, 1, voxel.y()),
-                                           extent(grid, 2, voxel.z()));
+                const Eigen::Vector3d size(grid.extent(0, voxel.x()),
+                                           grid.extent(1, voxel.y()),
+                                           grid.extent(2, voxel.z()));
                 const double volume = size.prod();
                 const Eigen::Vector3d x = grid.centre(voxel) - box_centre;
                 cells[at].volume += volume;
@@ -100,7 +94,7 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                     pieces.leaf_of_piece[static_cast<std::size_t>(a)] !=
                         static_cast<int>(leaf_index))
                     continue;
-                const double area = extent(grid, u, below[u]) * extent(grid, v, below[v]);
+                const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
                 centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
                 Face& face = found[{a, axis, b}];

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/nearest_sample.h"
 
-#include <algorithm>
+#include <cmath>
 #include <limits>
+#include <utility>
 
 namespace cellwarp
 {
@@ -14,31 +15,38 @@ namespace
 /// majority of voxels would notice.
 constexpr double kStep = 0.25;
 
+/// Distances are told apart to a step of this [voxel]; of equal ones the first sample
+/// counts. So rounding decides nothing where voxels lie just between samples, and is
+/// unlikely to elsewhere: no regular grid has its distances on such an odd number.
+constexpr double kSame = 7.0710678e-4;
+
 } // namespace
 
 std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
                                            std::span<const Eigen::Vector3d> samples)
 {
     std::vector<std::uint32_t> nearest(grid.size(), kNoSample);
-    std::vector<float> distance(grid.size(), std::numeric_limits<float>::infinity());
+    std::vector<std::uint32_t> distance(grid.size(), // [kSame]
+                                        std::numeric_limits<std::uint32_t>::max());
     struct Entry
     {
         std::size_t voxel;
         std::uint32_t sample;
-        float distance;
+        std::uint32_t distance;
     };
     // A queue by distance: one bucket a step.
     std::vector<std::vector<Entry>> buckets(1);
     const auto offer = [&](const Eigen::Vector3i& place, std::uint32_t sample)
     {
         const std::size_t voxel = grid.index(place);
-        const float d = static_cast<float>((grid.centre(place) - samples[sample]).norm() /
-                                           grid.shape().voxel());
-        if (!(d < distance[voxel]))
+        const double length =
+            (grid.centre(place) - samples[sample]).norm() / grid.shape().voxel();
+        const std::uint32_t d = static_cast<std::uint32_t>(std::lround(length / kSame));
+        if (std::pair(d, sample) >= std::pair(distance[voxel], nearest[voxel]))
             return;
         distance[voxel] = d;
         nearest[voxel] = sample;
-        const std::size_t bucket = static_cast<std::size_t>(d / kStep);
+        const std::size_t bucket = static_cast<std::size_t>(d * kSame / kStep);
         if (bucket >= buckets.size())
             buckets.resize(bucket + 1);
         buckets[bucket].push_back({voxel, sample, d});
@@ -49,7 +57,7 @@ std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
         for (std::size_t next = 0; next < buckets[bucket].size(); ++next)
         {
             const Entry entry = buckets[bucket][next];
-            if (entry.distance > distance[entry.voxel] ||
+            if (entry.distance != distance[entry.voxel] ||
                 nearest[entry.voxel] != entry.sample)
                 continue;
             const Eigen::Vector3i place = grid.coordinates(entry.voxel);

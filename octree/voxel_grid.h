@@ -72,6 +72,12 @@ public:
     {
         return lines_[static_cast<std::size_t>(axis)];
     }
+    /// Of the voxels at place \p i of an axis.
+    double extent(int axis, int i) const
+    {
+        const std::vector<double>& at = lines_[static_cast<std::size_t>(axis)];
+        return at[static_cast<std::size_t>(i) + 1] - at[static_cast<std::size_t>(i)];
+    }
     Eigen::Vector3d centre(const Eigen::Vector3i& v) const;
 
     std::vector<std::uint8_t>& material() { return material_; }

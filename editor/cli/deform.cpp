@@ -179,9 +179,9 @@ void add_cells(Json& json, const Session& session)
     json["cells_per_depth"] = per_depth;
     if (!rig)
         return;
-    const Material& material = rig->body().material;
-    const double diagonal = rig->body().frame.diagonal();
-    json["across"] = rig->body().across;
+    const Material& material = rig->rest().material;
+    const double diagonal = rig->rest().frame.diagonal();
+    json["across"] = rig->rest().across;
     json["faces_of_glue"] = rig->body().cells.faces.size();
     json["groups_of_cells"] = rig->minimizer().multigrid().sizes();
     json["material"] = {{"inside", inside_name(material.method)},
@@ -202,7 +202,7 @@ Json field_json(const Session& session, const std::string& release)
     return {{"kind", release},
             {"centres", field->num_centres()},
             {"clusters", field->num_clusters()},
-            {"residual", field->residual() / rig->body().frame.diagonal()}};
+            {"residual", field->residual() / rig->rest().frame.diagonal()}};
 }
 
 Json volume_json(const std::optional<Volume>& volume)

@@ -55,7 +55,7 @@ Figure figure_of(const Session& session)
     Figure figure = figure_of(session.model().geometry);
     figure.points = session.patch().samples;
     if (const Rig* const rig = session.rig())
-        for (const Region& region : rig->regions())
+        for (const Region& region : rig->regions().regions())
             for (const std::uint32_t i : region.samples)
                 figure.colours[i] = colour_of(region.role);
     return figure;
@@ -75,7 +75,7 @@ void add_cells(Figure& figure, const Session& session)
         {
             const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
                                        k & 4 ? 0.5 : -0.5);
-            corners[k] = rig->body().frame.to_model(
+            corners[k] = rig->rest().frame.to_model(
                 image(pose, cell.centre, cell.box_centre + cell.edge * side));
         }
         figure.boxes.push_back(corners);

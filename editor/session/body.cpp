@@ -90,8 +90,9 @@ std::vector<Triangle> triangles_of(const Geometry& geometry)
     return triangles;
 }
 
-Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
-                const CellSettings& settings)
+std::shared_ptr<const RestShape>
+build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
+                 const CellSettings& settings)
 {
     const WorkFrame frame = settings.frame
                                 ? given_frame(*settings.frame, settings.frame_file)
@@ -138,16 +139,32 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
                         way));
     }
     Material material = find_material(shape, grid, settings.fill);
-    const MaterialTest has_material = material_test(material.grid);
-    const Octree coarsest(grid, has_material);
-    if (static_cast<std::int64_t>(coarsest.leaves().size()) > settings.max_cells)
+    std::vector<std::string> warnings;
+    if (settings.fill == Fill::Solid && material.method == InsideMethod::None)
+        warnings.push_back("nothing is enclosed: the shape is treated as a shell");
+    const double joined = material.joins_below / frame.diagonal();
+    if (joined > settings.gap)
+        warnings.push_back(fmt::format(
+            "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
+            "joined (gap raised from {:.4g})",
+            joined, settings.gap));
+    return std::make_shared<const RestShape>(RestShape{frame, std::move(shape.samples),
+                                                       std::move(material), across,
+                                                       std::move(warnings)});
+}
+
+Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& settings)
+{
+    const VoxelGrid& grid = rest->material.grid;
+    const MaterialTest has_material = material_test(grid);
+    Octree octree(grid.shape(), has_material);
+    if (static_cast<std::int64_t>(octree.leaves().size()) > settings.max_cells)
         throw Error(
             Fault::Budget,
             fmt::format("the coarsest grid has {} cells, more than max_cells {}: use a "
                         "smaller --across",
-                        coarsest.leaves().size(), settings.max_cells));
+                        octree.leaves().size(), settings.max_cells));
     std::vector<std::string> warnings;
-    Octree octree = coarsest;
     for (int level = 1; level <= settings.min_depth; ++level)
     {
         Octree finer = octree.split_all(level, has_material);
@@ -161,31 +178,22 @@ Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& sa
         }
         octree = std::move(finer);
     }
-    Pieces pieces = find_pieces(material.grid, octree);
-    Cells cells = build_cells(material.grid, octree, pieces);
-    Body body{frame,
-              std::move(shape.samples),
-              std::move(material),
-              std::move(octree),
-              std::move(pieces),
-              std::move(cells),
-              {},
-              across,
-              std::move(warnings)};
-    body.cell_of_sample.reserve(body.samples.size());
-    for (const Eigen::Vector3d& x : body.samples)
-        body.cell_of_sample.push_back(
-            body.pieces
-                .piece_of_voxel[body.material.grid.index(body.material.grid.locate(x))]);
-    if (settings.fill == Fill::Solid && body.material.method == InsideMethod::None)
-        body.warnings.push_back("nothing is enclosed: the shape is treated as a shell");
-    const double joined = body.material.joins_below / frame.diagonal();
-    if (joined > settings.gap)
-        body.warnings.push_back(fmt::format(
-            "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
-            "joined (gap raised from {:.4g})",
-            joined, settings.gap));
+    Body body = cut(std::move(rest), std::move(octree));
+    body.warnings = std::move(warnings);
     return body;
+}
+
+Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
+{
+    const VoxelGrid& grid = rest->material.grid;
+    Pieces pieces = find_pieces(grid, octree);
+    Cells cells = build_cells(grid, octree, pieces);
+    std::vector<int> cell_of_sample;
+    cell_of_sample.reserve(rest->samples.size());
+    for (const Eigen::Vector3d& x : rest->samples)
+        cell_of_sample.push_back(pieces.piece_of_voxel[grid.index(grid.locate(x))]);
+    return {std::move(rest),  std::move(octree),         std::move(pieces),
+            std::move(cells), std::move(cell_of_sample), {}};
 }
 
 } // namespace cellwarp

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A shape as the solver sees it: material, octree, pieces and cells in work space.
+// A shape as the solver sees it: its material in work space, and the cells that this is
+// cut into.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,25 +37,39 @@ struct CellSettings
     std::string frame_file;        ///< the scene that gives it
 };
 
-/// Immutable once built.
-struct Body
+/// What is cut into cells: lasts as long as a rest shape does. Immutable once built.
+struct RestShape
 {
     WorkFrame frame;
     std::vector<Eigen::Vector3d> samples; ///< rest places [work]
     Material material;
+    int across = 0; ///< coarsest cells along the longest side
+    std::vector<std::string> warnings;
+};
+
+/// A rest shape in cells: made anew where other cells are wanted. Immutable once built.
+struct Body
+{
+    std::shared_ptr<const RestShape> rest;
     Octree octree;
     Pieces pieces;
     Cells cells;
     std::vector<int> cell_of_sample;
-    int across = 0;
     std::vector<std::string> warnings;
 };
 
-/// Builds the cells of \p samples (rest places [model unit], in the order of
-/// \p geometry, which gives the faces). Throws Fault::Budget when the coarsest grid
-/// alone is over max_cells or the voxels are over max_memory.
-Body build_body(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
-                const CellSettings& settings);
+/// The material of \p samples (rest places [model unit], in the order of \p geometry,
+/// which gives the faces). Throws Fault::Budget when the voxels are over max_memory.
+std::shared_ptr<const RestShape>
+build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
+                 const CellSettings& settings);
+
+/// The coarsest cells, split down to min_depth as far as max_cells allows. Throws
+/// Fault::Budget when the coarsest grid alone has more.
+Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& settings);
+
+/// The cells of an octree of this shape.
+Body cut(std::shared_ptr<const RestShape> rest, Octree octree);
 
 /// The faces of \p geometry as fans.
 std::vector<Triangle> triangles_of(const Geometry& geometry);

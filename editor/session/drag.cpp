@@ -20,7 +20,7 @@ double ms_since(Clock::time_point start)
 Rig rig_of(const DragRequest& request)
 {
     // Regions of a drag come from the screen, not from a file.
-    return {request.body, request.regions, request.rig, ""};
+    return {request.body, request.regions, request.rig};
 }
 
 } // namespace
@@ -45,7 +45,7 @@ Drag::Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> 
     faded_motions_.resize(faded.size());
     const Body& body = rig_->body();
     samples_.emplace(settings.field, body.cells,
-                     SampleSet{body.samples, body.cell_of_sample, normals},
+                     SampleSet{body.rest->samples, body.cell_of_sample, normals},
                      rig_->constraints(), faded);
 }
 

@@ -64,7 +64,7 @@ private:
 struct DragRequest
 {
     std::shared_ptr<const Body> body;
-    std::vector<Region> regions;
+    std::shared_ptr<const RegionSet> regions;
     RigSettings rig;
     DragSettings drag;
     std::vector<SampleNormal> normals;

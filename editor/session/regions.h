@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the region statements of a handle file mean for one model: which samples a
-// region names, which voxels belong to it, and which cells it prescribes.
+// What the region statements of a handle file mean for one model: the places and samples
+// that a region names.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,9 +14,6 @@
 #include "editor/session/path.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
-#include "octree/cells.h"
-#include "octree/pieces.h"
-#include "octree/voxel_grid.h"
 
 namespace cellwarp
 {
@@ -59,33 +55,5 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
 std::string nearest_sample_note(const Region& region,
                                 const std::vector<Eigen::Vector3d>& samples);
-
-/// How much of each cell's material belongs to a region, by volume.
-struct RegionShares
-{
-    std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
-    double largest() const;
-};
-
-/// The shares of all regions. A voxel belongs to a region by its centre if it lies in
-/// a shape, and by its nearest sample through the material if that is listed. A
-/// region that holds samples but no voxel centre counts as the list of its samples.
-std::vector<RegionShares> region_shares(const std::vector<Region>& regions,
-                                        const VoxelGrid& grid, const Pieces& pieces,
-                                        const WorkFrame& frame,
-                                        const std::vector<Eigen::Vector3d>& work_samples);
-
-/// Which region prescribes each cell, by index; -1 if none. The share must be at
-/// least half; of two such regions the larger share, then the first. A region that
-/// reaches no such cell takes all cells within 1e-6 of its largest share. Throws
-/// Fault::Unsolvable if a region is left without a cell because others hold them.
-std::vector<int> prescribing_regions(const std::vector<Region>& regions,
-                                     const std::vector<RegionShares>& shares,
-                                     std::size_t num_cells, const std::string& file);
-
-/// The stiffness factor of each cell; empty if no region is stiff.
-std::vector<double> cell_factors(const std::vector<Region>& regions,
-                                 const std::vector<RegionShares>& shares,
-                                 std::size_t num_cells);
 
 } // namespace cellwarp

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/session/region_cells.h"
 #include "io/error.h"
 #include "io/number.h"
 
@@ -27,45 +28,28 @@ bool agree(const Motion& a, const Motion& b, double scale)
     return (a.R - b.R).norm() <= kSameStep && (a.t - b.t).norm() <= kSameStep * scale;
 }
 
-/// The samples as the file has them, nearly: for messages.
-std::vector<Eigen::Vector3d> model_samples(const Body& body)
-{
-    std::vector<Eigen::Vector3d> samples;
-    for (const Eigen::Vector3d& x : body.samples)
-        samples.push_back(body.frame.to_model(x));
-    return samples;
-}
-
 } // namespace
 
-Rig::Rig(std::shared_ptr<const Body> body, std::vector<Region> regions,
-         const RigSettings& settings, const std::string& file)
+Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regions,
+         const RigSettings& settings)
     : body_(std::move(body)), regions_(std::move(regions))
 {
     const Cells& cells = body_->cells;
-    const std::vector<RegionShares> shares = region_shares(
-        regions_, body_->material.grid, body_->pieces, body_->frame, body_->samples);
-    for (std::size_t r = 0; r < regions_.size(); ++r)
-        if (regions_[r].samples.empty() && shares[r].cells.empty())
-            throw malformed({file, regions_[r].line, regions_[r].name},
-                            "selects nothing of the model" +
-                                nearest_sample_note(regions_[r], model_samples(*body_)));
-    region_of_cell_ = prescribing_regions(regions_, shares, cells.size(), file);
-    const std::vector<double> factors = cell_factors(regions_, shares, cells.size());
+    const std::vector<RegionShares> shares = regions_->shares(body_->pieces);
+    region_of_cell_ = prescribing_regions(*regions_, shares, cells.size());
+    const std::vector<double> factors = cell_factors(*regions_, shares, cells.size());
     const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
     if (!factors.empty() && *stiffest > kExtremeContrast * *softest)
         warnings_.push_back(
             fmt::format("stiffness differs by a factor of {:.1g}: the soft "
                         "parts keep few digits",
                         *stiffest / *softest));
-    glue_ = build_glue(cells, factors);
+    glue_ = build_glue(cells, factors, glue_lengths(*body_, *regions_, region_of_cell_));
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
-    motions_.resize(regions_.size());
+    motions_.resize(regions_->size());
     last_motions_ = steps_ = motions_;
 
-    measure_regions(shares);
-    find_overlaps();
     hold_cells(shares);
     std::vector<Component> components = find_components(cells, constraints_);
     check_memory("equations",
@@ -74,7 +58,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::vector<Region> regions,
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     spread_.emplace(cells, glue_, constraints_, region_of_cell_,
-                    static_cast<int>(regions_.size()));
+                    static_cast<int>(regions_->size()));
     for (Component& component : components)
     {
         Part& part = parts_.emplace_back();
@@ -87,43 +71,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::vector<Region> regions,
     place_fades();
 }
 
-/// Boxes of the regions' samples: centres of rotation, and how far they travel.
-void Rig::measure_regions(const std::vector<RegionShares>& shares)
-{
-    for (std::size_t r = 0; r < regions_.size(); ++r)
-    {
-        ModelBox& box = boxes_.emplace_back();
-        box.low.setConstant(INFINITY);
-        box.high = -box.low;
-        const auto include = [&](const Eigen::Vector3d& x)
-        {
-            box.low = box.low.cwiseMin(x);
-            box.high = box.high.cwiseMax(x);
-        };
-        for (const std::uint32_t i : regions_[r].samples)
-            include(body_->samples[i]);
-        if (regions_[r].samples.empty())
-            for (const auto& [cell, share] : shares[r].cells)
-                include(body_->cells.cells[static_cast<std::size_t>(cell)].centre);
-    }
-}
-
-void Rig::find_overlaps()
-{
-    std::vector<int> first_region(body_->samples.size(), -1);
-    for (std::size_t r = 0; r < regions_.size(); ++r)
-        for (const std::uint32_t i : regions_[r].samples)
-        {
-            if (!regions_[r].prescribes())
-                break;
-            if (first_region[i] >= 0)
-                overlaps_.push_back({static_cast<std::size_t>(first_region[i]), r, i});
-            else
-                first_region[i] = static_cast<int>(r);
-        }
-}
-
-void Rig::hold_cells(const std::vector<RegionShares>& shares)
+void Rig::hold_cells(std::span<const RegionShares> shares)
 {
     constraints_.resize(body_->cells.size());
     for (std::size_t c = 0; c < constraints_.size(); ++c)
@@ -131,7 +79,7 @@ void Rig::hold_cells(const std::vector<RegionShares>& shares)
         const int owner = region_of_cell_[c];
         if (owner < 0)
             continue;
-        const Region& region = regions_[static_cast<std::size_t>(owner)];
+        const Region& region = (*regions_)[static_cast<std::size_t>(owner)];
         constraints_[c].hold = region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
         constraints_[c].held_rest = body_->cells.cells[c].centre;
     }
@@ -143,12 +91,12 @@ void Rig::hold_cells(const std::vector<RegionShares>& shares)
 /// A pinned cell is held at the mean of the pin's samples in it. One without any is held
 /// at its centre if most of it is the pin's, else, being a neighbour of a small pin,
 /// where the pin's nearest sample is.
-void Rig::hold_pins(const std::vector<RegionShares>& shares)
+void Rig::hold_pins(std::span<const RegionShares> shares)
 {
-    const std::vector<Eigen::Vector3d>& samples = body_->samples;
-    for (std::size_t r = 0; r < regions_.size(); ++r)
+    const std::vector<Eigen::Vector3d>& samples = rest().samples;
+    for (std::size_t r = 0; r < regions_->size(); ++r)
     {
-        const Region& region = regions_[r];
+        const Region& region = (*regions_)[r];
         if (region.role != Role::Pin || region.samples.empty())
             continue;
         std::map<int, std::pair<Eigen::Vector3d, int>> sums;
@@ -156,7 +104,7 @@ void Rig::hold_pins(const std::vector<RegionShares>& shares)
         {
             auto [found, is_new] =
                 sums.try_emplace(body_->cell_of_sample[i], Eigen::Vector3d::Zero(), 0);
-            found->second.first += samples[i] - boxes_[r].low;
+            found->second.first += samples[i] - regions_->box(r).low;
             ++found->second.second;
         }
         for (const auto& [cell, share] : shares[r].cells)
@@ -167,7 +115,7 @@ void Rig::hold_pins(const std::vector<RegionShares>& shares)
             Eigen::Vector3d& held = constraints_[c].held_rest;
             const auto found = sums.find(cell);
             if (found != sums.end())
-                held = boxes_[r].low + found->second.first / found->second.second;
+                held = regions_->box(r).low + found->second.first / found->second.second;
             else if (share < 0.5)
                 held = samples[*std::min_element(
                     region.samples.begin(), region.samples.end(),
@@ -205,15 +153,15 @@ void Rig::place_fades()
 {
     const std::vector<std::vector<Eigen::Vector3d>> borders =
         border_points(body_->cells, constraints_);
-    for (std::size_t r = 0; r < regions_.size(); ++r)
+    for (std::size_t r = 0; r < regions_->size(); ++r)
     {
-        const Region& region = regions_[r];
+        const Region& region = (*regions_)[r];
         std::optional<RegionFade>& fade = fades_.emplace_back();
         if (!region.prescribes() || region.samples.empty())
             continue;
         std::vector<RegionFade::Node> samples, further;
         for (const std::uint32_t i : region.samples)
-            samples.push_back({body_->samples[i], body_->cell_of_sample[i]});
+            samples.push_back({rest().samples[i], body_->cell_of_sample[i]});
         for (std::size_t c = 0; c < constraints_.size(); ++c)
             if (region_of_cell_[c] == static_cast<int>(r) &&
                 constraints_[c].hold == Hold::Prescribed)
@@ -333,7 +281,7 @@ double Rig::largest_gap() const
             std::max(largest, glue_energy(face, poses_[static_cast<std::size_t>(face.a)],
                                           poses_[static_cast<std::size_t>(face.b)]) /
                                   face.stiffness);
-    return std::sqrt(largest) / body_->frame.diagonal();
+    return std::sqrt(largest) / rest().frame.diagonal();
 }
 
 } // namespace cellwarp

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "editor/session/body.h"
-#include "editor/session/regions.h"
+#include "editor/session/region_set.h"
 #include "solver/field/field.h"
 #include "solver/minimize.h"
 #include "solver/motion_spread.h"
@@ -27,14 +27,14 @@ struct RigSettings
 class Rig
 {
 public:
-    /// \p regions of the samples of \p body; \p file is where they stand, for messages.
-    /// All is at rest. Throws Fault::Malformed for a region that selects nothing,
-    /// Fault::Unsolvable for one that others leave no cell, Fault::Budget.
-    Rig(std::shared_ptr<const Body> body, std::vector<Region> regions,
-        const RigSettings& settings, const std::string& file);
+    /// \p regions of the rest shape of \p body. All is at rest. Throws Fault::Unsolvable
+    /// for a region that others leave no cell, Fault::Budget.
+    Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regions,
+        const RigSettings& settings);
 
     const Body& body() const { return *body_; }
-    const std::vector<Region>& regions() const { return regions_; }
+    const RestShape& rest() const { return *body_->rest; }
+    const RegionSet& regions() const { return *regions_; }
     const std::vector<int>& region_of_cell() const
     {
         return region_of_cell_;
@@ -44,15 +44,6 @@ public:
     const Minimizer& minimizer() const { return *minimizer_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
 
-    /// The box of a region's samples, or of its cells' centres if it has none [work].
-    const ModelBox& box(std::size_t region) const { return boxes_[region]; }
-    /// A sample that two regions hold: their motions must agree about it.
-    struct Overlap
-    {
-        std::size_t a, b;
-        std::uint32_t sample;
-    };
-    const std::vector<Overlap>& overlaps() const { return overlaps_; }
     /// Where a region's correction acts; null for one without samples.
     const RegionFade* fade(std::size_t region) const
     {
@@ -84,20 +75,16 @@ private:
         std::vector<int> movable;
     };
 
-    void measure_regions(const std::vector<RegionShares>& shares);
-    void find_overlaps();
-    void hold_cells(const std::vector<RegionShares>& shares);
-    void hold_pins(const std::vector<RegionShares>& shares);
+    void hold_cells(std::span<const RegionShares> shares);
+    void hold_pins(std::span<const RegionShares> shares);
     void warn_of_components();
     void place_fades();
     void check_memory(const char* what, double bytes, const RigSettings& settings) const;
     std::optional<Motion> rigid_step_of(const Component& component) const;
 
     std::shared_ptr<const Body> body_;
-    std::vector<Region> regions_;
+    std::shared_ptr<const RegionSet> regions_;
     std::vector<int> region_of_cell_;
-    std::vector<ModelBox> boxes_;
-    std::vector<Overlap> overlaps_;
     std::vector<Constraint> constraints_;
     std::vector<Part> parts_;
     Glue glue_;

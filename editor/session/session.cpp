@@ -147,17 +147,18 @@ void Session::start_stage(std::size_t stage)
     stage_ = stage;
     frame_ = 0;
     const Stage& statements = handles_.stages[stage];
-    auto body =
-        std::make_shared<const Body>(build_body(model_.geometry, rest_, settings_.cells));
-    parts_.interior += body->material.method != InsideMethod::None;
-    warnings_.insert(warnings_.end(), body->warnings.begin(), body->warnings.end());
-    const Units units{body->frame, handles_.is_relative, bounding_box(rest_)};
-    std::vector<Region> regions =
-        resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path);
+    const auto rest = build_rest_shape(model_.geometry, rest_, settings_.cells);
+    parts_.interior += rest->material.method != InsideMethod::None;
+    const auto body = std::make_shared<const Body>(build_body(rest, settings_.cells));
+    for (const std::vector<std::string>* more : {&body->warnings, &rest->warnings})
+        warnings_.insert(warnings_.end(), more->begin(), more->end());
+    const Units units{rest->frame, handles_.is_relative, bounding_box(rest_)};
+    const auto regions = std::make_shared<const RegionSet>(
+        rest,
+        resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path),
+        handles_.path);
     state_ = std::make_unique<StageState>(
-        Rig(body, std::move(regions), {settings_.cells.max_memory, settings_.method},
-            handles_.path),
-        units);
+        Rig(body, regions, {settings_.cells.max_memory, settings_.method}), units);
     const std::vector<std::string>& more = state_->rig.warnings();
     warnings_.insert(warnings_.end(), more.begin(), more.end());
     if (settings_.field == FieldKind::RbfGlobal)
@@ -203,32 +204,32 @@ void Session::plan_frames(const std::vector<FrameStatement>& frames)
             std::vector<Step> next = now[r];
             if (move)
             {
-                const Eigen::Vector3d centre = s.rig.box(r).centre();
+                const Eigen::Vector3d centre = s.rig.regions().box(r).centre();
                 const bool is_placed = std::any_of(
                     move->operations.begin(), move->operations.end(),
                     [](const Operation& o) { return o.kind == Operation::Kind::To; });
-                if (is_placed &&
-                    s.rig.box(r).size().norm() > 1e-9 * s.rig.body().frame.diagonal())
+                if (is_placed && s.rig.regions().box(r).size().norm() >
+                                     1e-9 * s.rig.rest().frame.diagonal())
                     throw malformed(
                         {handles_.path, move->line, move->region},
                         "'to' needs a pin of one place; this one has " +
                             std::to_string(s.rig.regions()[r].samples.size()) +
                             " samples, use translate");
-                next = steps_of(*move, s.units, centre, s.rig.box(r).low, handles_.path,
-                                warnings_);
+                next = steps_of(*move, s.units, centre, s.rig.regions().box(r).low,
+                                handles_.path, warnings_);
             }
             const Path path = paths.emplace_back(now[r], next);
             now[r] = std::move(next);
             motions.push_back(path.at(1.0));
             if (s.rig.regions()[r].prescribes())
             {
-                parts =
-                    std::max(parts, path.num_parts(s.rig.box(r).low, s.rig.box(r).high,
-                                                   s.rig.body().frame.diagonal()));
-                const Eigen::Vector3d centre = s.rig.box(r).centre();
-                if (s.rig.body().frame.diagonal() > 0 &&
+                parts = std::max(parts, path.num_parts(s.rig.regions().box(r).low,
+                                                       s.rig.regions().box(r).high,
+                                                       s.rig.rest().frame.diagonal()));
+                const Eigen::Vector3d centre = s.rig.regions().box(r).centre();
+                if (s.rig.rest().frame.diagonal() > 0 &&
                     (motions.back()(centre) - centre).norm() >
-                        kExtremeMove * s.rig.body().frame.diagonal())
+                        kExtremeMove * s.rig.rest().frame.diagonal())
                     warnings_.push_back(fmt::format("frame {}: {} moves by more than {} "
                                                     "diagonals: the shape is stretched "
                                                     "to an extreme",
@@ -244,12 +245,12 @@ void Session::plan_frames(const std::vector<FrameStatement>& frames)
 void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const
 {
     const StageState& s = *state_;
-    for (const Rig::Overlap& overlap : s.rig.overlaps())
+    for (const RegionSet::Overlap& overlap : s.rig.regions().overlaps())
     {
-        const Eigen::Vector3d& x = s.rig.body().samples[overlap.sample];
+        const Eigen::Vector3d& x = s.rig.rest().samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
         const double scale =
-            std::max(s.rig.body().frame.diagonal(), motions[overlap.a](x).norm());
+            std::max(s.rig.rest().frame.diagonal(), motions[overlap.a](x).norm());
         if (!(apart <= kSameMotion * scale))
             throw malformed(
                 {handles_.path, line, s.rig.regions()[overlap.a].name},
@@ -257,7 +258,7 @@ void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t li
                             "differently ({:.3g} of the diagonal apart)",
                             s.rig.regions()[overlap.b].name,
                             s.rig.regions()[overlap.b].line, overlap.sample,
-                            apart / s.rig.body().frame.diagonal()));
+                            apart / s.rig.rest().frame.diagonal()));
     }
 }
 
@@ -409,7 +410,7 @@ void Session::solve_frame(FrameReport& report)
 void Session::move_samples(FrameReport& report)
 {
     StageState& s = *state_;
-    const WorkFrame& frame = s.rig.body().frame;
+    const WorkFrame& frame = s.rig.rest().frame;
     Clock::time_point start = Clock::now();
     std::vector<MovedRegion> moved;
     std::vector<Motion> motions;
@@ -430,7 +431,7 @@ void Session::move_samples(FrameReport& report)
 
     start = Clock::now();
     const std::vector<Eigen::Vector3d> displacements =
-        s.field->displacements(s.rig.body().samples, s.rig.body().cell_of_sample);
+        s.field->displacements(s.rig.rest().samples, s.rig.body().cell_of_sample);
     patch_.samples.resize(rest_.size());
     for (std::size_t i = 0; i < rest_.size(); ++i)
         patch_.samples[i] = rest_[i] + frame.vector_to_model(displacements[i]);
@@ -439,7 +440,7 @@ void Session::move_samples(FrameReport& report)
     {
         const std::uint32_t i = uses_[u].sample;
         const Eigen::Matrix3d gradient =
-            s.field->value(s.rig.body().samples[i], s.rig.body().cell_of_sample[i])
+            s.field->value(s.rig.rest().samples[i], s.rig.body().cell_of_sample[i])
                 .gradient;
         if (gradient.isZero(0))
             continue;
@@ -456,7 +457,7 @@ void Session::move_samples(FrameReport& report)
         {
             if (!s.rig.regions()[r].prescribes())
                 break;
-            const Eigen::Vector3d& x = s.rig.body().samples[i];
+            const Eigen::Vector3d& x = s.rig.rest().samples[i];
             const Eigen::Vector3d wanted =
                 (motions[r].R - Eigen::Matrix3d::Identity()) * x + motions[r].t;
             report.handle_residual = std::max(

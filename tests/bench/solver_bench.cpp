@@ -389,19 +389,21 @@ public:
         const Geometry geometry = bar_geometry(num_samples);
         CellSettings cells;
         cells.across = along;
-        const auto body =
-            std::make_shared<const Body>(build_body(geometry, geometry.samples, cells));
+        const auto body = std::make_shared<const Body>(
+            build_body(build_rest_shape(geometry, geometry.samples, cells), cells));
         const double layers = 2.0 * kDragLength / along;
         const HandleFile file = parse_handles(
             "bar.handles", fmt::format("cellwarp-handles 1\nfixed foot box 0 0 0 {} 1 1\n"
                                        "handle head box {} 0 0 {} 1 1\nframe 1\n",
                                        layers, kDragLength - layers, kDragLength));
-        const Units units{body->frame, false, bounding_box(geometry.samples)};
-        drag_.emplace(Rig(body,
-                          resolve_regions(file.stages[0].regions, geometry,
-                                          geometry.samples, units, file.path),
-                          {}, file.path),
-                      DragSettings(), std::span<const SampleNormal>());
+        const Units units{body->rest->frame, false, bounding_box(geometry.samples)};
+        const auto regions = std::make_shared<const RegionSet>(
+            body->rest,
+            resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
+                            file.path),
+            file.path);
+        drag_.emplace(Rig(body, regions, {}), DragSettings(),
+                      std::span<const SampleNormal>());
     }
 
     Drag& drag() { return *drag_; }
@@ -419,7 +421,7 @@ public:
                                  kRadius * std::sin(angle));
             motions.push_back({{},
                                {Eigen::Matrix3d::Identity(),
-                                drag_->rig().body().frame.vector_to_work(shift)}});
+                                drag_->rig().rest().frame.vector_to_work(shift)}});
         }
         return motions;
     }

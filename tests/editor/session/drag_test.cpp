@@ -33,29 +33,32 @@ struct Bar
     {
         CellSettings cells;
         cells.across = across;
-        body =
-            std::make_shared<const Body>(build_body(geometry, geometry.samples, cells));
+        body = std::make_shared<const Body>(
+            build_body(build_rest_shape(geometry, geometry.samples, cells), cells));
     }
-    std::vector<Region> regions(const std::string& text) const
+    std::shared_ptr<const RegionSet> regions(const std::string& text) const
     {
         const HandleFile file =
             parse_handles("h.handles", "cellwarp-handles 1\n" + text + "frame 1\n");
-        const Units units{body->frame, false, bounding_box(geometry.samples)};
-        return resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
-                               file.path);
+        const Units units{body->rest->frame, false, bounding_box(geometry.samples)};
+        return std::make_shared<const RegionSet>(
+            body->rest,
+            resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
+                            file.path),
+            file.path);
     }
-    std::vector<Region> ends() const
+    std::shared_ptr<const RegionSet> ends() const
     {
         return regions("fixed foot box 0 0 0 1 1 0.25\nhandle head box 0 0 3.75 1 1 4\n");
     }
     DragRequest request() const { return {body, ends(), {}, {}, {}}; }
-    Drag drag() const { return {Rig(body, ends(), {}, ""), {}, {}}; }
+    Drag drag() const { return {Rig(body, ends(), {}), {}, {}}; }
 };
 
 /// The head turned about the bar's axis [work].
 std::vector<Motion> turned_head(const Bar& bar, double angle)
 {
-    const Eigen::Vector3d axis_point = 0.5 * bar.body->frame.size;
+    const Eigen::Vector3d axis_point = 0.5 * bar.body->rest->frame.size;
     const Eigen::Matrix3d R = rotation_about(Eigen::Vector3d::UnitZ(), angle);
     return {{}, {R, axis_point - R * axis_point}};
 }
@@ -73,7 +76,7 @@ TEST(Drag, follows_the_hand_and_arrives_where_the_canonical_solve_does)
         EXPECT_LE(report.solve.iterations, 2);
         EXPECT_GE(drag.rig().energy(), energy); // twisted more and more
     }
-    Rig rig(bar.body, bar.ends(), {}, "");
+    Rig rig(bar.body, bar.ends(), {});
     const std::vector<Motion> motions = turned_head(bar, 1.0);
     rig.move_regions(motions);
     rig.carry_others();
@@ -81,13 +84,13 @@ TEST(Drag, follows_the_hand_and_arrives_where_the_canonical_solve_does)
     double largest = 0.0;
     for (std::size_t c = 0; c < rig.poses().size(); ++c)
         largest = std::max(largest, (rig.poses()[c].p - drag.rig().poses()[c].p).norm());
-    EXPECT_LT(largest, 2e-3 * bar.body->frame.diagonal());
+    EXPECT_LT(largest, 2e-3 * bar.body->rest->frame.diagonal());
     // Where the hand rests the frames go on converging.
     for (int frame = 0; frame < 5; ++frame)
         drag.frame(motions);
     for (std::size_t c = 0; c < rig.poses().size(); ++c)
         ASSERT_LT((rig.poses()[c].p - drag.rig().poses()[c].p).norm(),
-                  1e-6 * bar.body->frame.diagonal());
+                  1e-6 * bar.body->rest->frame.diagonal());
 }
 
 TEST(Drag, shows_the_blend_of_its_poses)
@@ -102,12 +105,13 @@ TEST(Drag, shows_the_blend_of_its_poses)
     const Field field(FieldKind::Blend, bar.body->cells, drag.rig().poses(),
                       drag.rig().constraints(), moved);
     const std::vector<Eigen::Vector3d> wanted =
-        field.displacements(bar.body->samples, bar.body->cell_of_sample);
+        field.displacements(bar.body->rest->samples, bar.body->cell_of_sample);
     const std::vector<Eigen::Vector3f> shown = drag.samples().positions_as_given();
     ASSERT_EQ(shown.size(), wanted.size());
     for (std::size_t i = 0; i < shown.size(); ++i)
-        ASSERT_LT((shown[i].cast<double>() - bar.body->samples[i] - wanted[i]).norm(),
-                  2e-6 * bar.body->frame.diagonal());
+        ASSERT_LT(
+            (shown[i].cast<double>() - bar.body->rest->samples[i] - wanted[i]).norm(),
+            2e-6 * bar.body->rest->frame.diagonal());
 }
 
 TEST(Drag, a_frame_allocates_nothing)
@@ -150,13 +154,14 @@ TEST(Drag, a_frame_out_of_time_still_shows_where_the_hand_is)
     const Bar bar;
     DragSettings settings;
     settings.time_budget = 1e-12;
-    Drag drag(Rig(bar.body, bar.ends(), {}, ""), settings, {});
+    Drag drag(Rig(bar.body, bar.ends(), {}), settings, {});
     const std::vector<Motion> motions = turned_head(bar, 0.5);
     EXPECT_EQ(drag.frame(motions).solve.stop, Stop::TimeLimit);
     const std::vector<Eigen::Vector3f> shown = drag.samples().positions_as_given();
     for (const std::uint32_t i : drag.rig().regions()[1].samples)
-        ASSERT_LT((shown[i].cast<double>() - motions[1](bar.body->samples[i])).norm(),
-                  1e-6 * bar.body->frame.diagonal());
+        ASSERT_LT(
+            (shown[i].cast<double>() - motions[1](bar.body->rest->samples[i])).norm(),
+            1e-6 * bar.body->rest->frame.diagonal());
 }
 
 TEST(DragDesk, draws_with_the_old_regions_until_the_new_ones_are_ready)
@@ -195,8 +200,8 @@ TEST(DragDesk, the_last_choice_counts_and_a_bad_one_leaves_the_old_drag)
     const Bar bar;
     DragDesk desk(bar.request());
     DragRequest bad = bar.request();
-    bad.regions[1].samples.clear();
-    bad.regions[1].shapes.clear();
+    bad.regions = bar.regions("fixed foot box 0 0 0 1 1 0.25\n"
+                              "handle none indices 0\n"); // the foot has its cell
     const std::vector<Motion> rest(2);
     desk.choose(bar.request());
     desk.choose(bar.request());

@@ -184,18 +184,19 @@ TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
     const Shape mesh = survey_bar(54);
     const Session wanted = played(model(mesh), kTwist, settings(32));
     const Body& body = wanted.rig()->body();
+    const RestShape& rest = wanted.rig()->rest();
     const auto check = [&](const Shape& shape, double rms, double largest)
     {
         const Session session = played(model(shape), kTwist, settings(32));
         double sum = 0.0, worst = 0.0;
         for (std::size_t i = 0; i < shape.samples.size(); ++i)
         {
-            const Eigen::Vector3d x = body.frame.to_work(shape.samples[i]);
-            const int own = body.pieces.piece_of_voxel[body.material.grid.index(
-                body.material.grid.locate(x))];
+            const Eigen::Vector3d x = rest.frame.to_work(shape.samples[i]);
+            const int own = body.pieces.piece_of_voxel[rest.material.grid.index(
+                rest.material.grid.locate(x))];
             const Eigen::Vector3d moved =
                 shape.samples[i] +
-                body.frame.vector_to_model(
+                rest.frame.vector_to_model(
                     wanted.field()->displacements({&x, 1}, {&own, 1})[0]);
             const double apart =
                 (session.patch().samples[i] - moved).norm() / std::sqrt(18.0);
@@ -743,7 +744,7 @@ TEST(Session, a_stiff_region_bends_less)
         const Session session =
             played(model(survey_bar(6)), kBarEnds + more + bend, settings(16));
         const Cells& cells = session.rig()->body().cells;
-        const double diagonal_z = session.rig()->body().frame.size.z();
+        const double diagonal_z = session.rig()->rest().frame.size.z();
         Eigen::Matrix3d low = Eigen::Matrix3d::Identity(), high = low;
         double low_z = 1e9, high_z = -1e9;
         for (std::size_t c = 0; c < cells.size(); ++c)

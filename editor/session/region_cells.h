@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the regions are to the cells of a body: which they prescribe, how stiff they are,
+// and where the glue at their borders begins.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "editor/session/body.h"
+#include "editor/session/region_set.h"
+
+namespace cellwarp
+{
+
+/// Which region prescribes each cell, by index; -1 if none. The share must be at
+/// least half; of two such regions the larger share, then the first. A region that
+/// reaches no such cell takes all cells within 1e-6 of its largest share. Throws
+/// Fault::Unsolvable if a region is left without a cell because others hold them.
+std::vector<int> prescribing_regions(const RegionSet& regions,
+                                     std::span<const RegionShares> shares,
+                                     std::size_t num_cells);
+
+/// The stiffness factor of each cell; empty if no region is stiff.
+std::vector<double> cell_factors(const RegionSet& regions,
+                                 std::span<const RegionShares> shares,
+                                 std::size_t num_cells);
+
+/// For each face of \p body over what length its glue stretches. A cell that a region
+/// moves as a whole does not stretch: the glue to a cell that may begins where the region
+/// ends, to a voxel, and ends in the middle of that cell.
+std::vector<double> glue_lengths(const Body& body, const RegionSet& regions,
+                                 std::span<const int> region_of_cell);
+
+} // namespace cellwarp

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/region_set.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "io/error.h"
+#include "octree/nearest_sample.h"
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Share of the cells that stand for samples without a voxel: below any real one.
+constexpr double kTokenShare = 1e-3;
+
+/// Range of voxels that bounds in model coordinates reach.
+void voxel_range(const RegionShape& shape, const VoxelGrid& grid, const WorkFrame& frame,
+                 Eigen::Vector3i& first, Eigen::Vector3i& last)
+{
+    first.setZero();
+    last = grid.counts() - Eigen::Vector3i::Ones();
+    if (!shape.low.allFinite() || !shape.high.allFinite())
+        return;
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
+    for (int k = 0; k < 8; ++k)
+    {
+        const Eigen::Vector3d corner(k & 1 ? shape.high.x() : shape.low.x(),
+                                     k & 2 ? shape.high.y() : shape.low.y(),
+                                     k & 4 ? shape.high.z() : shape.low.z());
+        const Eigen::Vector3d x = frame.to_work(corner);
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    if (!low.allFinite() || !high.allFinite())
+        return;
+    // One voxel more on each side: the test itself decides.
+    first = (grid.locate(low).array() - 1).cwiseMax(0);
+    last = (grid.locate(high).array() + 1).cwiseMin(last.array());
+}
+
+/// The voxels whose centres lie in the shapes of a region, each once, ascending.
+std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShape& rest)
+{
+    const VoxelGrid& grid = rest.material.grid;
+    std::vector<std::uint32_t> voxels;
+    for (const RegionShape& shape : region.shapes)
+    {
+        Eigen::Vector3i first, last;
+        voxel_range(shape, grid, rest.frame, first, last);
+        for (int k = first.z(); k <= last.z(); ++k)
+            for (int j = first.y(); j <= last.y(); ++j)
+                for (int i = first.x(); i <= last.x(); ++i)
+                {
+                    const std::size_t voxel = grid.index(i, j, k);
+                    if (grid.material()[voxel] &&
+                        shape.holds(rest.frame.to_model(grid.centre({i, j, k}))))
+                        voxels.push_back(static_cast<std::uint32_t>(voxel));
+                }
+    }
+    std::sort(voxels.begin(), voxels.end());
+    voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
+    return voxels;
+}
+
+double volume_of(const VoxelGrid& grid, std::size_t voxel)
+{
+    const Eigen::Vector3i v = grid.coordinates(voxel);
+    double product = 1.0;
+    for (int axis = 0; axis < 3; ++axis)
+        product *= grid.extent(axis, v[axis]);
+    return product;
+}
+
+/// Of each piece with the crumbs that belong to it.
+std::vector<double> volumes_of(const VoxelGrid& grid, const Pieces& pieces)
+{
+    std::vector<double> volumes(pieces.size(), 0.0);
+    std::size_t voxel = 0;
+    for (int k = 0; k < grid.counts().z(); ++k)
+        for (int j = 0; j < grid.counts().y(); ++j)
+        {
+            const double column = grid.extent(1, j) * grid.extent(2, k);
+            for (int i = 0; i < grid.counts().x(); ++i, ++voxel)
+                if (pieces.piece_of_voxel[voxel] >= 0)
+                    volumes[static_cast<std::size_t>(pieces.piece_of_voxel[voxel])] +=
+                        grid.extent(0, i) * column;
+        }
+    return volumes;
+}
+
+/// The samples as the file has them, nearly: for messages.
+std::vector<Eigen::Vector3d> model_samples(const RestShape& rest)
+{
+    std::vector<Eigen::Vector3d> samples;
+    for (const Eigen::Vector3d& x : rest.samples)
+        samples.push_back(rest.frame.to_model(x));
+    return samples;
+}
+
+} // namespace
+
+double RegionShares::largest() const
+{
+    double most = 0.0;
+    for (const auto& [cell, share] : cells)
+        most = std::max(most, share);
+    return most;
+}
+
+RegionSet::RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region> regions,
+                     std::string file)
+    : shape_(std::move(shape)), regions_(std::move(regions)), file_(std::move(file))
+{
+    find_voxels();
+    for (std::size_t r = 0; r < size(); ++r)
+        if (regions_[r].samples.empty() && voxels_[r].empty())
+            throw malformed({file_, regions_[r].line, regions_[r].name},
+                            "selects nothing of the model" +
+                                nearest_sample_note(regions_[r], model_samples(*shape_)));
+    measure();
+    find_overlaps();
+}
+
+void RegionSet::find_voxels()
+{
+    const VoxelGrid& grid = shape_->material.grid;
+    voxels_.resize(size());
+    parallel_for(size(), [&](std::size_t r)
+                 { voxels_[r] = voxels_in_shapes(regions_[r], *shape_); });
+    // Samples that stand for their voxels: listed ones, and all those of a region
+    // that holds no voxel centre.
+    std::vector<std::vector<std::uint32_t>> regions_of_sample(shape_->samples.size());
+    bool has_lists = false;
+    for (std::size_t r = 0; r < size(); ++r)
+    {
+        const std::vector<std::uint32_t>& list =
+            voxels_[r].empty() ? regions_[r].samples : regions_[r].listed;
+        for (const std::uint32_t i : list)
+            regions_of_sample[i].push_back(static_cast<std::uint32_t>(r));
+        has_lists |= !list.empty();
+    }
+    if (!has_lists)
+        return;
+    const std::vector<std::uint32_t> nearest = nearest_samples(grid, shape_->samples);
+    std::vector<std::vector<std::uint32_t>> more(size());
+    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+        if (grid.material()[voxel] && nearest[voxel] != kNoSample)
+            for (const std::uint32_t r : regions_of_sample[nearest[voxel]])
+                more[r].push_back(static_cast<std::uint32_t>(voxel));
+    for (std::size_t r = 0; r < size(); ++r)
+    {
+        std::vector<std::uint32_t> both;
+        std::set_union(voxels_[r].begin(), voxels_[r].end(), more[r].begin(),
+                       more[r].end(), std::back_inserter(both));
+        voxels_[r] = std::move(both);
+    }
+}
+
+/// Boxes of the regions' samples: centres of rotation, and how far they travel.
+void RegionSet::measure()
+{
+    const VoxelGrid& grid = shape_->material.grid;
+    for (std::size_t r = 0; r < size(); ++r)
+    {
+        ModelBox& box = boxes_.emplace_back();
+        box.low.setConstant(INFINITY);
+        box.high = -box.low;
+        const auto include = [&](const Eigen::Vector3d& x)
+        {
+            box.low = box.low.cwiseMin(x);
+            box.high = box.high.cwiseMax(x);
+        };
+        for (const std::uint32_t i : regions_[r].samples)
+            include(shape_->samples[i]);
+        if (regions_[r].samples.empty())
+            for (const std::uint32_t voxel : voxels_[r])
+                include(grid.centre(grid.coordinates(voxel)));
+    }
+}
+
+void RegionSet::find_overlaps()
+{
+    std::vector<int> first_region(shape_->samples.size(), -1);
+    for (std::size_t r = 0; r < size(); ++r)
+        for (const std::uint32_t i : regions_[r].samples)
+        {
+            if (!regions_[r].prescribes())
+                break;
+            if (first_region[i] >= 0)
+                overlaps_.push_back({static_cast<std::size_t>(first_region[i]), r, i});
+            else
+                first_region[i] = static_cast<int>(r);
+        }
+}
+
+bool RegionSet::holds_voxel(std::size_t region, std::size_t voxel) const
+{
+    return std::binary_search(voxels_[region].begin(), voxels_[region].end(),
+                              static_cast<std::uint32_t>(voxel));
+}
+
+std::vector<RegionShares> RegionSet::shares(const Pieces& pieces) const
+{
+    const VoxelGrid& grid = shape_->material.grid;
+    const std::vector<double> whole = volumes_of(grid, pieces);
+    std::vector<RegionShares> result(size());
+    parallel_for(
+        size(),
+        [&](std::size_t r)
+        {
+            std::vector<std::pair<int, double>>& cells = result[r].cells;
+            std::vector<double> part(pieces.size(), 0.0);
+            for (const std::uint32_t voxel : voxels_[r])
+                part[static_cast<std::size_t>(pieces.piece_of_voxel[voxel])] +=
+                    volume_of(grid, voxel);
+            // No voxel is nearest to any of its samples, because others outnumber them
+            // or coincide with them: the cells that hold them stand for it.
+            if (voxels_[r].empty())
+                for (const std::uint32_t i : regions_[r].samples)
+                {
+                    const std::size_t piece = static_cast<std::size_t>(
+                        pieces
+                            .piece_of_voxel[grid.index(grid.locate(shape_->samples[i]))]);
+                    part[piece] = kTokenShare * whole[piece];
+                }
+            for (std::size_t piece = 0; piece < pieces.size(); ++piece)
+                if (part[piece] > 0)
+                    cells.emplace_back(static_cast<int>(piece),
+                                       part[piece] / whole[piece]);
+        });
+    return result;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The regions of one stage on its rest shape: the voxels of each, however the shape is
+// cut into cells.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "editor/session/body.h"
+#include "editor/session/regions.h"
+
+namespace cellwarp
+{
+
+/// How much of each cell's material belongs to a region, by volume.
+struct RegionShares
+{
+    std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
+    double largest() const;
+};
+
+/// Immutable.
+class RegionSet
+{
+public:
+    /// A voxel belongs to a region by its centre if it lies in a shape, and by its
+    /// nearest sample through the material if that is listed. A region that holds samples
+    /// but no voxel centre counts as the list of its samples. \p file is where the
+    /// regions stand, for messages. Throws Fault::Malformed for a region that selects
+    /// nothing.
+    RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region> regions,
+              std::string file);
+
+    std::size_t size() const { return regions_.size(); }
+    const Region& operator[](std::size_t region) const { return regions_[region]; }
+    const std::vector<Region>& regions() const { return regions_; }
+    const std::string& file() const { return file_; }
+
+    /// Ascending.
+    std::span<const std::uint32_t> voxels(std::size_t region) const
+    {
+        return voxels_[region];
+    }
+    bool holds_voxel(std::size_t region, std::size_t voxel) const;
+
+    /// Of all regions.
+    std::vector<RegionShares> shares(const Pieces& pieces) const;
+
+    /// The box of a region's samples, or of its voxels' centres if it has none [work].
+    const ModelBox& box(std::size_t region) const { return boxes_[region]; }
+
+    /// A sample that two regions hold: their motions must agree about it.
+    struct Overlap
+    {
+        std::size_t a, b;
+        std::uint32_t sample;
+    };
+    const std::vector<Overlap>& overlaps() const { return overlaps_; }
+
+private:
+    void find_voxels();
+    void measure();
+    void find_overlaps();
+
+    std::shared_ptr<const RestShape> shape_;
+    std::vector<Region> regions_;
+    std::string file_;
+    std::vector<std::vector<std::uint32_t>> voxels_;
+    std::vector<ModelBox> boxes_;
+    std::vector<Overlap> overlaps_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/region_cells.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "editor/session/rig.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A bar of 1 x 1 x 4 in cells of a quarter, ten voxels each.
+struct Bar
+{
+    Geometry geometry =
+        scan_geometry("bar.obj",
+                      support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 8)))
+            .geometry;
+    std::shared_ptr<const Body> body;
+    std::shared_ptr<const RegionSet> regions;
+
+    explicit Bar(const std::string& statements)
+    {
+        CellSettings cells;
+        cells.across = 16;
+        cells.gap = std::sqrt(6.0) * 0.025 / std::sqrt(18.0);
+        const auto rest = build_rest_shape(geometry, geometry.samples, cells);
+        body = std::make_shared<const Body>(build_body(rest, cells));
+        const HandleFile file =
+            parse_handles("h.handles", "cellwarp-handles 1\n" + statements + "frame 1\n");
+        const Units units{rest->frame, false, bounding_box(geometry.samples)};
+        regions = std::make_shared<const RegionSet>(
+            rest,
+            resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
+                            file.path),
+            file.path);
+    }
+    /// Of the faces between cells of which one is prescribed, in edges of a cell.
+    std::vector<double> border_lengths() const
+    {
+        const std::vector<int> owner = prescribing_regions(
+            *regions, regions->shares(body->pieces), body->cells.size());
+        const std::vector<double> lengths = glue_lengths(*body, *regions, owner);
+        std::vector<double> borders;
+        for (std::size_t f = 0; f < lengths.size(); ++f)
+        {
+            const Face& face = body->cells.faces[f];
+            const double edge = body->cells.cells[0].edge;
+            if ((owner[static_cast<std::size_t>(face.a)] >= 0) !=
+                (owner[static_cast<std::size_t>(face.b)] >= 0))
+                borders.push_back(lengths[f] / edge);
+            else
+                EXPECT_EQ(lengths[f], face.distance);
+        }
+        return borders;
+    }
+};
+
+} // namespace
+
+TEST(RegionCells, glue_at_a_border_begins_where_the_region_ends)
+{
+    // Where the foot ends, and how far that is from the middle of the first free cell.
+    const std::pair<double, double> cases[] = {
+        {0.250, 0.5}, // between cells
+        {0.200, 0.7}, // within the last cell of the foot
+        {0.325, 0.2}, // within the first free cell
+        {0.350, 0.1}  // nearly at its middle
+    };
+    for (const auto& [end, wanted] : cases)
+    {
+        SCOPED_TRACE(end);
+        const Bar bar("fixed foot box -1 -1 -1 2 2 " + std::to_string(end + 1e-6) + "\n");
+        const std::vector<double> lengths = bar.border_lengths();
+        ASSERT_EQ(lengths.size(), 16u);
+        for (const double length : lengths)
+            EXPECT_NEAR(length, wanted, 1e-9);
+    }
+}
+
+TEST(RegionCells, glue_at_a_pin_is_as_long_as_elsewhere)
+{
+    const Bar bar("pin foot box -1 -1 -1 2 2 0.200001\n");
+    for (const double length : bar.border_lengths())
+        EXPECT_NEAR(length, 1.0, 1e-12);
+}
+
+TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly_between)
+{
+    const double foot = 0.3, head = 3.8;
+    const Bar bar("fixed foot box -1 -1 -1 2 2 0.300001\n"
+                  "handle head box -1 -1 3.799999 2 2 5\n");
+    Rig rig(bar.body, bar.regions, {});
+    Motion pull;
+    const double scale = rig.rest().frame.diagonal() / std::sqrt(18.0);
+    pull.t.z() = 0.7 * scale;
+    rig.move_regions(std::vector<Motion>{{}, pull});
+    rig.carry_others();
+    SolveOptions tight;
+    tight.gradient_tolerance = 1e-12;
+    ASSERT_EQ(rig.solve(tight).stop, Stop::Converged);
+    for (std::size_t c = 0; c < rig.poses().size(); ++c)
+    {
+        if (rig.region_of_cell()[c] >= 0)
+            continue;
+        const Cell& cell = bar.body->cells.cells[c];
+        const double wanted =
+            pull.t.z() * (cell.anchor.z() / scale - foot) / (head - foot);
+        EXPECT_NEAR(rig.poses()[c].p.z() - cell.centre.z(), wanted, 1e-9 * scale);
+        EXPECT_LT((rig.poses()[c].R - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+    }
+}
+
+} // namespace cellwarp
