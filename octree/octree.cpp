@@ -192,39 +192,71 @@ Octree Octree::split_all(int level, const MaterialTest& has_material) const
 
 Octree Octree::merge(std::span<const int> leaves) const
 {
-    Octree tree = *this;
-    for (const int given : leaves)
+    std::vector<Leaf> boxes;
+    for (const int leaf : leaves)
+        if (leaves_[static_cast<std::size_t>(leaf)].level > 0)
+            boxes.push_back(parent(leaves_[static_cast<std::size_t>(leaf)]));
+    std::sort(boxes.begin(), boxes.end(),
+              [&](const Leaf& a, const Leaf& b)
+              { return std::pair(key(a), a.level) < std::pair(key(b), b.level); });
+    boxes.erase(std::unique(boxes.begin(), boxes.end()), boxes.end());
+    // Merging makes nothing finer: boxes that may merge may do so together.
+    std::vector<Leaf> next;
+    std::vector<bool> is_merged(leaves_.size(), false);
+    for (const Leaf& box : boxes)
     {
-        const Leaf leaf = leaves_[static_cast<std::size_t>(given)];
-        if (leaf.level == 0)
-            continue;
-        const Leaf box = parent(leaf);
-        const int box_width = 2 * width(leaf);
-        const auto lies_inside = [&](const Leaf& other)
-        {
-            return (other.corner.array() >= box.corner.array()).all() &&
-                   (other.corner.array() < box.corner.array() + box_width).all();
-        };
-        bool may_merge = true, is_merged = false;
-        for (const Leaf& other : tree.leaves_)
-            if (lies_inside(other))
-            {
-                may_merge &= other.level == leaf.level;
-                is_merged |= other == box;
-            }
-        for (const int neighbour : tree.face_neighbours(box))
+        // The leaves of a box stand together in Morton order.
+        const std::size_t begin = static_cast<std::size_t>(
+            std::lower_bound(keys_.begin(), keys_.end(), key(box)) - keys_.begin());
+        std::size_t end = begin;
+        bool may_merge = true;
+        for (; end < leaves_.size() && is_inside(leaves_[end], box); ++end)
+            may_merge &= leaves_[end].level == box.level + 1;
+        for (const int neighbour : face_neighbours(box))
             may_merge &=
-                tree.leaves_[static_cast<std::size_t>(neighbour)].level <= box.level + 1;
-        if (!may_merge || is_merged)
+                leaves_[static_cast<std::size_t>(neighbour)].level <= box.level + 1;
+        if (!may_merge)
             continue;
-        std::vector<Leaf> next;
-        for (const Leaf& other : tree.leaves_)
-            if (!lies_inside(other))
-                next.push_back(other);
+        std::fill(is_merged.begin() + static_cast<std::ptrdiff_t>(begin),
+                  is_merged.begin() + static_cast<std::ptrdiff_t>(end), true);
         next.push_back(box);
-        tree = Octree(std::move(next), counts_, max_depth_);
     }
-    return tree;
+    for (std::size_t i = 0; i < leaves_.size(); ++i)
+        if (!is_merged[i])
+            next.push_back(leaves_[i]);
+    return Octree(std::move(next), counts_, max_depth_);
+}
+
+std::vector<std::vector<int>> Octree::siblings() const
+{
+    std::vector<std::vector<int>> families;
+    for (std::size_t begin = 0; begin < leaves_.size();)
+    {
+        const Leaf& one = leaves_[begin];
+        const Leaf box = parent(one);
+        std::size_t end = begin + 1;
+        // The first part of a box that has material comes first in Morton order.
+        while (one.level > 0 && end < leaves_.size() && leaves_[end].level == one.level &&
+               is_inside(leaves_[end], box))
+            ++end;
+        const bool is_whole = one.level > 0 &&
+                              (begin == 0 || !is_inside(leaves_[begin - 1], box)) &&
+                              (end == leaves_.size() || !is_inside(leaves_[end], box));
+        if (is_whole)
+        {
+            std::vector<int>& family = families.emplace_back();
+            for (std::size_t i = begin; i < end; ++i)
+                family.push_back(static_cast<int>(i));
+        }
+        begin = end;
+    }
+    return families;
+}
+
+bool Octree::is_inside(const Leaf& leaf, const Leaf& box) const
+{
+    return (leaf.corner.array() >= box.corner.array()).all() &&
+           (leaf.corner.array() < box.corner.array() + width(box)).all();
 }
 
 VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf)

@@ -53,6 +53,9 @@ public:
     /// of them are leaves and balance allows it.
     Octree merge(std::span<const int> leaves) const;
 
+    /// The leaves of every box whose parts are all undivided, ascending.
+    std::vector<std::vector<int>> siblings() const;
+
     bool is_balanced() const;
 
 private:
@@ -61,6 +64,7 @@ private:
     std::uint64_t key(const Leaf& leaf) const;
     void sort();
     Leaf parent(const Leaf& leaf) const;
+    bool is_inside(const Leaf& leaf, const Leaf& box) const;
     /// Leaves that touch a face of \p box from outside.
     std::vector<int> face_neighbours(const Leaf& box) const;
     std::vector<int> unbalanced() const;

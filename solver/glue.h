@@ -21,6 +21,7 @@ namespace cellwarp
 struct GlueFace
 {
     int a = 0, b = 0;
+    double length = 0.0;    ///< over which it stretches
     double stiffness = 0.0; ///< w_ij [length], times the factor of stiff regions
     Eigen::Vector3d reach_a, reach_b; ///< from the centroids to the face's centre
     /// Columns l_k with sum l_k l_k^T = the volume-weighted mean of the second moments.
@@ -35,12 +36,24 @@ struct Glue
     std::vector<int> faces_of_cell;
 };
 
+/// A face whose glue does not stretch from anchor to anchor, because one of its cells is
+/// rigid: over what length it does.
+struct BorderGlue
+{
+    int face = 0;
+    double length = 0.0;
+};
+
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
 /// takes the geometric mean of its two where both differ from 1, else 1.
-/// Empty: all 1. \p lengths: of each face, over which its glue stretches; empty: from
-/// box centre to box centre.
+/// Empty: all 1. \p across: how much of the second moments normal to a face counts, 1 for
+/// all; kSolidAcross or kShellAcross.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const double> lengths = {});
+                std::span<const BorderGlue> borders = {}, double across = 1.0);
+
+/// A solid bends by its thickness; a shell, whose thickness nobody gave, by the size of
+/// its cells. glue.cpp says what is gained.
+inline constexpr double kSolidAcross = 0.1, kShellAcross = 1.0;
 
 /// E_ij of one face: w_ij / (V_i + V_j) int |T_i - T_j|^2 over both cells, each slid to
 /// have its centroid on the face [length^3]. Zero if and only if both cells make the

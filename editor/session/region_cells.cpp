@@ -103,15 +103,12 @@ double border_length(const Body& body, const RegionSet& regions, std::size_t reg
     return area / stiffness;
 }
 
-} // namespace
-
-std::vector<int> prescribing_regions(const RegionSet& regions,
-                                     std::span<const RegionShares> shares,
-                                     std::size_t num_cells)
+/// See prescribing_regions(); a region may be left without a cell.
+std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> shares,
+                        std::size_t num_cells)
 {
     std::vector<int> owner(num_cells, -1);
     std::vector<double> owned_share(num_cells, 0.0);
-    std::vector<int> num_owned(regions.size(), 0);
     const auto take = [&](std::size_t region, int cell, double share)
     {
         const std::size_t c = static_cast<std::size_t>(cell);
@@ -119,11 +116,9 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
         {
             if (share <= owned_share[c] + kSameShare)
                 return;
-            --num_owned[static_cast<std::size_t>(owner[c])];
         }
         owner[c] = static_cast<int>(region);
         owned_share[c] = share;
-        ++num_owned[region];
     };
     std::vector<double> largest(regions.size());
     for (std::size_t r = 0; r < regions.size(); ++r)
@@ -140,10 +135,45 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
             if (regions[r].prescribes() && largest[r] < kMajority &&
                 share >= largest[r] - kSameShare)
                 take(r, cell, share);
+    return owner;
+}
+
+/// Regions that prescribe, but no cell.
+std::vector<std::size_t> homeless_regions(const RegionSet& regions,
+                                          std::span<const int> owner)
+{
+    std::vector<bool> has_cell(regions.size(), false);
+    for (const int region : owner)
+        if (region >= 0)
+            has_cell[static_cast<std::size_t>(region)] = true;
+    std::vector<std::size_t> homeless;
     for (std::size_t r = 0; r < regions.size(); ++r)
+        if (regions[r].prescribes() && !has_cell[r])
+            homeless.push_back(r);
+    return homeless;
+}
+
+} // namespace
+
+std::vector<int> crowded_cells(const RegionSet& regions,
+                               std::span<const RegionShares> shares,
+                               std::size_t num_cells)
+{
+    const std::vector<int> owner = owners(regions, shares, num_cells);
+    std::vector<int> crowded;
+    for (const std::size_t r : homeless_regions(regions, owner))
+        for (const auto& [cell, share] : shares[r].cells)
+            crowded.push_back(cell);
+    return crowded;
+}
+
+std::vector<int> prescribing_regions(const RegionSet& regions,
+                                     std::span<const RegionShares> shares,
+                                     std::size_t num_cells)
+{
+    const std::vector<int> owner = owners(regions, shares, num_cells);
+    for (const std::size_t r : homeless_regions(regions, owner))
     {
-        if (!regions[r].prescribes() || shares[r].cells.empty() || num_owned[r] > 0)
-            continue;
         const auto most = std::max_element(shares[r].cells.begin(), shares[r].cells.end(),
                                            [](const auto& a, const auto& b)
                                            { return a.second < b.second; });
@@ -184,8 +214,8 @@ std::vector<double> cell_factors(const RegionSet& regions,
     return factors;
 }
 
-std::vector<double> glue_lengths(const Body& body, const RegionSet& regions,
-                                 std::span<const int> region_of_cell)
+std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
+                                    std::span<const int> region_of_cell)
 {
     const auto holder = [&](int cell)
     {
@@ -194,18 +224,19 @@ std::vector<double> glue_lengths(const Body& body, const RegionSet& regions,
                    ? region
                    : -1;
     };
-    std::vector<double> lengths;
-    for (const Face& face : body.cells.faces)
+    std::vector<BorderGlue> borders;
+    for (std::size_t f = 0; f < body.cells.faces.size(); ++f)
     {
+        const Face& face = body.cells.faces[f];
         const int of_a = holder(face.a), of_b = holder(face.b);
-        lengths.push_back(
-            (of_a >= 0) == (of_b >= 0)
-                ? face.distance
-                : border_length(body, regions,
-                                static_cast<std::size_t>(std::max(of_a, of_b)), face,
-                                of_a >= 0));
+        if ((of_a >= 0) != (of_b >= 0))
+            borders.push_back(
+                {static_cast<int>(f),
+                 border_length(body, regions,
+                               static_cast<std::size_t>(std::max(of_a, of_b)), face,
+                               of_a >= 0)});
     }
-    return lengths;
+    return borders;
 }
 
 } // namespace cellwarp

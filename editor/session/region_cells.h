@@ -8,6 +8,7 @@
 
 #include "editor/session/body.h"
 #include "editor/session/region_set.h"
+#include "solver/glue.h"
 
 namespace cellwarp
 {
@@ -20,15 +21,21 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
                                      std::span<const RegionShares> shares,
                                      std::size_t num_cells);
 
+/// The cells of all regions that would be left without a cell: in smaller ones they may
+/// have some.
+std::vector<int> crowded_cells(const RegionSet& regions,
+                               std::span<const RegionShares> shares,
+                               std::size_t num_cells);
+
 /// The stiffness factor of each cell; empty if no region is stiff.
 std::vector<double> cell_factors(const RegionSet& regions,
                                  std::span<const RegionShares> shares,
                                  std::size_t num_cells);
 
-/// For each face of \p body over what length its glue stretches. A cell that a region
-/// moves as a whole does not stretch: the glue to a cell that may begins where the region
-/// ends, to a voxel, and ends in the middle of that cell.
-std::vector<double> glue_lengths(const Body& body, const RegionSet& regions,
-                                 std::span<const int> region_of_cell);
+/// The faces of \p body between cells that a region moves as a whole and cells that it
+/// does not. There glue begins where the region ends, to a voxel, and ends in the middle
+/// of the free cell.
+std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
+                                    std::span<const int> region_of_cell);
 
 } // namespace cellwarp

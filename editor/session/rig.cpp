@@ -35,22 +35,24 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
     : body_(std::move(body)), regions_(std::move(regions))
 {
     const Cells& cells = body_->cells;
-    const std::vector<RegionShares> shares = regions_->shares(body_->pieces);
-    region_of_cell_ = prescribing_regions(*regions_, shares, cells.size());
-    const std::vector<double> factors = cell_factors(*regions_, shares, cells.size());
+    shares_ = regions_->shares(body_->pieces);
+    region_of_cell_ = prescribing_regions(*regions_, shares_, cells.size());
+    const std::vector<double> factors = cell_factors(*regions_, shares_, cells.size());
     const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
     if (!factors.empty() && *stiffest > kExtremeContrast * *softest)
         warnings_.push_back(
             fmt::format("stiffness differs by a factor of {:.1g}: the soft "
                         "parts keep few digits",
                         *stiffest / *softest));
-    glue_ = build_glue(cells, factors, glue_lengths(*body_, *regions_, region_of_cell_));
+    glue_ = build_glue(cells, factors, border_glue(*body_, *regions_, region_of_cell_),
+                       rest().material.method == InsideMethod::None ? kShellAcross
+                                                                    : kSolidAcross);
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());
     last_motions_ = steps_ = motions_;
 
-    hold_cells(shares);
+    hold_cells();
     std::vector<Component> components = find_components(cells, constraints_);
     check_memory("equations",
                  Multigrid::memory_estimate(cells.size(), cells.faces.size()), settings);
@@ -71,7 +73,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
     place_fades();
 }
 
-void Rig::hold_cells(std::span<const RegionShares> shares)
+void Rig::hold_cells()
 {
     constraints_.resize(body_->cells.size());
     for (std::size_t c = 0; c < constraints_.size(); ++c)
@@ -83,7 +85,7 @@ void Rig::hold_cells(std::span<const RegionShares> shares)
         constraints_[c].hold = region.role == Role::Pin ? Hold::Pinned : Hold::Prescribed;
         constraints_[c].held_rest = body_->cells.cells[c].centre;
     }
-    hold_pins(shares);
+    hold_pins();
     for (Constraint& constraint : constraints_)
         constraint.held_now = constraint.held_rest;
 }
@@ -91,7 +93,7 @@ void Rig::hold_cells(std::span<const RegionShares> shares)
 /// A pinned cell is held at the mean of the pin's samples in it. One without any is held
 /// at its centre if most of it is the pin's, else, being a neighbour of a small pin,
 /// where the pin's nearest sample is.
-void Rig::hold_pins(std::span<const RegionShares> shares)
+void Rig::hold_pins()
 {
     const std::vector<Eigen::Vector3d>& samples = rest().samples;
     for (std::size_t r = 0; r < regions_->size(); ++r)
@@ -107,7 +109,7 @@ void Rig::hold_pins(std::span<const RegionShares> shares)
             found->second.first += samples[i] - regions_->box(r).low;
             ++found->second.second;
         }
-        for (const auto& [cell, share] : shares[r].cells)
+        for (const auto& [cell, share] : shares_[r].cells)
         {
             const std::size_t c = static_cast<std::size_t>(cell);
             if (region_of_cell_[c] != static_cast<int>(r))

@@ -40,7 +40,11 @@ public:
         return region_of_cell_;
     } ///< -1: none
     const std::vector<Constraint>& constraints() const { return constraints_; }
+    /// Of the regions, in the cells.
+    const std::vector<RegionShares>& shares() const { return shares_; }
+    const Glue& glue() const { return glue_; }
     const std::vector<Pose>& poses() const { return poses_; }
+    const std::vector<Motion>& motions() const { return motions_; } ///< of the regions
     const Minimizer& minimizer() const { return *minimizer_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
 
@@ -75,8 +79,8 @@ private:
         std::vector<int> movable;
     };
 
-    void hold_cells(std::span<const RegionShares> shares);
-    void hold_pins(std::span<const RegionShares> shares);
+    void hold_cells();
+    void hold_pins();
     void warn_of_components();
     void place_fades();
     void check_memory(const char* what, double bytes, const RigSettings& settings) const;
@@ -84,6 +88,7 @@ private:
 
     std::shared_ptr<const Body> body_;
     std::shared_ptr<const RegionSet> regions_;
+    std::vector<RegionShares> shares_;
     std::vector<int> region_of_cell_;
     std::vector<Constraint> constraints_;
     std::vector<Part> parts_;

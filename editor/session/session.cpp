@@ -93,8 +93,12 @@ bool is_closed(const Geometry& geometry)
 /// Everything that belongs to one stage.
 struct Session::StageState
 {
-    StageState(Rig built, Units in_units) : rig(std::move(built)), units(in_units) {}
+    StageState(Recutting of_rest, Units in_units)
+        : recutting(std::move(of_rest)), rig(recutting.first()), units(in_units)
+    {
+    }
 
+    Recutting recutting;
     Rig rig;
     Units units;
     SolveReport last_solve;
@@ -149,16 +153,18 @@ void Session::start_stage(std::size_t stage)
     const Stage& statements = handles_.stages[stage];
     const auto rest = build_rest_shape(model_.geometry, rest_, settings_.cells);
     parts_.interior += rest->material.method != InsideMethod::None;
-    const auto body = std::make_shared<const Body>(build_body(rest, settings_.cells));
-    for (const std::vector<std::string>* more : {&body->warnings, &rest->warnings})
-        warnings_.insert(warnings_.end(), more->begin(), more->end());
+    warnings_.insert(warnings_.end(), rest->warnings.begin(), rest->warnings.end());
     const Units units{rest->frame, handles_.is_relative, bounding_box(rest_)};
     const auto regions = std::make_shared<const RegionSet>(
         rest,
         resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path),
         handles_.path);
     state_ = std::make_unique<StageState>(
-        Rig(body, regions, {settings_.cells.max_memory, settings_.method}), units);
+        Recutting(rest, regions, settings_.cells,
+                  {settings_.cells.max_memory, settings_.method}),
+        units);
+    for (std::string& warning : state_->recutting.take_warnings())
+        warnings_.push_back(std::move(warning));
     const std::vector<std::string>& more = state_->rig.warnings();
     warnings_.insert(warnings_.end(), more.begin(), more.end());
     if (settings_.field == FieldKind::RbfGlobal)
@@ -294,7 +300,7 @@ bool Session::next_frame(bool wants_samples)
     report.cells_ms = cells_ms;
     const Clock::time_point start = Clock::now();
     solve_frame(report);
-    report.solve_ms = ms_since(start);
+    report.solve_ms = ms_since(start) - (report.cells_ms - cells_ms);
     ++frame_;
     const bool is_committed =
         frame_ == stage.frames.size() && stage_ + 1 < handles_.stages.size();
@@ -326,56 +332,117 @@ void Session::move_regions(double t)
     state_->rig.move_regions(motions);
 }
 
-SolveReport Session::travel(int& steps)
+/// What the solves of one frame have in common.
+struct Session::FrameSolve
+{
+    Clock::time_point start = Clock::now();
+    double gradient_scale = 0.0; ///< before any guess makes the first gradient small
+    int part = 1, parts = 1;     ///< of the way
+    SolveReport total;
+
+    bool is_out_of_time() const
+    {
+        return total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
+    }
+};
+
+/// Solves from where the rig is; \p is_last: to the tolerance asked for, else well enough
+/// to go on from there.
+void Session::solve_on(FrameSolve& frame, bool is_last)
 {
     StageState& s = *state_;
-    const Clock::time_point start = Clock::now();
-    const int parts = s.num_parts[frame_];
-    SolveReport total;
+    const int done = std::max(0, frame.total.iterations);
     SolveOptions options;
     options.method = settings_.method;
     options.stop = settings_.stop;
-    for (int part = 1; part <= parts; ++part)
+    options.gradient_scale = frame.gradient_scale;
+    options.max_iterations = std::max(0, settings_.max_iterations - done);
+    if (!is_last)
+        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
+    options.checks_stability = is_last;
+    options.gradient_tolerance =
+        is_last ? settings_.gradient_tolerance : kTravelTolerance;
+    if (settings_.time_budget > 0)
+        options.time_budget =
+            std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(frame.start));
+    if (settings_.watch)
+        options.watch = [&, done](int iteration, double gradient)
+        {
+            settings_.watch({reports_.size() - 1, reports_.back().frame, frame.part,
+                             frame.parts, done + iteration, gradient});
+        };
+    SolveReport solve = s.rig.solve(options);
+    solve.add_earlier(frame.total);
+    frame.total = solve;
+}
+
+/// Takes the regions to where this frame has them, in steps.
+void Session::travel(FrameSolve& frame, int& steps)
+{
+    StageState& s = *state_;
+    frame.parts = s.num_parts[frame_];
+    for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
     {
         // Out of time on the way: straight to the end.
-        const bool is_last =
-            part == parts || total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
-        move_regions(is_last ? 1.0 : static_cast<double>(part) / parts);
-        // The frame's scale, before any guess makes its first gradient small.
-        if (part == 1)
+        if (frame.is_out_of_time())
+            frame.part = frame.parts;
+        move_regions(static_cast<double>(frame.part) / frame.parts);
+        if (frame.gradient_scale == 0.0)
         {
             const Residual first = s.rig.residual();
-            options.gradient_scale =
+            frame.gradient_scale =
                 std::max(first.gradient, kUncancelledShare * first.uncancelled);
         }
         const double energy_before = s.rig.energy();
         s.rig.carry_others();
-        options.max_iterations =
-            std::max(0, settings_.max_iterations - std::max(0, total.iterations));
-        if (!is_last)
-            options.max_iterations = std::min(options.max_iterations, kTravelIterations);
-        options.checks_stability = is_last;
-        options.gradient_tolerance =
-            is_last ? settings_.gradient_tolerance : kTravelTolerance;
-        if (settings_.time_budget > 0)
-            options.time_budget =
-                std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(start));
-        if (settings_.watch)
-            options.watch = [&, part, done = std::max(0, total.iterations)](
-                                int iteration, double gradient)
-            {
-                settings_.watch({reports_.size() - 1, reports_.back().frame, part, parts,
-                                 done + iteration, gradient});
-            };
-        SolveReport solve = s.rig.solve(options);
-        solve.add_earlier(total);
-        solve.energy_before = energy_before;
-        total = solve;
+        solve_on(frame, frame.part == frame.parts && !s.recutting.is_adaptive());
+        frame.total.energy_before = energy_before;
         ++steps;
-        if (is_last || total.stop == Stop::NotPositiveDefinite)
+        if (frame.total.stop == Stop::NotPositiveDefinite)
             break;
     }
-    return total;
+    frame.part = frame.parts;
+}
+
+/// Fits the cells to the deformation: merges first, then splits, so that it ends.
+void Session::recut(FrameSolve& frame, FrameReport& report)
+{
+    StageState& s = *state_;
+    const auto go_on = [&]
+    { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
+    for (const auto change : {&Recutting::coarser, &Recutting::finer})
+        while (go_on())
+        {
+            const Clock::time_point start = Clock::now();
+            std::optional<Rig> next = (s.recutting.*change)(s.rig);
+            if (next)
+            {
+                s.rig = std::move(*next);
+                ++report.recuts;
+            }
+            report.cells_ms += ms_since(start);
+            if (!next)
+                break;
+            solve_on(frame, false);
+        }
+    if (go_on())
+        solve_on(frame, true);
+}
+
+/// Parts the material that this frame's motions part, before anything moves.
+void Session::part_regions(FrameReport& report)
+{
+    StageState& s = *state_;
+    std::vector<Motion> motions;
+    for (const Path& path : s.paths[frame_])
+        motions.push_back(path.at(1.0));
+    const Clock::time_point start = Clock::now();
+    while (std::optional<Rig> next = s.recutting.parted(s.rig, motions))
+    {
+        s.rig = std::move(*next);
+        ++report.recuts;
+    }
+    report.cells_ms += ms_since(start);
 }
 
 void Session::solve_frame(FrameReport& report)
@@ -391,7 +458,17 @@ void Session::solve_frame(FrameReport& report)
         s.last_solve.gradient = last.gradient;
     }
     else
-        s.last_solve = travel(report.steps);
+    {
+        s.field.reset(); // it is of the last frame's cells
+        part_regions(report);
+        FrameSolve frame;
+        travel(frame, report.steps);
+        if (s.recutting.is_adaptive())
+            recut(frame, report);
+        s.last_solve = frame.total;
+    }
+    for (std::string& warning : s.recutting.take_warnings())
+        warnings_.push_back(std::move(warning));
     const SolveReport& total = s.last_solve;
     report.solve = total;
     if (total.stop == Stop::NotPositiveDefinite)
@@ -404,6 +481,7 @@ void Session::solve_frame(FrameReport& report)
             fmt::format("frame {}: the result may not be stable: its energy "
                         "falls in some direction",
                         report.frame));
+    report.cells = s.rig.body().cells.size();
     report.max_pair_gap = s.rig.largest_gap();
 }
 

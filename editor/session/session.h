@@ -13,6 +13,7 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/recutting.h"
 #include "editor/session/rig.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -50,6 +51,8 @@ struct FrameReport
     std::int64_t frame = 0;
     SolveReport solve; ///< of the last step; iterations of all
     int steps = 0;
+    int recuts = 0; ///< times that other cells were made
+    std::size_t cells = 0;
     double handle_residual = 0.0;
     double max_pair_gap = 0.0;
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
@@ -105,9 +108,14 @@ private:
     void check_global_field() const;
     void plan_frames(const std::vector<FrameStatement>& frames);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
+    struct FrameSolve;
+
     bool stands() const;
     void move_regions(double t);
-    SolveReport travel(int& steps);
+    void solve_on(FrameSolve& frame, bool is_last);
+    void travel(FrameSolve& frame, int& steps);
+    void recut(FrameSolve& frame, FrameReport& report);
+    void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     void move_samples(FrameReport& report);
     void commit();

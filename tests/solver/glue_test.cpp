@@ -2,6 +2,7 @@
 #include "solver/glue.h"
 
 #include <cmath>
+#include <set>
 
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
@@ -56,6 +57,42 @@ Matrix12 glue_hessian(const GlueFace& face, const Pose& a, const Pose& b,
     H.topRightCorner<6, 6>() = glue_coupling(face, a, b).matrix();
     H.bottomLeftCorner<6, 6>() = H.topRightCorner<6, 6>().transpose();
     return H;
+}
+
+/// What constant strain F = R U, agreeing with the cells in their anchors, leaves.
+struct Unbalanced
+{
+    double force = 0.0, moment = 0.0; ///< left on a cell, over the largest of a face
+    int num_cells = 0;
+};
+template <class Inside>
+Unbalanced unbalanced(const Cells& cells, const Eigen::Matrix3d& U,
+                      const Eigen::Matrix3d& R, Inside&& inside)
+{
+    const Glue glue = build_glue(cells, {});
+    std::vector<Pose> poses;
+    for (const Cell& cell : cells.cells)
+        poses.push_back({R, R * (U * cell.anchor + cell.centre - cell.anchor)});
+    std::vector<Twist> sums(cells.size(), Twist::Zero());
+    double largest = 0.0;
+    for (const GlueFace& face : glue.faces)
+    {
+        const std::size_t a = static_cast<std::size_t>(face.a);
+        const std::size_t b = static_cast<std::size_t>(face.b);
+        const Vector12 force = glue_gradient(face, poses[a], poses[b]);
+        sums[a] += force.head<6>();
+        sums[b] += force.tail<6>();
+        largest = std::max(largest, force.norm());
+    }
+    Unbalanced left;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        if (inside(cells.cells[i]))
+        {
+            ++left.num_cells;
+            left.moment = std::max(left.moment, sums[i].head<3>().norm() / largest);
+            left.force = std::max(left.force, sums[i].tail<3>().norm() / largest);
+        }
+    return left;
 }
 
 Pose twisted(const Pose& pose, const Eigen::Matrix<double, 6, 1>& twist)
@@ -216,46 +253,66 @@ TEST(Glue, stretches_over_the_length_that_is_given)
 {
     const Cells cells = two_cells();
     const double plain = build_glue(cells, {}).faces[0].stiffness;
-    EXPECT_NEAR(build_glue(cells, {}, std::vector<double>{0.25}).faces[0].stiffness,
-                3 * plain, 1e-12);
+    EXPECT_NEAR(
+        build_glue(cells, {}, std::vector<BorderGlue>{{0, 0.25}}).faces[0].stiffness,
+        3 * plain, 1e-12);
 }
 
 TEST(Glue, balances_cells_that_the_surface_cuts_under_constant_strain)
 {
-    // The top lies inside the uppermost leaves, the bar in the middle of its frame.
     const support::Built bar =
         support::built(support::box_shape({0, 0, 0}, {4, 1.3, 0.9}), 8, 0);
-    const Glue glue = build_glue(bar.cells, {});
-    Eigen::Matrix3d F = Eigen::Matrix3d::Identity(); // no traction on the sides
-    F(0, 0) = 1.2;
+    Eigen::Matrix3d stretch = Eigen::Matrix3d::Identity(); // no traction on the sides
+    stretch(0, 0) = 1.2;
     std::mt19937 rng(7);
+    const Unbalanced left =
+        unbalanced(bar.cells, stretch, support::random_rotation(rng),
+                   [](const Cell& cell)
+                   { return cell.box_centre.x() > 0.5 && cell.box_centre.x() < 3.5; });
+    EXPECT_GT(left.num_cells, 20);
+    EXPECT_LT(left.force, 1e-12);
+    EXPECT_LT(left.moment, 1e-12);
+}
+
+TEST(Glue, balances_cells_of_different_sizes_under_constant_strain)
+{
+    // Two levels of splits in the middle of a block, corners of small cells included.
+    const Shape shape = support::box_shape({0, 0, 0}, {6, 6, 6});
+    const GridShape grid = grid_shape({6, 6, 6}, 6, 2, 0.0);
+    const Material material = find_material(shape, grid, Fill::Solid);
+    const MaterialTest test = material_test(material.grid);
+    Octree octree(grid, test);
+    for (const int level : {0, 1})
+    {
+        std::vector<int> inside;
+        for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+        {
+            const Eigen::Vector3i at = octree.leaves()[i].corner;
+            if (octree.leaves()[i].level == level && at.minCoeff() >= 8 + 2 * level &&
+                (at.array() < Eigen::Array3i(16, 14, 12)).all())
+                inside.push_back(static_cast<int>(i));
+        }
+        octree = octree.split(inside, test);
+    }
+    const Cells cells =
+        build_cells(material.grid, octree, find_pieces(material.grid, octree));
+    std::mt19937 rng(8);
     const Eigen::Matrix3d R = support::random_rotation(rng);
-    std::vector<Pose> poses;
-    for (const Cell& cell : bar.cells.cells)
-        poses.push_back({R, R * (F * cell.anchor + cell.centre - cell.anchor)});
-    std::vector<Eigen::Matrix<double, 6, 1>> sums(bar.cells.size(),
-                                                  Eigen::Matrix<double, 6, 1>::Zero());
-    double largest = 0.0;
-    for (const GlueFace& face : glue.faces)
-    {
-        const std::size_t a = static_cast<std::size_t>(face.a);
-        const std::size_t b = static_cast<std::size_t>(face.b);
-        const Vector12 force = glue_gradient(face, poses[a], poses[b]);
-        sums[a] += force.head<6>();
-        sums[b] += force.tail<6>();
-        largest = std::max(largest, force.norm());
-    }
-    ASSERT_GT(largest, 0.01);
-    int num_cut = 0;
-    for (std::size_t i = 0; i < bar.cells.size(); ++i)
-    {
-        const Cell& cell = bar.cells.cells[i];
-        if (cell.box_centre.x() < 0.5 || cell.box_centre.x() > 3.5)
-            continue; // the ends are pulled
-        num_cut += cell.volume < 0.9 * std::pow(cell.edge, 3);
-        EXPECT_LT(sums[i].norm(), 1e-12 * largest);
-    }
-    EXPECT_GT(num_cut, 20);
+    const auto is_inside = [](const Cell& cell)
+    { return cell.box_centre.minCoeff() > 1.1 && cell.box_centre.maxCoeff() < 4.9; };
+    std::set<double> sizes;
+    for (const Cell& cell : cells.cells)
+        sizes.insert(cell.edge);
+    EXPECT_EQ(sizes.size(), 3u);
+    Eigen::Matrix3d stretch = Eigen::Vector3d(1.2, 0.9, 1.1).asDiagonal();
+    const Unbalanced stretched = unbalanced(cells, stretch, R, is_inside);
+    EXPECT_GT(stretched.num_cells, 100);
+    EXPECT_LT(stretched.force, 1e-12);
+    EXPECT_LT(stretched.moment, 1e-12);
+    stretch << 1.2, 0.1, -0.05, 0.1, 0.9, 0.2, -0.05, 0.2, 1.1;
+    const Unbalanced sheared = unbalanced(cells, stretch, R, is_inside);
+    EXPECT_LT(sheared.force, 1e-12);
+    EXPECT_LT(sheared.moment, 0.06); // the force is 0.19 where nothing is taken over
 }
 
 TEST(Glue, energy_of_a_stretched_bar_converges_to_the_continuum)

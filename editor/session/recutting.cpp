@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/recutting.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <fmt/format.h>
+
+#include "editor/session/region_cells.h"
+#include "solver/refinement.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Siblings merge when their errors are below this share of the threshold. Errors fall to
+/// a half or a quarter from level to level, so that of their parent is then at most half
+/// of it: it will not be split again for the same reason.
+constexpr double kMerge = 0.125;
+
+/// Steps of two regions that differ by no more are one [work].
+constexpr double kSameMotion = 1e-12;
+
+bool agree(const Motion& a, const Motion& b)
+{
+    return (a.R - b.R).norm() <= kSameMotion && (a.t - b.t).norm() <= kSameMotion;
+}
+
+} // namespace
+
+Recutting::Recutting(std::shared_ptr<const RestShape> rest,
+                     std::shared_ptr<const RegionSet> regions,
+                     const CellSettings& settings, const RigSettings& rig_settings)
+    : rest_(std::move(rest)), regions_(std::move(regions)), settings_(settings),
+      rig_settings_(rig_settings), has_material_(material_test(rest_->material.grid))
+{
+}
+
+bool Recutting::is_adaptive() const
+{
+    return settings_.max_depth > settings_.min_depth &&
+           std::isfinite(settings_.threshold);
+}
+
+Rig Recutting::first()
+{
+    Body body = build_body(rest_, settings_);
+    warnings_.insert(warnings_.end(), body.warnings.begin(), body.warnings.end());
+    for (;;)
+    {
+        const std::vector<RegionShares> shares = regions_->shares(body.pieces);
+        std::vector<int> crowded;
+        for (const int cell : crowded_cells(*regions_, shares, body.cells.size()))
+        {
+            const int leaf = body.cells.cells[static_cast<std::size_t>(cell)].leaf;
+            if (body.octree.leaves()[static_cast<std::size_t>(leaf)].level <
+                settings_.max_depth)
+                crowded.push_back(leaf);
+        }
+        if (crowded.empty())
+            break;
+        body = cut(rest_, body.octree.split(crowded, has_material_));
+    }
+    coarsest_ = body.octree;
+    return {std::make_shared<const Body>(std::move(body)), regions_, rig_settings_};
+}
+
+/// Of a worst-first list splits as many as max_cells allows; all, if it allows all.
+Octree Recutting::split(const Octree& octree, std::span<const int> worst_first)
+{
+    const auto first_of = [&](std::size_t count)
+    { return octree.split(worst_first.first(count), has_material_); };
+    const auto fits = [&](const Octree& tree)
+    { return static_cast<std::int64_t>(tree.leaves().size()) <= settings_.max_cells; };
+    Octree all = first_of(worst_first.size());
+    if (fits(all))
+        return all;
+    if (!is_over_budget_)
+        warnings_.push_back(
+            fmt::format("refinement stopped at {} cells: the worst were split first",
+                        settings_.max_cells));
+    is_over_budget_ = true;
+    std::size_t most = 0, too_many = worst_first.size();
+    Octree best = octree;
+    while (too_many - most > 1)
+    {
+        const std::size_t middle = (most + too_many) / 2;
+        Octree tree = first_of(middle);
+        (fits(tree) ? most : too_many) = middle;
+        if (most == middle)
+            best = std::move(tree);
+    }
+    return best;
+}
+
+/// Of each leaf the regions with material in it, one of each motion.
+std::vector<std::vector<int>>
+Recutting::differing_regions(const Rig& rig, std::span<const Motion> motions) const
+{
+    const Body& body = rig.body();
+    std::vector<std::vector<int>> regions(body.octree.leaves().size());
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        if (!(*regions_)[r].prescribes())
+            continue;
+        for (const auto& [cell, share] : rig.shares()[r].cells)
+        {
+            std::vector<int>& of_leaf = regions[static_cast<std::size_t>(
+                body.cells.cells[static_cast<std::size_t>(cell)].leaf)];
+            if (std::none_of(of_leaf.begin(), of_leaf.end(),
+                             [&](int other) {
+                                 return agree(motions[static_cast<std::size_t>(other)],
+                                              motions[r]);
+                             }))
+                of_leaf.push_back(static_cast<int>(r));
+        }
+    }
+    return regions;
+}
+
+std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> motions)
+{
+    const Octree& octree = rig.body().octree;
+    const std::vector<std::vector<int>> regions = differing_regions(rig, motions);
+    std::vector<int> leaves;
+    for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
+        if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
+            leaves.push_back(static_cast<int>(leaf));
+    return recut(rig, split(octree, leaves));
+}
+
+std::optional<Rig> Recutting::finer(const Rig& rig)
+{
+    const Body& body = rig.body();
+    const double threshold = settings_.threshold * rest_->frame.diagonal();
+    const std::vector<double> errors =
+        cell_errors(body.cells, rig.glue(), rig.constraints(), rig.poses());
+    std::vector<double> worst(body.octree.leaves().size(), 0.0);
+    for (std::size_t c = 0; c < errors.size(); ++c)
+    {
+        double& of_leaf = worst[static_cast<std::size_t>(body.cells.cells[c].leaf)];
+        of_leaf = std::max(of_leaf, errors[c]);
+    }
+    std::vector<int> leaves;
+    for (std::size_t leaf = 0; leaf < worst.size(); ++leaf)
+        if (worst[leaf] > threshold &&
+            body.octree.leaves()[leaf].level < settings_.max_depth)
+            leaves.push_back(static_cast<int>(leaf));
+    std::stable_sort(leaves.begin(), leaves.end(),
+                     [&](int a, int b) {
+                         return worst[static_cast<std::size_t>(a)] >
+                                worst[static_cast<std::size_t>(b)];
+                     });
+    return recut(rig, split(body.octree, leaves));
+}
+
+std::optional<Rig> Recutting::coarser(const Rig& rig)
+{
+    const Body& body = rig.body();
+    if (body.octree.leaves().size() == coarsest_->leaves().size())
+        return std::nullopt;
+    const double small = kMerge * settings_.threshold * rest_->frame.diagonal();
+    const std::vector<double> errors =
+        cell_errors(body.cells, rig.glue(), rig.constraints(), rig.poses());
+    std::vector<bool> may_merge(body.octree.leaves().size(), true);
+    for (std::size_t c = 0; c < errors.size(); ++c)
+        if (errors[c] > small)
+            may_merge[static_cast<std::size_t>(body.cells.cells[c].leaf)] = false;
+    const std::vector<std::vector<int>> regions = differing_regions(rig, rig.motions());
+    const auto is_contested = [&](std::span<const int> siblings)
+    {
+        int one = -1;
+        for (const int leaf : siblings)
+            for (const int region : regions[static_cast<std::size_t>(leaf)])
+            {
+                if (one >= 0 && !agree(rig.motions()[static_cast<std::size_t>(one)],
+                                       rig.motions()[static_cast<std::size_t>(region)]))
+                    return true;
+                one = region;
+            }
+        return false;
+    };
+    std::vector<int> leaves;
+    for (const std::vector<int>& siblings : body.octree.siblings())
+    {
+        const Leaf& one = body.octree.leaves()[static_cast<std::size_t>(siblings[0])];
+        const int base = coarsest_->find(one.corner);
+        const bool is_split_for_good =
+            coarsest_->leaves()[static_cast<std::size_t>(base)].level >= one.level;
+        if (!is_split_for_good &&
+            std::all_of(siblings.begin(), siblings.end(),
+                        [&](int leaf)
+                        { return may_merge[static_cast<std::size_t>(leaf)]; }) &&
+            !is_contested(siblings))
+            leaves.push_back(siblings[0]);
+    }
+    return recut(rig, body.octree.merge(leaves));
+}
+
+std::optional<Rig> Recutting::recut(const Rig& rig, Octree octree) const
+{
+    const Body& old = rig.body();
+    // Only ever splits or only merges.
+    if (octree.leaves().size() == old.octree.leaves().size())
+        return std::nullopt;
+    auto body = std::make_shared<const Body>(cut(rest_, std::move(octree)));
+    const std::vector<LocalMap> maps =
+        local_maps(old.cells, rig.glue(), rig.constraints(), rig.poses());
+    const std::vector<Pose> poses =
+        handed_on(rest_->material.grid, old.pieces, old.cells, rig.poses(), maps,
+                  body->octree, body->pieces, body->cells);
+    Rig next(std::move(body), regions_, rig_settings_);
+    next.set_state(poses, rig.motions());
+    return next;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Cells that follow the deformation: smaller ones where the error is large, larger ones
+// where it no longer is. Decided by where the cells are, never by time.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "editor/session/rig.h"
+
+namespace cellwarp
+{
+
+/// Starts with the coarsest cells that leave every region one of its own.
+class Recutting
+{
+public:
+    Recutting(std::shared_ptr<const RestShape> rest,
+              std::shared_ptr<const RegionSet> regions, const CellSettings& settings,
+              const RigSettings& rig_settings);
+
+    /// The rig in the first cells, at rest. Throws as Rig does, and Fault::Budget when
+    /// the coarsest grid alone is over max_cells.
+    Rig first();
+
+    /// Each makes the same rig in other cells, its poses handed on, or nothing if the
+    /// cells are as they should be.
+    /// Parts the material of regions that \p motions move differently, to max_depth.
+    std::optional<Rig> parted(const Rig& rig, std::span<const Motion> motions);
+    /// Splits the cells whose error is above the threshold, the worst if all would be too
+    /// many.
+    std::optional<Rig> finer(const Rig& rig);
+    /// Merges siblings whose errors are so small that their parent's will be well below
+    /// the threshold.
+    std::optional<Rig> coarser(const Rig& rig);
+
+    bool is_adaptive() const;
+    /// Those since the last call.
+    std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
+
+private:
+    Octree split(const Octree& octree, std::span<const int> worst_first);
+    std::optional<Rig> recut(const Rig& rig, Octree octree) const;
+    /// Regions, one of each motion, that have material in a leaf.
+    std::vector<std::vector<int>>
+    differing_regions(const Rig& rig, std::span<const Motion> motions) const;
+
+    std::shared_ptr<const RestShape> rest_;
+    std::shared_ptr<const RegionSet> regions_;
+    CellSettings settings_;
+    RigSettings rig_settings_;
+    MaterialTest has_material_;
+    std::optional<Octree> coarsest_; ///< never merged beyond
+    std::vector<std::string> warnings_;
+    bool is_over_budget_ = false;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/refinement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include <Eigen/Dense>
+
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Weight of a cell's own rotation against one neighbour on each side: it decides where
+/// there are no neighbours.
+constexpr double kOwnWeight = 1e-3;
+
+bool is_rigid(const Constraint& constraint)
+{
+    return constraint.hold == Hold::Prescribed || constraint.hold == Hold::Idle;
+}
+
+/// From a cell over one of its faces: to where, and what is there.
+struct View
+{
+    Eigen::Vector3d step;  ///< from the anchor, at rest
+    Eigen::Vector3d place; ///< of its end now
+    Eigen::Vector3d turn;  ///< rotation vector from this cell to the other
+    int other = 0;
+    double weight = 0.0;
+};
+
+/// A neighbour is looked at in its anchor; one that is prescribed moves as a whole, so
+/// already where its glue ends.
+View view_of(const Cells& cells, const GlueFace& glue, const Face& face,
+             std::span<const Constraint> constraints, std::span<const Pose> poses,
+             std::size_t cell)
+{
+    const bool is_a = static_cast<std::size_t>(face.a) == cell;
+    const std::size_t other = static_cast<std::size_t>(is_a ? face.b : face.a);
+    const Cell& from = cells.cells[cell];
+    const Cell& to = cells.cells[other];
+    View view;
+    view.other = static_cast<int>(other);
+    view.step = to.anchor - from.anchor;
+    if (constraints[other].hold == Hold::Prescribed)
+    {
+        view.step.setZero();
+        view.step[face.axis] = is_a ? glue.length : -glue.length;
+    }
+    view.place = image(poses[other], to.centre, from.anchor + view.step);
+    view.turn = rotation_vector(poses[other].R * poses[cell].R.transpose());
+    view.weight = face.area / glue.length;
+    return view;
+}
+
+} // namespace
+
+std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
+                                 std::span<const Constraint> constraints,
+                                 std::span<const Pose> poses)
+{
+    std::vector<LocalMap> maps(cells.size());
+    parallel_for(
+        cells.size(),
+        [&](std::size_t i)
+        {
+            const Cell& cell = cells.cells[i];
+            LocalMap& map = maps[i];
+            map.place = image(poses[i], cell.centre, cell.anchor);
+            map.gradient = poses[i].R;
+            if (is_rigid(constraints[i]))
+                return;
+            Eigen::Matrix3d steps =
+                Eigen::Matrix3d::Identity() * (2.0 * kOwnWeight * std::pow(cell.edge, 3));
+            Eigen::Matrix3d places = poses[i].R * steps;
+            Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+            for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
+            {
+                const std::size_t f = static_cast<std::size_t>(
+                    glue.faces_of_cell[static_cast<std::size_t>(k)]);
+                const View view =
+                    view_of(cells, glue.faces[f], cells.faces[f], constraints, poses, i);
+                steps += view.weight * view.step * view.step.transpose();
+                places += view.weight * (view.place - map.place) * view.step.transpose();
+                turns += view.weight * view.turn * view.step.transpose();
+            }
+            const Eigen::Matrix3d inverse = steps.inverse();
+            map.gradient = places * inverse;
+            map.turning = turns * inverse;
+        });
+    return maps;
+}
+
+std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
+                                std::span<const Constraint> constraints,
+                                std::span<const Pose> poses)
+{
+    static const int kind = std::getenv("IND") ? std::atoi(std::getenv("IND")) : 1;
+    const std::vector<LocalMap> maps = local_maps(cells, glue, constraints, poses);
+    std::vector<double> errors(cells.size(), 0.0);
+    parallel_for(
+        cells.size(),
+        [&](std::size_t i)
+        {
+            for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
+            {
+                const std::size_t f = static_cast<std::size_t>(
+                    glue.faces_of_cell[static_cast<std::size_t>(k)]);
+                const GlueFace& face = glue.faces[f];
+                const View view =
+                    view_of(cells, face, cells.faces[f], constraints, poses, i);
+                const std::size_t j = static_cast<std::size_t>(view.other);
+                double error = 0.0;
+                if (kind == 0)
+                    error = std::sqrt(
+                        glue_energy(face, poses[static_cast<std::size_t>(face.a)],
+                                    poses[static_cast<std::size_t>(face.b)]) /
+                        face.stiffness);
+                else if (kind == 1)
+                {
+                    if (constraints[i].hold == Hold::Prescribed &&
+                        constraints[j].hold == Hold::Prescribed)
+                        error = 0;
+                    else if (is_rigid(constraints[i]) || is_rigid(constraints[j]))
+                        error = 0.125 * glue.faces[f].length *
+                                (maps[i].gradient - maps[j].gradient).norm();
+                    else
+                        error = 0.125 * cells.cells[i].edge *
+                                (maps[i].gradient - maps[j].gradient).norm();
+                }
+                else if (kind == 2)
+                    error =
+                        0.25 * (view.place - maps[i].place - maps[i].gradient * view.step)
+                                   .norm();
+                else if (kind == 3) // as 1, strain changes only
+                {
+                    const Eigen::Matrix3d A = poses[i].R.transpose() * maps[i].gradient,
+                                          B = poses[j].R.transpose() * maps[j].gradient;
+                    error = 0.125 * cells.cells[i].edge * (A - B).norm();
+                }
+                errors[i] = std::max(errors[i], error);
+            }
+        });
+    return errors;
+}
+
+namespace
+{
+
+Eigen::Matrix3d rotation_of(const Eigen::Vector3d& turn)
+{
+    const double angle = turn.norm();
+    return angle > 0 ? rotation_about(turn / angle, angle)
+                     : Eigen::Matrix3d(Eigen::Matrix3d::Identity());
+}
+
+/// The rotation closest to a matrix, by its singular vectors.
+Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& M)
+{
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU |
+                                                       Eigen::ComputeFullV);
+    Eigen::Matrix3d U = svd.matrixU();
+    if ((U * svd.matrixV().transpose()).determinant() < 0)
+        U.col(2) *= -1.0;
+    return U * svd.matrixV().transpose();
+}
+
+/// An old piece and how many voxels of a new one it had.
+struct Origin
+{
+    int piece = 0, voxels = 0;
+};
+
+/// Of the new pieces of one leaf; crumbs, which lie in other leaves, don't count.
+std::vector<std::vector<Origin>> origins_of(const VoxelGrid& grid, const Leaf& leaf,
+                                            const Pieces& old_pieces,
+                                            const Pieces& pieces, int first, int end)
+{
+    std::vector<std::vector<Origin>> origins(static_cast<std::size_t>(end - first));
+    const VoxelBlock block = voxel_block(grid.shape(), leaf);
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+            {
+                const std::size_t voxel =
+                    grid.index(block.first + Eigen::Vector3i(i, j, k));
+                const int piece = pieces.piece_of_voxel[voxel];
+                if (piece < first || piece >= end)
+                    continue;
+                std::vector<Origin>& of =
+                    origins[static_cast<std::size_t>(piece - first)];
+                const int old = old_pieces.piece_of_voxel[voxel];
+                const auto known = std::find_if(of.begin(), of.end(),
+                                                [&](const Origin& origin)
+                                                { return origin.piece == old; });
+                if (known != of.end())
+                    ++known->voxels;
+                else
+                    of.push_back({old, 1});
+            }
+    return origins;
+}
+
+} // namespace
+
+std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
+                            const Cells& old_cells, std::span<const Pose> old_poses,
+                            std::span<const LocalMap> old_maps, const Octree& octree,
+                            const Pieces& pieces, const Cells& cells)
+{
+    std::vector<int> first(octree.leaves().size() + 1, 0);
+    for (const int leaf : pieces.leaf_of_piece)
+        ++first[static_cast<std::size_t>(leaf) + 1];
+    for (std::size_t i = 1; i < first.size(); ++i)
+        first[i] += first[i - 1];
+    std::vector<Pose> poses(cells.size());
+    parallel_for(
+        octree.leaves().size(),
+        [&](std::size_t leaf)
+        {
+            const std::vector<std::vector<Origin>> origins =
+                origins_of(grid, octree.leaves()[leaf], old_pieces, pieces, first[leaf],
+                           first[leaf + 1]);
+            for (std::size_t k = 0; k < origins.size(); ++k)
+            {
+                const std::size_t c = static_cast<std::size_t>(first[leaf]) + k;
+                const Cell& cell = cells.cells[c];
+                const std::size_t only = static_cast<std::size_t>(origins[k][0].piece);
+                if (origins[k].size() == 1 &&
+                    old_cells.cells[only].anchor == cell.anchor &&
+                    old_cells.cells[only].centre == cell.centre)
+                {
+                    poses[c] = old_poses[only];
+                    continue;
+                }
+                Eigen::Vector3d place = Eigen::Vector3d::Zero();
+                Eigen::Matrix3d R = Eigen::Matrix3d::Zero();
+                double whole = 0.0;
+                for (const Origin& origin : origins[k])
+                {
+                    const std::size_t o = static_cast<std::size_t>(origin.piece);
+                    const double weight = origin.voxels;
+                    const Eigen::Vector3d step = cell.anchor - old_cells.cells[o].anchor;
+                    place += weight * (old_maps[o].place + old_maps[o].gradient * step);
+                    R += weight *
+                         (rotation_of(old_maps[o].turning * step) * old_poses[o].R);
+                    whole += weight;
+                }
+                poses[c].R = nearest_rotation(R / whole);
+                poses[c].p = place / whole + poses[c].R * (cell.centre - cell.anchor);
+            }
+        });
+    return poses;
+}
+
+} // namespace cellwarp

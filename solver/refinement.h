@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where smaller cells are wanted, and how they start: errors of cells as lengths, the
+// leaves to split and to merge, poses handed on from one set of cells to another.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "octree/octree.h"
+#include "octree/pieces.h"
+#include "solver/constraints.h"
+#include "solver/glue.h"
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// The body's map around a cell, as the cell and its neighbours tell it:
+/// x -> place + gradient (x - anchor), its rotation exp(turning (x - anchor)) R.
+struct LocalMap
+{
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d gradient = Eigen::Matrix3d::Identity();
+    Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
+};
+
+/// Of every cell. Cells that are prescribed or idle move as rigid bodies.
+std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
+                                 std::span<const Constraint> constraints,
+                                 std::span<const Pose> poses);
+
+/// How far each cell's motion is from what the body does there [length].
+std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
+                                std::span<const Constraint> constraints,
+                                std::span<const Pose> poses);
+
+/// The poses of the cells of another octree of the same material: what stays keeps its
+/// pose, children follow the local map of their parent, what merges the mean of its
+/// parts.
+std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
+                            const Cells& old_cells, std::span<const Pose> old_poses,
+                            std::span<const LocalMap> old_maps, const Octree& octree,
+                            const Pieces& pieces, const Cells& cells);
+
+} // namespace cellwarp
