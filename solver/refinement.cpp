@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// What error smaller cells mend. The gap between two cells is their size times the strain
+// between them; it only halves when they are split, and is largest where the material is
+// strained evenly, where the map between the cells is known well. So the strain that a
+// cell and its neighbours have in common is taken out first: an affine map around each
+// cell, by least squares over its neighbours' anchors. What a neighbour is off from it is
+// of second order, second derivatives of the map times the square of the size. A
+// prescribed cell is looked at where its glue ends: past that it tells nothing of strain.
 #include "solver/refinement.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include <Eigen/Dense>
 
@@ -18,6 +24,10 @@ namespace
 /// Weight of a cell's own rotation against one neighbour on each side: it decides where
 /// there are no neighbours.
 constexpr double kOwnWeight = 1e-3;
+
+/// What a step to a neighbour misses is four times what is missed half way, where the
+/// cell ends, because it grows with the square.
+constexpr double kHalfWay = 0.25;
 
 bool is_rigid(const Constraint& constraint)
 {
@@ -100,7 +110,6 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
                                 std::span<const Constraint> constraints,
                                 std::span<const Pose> poses)
 {
-    static const int kind = std::getenv("IND") ? std::atoi(std::getenv("IND")) : 1;
     const std::vector<LocalMap> maps = local_maps(cells, glue, constraints, poses);
     std::vector<double> errors(cells.size(), 0.0);
     parallel_for(
@@ -111,40 +120,13 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
             {
                 const std::size_t f = static_cast<std::size_t>(
                     glue.faces_of_cell[static_cast<std::size_t>(k)]);
-                const GlueFace& face = glue.faces[f];
                 const View view =
-                    view_of(cells, face, cells.faces[f], constraints, poses, i);
-                const std::size_t j = static_cast<std::size_t>(view.other);
-                double error = 0.0;
-                if (kind == 0)
-                    error = std::sqrt(
-                        glue_energy(face, poses[static_cast<std::size_t>(face.a)],
-                                    poses[static_cast<std::size_t>(face.b)]) /
-                        face.stiffness);
-                else if (kind == 1)
-                {
-                    if (constraints[i].hold == Hold::Prescribed &&
-                        constraints[j].hold == Hold::Prescribed)
-                        error = 0;
-                    else if (is_rigid(constraints[i]) || is_rigid(constraints[j]))
-                        error = 0.125 * glue.faces[f].length *
-                                (maps[i].gradient - maps[j].gradient).norm();
-                    else
-                        error = 0.125 * cells.cells[i].edge *
-                                (maps[i].gradient - maps[j].gradient).norm();
-                }
-                else if (kind == 2)
-                    error =
-                        0.25 * (view.place - maps[i].place - maps[i].gradient * view.step)
-                                   .norm();
-                else if (kind == 3) // as 1, strain changes only
-                {
-                    const Eigen::Matrix3d A = poses[i].R.transpose() * maps[i].gradient,
-                                          B = poses[j].R.transpose() * maps[j].gradient;
-                    error = 0.125 * cells.cells[i].edge * (A - B).norm();
-                }
-                errors[i] = std::max(errors[i], error);
+                    view_of(cells, glue.faces[f], cells.faces[f], constraints, poses, i);
+                errors[i] = std::max(
+                    errors[i],
+                    (view.place - maps[i].place - maps[i].gradient * view.step).norm());
             }
+            errors[i] *= kHalfWay;
         });
     return errors;
 }

@@ -33,7 +33,8 @@ std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
                                  std::span<const Constraint> constraints,
                                  std::span<const Pose> poses);
 
-/// How far each cell's motion is from what the body does there [length].
+/// How far the body is, at the borders of each cell, from the affine map around it: what
+/// rigid motions and a blend of them cannot follow [length].
 std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
                                 std::span<const Constraint> constraints,
                                 std::span<const Pose> poses);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +23,8 @@
 namespace cellwarp
 {
 
+class Rig;
+
 struct CellSettings
 {
     Fill fill = Fill::Solid;
@@ -30,6 +33,8 @@ struct CellSettings
     int min_depth = 0; ///< splits below them, everywhere
     /// [diagonal] Cells with a larger error are split; infinity: none.
     double threshold = INFINITY;
+    /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.
+    std::function<std::vector<double>(const Rig&)> errors = {};
     double gap = 0.008; ///< [diagonal] parts farther apart are never glued
     std::int64_t max_cells = 200000;
     double max_memory = 0.0;       ///< [byte], 0: no limit

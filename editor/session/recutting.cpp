@@ -132,12 +132,18 @@ std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> mot
     return recut(rig, split(octree, leaves));
 }
 
+std::vector<double> Recutting::errors_of(const Rig& rig) const
+{
+    return settings_.errors ? settings_.errors(rig)
+                            : cell_errors(rig.body().cells, rig.glue(), rig.constraints(),
+                                          rig.poses());
+}
+
 std::optional<Rig> Recutting::finer(const Rig& rig)
 {
     const Body& body = rig.body();
     const double threshold = settings_.threshold * rest_->frame.diagonal();
-    const std::vector<double> errors =
-        cell_errors(body.cells, rig.glue(), rig.constraints(), rig.poses());
+    const std::vector<double> errors = errors_of(rig);
     std::vector<double> worst(body.octree.leaves().size(), 0.0);
     for (std::size_t c = 0; c < errors.size(); ++c)
     {
@@ -163,8 +169,7 @@ std::optional<Rig> Recutting::coarser(const Rig& rig)
     if (body.octree.leaves().size() == coarsest_->leaves().size())
         return std::nullopt;
     const double small = kMerge * settings_.threshold * rest_->frame.diagonal();
-    const std::vector<double> errors =
-        cell_errors(body.cells, rig.glue(), rig.constraints(), rig.poses());
+    const std::vector<double> errors = errors_of(rig);
     std::vector<bool> may_merge(body.octree.leaves().size(), true);
     for (std::size_t c = 0; c < errors.size(); ++c)
         if (errors[c] > small)

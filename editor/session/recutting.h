@@ -44,6 +44,7 @@ public:
 
 private:
     Octree split(const Octree& octree, std::span<const int> worst_first);
+    std::vector<double> errors_of(const Rig& rig) const;
     std::optional<Rig> recut(const Rig& rig, Octree octree) const;
     /// Regions, one of each motion, that have material in a leaf.
     std::vector<std::vector<int>>

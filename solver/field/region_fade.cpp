@@ -31,7 +31,7 @@ namespace cellwarp
 namespace
 {
 
-/// Width of the fade [edge of the largest cell that holds a sample of the region].
+/// Width of the fade [edge of the largest cell at the region's border].
 /// Misses are up to a tenth of a cell: over a cell and a half the slope that they
 /// add stays below 0.15.
 constexpr double kWidth = 1.5;
@@ -96,23 +96,28 @@ std::vector<RegionFade::Node> joined(const Cells& cells,
     return nodes;
 }
 
+double largest_edge(const Cells& cells, std::span<const RegionFade::Node> nodes)
+{
+    double edge = 0.0;
+    for (const RegionFade::Node& node : nodes)
+        edge = std::max(edge, cells.cells[static_cast<std::size_t>(node.cell)].edge);
+    return edge;
+}
+
 } // namespace
 
 RegionFade::RegionFade(const Cells& cells, std::span<const Node> samples,
                        std::span<const Node> further)
-    : RegionFade(cells, joined(cells, samples, further))
+    : RegionFade(cells, largest_edge(cells, further.empty() ? samples : further),
+                 joined(cells, samples, further))
 {
 }
 
-RegionFade::RegionFade(const Cells& cells, const std::vector<Node>& nodes)
-    : tree_(places_of(nodes))
+RegionFade::RegionFade(const Cells& cells, double edge, const std::vector<Node>& nodes)
+    : tree_(places_of(nodes)), radius_(kWidth * edge)
 {
     for (const Node& node : nodes)
         node_cells_.push_back(node.cell);
-    double edge = 0.0;
-    for (const int cell : node_cells_)
-        edge = std::max(edge, cells.cells[static_cast<std::size_t>(cell)].edge);
-    radius_ = kWidth * edge;
     // Cells within reach through the glue. A path through faces is longer than the
     // straight line, by up to sqrt 3; two more cells carry the blend's own reach.
     const double reach = std::sqrt(3.0) * (radius_ + 2.0 * edge);

@@ -29,9 +29,9 @@ public:
         int cell;
     };
 
-    /// \p samples: those of the region. \p further: other places that move with it;
-    /// such as coincide with others, up to rounding, are left out.
-    /// \pre samples is not empty
+    /// \p samples: those of the region. \p further: other places that move with it, at
+    /// its border; such as coincide with others, up to rounding, are left out. \pre
+    /// samples is not empty
     RegionFade(const Cells& cells, std::span<const Node> samples,
                std::span<const Node> further);
 
@@ -79,7 +79,7 @@ public:
     const std::vector<int>& near_cells() const { return near_cells_; }
 
 private:
-    RegionFade(const Cells& cells, const std::vector<Node>& nodes);
+    RegionFade(const Cells& cells, double edge, const std::vector<Node>& nodes);
 
     PointTree tree_;
     std::vector<int> node_cells_;
