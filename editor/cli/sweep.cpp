@@ -171,7 +171,7 @@ const SweepRow* row_to_show(const std::vector<SweepRow>& rows)
     double goal = 0.0;
     for (const SweepRow& row : rows)
         if (row.is_done() && row.of.kind == SweepKind::Uniform &&
-            row.of.depth + 1 == row.of.grid_depth && !(goal > 0))
+            row.of.depth + 1 == row.of.reference_depth && !(goal > 0))
             goal = row.error.largest;
     const SweepRow* best = nullptr;
     for (const SweepRow& row : rows)

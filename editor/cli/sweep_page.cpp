@@ -125,6 +125,14 @@ struct Group
     std::vector<const SweepRow*> rows;
 };
 
+std::string line_name(const SweepCase& of)
+{
+    const bool has_depth = of.kind == SweepKind::Adaptive && of.is_above_reference();
+    return fmt::format("{}{}, {}", kind_name(of.kind),
+                       has_depth ? fmt::format(" to depth {}", of.depth) : "",
+                       field_name(of.field));
+}
+
 /// Uniform and adaptive rows by field and depth; those stopped early are left out.
 std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
 {
@@ -137,11 +145,7 @@ std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
     {
         if (row.of.kind == SweepKind::Reference || row.of.is_limited || !row.is_done())
             continue;
-        const bool is_uniform = row.of.kind == SweepKind::Uniform;
-        const std::string name = is_uniform
-                                     ? "uniform, " + field_name(row.of.field)
-                                     : fmt::format("adaptive to {}, {}", row.of.depth,
-                                                   field_name(row.of.field));
+        const std::string name = line_name(row.of);
         auto found = std::find_if(groups.begin(), groups.end(),
                                   [&](const Group& group) { return group.name == name; });
         if (found == groups.end())
@@ -173,7 +177,7 @@ double floor_of(const std::vector<SweepRow>& rows, Value error)
     double smallest = INFINITY;
     for (const SweepRow& row : rows)
         if (row.is_done() && row.of.kind == SweepKind::Uniform && !row.of.is_limited &&
-            row.of.depth < row.of.grid_depth && error(row) > 0)
+            row.of.is_above_reference() && error(row) > 0)
             smallest = std::min(smallest, error(row));
     return std::isfinite(smallest) ? smallest / kBelowFloor : 0.0;
 }

@@ -83,7 +83,7 @@ Json row_json(const SweepRow& row)
     Json json = {{"kind", kind_name(row.of.kind)},
                  {"threshold", is_adaptive ? Json(row.of.threshold) : Json(nullptr)},
                  {"max_depth", row.of.depth},
-                 {"grid_depth", row.of.grid_depth},
+                 {"grid_depth", row.of.grid_depth()},
                  {"interpolator", field_name(row.of.field)},
                  {"max_iterations", row.of.max_iterations},
                  {"is_limited", row.of.is_limited},

@@ -66,7 +66,7 @@ Orders orders_of(const std::vector<const SweepRow*>& uniform, Measure measure)
     Points above_reference, differences;
     for (const SweepRow* row : uniform)
     {
-        if (row->of.depth < row->of.grid_depth)
+        if (row->of.is_above_reference())
             above_reference.push_back({row->cell_edge, row->error.*measure});
         if (row->from_coarser)
             differences.push_back({row->cell_edge, (*row->from_coarser).*measure});
@@ -183,7 +183,7 @@ std::vector<Saving> savings_of(std::span<const SweepRow> rows)
                     adaptive.push_back(&row);
             for (const SweepRow& row : rows)
                 if (is_told(row, SweepKind::Uniform, field) && row.of.depth > 0 &&
-                    row.of.depth < row.of.grid_depth)
+                    row.of.is_above_reference())
                     all.push_back({field, depth, row.of.depth, row.error,
                                    share_of(row, adaptive, &Deviation::largest),
                                    share_of(row, adaptive, &Deviation::rms)});

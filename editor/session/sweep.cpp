@@ -50,7 +50,7 @@ int depth_everywhere(const Session& session)
 SessionSettings session_settings(const SweepSettings& settings, const SweepCase& of)
 {
     SessionSettings session = settings.session;
-    session.cells.max_depth = of.grid_depth;
+    session.cells.max_depth = of.grid_depth();
     session.cells.min_depth = of.kind == SweepKind::Adaptive ? 0 : of.depth;
     session.cells.threshold = of.threshold;
     session.field = of.field;
@@ -384,7 +384,9 @@ std::string case_name(const SweepCase& of)
     if (of.kind == SweepKind::Uniform)
         name += fmt::format(" {}", of.depth);
     if (of.kind == SweepKind::Adaptive)
-        name += fmt::format(" {:g} to depth {}", of.threshold, of.depth);
+        name += fmt::format(" {:g}", of.threshold);
+    if (of.kind == SweepKind::Adaptive && of.is_above_reference())
+        name += fmt::format(" to depth {}", of.depth);
     name += fmt::format(", {}", field_name(of.field));
     if (of.is_limited)
         name += fmt::format(", {} iterations", of.max_iterations);
@@ -446,8 +448,8 @@ std::vector<SweepCase> sweep_cases(const SweepSettings& settings)
                                  limit, is_limited});
             for (const int depth : depths)
                 for (const double threshold : settings.thresholds)
-                    cases.push_back({SweepKind::Adaptive, depth, depth, threshold, field,
-                                     limit, is_limited});
+                    cases.push_back({SweepKind::Adaptive, depth, deepest, threshold,
+                                     field, limit, is_limited});
         }
     return cases;
 }

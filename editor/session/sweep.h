@@ -41,14 +41,22 @@ struct SweepCase
 {
     SweepKind kind = SweepKind::Reference;
     int depth = 0;               ///< of the deepest cells that there may be
-    int grid_depth = 0;          ///< of the grid, whose voxels the material is found in
+    int reference_depth = 0;     ///< of the deepest cells of the whole sweep
     double threshold = INFINITY; ///< [diagonal] infinity: not adaptive
     FieldKind field = FieldKind::Rbf;
     int max_iterations = 0;  ///< of one frame
     bool is_limited = false; ///< stopped early on purpose: it need not converge
+
+    /// Of the grid in whose voxels the material is found: uniform cells of every depth
+    /// have the reference's material.
+    int grid_depth() const
+    {
+        return kind == SweepKind::Adaptive ? depth : reference_depth;
+    }
+    bool is_above_reference() const { return depth < reference_depth; }
 };
 
-/// "adaptive 0.001 to depth 2, rbf".
+/// "uniform 1, blend", "adaptive 0.001, rbf"; a depth, a limit that is not the usual one.
 std::string case_name(const SweepCase& of);
 
 /// The files of a session. They are read anew for each run, as a single edit would.
