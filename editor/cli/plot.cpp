@@ -18,12 +18,15 @@ namespace
 
 // Places in a plot [pixel at 100 %].
 constexpr double kWidth = 760.0;
-constexpr double kLogHeight = 430.0;
-constexpr double kLeft = 74.0, kRight = 570.0, kTop = 40.0, kBottom = 372.0;
-constexpr double kLegendLeft = 590.0, kLegendStep = 21.0;
-constexpr double kBarLeft = 200.0, kBarRight = 660.0;
+constexpr double kLeft = 74.0, kRight = 740.0, kTop = 40.0, kBottom = 372.0;
+constexpr double kLegendTop = 436.0, kLegendStep = 21.0;
+constexpr double kBarLeft = 245.0, kBarRight = 690.0;
 constexpr double kBarStep = 21.0, kBarHeight = 14.0;
 constexpr double kMarker = 4.0;
+constexpr double kRoomOfLabel = 56.0; ///< beside a marker
+
+/// Names in a legend up to so long stand three in a line, longer ones two.
+constexpr std::size_t kLongName = 24;
 
 /// Up to so many decades the 2 and the 5 are labelled as well.
 constexpr double kFewDecades = 2.01;
@@ -219,9 +222,11 @@ std::string drawn(const PlotSeries& series, const LogAxis& x, const LogAxis& y,
         const double px = x.place(point.x), py = y.place(std::max(point.y, floor));
         path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", px, py);
         markers += marker(px, py, series, point.tip, is_below);
+        const bool is_at_edge = px > kRight - kRoomOfLabel;
         if (!point.label.empty())
-            markers += text(px + 8.0, py - 7.0, Anchor::Start, in_markup(point.label),
-                            " font-size=\"11\"");
+            markers += text(px + (is_at_edge ? -8.0 : 8.0), py - 7.0,
+                            is_at_edge ? Anchor::End : Anchor::Start,
+                            in_markup(point.label), " font-size=\"11\"");
     }
     return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" "
                        "stroke-linejoin=\"round\"{}/>\n",
@@ -229,19 +234,37 @@ std::string drawn(const PlotSeries& series, const LogAxis& x, const LogAxis& y,
            markers;
 }
 
+std::size_t legend_columns(const std::vector<PlotSeries>& all)
+{
+    return std::any_of(all.begin(), all.end(),
+                       [](const PlotSeries& series)
+                       { return series.name.size() > kLongName; })
+               ? 2
+               : 3;
+}
+
+double log_height(const LogPlot& plot)
+{
+    const std::size_t columns = legend_columns(plot.series);
+    const std::size_t lines = (plot.series.size() + columns - 1) / columns;
+    return kLegendTop + kLegendStep * static_cast<double>(lines);
+}
+
+/// Below the plot.
 std::string legend(const std::vector<PlotSeries>& all)
 {
+    const std::size_t columns = legend_columns(all);
+    const double width = (kWidth - kLeft) / static_cast<double>(columns);
     std::string svg;
-    double at = kTop + 10.0;
-    for (const PlotSeries& series : all)
+    for (std::size_t i = 0; i < all.size(); ++i)
     {
-        svg +=
-            fmt::format("<path d=\"M{:g} {:g}h30\" stroke=\"{}\" stroke-width=\"2\"{}/>"
-                        "\n",
-                        kLegendLeft, at, series.colour, dashes(series));
-        svg += marker(kLegendLeft + 15.0, at, series, "", false);
-        svg += text(kLegendLeft + 38.0, at + 4.0, Anchor::Start, in_markup(series.name));
-        at += kLegendStep;
+        const double left = kLeft + width * static_cast<double>(i % columns);
+        const double at = kLegendTop + kLegendStep * static_cast<double>(i / columns);
+        svg += fmt::format("<path d=\"M{:.1f} {:g}h30\" stroke=\"{}\" "
+                           "stroke-width=\"2\"{}/>\n",
+                           left, at, all[i].colour, dashes(all[i]));
+        svg += marker(left + 15.0, at, all[i], "", false);
+        svg += text(left + 38.0, at + 4.0, Anchor::Start, in_markup(all[i].name));
     }
     return svg;
 }
@@ -289,7 +312,8 @@ std::string bar_legend(const std::vector<BarPart>& parts)
 
 std::string bar_row(const BarPlot& plot, const Bar& bar, double top, double per_pixel)
 {
-    std::string svg = text(kBarLeft - 8.0, top + 11.5, Anchor::End, in_markup(bar.name));
+    std::string svg = text(kBarLeft - 8.0, top + 11.5, Anchor::End, in_markup(bar.name),
+                           " font-size=\"11\"");
     double at = kBarLeft;
     for (std::size_t p = 0; p < plot.parts.size(); ++p)
     {
@@ -345,7 +369,7 @@ std::string svg_of(const LogPlot& plot)
                 xs.add(point.x);
                 ys.add(std::max(point.y, plot.y_floor));
             }
-    std::string svg = head(kLogHeight, plot.title);
+    std::string svg = head(log_height(plot), plot.title);
     if (xs.high > 0)
     {
         const LogAxis x(xs.low, xs.high, kLeft, kRight);

@@ -150,20 +150,15 @@ std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
                                   [&](const Group& group) { return group.name == name; });
         if (found == groups.end())
         {
-            // The first adaptive line of a field has the colour of its uniform one.
-            const auto [field, is_new] =
-                colour_of_field.try_emplace(row.of.field, nullptr);
-            const bool has_adaptive =
-                std::any_of(groups.begin(), groups.end(),
-                            [&](const Group& group)
-                            {
-                                return group.kind == SweepKind::Adaptive &&
-                                       group.rows.front()->of.field == row.of.field;
-                            });
-            if (is_new)
-                field->second = next_colour();
-            groups.push_back(
-                {name, has_adaptive ? next_colour() : field->second, row.of.kind, {}});
+            // A field has one colour; only its adaptive cells to other depths differ.
+            const bool is_other =
+                row.of.kind == SweepKind::Adaptive && row.of.is_above_reference();
+            if (!is_other && !colour_of_field.contains(row.of.field))
+                colour_of_field[row.of.field] = next_colour();
+            groups.push_back({name,
+                              is_other ? next_colour() : colour_of_field[row.of.field],
+                              row.of.kind,
+                              {}});
             found = groups.end() - 1;
         }
         found->rows.push_back(&row);

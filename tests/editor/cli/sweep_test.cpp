@@ -266,6 +266,11 @@ TEST(SweepCommand, folders_that_cannot_be_are_file_errors)
         arguments[5] = folder;
         EXPECT_EQ(run(arguments).code, 4) << folder;
     }
+    arguments[5] = files.folder / "link";
+    std::filesystem::create_symlink(files.folder / "nothing", arguments[5]);
+    const Result link = run(arguments);
+    EXPECT_EQ(link.code, 4);
+    EXPECT_TRUE(contains(link.err, "link: cannot make it: ")) << link.err;
     arguments[5] = "-";
     EXPECT_EQ(run(arguments).code, 2);
     arguments = files.arguments({"--no-pictures"});
@@ -433,11 +438,11 @@ TEST(SweepReport, sentences_tell_orders_and_savings_and_what_does_not_pay)
         "edge, the RMS error with 1.00 (least squares, against the reference).");
     EXPECT_EQ(
         sentences[1],
-        "Adaptive cells to depth 3 against uniform depth 1, rbf: its largest error "
-        "(0.004) takes 0.25 of its cells and 1.12 times its time, which does not pay; "
-        "its RMS error (0.001) takes 0.25 of its cells and 1.12 times its time, which "
-        "does not pay.");
-    EXPECT_TRUE(contains(sentences[2], "its largest error (0.002) is not reached"));
+        "Adaptive cells to depth 3, rbf: the largest error of uniform depth 1 (0.004) "
+        "with 0.25 of its cells and 1.12 times its time, which does not pay; its RMS "
+        "error (0.001) with 0.25 of its cells and 1.12 times its time, which does not "
+        "pay.");
+    EXPECT_TRUE(contains(sentences[2], "of uniform depth 2 (0.002) is not reached"));
 }
 
 } // namespace cellwarp

@@ -238,6 +238,21 @@ TEST(Sweep, a_run_over_its_budget_gets_a_row_that_says_so)
                             { return contains(warning, "uniform 2, rbf-global: "); }));
 }
 
+TEST(Sweep, a_model_that_changes_on_the_way_is_an_error)
+{
+    SweptBar bar;
+    bar.settings.max_depth = 0;
+    const auto change = [&](const SweepProgress& now)
+    {
+        if (now.run == 2)
+            bar.folder.write("bar.obj", support::obj_text(support::box_shape(
+                                            {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 2)));
+    };
+    EXPECT_TRUE(contains(
+        error_of(Fault::File, [&] { run_sweep(bar.input, bar.settings, change); }),
+        "bar.obj: changed while it was swept"));
+}
+
 TEST(Sweep, results_are_the_same_to_the_bit_for_every_number_of_threads)
 {
     SweptBar bar;
