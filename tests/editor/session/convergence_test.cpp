@@ -135,10 +135,14 @@ TEST(Convergence, more_cells_for_a_larger_error_do_not_count)
 
 TEST(Convergence, the_fall_to_the_references_own_cells_is_not_interpolated)
 {
-    std::vector<SweepRow> rows = {row(SweepKind::Uniform, 2, 2e-3, 6400, 6.4)};
-    rows.push_back(row(SweepKind::Adaptive, kDeepest, 4e-3, 100, 0.1));
-    rows.push_back(row(SweepKind::Adaptive, kDeepest, 0.0, 51200, 50.0));
-    EXPECT_NEAR(savings_of(rows).at(0).largest.value().cells, 8.0, 1e-12);
+    for (const double error : {0.0, 1e-9, 3.9e-4})
+    {
+        SCOPED_TRACE(error);
+        std::vector<SweepRow> rows = {row(SweepKind::Uniform, 2, 2e-3, 6400, 6.4)};
+        rows.push_back(row(SweepKind::Adaptive, kDeepest, 4e-3, 100, 0.1));
+        rows.push_back(row(SweepKind::Adaptive, kDeepest, error, 51200, 50.0));
+        EXPECT_NEAR(savings_of(rows).at(0).largest.value().cells, 8.0, 1e-12);
+    }
 }
 
 } // namespace cellwarp

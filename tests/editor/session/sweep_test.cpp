@@ -98,6 +98,27 @@ TEST(Sweep, the_reference_has_no_error_and_a_tight_gradient)
               row_of(result, SweepKind::Uniform, 2).frames.back().solve.energy_after);
 }
 
+TEST(Sweep, a_smaller_threshold_never_has_fewer_cells_or_fewer_levels)
+{
+    const SweepResult result = SweptBar().run();
+    const SweepRow* last = nullptr;
+    for (const SweepRow& row : result.rows)
+    {
+        if (row.of.kind != SweepKind::Adaptive || row.of.field != FieldKind::Rbf)
+            continue;
+        EXPECT_GE(row.cells, row_of(result, SweepKind::Uniform, 0).cells);
+        EXPECT_LE(row.cells, row_of(result, SweepKind::Uniform, 2).cells);
+        if (last)
+        {
+            EXPECT_LT(row.of.threshold, last->of.threshold);
+            EXPECT_GE(row.cells, last->cells);
+            EXPECT_GE(row.cells_per_depth.size(), last->cells_per_depth.size());
+        }
+        last = &row;
+    }
+    EXPECT_TRUE(last);
+}
+
 TEST(Sweep, distances_are_of_the_diagonal)
 {
     const std::vector<Eigen::Vector3d> a = {{0, 0, 0}, {1, 0, 0}},
