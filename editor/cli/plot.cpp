@@ -222,16 +222,42 @@ std::string drawn(const PlotSeries& series, const LogAxis& x, const LogAxis& y,
         const double px = x.place(point.x), py = y.place(std::max(point.y, floor));
         path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", px, py);
         markers += marker(px, py, series, point.tip, is_below);
-        const bool is_at_edge = px > kRight - kRoomOfLabel;
-        if (!point.label.empty())
-            markers += text(px + (is_at_edge ? -8.0 : 8.0), py - 7.0,
-                            is_at_edge ? Anchor::End : Anchor::Start,
-                            in_markup(point.label), " font-size=\"11\"");
     }
     return fmt::format("<path d=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\" "
                        "stroke-linejoin=\"round\"{}/>\n",
                        path, series.colour, dashes(series)) +
            markers;
+}
+
+/// Labels of points, those left out that would stand on another.
+std::string labels(const LogPlot& plot, const LogAxis& x, const LogAxis& y)
+{
+    constexpr double kRoomAbove = 13.0;
+    std::string svg;
+    std::vector<std::array<double, 2>> taken;
+    for (const PlotSeries& series : plot.series)
+        for (const PlotPoint& point : series.points)
+        {
+            if (point.label.empty() || !has_logarithm(point))
+                continue;
+            const double px = x.place(point.x),
+                         py = y.place(std::max(point.y, plot.y_floor));
+            const bool is_free =
+                std::none_of(taken.begin(), taken.end(),
+                             [&](const std::array<double, 2>& other)
+                             {
+                                 return std::abs(other[0] - px) < kRoomOfLabel &&
+                                        std::abs(other[1] - py) < kRoomAbove;
+                             });
+            if (!is_free)
+                continue;
+            taken.push_back({px, py});
+            const bool is_at_edge = px > kRight - kRoomOfLabel;
+            svg += text(px + (is_at_edge ? -8.0 : 8.0), py - 7.0,
+                        is_at_edge ? Anchor::End : Anchor::Start, in_markup(point.label),
+                        " font-size=\"11\"");
+        }
+    return svg;
 }
 
 std::size_t legend_columns(const std::vector<PlotSeries>& all)
@@ -377,7 +403,7 @@ std::string svg_of(const LogPlot& plot)
         svg += grid(x, y) + axis_labels(plot);
         for (const PlotSeries& series : plot.series)
             svg += drawn(series, x, y, plot.y_floor);
-        svg += legend(plot.series);
+        svg += labels(plot, x, y) + legend(plot.series);
     }
     else
         svg += text(kLeft, kTop + 20.0, Anchor::Start, "nothing to draw");

@@ -287,8 +287,8 @@ std::string table(const SweepReport& report)
         "<h2>All runs</h2>\n<div class=\"wide\"><table>\n<thead><tr>"
         "<th class=\"word\">kind</th><th>threshold</th><th>depth</th>"
         "<th class=\"word\">interpolator</th><th>largest error</th><th>RMS error</th>"
-        "<th>cells</th><th>iterations</th><th>seconds</th><th>load</th><th>cells</th>"
-        "<th>solve</th><th>fit</th><th>apply</th><th>peak MB</th><th>energy</th>"
+        "<th>cells</th><th>iterations</th><th>seconds</th><th>load s</th><th>cells s</th>"
+        "<th>solve s</th><th>fit s</th><th>apply s</th><th>peak MB</th><th>energy</th>"
         "<th>gradient</th><th class=\"word\">stop</th></tr></thead>\n<tbody>\n";
     std::optional<SweepKind> last;
     for (const SweepRow& row : report.result.rows)

@@ -107,6 +107,14 @@ TEST(Plot, what_is_below_the_floor_is_a_triangle_at_the_border)
     EXPECT_FALSE(contains(svg, "\u221212"));
 }
 
+TEST(Plot, labels_do_not_stand_on_each_other)
+{
+    const std::string svg = svg_of(
+        line_of({{1, 1, "here", ""}, {1.01, 1.01, "here", ""}, {9, 9, "there", ""}}));
+    EXPECT_EQ(count(svg, ">here</text>"), 1u);
+    EXPECT_EQ(count(svg, ">there</text>"), 1u);
+}
+
 TEST(Plot, words_are_escaped)
 {
     EXPECT_EQ(in_markup("a<b>&\"c',\n"), "a&lt;b&gt;&amp;&quot;c&#39;, ");
