@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/cli/sweep_report.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -55,6 +57,7 @@ Json settings_json(const SweepReport& report)
             {"max_cells", cells.max_cells},
             {"solver", method_name(settings.session.method)},
             {"max_iterations", settings.session.max_iterations},
+            {"time_budget", settings.session.time_budget},
             {"gradient_tolerance", settings.session.gradient_tolerance},
             {"reference_gradient_tolerance", kReferenceTolerance}};
 }

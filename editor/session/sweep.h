@@ -113,6 +113,8 @@ struct SweepRow
     Stop stop = Stop::NotRun;        ///< of the first frame that did not converge, if any
     StageSeconds seconds;
     std::vector<double> run_seconds; ///< total of each run
+    /// Of the whole process in that run. What the sweep itself keeps, two sets of
+    /// samples, is in it.
     double peak_mb = 0.0;
 
     bool is_done() const { return failure.empty(); }
