@@ -67,11 +67,9 @@ SessionSettings session_settings(const SweepSettings& settings, const SweepCase&
 /// Throws where max_cells has stopped the reference above its depth.
 void check_reference_depth(const Session& session, const SessionSettings& settings)
 {
-    const int depth = depth_everywhere(session);
-    if (depth < settings.cells.min_depth)
-        throw Error(Fault::Budget,
-                    fmt::format("depth {} has more cells than max_cells {}", depth + 1,
-                                settings.cells.max_cells));
+    if (depth_everywhere(session) < settings.cells.min_depth)
+        throw Error(Fault::Budget, fmt::format("there are more than max_cells {}",
+                                               settings.cells.max_cells));
 }
 
 /// A session after its last frame, and what it took.
