@@ -216,20 +216,28 @@ void Progress::end()
 
 void Progress::show(const FrameProgress& now)
 {
-    constexpr std::size_t kWidth = 30;
-    constexpr auto kPause = std::chrono::milliseconds(100);
-    const auto time = std::chrono::steady_clock::now();
-    if (!is_shown_ || frames_ == 0 || time - last_ < kPause)
+    if (!is_shown_ || frames_ == 0)
         return;
-    last_ = time;
     const double done =
         (static_cast<double>(now.frames_done) +
          static_cast<double>(now.step - 1) / static_cast<double>(now.steps)) /
         static_cast<double>(frames_);
+    show(done,
+         fmt::format("frame {} ({}/{}), step {}/{}, gradient {:.1e}", now.frame,
+                     now.frames_done + 1, frames_, now.step, now.steps, now.gradient));
+}
+
+void Progress::show(double done, const std::string& what)
+{
+    constexpr std::size_t kWidth = 30;
+    constexpr auto kPause = std::chrono::milliseconds(100);
+    const auto time = std::chrono::steady_clock::now();
+    if (!is_shown_ || time - last_ < kPause)
+        return;
+    last_ = time;
     const std::size_t full = static_cast<std::size_t>(kWidth * std::min(1.0, done));
-    fmt::print(stderr, "\r[{}{}] frame {} ({}/{}), step {}/{}, gradient {:.1e}\x1b[K",
-               std::string(full, '#'), std::string(kWidth - full, ' '), now.frame,
-               now.frames_done + 1, frames_, now.step, now.steps, now.gradient);
+    fmt::print(stderr, "\r[{}{}] {}\x1b[K", std::string(full, '#'),
+               std::string(kWidth - full, ' '), what);
     std::fflush(stderr);
 }
 

@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -51,8 +52,22 @@ struct SessionFlags
 void add_deform(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_check(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code);
 /// The subcommands that this build has beyond those: editor/cli/features.cpp.
 void add_features(CLI::App& app, CommonFlags& common, int& exit_code);
+
+/// Draws states of one session side by side, from one viewpoint and at one scale.
+struct Pictures
+{
+    /// The model with its samples at other places; also its cells as glass, where they
+    /// are.
+    std::function<void(const Session&, const std::vector<Eigen::Vector3d>& samples,
+                       bool shows_cells)>
+        add;
+    std::function<std::string()> png; ///< a file's bytes
+};
+/// Nothing in a build without pictures: editor/cli/features.cpp.
+std::optional<Pictures> make_pictures();
 
 /// What a scene and flags together ask for.
 struct SessionRequest
@@ -79,9 +94,11 @@ void print_warnings(const std::vector<std::string>& warnings, const CommonFlags&
 class Progress
 {
 public:
-    Progress(const CommonFlags& common, std::size_t frames);
+    explicit Progress(const CommonFlags& common, std::size_t frames = 0);
     ~Progress();
     void show(const FrameProgress& now);
+    /// The share that is done, in [0, 1], and what is under way.
+    void show(double done, const std::string& what);
     /// Takes the bar away.
     void end();
 

@@ -17,4 +17,13 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 #endif
 }
 
+std::optional<Pictures> make_pictures()
+{
+#ifdef CELLWARP_WITH_PICTURE
+    return rendered_pictures();
+#else
+    return std::nullopt;
+#endif
+}
+
 } // namespace cellwarp

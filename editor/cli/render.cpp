@@ -107,7 +107,32 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     return 0;
 }
 
+/// Of one figure of a report [pixel]: three side by side fill a page.
+constexpr int kReportWidth = 560, kReportHeight = 480;
+
 } // namespace
+
+Pictures rendered_pictures()
+{
+    const auto figures = std::make_shared<std::vector<Figure>>();
+    const auto add = [figures](const Session& session,
+                               const std::vector<Eigen::Vector3d>& samples,
+                               bool shows_cells)
+    {
+        Figure& figure = figures->emplace_back(figure_of(session));
+        figure.points = samples;
+        if (shows_cells)
+            add_cells(figure, session);
+    };
+    const auto png = [figures]
+    {
+        PictureOptions options;
+        options.width = kReportWidth;
+        options.height = kReportHeight;
+        return png_bytes(draw(*figures, options));
+    };
+    return {add, png};
+}
 
 void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
 {

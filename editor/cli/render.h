@@ -9,4 +9,7 @@ namespace cellwarp
 
 void add_render(CLI::App& app, CommonFlags& common, int& exit_code);
 
+/// Figures of reports: see make_pictures().
+Pictures rendered_pictures();
+
 } // namespace cellwarp

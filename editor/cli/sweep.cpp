@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp sweep: error against run time, over thresholds, depths and fields.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <memory>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "editor/cli/command.h"
+#include "editor/cli/machine.h"
+#include "editor/cli/sweep_page.h"
+#include "editor/cli/sweep_report.h"
+#include "io/error.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+struct SweepFlags
+{
+    SessionFlags session;
+    std::string output, thresholds, depths, iterations, interpolators;
+    std::int64_t runs = SweepSettings().runs;
+    bool has_no_pictures = false;
+};
+
+/// Most runs of a case, and most iterations that can be asked for.
+constexpr std::int64_t kMaxRuns = 1000, kMaxIterations = 1000000;
+
+/// The parts of "a,b,c".
+std::vector<std::string> parts_of(const std::string& list)
+{
+    std::vector<std::string> parts;
+    for (std::size_t start = 0; start <= list.size();)
+    {
+        const std::size_t comma = std::min(list.find(',', start), list.size());
+        parts.push_back(list.substr(start, comma - start));
+        start = comma + 1;
+    }
+    return parts;
+}
+
+/// A list of whole numbers, in rising order.
+std::vector<int> integers_of(const char* flag, const std::string& list, std::int64_t low,
+                             std::int64_t high)
+{
+    std::vector<int> numbers;
+    for (const std::string& part : parts_of(list))
+    {
+        const std::optional<std::int64_t> number = parse_integer(part);
+        if (!number || *number < low || *number > high)
+            throw Error(Fault::Usage,
+                        fmt::format("{}: got {}, need whole numbers from {} to {}, with "
+                                    "commas between",
+                                    flag, in_quotes(part), low, high));
+        numbers.push_back(static_cast<int>(*number));
+    }
+    std::sort(numbers.begin(), numbers.end());
+    numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+    return numbers;
+}
+
+/// Thresholds, the largest first.
+std::vector<double> thresholds_of(const std::string& list)
+{
+    std::vector<double> numbers;
+    for (const std::string& part : parts_of(list))
+    {
+        const std::optional<double> number = parse_double(part);
+        if (!number || !(*number > 0) || !std::isfinite(*number))
+            throw Error(Fault::Usage, "--thresholds: got " + in_quotes(part) +
+                                          ", need positive numbers (of the diagonal), "
+                                          "with commas between");
+        numbers.push_back(*number);
+    }
+    std::sort(numbers.begin(), numbers.end(), std::greater<>());
+    numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+    return numbers;
+}
+
+std::vector<FieldKind> fields_of(const std::string& list)
+{
+    std::vector<FieldKind> fields;
+    for (const std::string& part : parts_of(list))
+    {
+        const std::optional<FieldKind> field = field_of_name(part);
+        if (!field)
+            throw Error(Fault::Usage, "--interpolators: got " + in_quotes(part) +
+                                          ", need rbf, blend, closest4 or rbf-global, "
+                                          "with commas between");
+        if (std::find(fields.begin(), fields.end(), *field) == fields.end())
+            fields.push_back(*field);
+    }
+    return fields;
+}
+
+SweepSettings sweep_settings(const SweepFlags& flags, const SessionSettings& session)
+{
+    SweepSettings settings;
+    settings.session = session;
+    settings.max_depth = session.cells.max_depth;
+    if (flags.runs < 1 || flags.runs > kMaxRuns)
+        throw Error(Fault::Usage,
+                    fmt::format("--runs: got {}, need 1 to {}", flags.runs, kMaxRuns));
+    settings.runs = static_cast<int>(flags.runs);
+    if (!flags.thresholds.empty())
+        settings.thresholds = thresholds_of(flags.thresholds);
+    if (!flags.interpolators.empty())
+        settings.fields = fields_of(flags.interpolators);
+    settings.depths = flags.depths.empty()
+                          ? std::vector{settings.max_depth}
+                          : integers_of("--depths", flags.depths, 0, settings.max_depth);
+    if (!flags.iterations.empty())
+        settings.iteration_limits =
+            integers_of("--iterations", flags.iterations, 0, kMaxIterations);
+    return settings;
+}
+
+/// Where the reports go.
+class ReportFolder
+{
+public:
+    /// Throws what writing into it would throw, before any work is done.
+    ReportFolder(const std::string& path, Overwrite overwrite)
+        : path_(path), overwrite_(overwrite)
+    {
+        if (path == "-")
+            throw Error(Fault::Usage, "-o -: a sweep writes files, need a folder");
+        while (path_.size() > 1 && path_.back() == '/')
+            path_.pop_back();
+        std::error_code ignored;
+        if (fs::is_directory(path_, ignored))
+            for (const char* name : {"report.json", "report.csv", "report.html"})
+                check_output(place_of(name), overwrite);
+        else if (fs::exists(path_, ignored))
+            throw Error(Fault::File, path_ + ": is a file, need a folder");
+        else
+            check_output(path_, Overwrite::No);
+    }
+
+    void make() const
+    {
+        std::error_code problem;
+        fs::create_directory(path_, problem);
+        if (problem)
+            throw Error(Fault::File, path_ + ": cannot make it: " + problem.message());
+    }
+    std::string place_of(const std::string& name) const { return path_ + "/" + name; }
+    void write(const std::string& name, const std::string& bytes) const
+    {
+        write_file(place_of(name), bytes, overwrite_);
+    }
+
+private:
+    std::string path_;
+    Overwrite overwrite_;
+};
+
+/// The adaptive cells to show: the coarsest that are as good as uniform ones one level
+/// above the reference, else the most accurate. Null if there are none.
+const SweepRow* row_to_show(const std::vector<SweepRow>& rows)
+{
+    double goal = 0.0;
+    for (const SweepRow& row : rows)
+        if (row.is_done() && row.of.kind == SweepKind::Uniform &&
+            row.of.depth + 1 == row.of.reference_depth && !(goal > 0))
+            goal = row.error.largest;
+    const SweepRow* best = nullptr;
+    for (const SweepRow& row : rows)
+    {
+        if (!row.is_done() || row.of.kind != SweepKind::Adaptive || row.of.is_limited ||
+            row.of.field != rows[1].of.field)
+            continue;
+        if (row.error.largest <= goal)
+            return &row;
+        if (!best || row.error.largest < best->error.largest)
+            best = &row;
+    }
+    return best;
+}
+
+SweepPictures draw_sweep(const SweepInput& input, const SweepReport& report,
+                         bool is_wanted)
+{
+    if (!is_wanted)
+        return {"", "No pictures were asked for."};
+    const std::optional<Pictures> pictures = make_pictures();
+    if (!pictures)
+        return {"", "No pictures: this build has none (CELLWARP_PICTURE is off)."};
+    const SweepRow* const row = row_to_show(report.result.rows);
+    const SweepRow& shown = row ? *row : report.result.rows.front();
+    const Session session = play_case(input, report.settings, shown.of);
+    pictures->add(session, session.model().geometry.samples, false);
+    pictures->add(session, report.result.reference, false);
+    pictures->add(session, session.patch().samples, true);
+    return {pictures->png(),
+            fmt::format("At rest; the reference's result; the result of {} with its {} "
+                        "cells as glass. Blue is fixed, orange a handle, purple a pin, "
+                        "green stiff.",
+                        case_name(shown.of), shown.cells)};
+}
+
+/// How far a sweep is: runs done, and the present one by its frames.
+void show(Progress& progress, const SweepProgress& now)
+{
+    const double run = (static_cast<double>(now.frame.frames_done) +
+                        static_cast<double>(now.frame.step) /
+                            (1.0 + static_cast<double>(now.frame.steps))) /
+                       static_cast<double>(now.num_frames);
+    progress.show((static_cast<double>(now.run - 1) + run) /
+                      static_cast<double>(now.num_runs),
+                  fmt::format("run {}/{}: {}", now.run, now.num_runs, case_name(now.of)));
+}
+
+int run(SweepFlags flags, const CommonFlags& common)
+{
+    // A scene's max_depth is for editing; that of the reference is this command's.
+    if (!flags.session.max_depth)
+        flags.session.max_depth = SweepSettings().max_depth;
+    SessionRequest request = read_request(flags.session);
+    const ReportFolder folder(flags.output, common.overwrite());
+    SweepReport report;
+    report.scene = flags.session.model;
+    report.model = request.model;
+    report.settings = sweep_settings(flags, request.settings);
+    report.machine = this_machine();
+    report.threads = common.threads > 0 ? common.threads : report.machine.cores;
+    if (!request.handles || num_frames(*request.handles) == 0)
+        throw Error(
+            Fault::Usage,
+            flags.session.model +
+                ": has no frame, and a sweep needs a deformation to measure (name "
+                "a handle file with frames in the scene or by --handles)");
+    const SweepInput input{request.model, request.read, std::move(*request.handles)};
+
+    Progress progress(common);
+    report.result = run_sweep(input, report.settings,
+                              [&](const SweepProgress& now) { show(progress, now); });
+    progress.end();
+    std::vector<std::string>& warnings = report.result.warnings;
+    warnings.insert(warnings.begin(), request.warnings.begin(), request.warnings.end());
+    print_warnings(warnings, common);
+
+    const std::string json =
+        sweep_json(report).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+    const std::string csv = sweep_csv(report);
+    const std::string page =
+        sweep_page(report, draw_sweep(input, report, !flags.has_no_pictures));
+    folder.make();
+    folder.write("report.json", json);
+    folder.write("report.csv", csv);
+    folder.write("report.html", page);
+    write_file("-",
+               common.is_json
+                   ? json
+                   : fmt::format("{}\n{}\n", fmt::join(sweep_sentences(report), "\n"),
+                                 folder.place_of("report.html")),
+               Overwrite::Yes);
+    return report.result.is_converged() ? 0 : 7;
+}
+
+/// What a sweep does by itself, or differently, is no flag of it.
+void adapt_session_flags(CLI::App& command, SessionFlags& session)
+{
+    session.add_to(command);
+    for (const char* name : {"--threshold", "--preview"})
+        command.remove_option(command.get_option(name));
+    command.get_option("--max-depth")
+        ->description(fmt::format(
+            "of the reference and the finest uniform cells; each level takes some eight "
+            "times the cells (default {}, whatever the scene says)",
+            SweepSettings().max_depth));
+    command.get_option("--tight")->description(
+        "solve all to a gradient of 1e-10 instead of 1e-6, as the reference is");
+    command.get_option("--time")->description(
+        "seconds that the solve of one frame may take; not of the reference's");
+}
+
+} // namespace
+
+void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto flags = std::make_shared<SweepFlags>();
+    const SweepSettings defaults;
+    CLI::App* command = app.add_subcommand(
+        "sweep",
+        "Error against run time: runs a session with many choices of cells and compares "
+        "each with a reference.\n\n"
+        "  cellwarp sweep samples/creature.json -o creature-sweep\n"
+        "  cellwarp sweep scan.ply --handles bend.handles -o out --thresholds 1e-2,1e-3 "
+        "--runs 5\n\n"
+        "Writes report.json, report.csv and report.html. The reference: uniform cells at "
+        "the deepest level, rbf, a gradient of 1e-10. A run that a budget or its regions "
+        "forbid gets a row that says so. Exit code 7: a run, but one stopped by "
+        "--iterations, did not converge, or could not be done.\n");
+    adapt_session_flags(*command, flags->session);
+    command
+        ->add_option("-o,--output", flags->output,
+                     "folder of the reports, made where it is missing")
+        ->required();
+    command->add_option("--thresholds", flags->thresholds,
+                        fmt::format("of adaptive cells, of the diagonal (default {:g})",
+                                    fmt::join(defaults.thresholds, ",")));
+    command->add_option("--depths", flags->depths,
+                        "deepest levels of adaptive cells, up to --max-depth (default "
+                        "that alone)");
+    command->add_option("--interpolators", flags->interpolators,
+                        "of rbf, blend, closest4, rbf-global (default rbf,blend)");
+    command->add_option("--iterations", flags->iterations,
+                        "limits of one frame's iterations, each tried with all cells and "
+                        "interpolators beside none (default none)");
+    command->add_option(
+        "--runs", flags->runs,
+        fmt::format("of each case but the reference, for medians (default {})",
+                    defaults.runs));
+    command->add_flag("--no-pictures", flags->has_no_pictures,
+                      "no pictures in report.html");
+    command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
+}
+
+} // namespace cellwarp

@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/sweep_page.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "editor/cli/plot.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Colours that are told apart on white and on black, also by most who see fewer.
+constexpr const char* kPalette[] = {"#3b7dd8", "#e0842c", "#2f9e6e", "#a663c7",
+                                    "#c94f5d", "#8a8f3a", "#3aa6b9", "#8b6b56"};
+constexpr const char* kLoadColour = "#9aa0a8";
+constexpr const char* kCellsColour = "#2f9e6e";
+constexpr const char* kSolveColour = "#3b7dd8";
+constexpr const char* kFitColour = "#e0842c";
+constexpr const char* kApplyColour = "#e9bf57";
+
+/// Errors smaller than the smallest honest one by this are drawn at the plot's border.
+constexpr double kBelowFloor = 100.0;
+
+constexpr const char* kStyle = R"(
+:root { color-scheme: light dark; --line: #d9dce1; --soft: #5b6470; --page: #fff;
+  --ink: #1c2026; --head: #f3f4f6; }
+@media (prefers-color-scheme: dark) { :root { --line: #3a4048; --soft: #a3abb6;
+  --page: #16191d; --ink: #e6e8eb; --head: #22262c; } }
+@media print { :root { color-scheme: light; --line: #ccc; --soft: #444; --page: #fff;
+  --ink: #000; --head: #eee; } figure, tr { break-inside: avoid; } }
+body { margin: 0 auto; padding: 1.5rem; max-width: 1560px; background: var(--page);
+  color: var(--ink); line-height: 1.45;
+  font-family: system-ui, 'Segoe UI', 'Noto Sans', sans-serif; }
+h1 { font-size: 1.5rem; margin: 0 0 .25rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
+p, li { max-width: 62rem; } .soft { color: var(--soft); font-size: .9rem; }
+figure { margin: 0; } figcaption { color: var(--soft); font-size: .9rem; }
+img { max-width: 100%; height: auto; border-radius: 6px; background: #fff; }
+.plots { display: grid; gap: 1.5rem;
+  grid-template-columns: repeat(auto-fit, minmax(min(560px, 100%), 1fr)); }
+svg { width: 100%; height: auto; display: block; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .25rem .6rem; text-align: right; white-space: nowrap;
+  border-bottom: 1px solid var(--line); }
+th { background: var(--head); } .word { text-align: left; }
+tr.begins td { border-top: 2px solid var(--soft); }
+)";
+
+std::string base64(const std::string& bytes)
+{
+    constexpr char digits[] =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    std::string text;
+    text.reserve(4 * (bytes.size() / 3 + 1));
+    for (std::size_t i = 0; i < bytes.size(); i += 3)
+    {
+        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+        std::uint32_t three = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            three =
+                three << 8 | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+        for (std::size_t k = 0; k < 4; ++k)
+            text += k <= count ? digits[three >> (18 - 6 * k) & 63] : '=';
+    }
+    return text;
+}
+
+std::string with_commas(std::size_t number)
+{
+    std::string text = fmt::to_string(number);
+    for (std::size_t end = text.size(); end > 3; end -= 3)
+        text.insert(end - 3, ",");
+    return text;
+}
+
+std::string tip_of(const SweepRow& row)
+{
+    return fmt::format("{}: {} cells, {:.3g} s, largest error {:.2g}, RMS {:.2g}",
+                       case_name(row.of), with_commas(row.cells), row.seconds.total,
+                       row.error.largest, row.error.rms);
+}
+
+using Value = double (*)(const SweepRow&);
+
+double seconds_of(const SweepRow& row)
+{
+    return row.seconds.total;
+}
+double cells_of(const SweepRow& row)
+{
+    return static_cast<double>(row.cells);
+}
+double threshold_of(const SweepRow& row)
+{
+    return row.of.threshold;
+}
+double iterations_of(const SweepRow& row)
+{
+    return static_cast<double>(row.iterations);
+}
+double largest_of(const SweepRow& row)
+{
+    return row.error.largest;
+}
+double rms_of(const SweepRow& row)
+{
+    return row.error.rms;
+}
+
+/// Rows that make one line of a plot.
+struct Group
+{
+    std::string name;
+    const char* colour;
+    SweepKind kind;
+    std::vector<const SweepRow*> rows;
+};
+
+std::string line_name(const SweepCase& of)
+{
+    const bool has_depth = of.kind == SweepKind::Adaptive && of.is_above_reference();
+    return fmt::format("{}{}, {}", kind_name(of.kind),
+                       has_depth ? fmt::format(" to depth {}", of.depth) : "",
+                       field_name(of.field));
+}
+
+/// Uniform and adaptive rows by field and depth; those stopped early are left out.
+std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
+{
+    std::vector<Group> groups;
+    std::map<FieldKind, const char*> colour_of_field;
+    std::size_t num_colours = 0;
+    const auto next_colour = [&]
+    { return kPalette[num_colours++ % std::size(kPalette)]; };
+    for (const SweepRow& row : rows)
+    {
+        if (row.of.kind == SweepKind::Reference || row.of.is_limited || !row.is_done())
+            continue;
+        const std::string name = line_name(row.of);
+        auto found = std::find_if(groups.begin(), groups.end(),
+                                  [&](const Group& group) { return group.name == name; });
+        if (found == groups.end())
+        {
+            // A field has one colour; only its adaptive cells to other depths differ.
+            const bool is_other =
+                row.of.kind == SweepKind::Adaptive && row.of.is_above_reference();
+            if (!is_other && !colour_of_field.contains(row.of.field))
+                colour_of_field[row.of.field] = next_colour();
+            groups.push_back({name,
+                              is_other ? next_colour() : colour_of_field[row.of.field],
+                              row.of.kind,
+                              {}});
+            found = groups.end() - 1;
+        }
+        found->rows.push_back(&row);
+    }
+    return groups;
+}
+
+/// Where errors begin to tell only how near cells are to the reference's own.
+double floor_of(const std::vector<SweepRow>& rows, Value error)
+{
+    double smallest = INFINITY;
+    for (const SweepRow& row : rows)
+        if (row.is_done() && row.of.kind == SweepKind::Uniform && !row.of.is_limited &&
+            row.of.is_above_reference() && error(row) > 0)
+            smallest = std::min(smallest, error(row));
+    return std::isfinite(smallest) ? smallest / kBelowFloor : 0.0;
+}
+
+PlotSeries series_of(const Group& group, Value x, Value y)
+{
+    const bool is_uniform = group.kind == SweepKind::Uniform;
+    PlotSeries series{group.name,
+                      group.colour,
+                      is_uniform,
+                      is_uniform ? Marker::Square : Marker::Disc,
+                      {}};
+    for (const SweepRow* row : group.rows)
+        series.points.push_back({x(*row), y(*row),
+                                 is_uniform ? fmt::format("depth {}", row->of.depth) : "",
+                                 tip_of(*row)});
+    return series;
+}
+
+LogPlot error_plot(const std::vector<SweepRow>& rows, const std::string& title,
+                   const std::string& x_label, Value x, Value y)
+{
+    LogPlot plot{title, x_label, "error [diagonal]", {}, floor_of(rows, y)};
+    for (const Group& group : groups_of(rows))
+        if (x != threshold_of || group.kind == SweepKind::Adaptive)
+            plot.series.push_back(series_of(group, x, y));
+    return plot;
+}
+
+/// The same cells with ever more iterations: the deepest of each line.
+LogPlot iterations_plot(const std::vector<SweepRow>& rows)
+{
+    LogPlot plot{"Largest error over iterations",
+                 "iterations of all frames",
+                 "error [diagonal]",
+                 {},
+                 floor_of(rows, largest_of)};
+    for (const Group& group : groups_of(rows))
+    {
+        const SweepCase& of = group.rows.back()->of;
+        Group same{case_name(of), group.colour, group.kind, {}};
+        for (const SweepRow& row : rows)
+            if (row.is_done() && row.of.kind == of.kind && row.of.depth == of.depth &&
+                row.of.field == of.field && row.of.threshold == of.threshold)
+                same.rows.push_back(&row);
+        std::sort(same.rows.begin(), same.rows.end(),
+                  [](const SweepRow* a, const SweepRow* b)
+                  { return a->iterations < b->iterations; });
+        PlotSeries series = series_of(same, iterations_of, largest_of);
+        for (PlotPoint& point : series.points)
+            point.label.clear();
+        plot.series.push_back(std::move(series));
+    }
+    return plot;
+}
+
+BarPlot stage_plot(const std::vector<SweepRow>& rows)
+{
+    BarPlot plot{"Seconds by stage",
+                 "seconds",
+                 {{"load", kLoadColour},
+                  {"cells", kCellsColour},
+                  {"solve", kSolveColour},
+                  {"field: fit", kFitColour},
+                  {"field: apply", kApplyColour}},
+                 {}};
+    for (const SweepRow& row : rows)
+        if (row.is_done() && row.of.kind != SweepKind::Reference && !row.of.is_limited)
+            plot.bars.push_back({case_name(row.of),
+                                 {row.seconds.load, row.seconds.cells, row.seconds.solve,
+                                  row.seconds.field_fit, row.seconds.field_apply}});
+    return plot;
+}
+
+std::string figure(const std::string& inside, const std::string& caption = "")
+{
+    return "<figure>" + inside +
+           (caption.empty() ? "" : "<figcaption>" + caption + "</figcaption>") +
+           "</figure>\n";
+}
+
+std::string plots(const SweepReport& report)
+{
+    const std::vector<SweepRow>& rows = report.result.rows;
+    std::string page = "<h2>Error against run time</h2>\n<div class=\"plots\">\n";
+    page += figure(svg_of(error_plot(rows, "Largest error over seconds", "seconds",
+                                     seconds_of, largest_of)));
+    page += figure(svg_of(
+        error_plot(rows, "RMS error over seconds", "seconds", seconds_of, rms_of)));
+    page += figure(svg_of(
+        error_plot(rows, "Largest error over cells", "cells", cells_of, largest_of)));
+    page += figure(
+        svg_of(error_plot(rows, "RMS error over cells", "cells", cells_of, rms_of)));
+    page += figure(svg_of(error_plot(rows, "Largest error over threshold",
+                                     "threshold [diagonal]", threshold_of, largest_of)));
+    if (!report.settings.iteration_limits.empty())
+        page += figure(svg_of(iterations_plot(rows)));
+    page += figure(svg_of(stage_plot(rows)));
+    return page +
+           "</div>\n<p class=\"soft\">Errors are distances of the samples after the last "
+           "frame from the reference's, of the rest model's diagonal. Triangles at a "
+           "lower "
+           "border are errors below it: there the cells are nearly or all the "
+           "reference's own, and the number tells how far the solve went, not how good "
+           "the "
+           "cells are.</p>\n";
+}
+
+std::string table(const SweepReport& report)
+{
+    std::string page =
+        "<h2>All runs</h2>\n<div class=\"wide\"><table>\n<thead><tr>"
+        "<th class=\"word\">kind</th><th>threshold</th><th>depth</th>"
+        "<th class=\"word\">interpolator</th><th>largest error</th><th>RMS error</th>"
+        "<th>cells</th><th>iterations</th><th>seconds</th><th>load s</th><th>cells s</th>"
+        "<th>solve s</th><th>fit s</th><th>apply s</th><th>peak MB</th><th>energy</th>"
+        "<th>gradient</th><th class=\"word\">stop</th></tr></thead>\n<tbody>\n";
+    std::optional<SweepKind> last;
+    for (const SweepRow& row : report.result.rows)
+    {
+        const SweepCase& of = row.of;
+        page += fmt::format(
+            "<tr{}><td class=\"word\">{}{}</td><td>{}</td><td>{}</td>"
+            "<td class=\"word\">{}</td>",
+            last && *last != of.kind ? " class=\"begins\"" : "", kind_name(of.kind),
+            of.is_limited ? fmt::format(", {} iterations", of.max_iterations) : "",
+            of.kind == SweepKind::Adaptive ? fmt::format("{:g}", of.threshold) : "",
+            of.depth, field_name(of.field));
+        last = of.kind;
+        if (!row.is_done())
+        {
+            page += fmt::format("<td colspan=\"14\" class=\"word\">{}</td></tr>\n",
+                                in_markup(row.failure));
+            continue;
+        }
+        const StageSeconds& s = row.seconds;
+        page += fmt::format(
+            "<td>{:.3g}</td><td>{:.3g}</td><td>{}</td><td>{}</td><td>{:.3g}</td>"
+            "<td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td>"
+            "<td>{:.0f}</td><td>{:.6g}</td><td>{:.1e}</td><td "
+            "class=\"word\">{}</td></tr>\n",
+            row.error.largest, row.error.rms, with_commas(row.cells), row.iterations,
+            s.total, s.load, s.cells, s.solve, s.field_fit, s.field_apply, row.peak_mb,
+            row.frames.back().solve.energy_after, row.frames.back().solve.gradient,
+            stop_name(row.stop));
+    }
+    return page + "</tbody></table></div>\n";
+}
+
+std::string listed(const std::vector<std::string>& items)
+{
+    std::string page = "<ul>\n";
+    for (const std::string& item : items)
+        page += "<li>" + in_markup(item) + "</li>\n";
+    return page + "</ul>\n";
+}
+
+std::string pictures_part(const SweepPictures& pictures)
+{
+    if (pictures.png.empty())
+        return fmt::format("<p class=\"soft\">{}</p>\n", in_markup(pictures.caption));
+    return figure(fmt::format("<img alt=\"{}\" src=\"data:image/png;base64,{}\">",
+                              in_markup(pictures.caption), base64(pictures.png)),
+                  in_markup(pictures.caption));
+}
+
+std::string conditions(const SweepReport& report)
+{
+    const Machine& machine = report.machine;
+    return fmt::format(
+        "<h2>Machine and settings</h2>\n<p>{}, {} cores, {} threads; cellwarp {}, {} "
+        "build, {}.</p>\n<p>{}.</p>\n<p>Peak memory is {}.</p>\n",
+        in_markup(machine.processor), machine.cores, report.threads,
+        in_markup(machine.version), in_markup(machine.build), in_markup(machine.compiler),
+        in_markup(settings_text(report)),
+        report.result.is_peak_of_run
+            ? "that of each run"
+            : "that of the process up to the run: this system does not let it be "
+              "measured anew");
+}
+
+} // namespace
+
+std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
+{
+    const std::string scene = in_markup(report.scene);
+    const SweepRow& reference = report.result.rows.front();
+    std::string page = fmt::format(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+        "<title>{0}: error against run "
+        "time</title>\n<style>{1}</style>\n</head>\n<body>\n"
+        "<h1>{0}</h1>\n<p class=\"soft\">{2}: {3} samples, {4} faces. Reference: {5} "
+        "uniform cells at depth {6}, {7}, gradient {8:.1e}.</p>\n",
+        scene, kStyle, in_markup(report.model), with_commas(report.result.num_samples),
+        with_commas(report.result.num_faces), with_commas(reference.cells),
+        reference.of.depth, stop_name(reference.stop),
+        reference.frames.back().solve.gradient);
+    page += listed(sweep_sentences(report));
+    page += pictures_part(pictures);
+    page += plots(report);
+    page += table(report);
+    page += conditions(report);
+    if (!report.result.warnings.empty())
+        page += "<h2>Warnings</h2>\n" + listed(report.result.warnings);
+    return page + "</body>\n</html>\n";
+}
+
+} // namespace cellwarp

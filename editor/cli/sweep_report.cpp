@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/sweep_report.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+const char* method_name(Method method)
+{
+    switch (method)
+    {
+    case Method::Newton:
+        return "newton";
+    case Method::GaussNewton:
+        return "gauss-newton";
+    case Method::GaussNewtonDirect:
+        return "gauss-newton-direct";
+    }
+    return "";
+}
+
+std::string stop_of(const SweepRow& row)
+{
+    return row.is_done() ? stop_name(row.stop) : "failed";
+}
+
+std::vector<std::string> field_names(const std::vector<FieldKind>& fields)
+{
+    std::vector<std::string> names;
+    for (const FieldKind field : fields)
+        names.push_back(field_name(field));
+    return names;
+}
+
+Json settings_json(const SweepReport& report)
+{
+    const SweepSettings& settings = report.settings;
+    const CellSettings& cells = settings.session.cells;
+    return {{"max_depth", settings.max_depth},
+            {"depths", settings.depths},
+            {"thresholds", settings.thresholds},
+            {"interpolators", field_names(settings.fields)},
+            {"iterations", settings.iteration_limits},
+            {"runs", settings.runs},
+            {"fill", cells.fill == Fill::Solid ? "solid" : "shell"},
+            {"across", report.result.across},
+            {"gap", cells.gap},
+            {"max_cells", cells.max_cells},
+            {"solver", method_name(settings.session.method)},
+            {"max_iterations", settings.session.max_iterations},
+            {"time_budget", settings.session.time_budget},
+            {"gradient_tolerance", settings.session.gradient_tolerance},
+            {"reference_gradient_tolerance", kReferenceTolerance}};
+}
+
+Json deviation_json(const Deviation& found)
+{
+    return {{"largest", found.largest}, {"rms", found.rms}};
+}
+
+Json frames_json(const SweepRow& row)
+{
+    Json frames = Json::array();
+    for (const FrameReport& frame : row.frames)
+        frames.push_back({{"frame", frame.frame},
+                          {"iterations", std::max(0, frame.solve.iterations)},
+                          {"linear_steps", frame.solve.linear_steps},
+                          {"energy", frame.solve.energy_after},
+                          {"gradient", frame.solve.gradient},
+                          {"stop", stop_name(frame.solve.stop)}});
+    return frames;
+}
+
+Json row_json(const SweepRow& row)
+{
+    const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
+    Json json = {{"kind", kind_name(row.of.kind)},
+                 {"threshold", is_adaptive ? Json(row.of.threshold) : Json(nullptr)},
+                 {"max_depth", row.of.depth},
+                 {"grid_depth", row.of.grid_depth()},
+                 {"interpolator", field_name(row.of.field)},
+                 {"max_iterations", row.of.max_iterations},
+                 {"is_limited", row.of.is_limited},
+                 {"stop", stop_of(row)}};
+    if (!row.is_done())
+    {
+        json["failure"] = row.failure;
+        return json;
+    }
+    json["max_error"] = row.error.largest;
+    json["rms_error"] = row.error.rms;
+    json["from_coarser"] =
+        row.from_coarser ? deviation_json(*row.from_coarser) : Json(nullptr);
+    json["cells"] = row.cells;
+    json["cells_per_depth"] = row.cells_per_depth;
+    json["cell_edge"] = row.cell_edge;
+    json["iterations"] = row.iterations;
+    json["energy"] = row.frames.back().solve.energy_after;
+    json["gradient"] = row.frames.back().solve.gradient;
+    json["frames"] = frames_json(row);
+    json["seconds"] = row.seconds.total;
+    json["stage_seconds"] = {{"load", row.seconds.load},
+                             {"cells", row.seconds.cells},
+                             {"solve", row.seconds.solve},
+                             {"field_fit", row.seconds.field_fit},
+                             {"field_apply", row.seconds.field_apply}};
+    json["run_seconds"] = row.run_seconds;
+    json["peak_mb"] = row.peak_mb;
+    return json;
+}
+
+Json numbers_json(const std::vector<std::optional<double>>& numbers)
+{
+    Json json = Json::array();
+    for (const std::optional<double>& number : numbers)
+        json.push_back(number ? Json(*number) : Json(nullptr));
+    return json;
+}
+
+Json orders_json(const Orders& orders)
+{
+    return {{"steps", numbers_json(orders.steps)},
+            {"least_squares", orders.fitted ? Json(*orders.fitted) : Json(nullptr)},
+            {"of_differences", numbers_json(orders.of_differences)}};
+}
+
+Json share_json(const std::optional<Share>& share)
+{
+    if (!share)
+        return nullptr;
+    return {{"cells", share->cells},
+            {"seconds", share->seconds},
+            {"is_bound", share->is_bound}};
+}
+
+Json machine_json(const SweepReport& report)
+{
+    return {{"processor", report.machine.processor},
+            {"cores", report.machine.cores},
+            {"threads", report.threads},
+            {"compiler", report.machine.compiler},
+            {"build", report.machine.build},
+            {"version", report.machine.version}};
+}
+
+/// A field of a CSV line, in quotes where it needs them (RFC 4180).
+std::string in_csv(const std::string& text)
+{
+    if (text.find_first_of("\",\r\n") == std::string::npos)
+        return text;
+    std::string quoted = "\"";
+    for (const char c : text)
+        quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+    return quoted + "\"";
+}
+
+/// The part of a line that a row without a result leaves empty.
+std::vector<std::string> measured_fields(const SweepRow& row)
+{
+    constexpr std::size_t kFields = 14;
+    if (!row.is_done())
+        return std::vector<std::string>(kFields);
+    return {shortest(row.error.largest),
+            shortest(row.error.rms),
+            fmt::to_string(row.cells),
+            shortest(row.cell_edge),
+            fmt::to_string(row.iterations),
+            shortest(row.seconds.total),
+            shortest(row.seconds.load),
+            shortest(row.seconds.cells),
+            shortest(row.seconds.solve),
+            shortest(row.seconds.field_fit),
+            shortest(row.seconds.field_apply),
+            shortest(row.peak_mb),
+            shortest(row.frames.back().solve.energy_after),
+            shortest(row.frames.back().solve.gradient)};
+}
+
+std::string number_text(const std::optional<double>& number)
+{
+    return number ? fmt::format("{:.2f}", *number) : "unknown";
+}
+
+std::string order_sentence(const Convergence& found)
+{
+    const std::string name = field_name(found.field);
+    if (!found.largest.fitted || !found.rms.fitted)
+        return fmt::format(
+            "Uniform cells, {}: two depths above the reference's are needed "
+            "to tell an order of convergence.",
+            name);
+    std::string text = fmt::format(
+        "Uniform cells, {}: the largest error falls with the power {:.2f} of the cell "
+        "edge, the RMS error with {:.2f} (least squares, against the reference)",
+        name, *found.largest.fitted, *found.rms.fitted);
+    if (!found.largest.of_differences.empty())
+        text += fmt::format("; successive depths approach each other with {} and {}",
+                            number_text(found.largest.of_differences.back()),
+                            number_text(found.rms.of_differences.back()));
+    return text + ".";
+}
+
+/// "0.12 of its cells" or "1.3 times its cells".
+std::string times_text(double share, const char* what)
+{
+    return share < 1.0 ? fmt::format("{:.2g} of its {}", share, what)
+                       : fmt::format("{:.3g} times its {}", share, what);
+}
+
+/// What stands behind an error: " with 0.12 of its cells and 0.2 of its time".
+std::string share_text(const std::optional<Share>& share)
+{
+    if (!share)
+        return " is not reached";
+    return fmt::format(
+        " with {}{} and {}{}", share->is_bound ? "at most " : "",
+        times_text(share->cells, "cells"), times_text(share->seconds, "time"),
+        share->cells >= 1.0 || share->seconds >= 1.0 ? ", which does not pay" : "");
+}
+
+std::string saving_sentence(const Saving& saving)
+{
+    return fmt::format(
+        "Adaptive cells to depth {}, {}: the largest error of uniform depth "
+        "{} ({:.2g}){}; its RMS error ({:.2g}){}.",
+        saving.adaptive_depth, field_name(saving.field), saving.uniform_depth,
+        saving.error.largest, share_text(saving.largest), saving.error.rms,
+        share_text(saving.rms));
+}
+
+} // namespace
+
+Json sweep_json(const SweepReport& report)
+{
+    Json json = {{"scene", report.scene},
+                 {"model", report.model},
+                 {"samples", report.result.num_samples},
+                 {"faces", report.result.num_faces},
+                 {"settings", settings_json(report)},
+                 {"machine", machine_json(report)},
+                 {"peak_is_of", report.result.is_peak_of_run ? "run" : "process"}};
+    json["rows"] = Json::array();
+    for (const SweepRow& row : report.result.rows)
+        json["rows"].push_back(row_json(row));
+    json["convergence"] = Json::array();
+    for (const Convergence& found : convergence_of(report.result.rows))
+        json["convergence"].push_back({{"interpolator", field_name(found.field)},
+                                       {"max_error", orders_json(found.largest)},
+                                       {"rms_error", orders_json(found.rms)}});
+    json["savings"] = Json::array();
+    for (const Saving& saving : savings_of(report.result.rows))
+        json["savings"].push_back({{"interpolator", field_name(saving.field)},
+                                   {"adaptive_depth", saving.adaptive_depth},
+                                   {"uniform_depth", saving.uniform_depth},
+                                   {"max_error", saving.error.largest},
+                                   {"rms_error", saving.error.rms},
+                                   {"share_for_max_error", share_json(saving.largest)},
+                                   {"share_for_rms_error", share_json(saving.rms)}});
+    json["warnings"] = report.result.warnings;
+    return json;
+}
+
+std::string sweep_csv(const SweepReport& report)
+{
+    std::string csv =
+        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,cells,"
+        "cell_edge,iterations,seconds,load_seconds,cells_seconds,solve_seconds,"
+        "field_fit_seconds,field_apply_seconds,peak_mb,energy,gradient,stop,scene\n";
+    for (const SweepRow& row : report.result.rows)
+    {
+        const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
+        std::vector<std::string> fields = {
+            kind_name(row.of.kind), is_adaptive ? shortest(row.of.threshold) : "",
+            fmt::to_string(row.of.depth), field_name(row.of.field),
+            fmt::to_string(row.of.max_iterations)};
+        const std::vector<std::string> measured = measured_fields(row);
+        fields.insert(fields.end(), measured.begin(), measured.end());
+        fields.push_back(stop_of(row));
+        fields.push_back(in_csv(report.scene));
+        csv += fmt::format("{}\n", fmt::join(fields, ","));
+    }
+    return csv;
+}
+
+std::vector<std::string> sweep_sentences(const SweepReport& report)
+{
+    std::vector<std::string> sentences;
+    for (const Convergence& found : convergence_of(report.result.rows))
+        sentences.push_back(order_sentence(found));
+    for (const Saving& saving : savings_of(report.result.rows))
+        sentences.push_back(saving_sentence(saving));
+    return sentences;
+}
+
+std::string settings_text(const SweepReport& report)
+{
+    const SweepSettings& settings = report.settings;
+    const CellSettings& cells = settings.session.cells;
+    return fmt::format(
+        "{} of {} coarsest cells along the longest side, reference at depth {}, gap {:g} "
+        "of the diagonal, at most {} cells; solver {}, gradient {:g} (reference {:g}), "
+        "at "
+        "most {} iterations a frame; times and memory are medians of {} runs, the "
+        "reference's of one",
+        cells.fill == Fill::Solid ? "solid" : "shell", report.result.across,
+        settings.max_depth, cells.gap, cells.max_cells,
+        method_name(settings.session.method), settings.session.gradient_tolerance,
+        kReferenceTolerance, settings.session.max_iterations, settings.runs);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A sweep as data: JSON with every detail, CSV with a line a row, and sentences that say
+// what came out. The page is the business of sweep_page.h.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "editor/cli/command.h"
+#include "editor/cli/machine.h"
+#include "editor/session/convergence.h"
+#include "editor/session/sweep.h"
+
+namespace cellwarp
+{
+
+/// All that a report is made of.
+struct SweepReport
+{
+    std::string scene; ///< as the user named it
+    std::string model;
+    SweepSettings settings;
+    SweepResult result;
+    Machine machine;
+    int threads = 0; ///< 0: all cores
+};
+
+/// Keys that hold times or memory are `peak_mb` or have `seconds` in their name; all
+/// others are the same in every run, on every machine but for `machine`.
+Json sweep_json(const SweepReport& report);
+
+/// A header, then a line for each row. Numbers have all their digits; what a row has not
+/// is empty.
+std::string sweep_csv(const SweepReport& report);
+
+/// The orders of convergence and what adaptive cells save, one a sentence.
+std::vector<std::string> sweep_sentences(const SweepReport& report);
+
+/// "fill solid, 32 cells across, ..."
+std::string settings_text(const SweepReport& report);
+
+} // namespace cellwarp

@@ -1,0 +1,467 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/sweep.h"
+
+#include <algorithm>
+#include <chrono>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "editor/session/peak_memory.h"
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start)
+{
+    return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Iterations of a frame of the reference, at the most: it has to converge, whatever it
+/// takes.
+constexpr int kReferenceIterations = 10000;
+
+constexpr double kSecondsPerMs = 1e-3;
+
+double median(std::vector<double> values)
+{
+    std::sort(values.begin(), values.end());
+    const std::size_t middle = values.size() / 2;
+    return values.size() % 2 == 1 ? values[middle]
+                                  : 0.5 * (values[middle - 1] + values[middle]);
+}
+
+/// The level of the coarsest leaf: where splitting everywhere got to.
+int depth_everywhere(const Session& session)
+{
+    const std::vector<Leaf>& leaves = session.rig()->body().octree.leaves();
+    return std::min_element(leaves.begin(), leaves.end(),
+                            [](const Leaf& a, const Leaf& b)
+                            { return a.level < b.level; })
+        ->level;
+}
+
+SessionSettings session_settings(const SweepSettings& settings, const SweepCase& of)
+{
+    SessionSettings session = settings.session;
+    session.cells.max_depth = of.grid_depth();
+    session.cells.min_depth = of.kind == SweepKind::Adaptive ? 0 : of.depth;
+    session.cells.threshold = of.threshold;
+    session.field = of.field;
+    session.max_iterations = of.max_iterations;
+    session.watch = {};
+    if (of.kind == SweepKind::Reference)
+    {
+        session.gradient_tolerance = kReferenceTolerance;
+        session.time_budget = 0.0;
+    }
+    return session;
+}
+
+/// Throws where max_cells has stopped the reference above its depth.
+void check_reference_depth(const Session& session, const SessionSettings& settings)
+{
+    if (depth_everywhere(session) < settings.cells.min_depth)
+        throw Error(Fault::Budget, fmt::format("there are more than max_cells {}",
+                                               settings.cells.max_cells));
+}
+
+/// A session after its last frame, and what it took.
+struct Played
+{
+    Session session;
+    StageSeconds seconds;
+};
+
+Played played(const SweepInput& input, const SessionSettings& settings,
+              bool is_reference = false)
+{
+    StageSeconds seconds;
+    const Clock::time_point start = Clock::now();
+    GeometryFile model = read_geometry(input.model, input.read);
+    seconds.load = seconds_since(start);
+    const Clock::time_point build_start = Clock::now();
+    Session session(std::move(model), input.handles, settings);
+    seconds.cells = seconds_since(build_start);
+    if (is_reference)
+        check_reference_depth(session, settings);
+    const std::size_t frames = num_frames(input.handles);
+    for (std::size_t i = 0; i < frames; ++i)
+    {
+        session.next_frame(i + 1 == frames);
+        if (is_reference)
+            check_reference_depth(session, settings);
+    }
+    seconds.total = seconds_since(start);
+    for (const FrameReport& report : session.frames())
+    {
+        seconds.cells += kSecondsPerMs * report.cells_ms;
+        seconds.solve += kSecondsPerMs * report.solve_ms;
+        seconds.field_fit += kSecondsPerMs * report.fit_ms;
+        seconds.field_apply += kSecondsPerMs * report.apply_ms;
+    }
+    return {std::move(session), seconds};
+}
+
+/// What the first run of a case tells, beside its error.
+void describe(SweepRow& row, const Session& session)
+{
+    const Body& body = session.rig()->body();
+    row.cells = body.cells.size();
+    double edge = INFINITY;
+    for (const Cell& cell : body.cells.cells)
+    {
+        const std::size_t level = static_cast<std::size_t>(
+            body.octree.leaves()[static_cast<std::size_t>(cell.leaf)].level);
+        row.cells_per_depth.resize(std::max(row.cells_per_depth.size(), level + 1), 0);
+        ++row.cells_per_depth[level];
+        edge = std::min(edge, cell.edge);
+    }
+    row.cell_edge = edge / body.rest->frame.diagonal();
+    row.frames = session.frames();
+    row.stop = Stop::Converged;
+    for (const FrameReport& report : row.frames)
+    {
+        row.iterations += std::max(0, report.solve.iterations);
+        if (row.stop == Stop::Converged)
+            row.stop = report.solve.stop;
+    }
+}
+
+StageSeconds median_of(const std::vector<StageSeconds>& runs)
+{
+    const auto of = [&](double StageSeconds::*stage)
+    {
+        std::vector<double> values;
+        for (const StageSeconds& run : runs)
+            values.push_back(run.*stage);
+        return median(std::move(values));
+    };
+    return {of(&StageSeconds::load),        of(&StageSeconds::cells),
+            of(&StageSeconds::solve),       of(&StageSeconds::field_fit),
+            of(&StageSeconds::field_apply), of(&StageSeconds::total)};
+}
+
+/// A sweep under way.
+class Runner
+{
+public:
+    Runner(const SweepInput& input, const SweepSettings& settings,
+           const std::function<void(const SweepProgress&)>& watch)
+        : input_(input), settings_(settings), watch_(watch)
+    {
+        for (const SweepCase& of : sweep_cases(settings))
+            result_.rows.emplace_back().of = of;
+        times_.resize(result_.rows.size());
+        num_runs_ =
+            1 + (result_.rows.size() - 1) * static_cast<std::size_t>(settings.runs);
+    }
+
+    SweepResult run()
+    {
+        run_reference();
+        for (int round = 0; round < settings_.runs; ++round)
+            for (std::size_t r = 1; r < result_.rows.size(); ++r)
+                run_row(r, round == 0);
+        for (std::size_t r = 0; r < result_.rows.size(); ++r)
+            if (result_.rows[r].is_done())
+                take_medians(result_.rows[r], times_[r]);
+        return std::move(result_);
+    }
+
+private:
+    struct Times
+    {
+        std::vector<StageSeconds> seconds;
+        std::vector<double> peaks;
+    };
+
+    SessionSettings watched_settings(const SweepCase& of)
+    {
+        SessionSettings session = session_settings(settings_, of);
+        ++run_;
+        if (!watch_)
+            return session;
+        const std::size_t frames = num_frames(input_.handles);
+        watch_({run_, num_runs_, of, {}, frames});
+        session.watch = [this, &of, frames](const FrameProgress& now) {
+            watch_({run_, num_runs_, of, now, frames});
+        };
+        return session;
+    }
+
+    Played measured(std::size_t r)
+    {
+        const SweepCase& of = result_.rows[r].of;
+        const SessionSettings session = watched_settings(of);
+        const PeakMemory peak;
+        Played run = played(input_, session, of.kind == SweepKind::Reference);
+        times_[r].peaks.push_back(peak.mb());
+        times_[r].seconds.push_back(run.seconds);
+        result_.is_peak_of_run = result_.is_peak_of_run && peak.is_since_start();
+        return run;
+    }
+
+    void run_reference()
+    {
+        SweepRow& row = result_.rows.front();
+        try
+        {
+            const Played run = measured(0);
+            const Geometry& geometry = run.session.model().geometry;
+            result_.num_samples = geometry.samples.size();
+            result_.num_faces = geometry.num_faces();
+            result_.across = run.session.rig()->rest().across;
+            diagonal_ = bounding_box(geometry.samples).size().norm();
+            result_.reference = run.session.patch().samples;
+            describe(row, run.session);
+            keep_warnings(row, run.session);
+        }
+        catch (const Error& error)
+        {
+            if (error.fault() != Fault::Budget || row.of.depth == 0)
+                throw;
+            throw Error(Fault::Budget,
+                        fmt::format("the reference, uniform cells of depth {}: {}{}",
+                                    row.of.depth, error.what(), smaller_depth()));
+        }
+    }
+
+    /// The advice that belongs to a reference over its budget.
+    std::string smaller_depth() const
+    {
+        for (int depth = settings_.max_depth - 1; depth >= 0; --depth)
+        {
+            SweepSettings smaller = settings_;
+            smaller.max_depth = depth;
+            const SessionSettings session =
+                session_settings(smaller, sweep_cases(smaller).front());
+            try
+            {
+                check_reference_depth(Session(read_geometry(input_.model, input_.read),
+                                              input_.handles, session),
+                                      session);
+                return fmt::format(" (use --max-depth {})", depth);
+            }
+            catch (const Error& error)
+            {
+                if (error.fault() != Fault::Budget)
+                    throw;
+            }
+        }
+        return "";
+    }
+
+    void run_row(std::size_t r, bool is_first)
+    {
+        SweepRow& row = result_.rows[r];
+        if (!row.is_done())
+        {
+            ++run_;
+            return;
+        }
+        try
+        {
+            const Played run = measured(r);
+            if (!is_first)
+                return;
+            const std::vector<Eigen::Vector3d>& samples = run.session.patch().samples;
+            if (samples.size() != result_.reference.size())
+                throw Error(Fault::File, input_.model + ": changed while it was swept");
+            describe(row, run.session);
+            keep_warnings(row, run.session);
+            row.error = deviation(samples, result_.reference, diagonal_);
+            compare_with_coarser(r, samples);
+        }
+        catch (const Error& error)
+        {
+            if (error.fault() != Fault::Budget && error.fault() != Fault::Unsolvable)
+                throw;
+            row.failure = error.what();
+            result_.warnings.push_back(case_name(row.of) + ": " + row.failure);
+        }
+    }
+
+    void compare_with_coarser(std::size_t r, const std::vector<Eigen::Vector3d>& samples)
+    {
+        SweepRow& row = result_.rows[r];
+        if (row.of.kind != SweepKind::Uniform)
+            return;
+        const SweepRow& last = result_.rows[r - 1];
+        if (row.of.depth > 0 && last.is_done())
+            row.from_coarser = deviation(samples, coarser_, diagonal_);
+        coarser_ = samples;
+    }
+
+    /// What the reference warns of, all others do; their own get their name.
+    void keep_warnings(const SweepRow& row, const Session& session)
+    {
+        for (const std::string& warning : session.warnings())
+            if (known_warnings_.insert(warning).second)
+                result_.warnings.push_back(row.of.kind == SweepKind::Reference
+                                               ? warning
+                                               : case_name(row.of) + ": " + warning);
+        if (!row.of.is_limited)
+            for (const FrameReport& report : row.frames)
+                if (report.solve.stop != Stop::Converged)
+                    result_.warnings.push_back(
+                        fmt::format("{}: frame {} did not converge ({}, gradient {:.3g})",
+                                    case_name(row.of), report.frame,
+                                    stop_name(report.solve.stop), report.solve.gradient));
+    }
+
+    static void take_medians(SweepRow& row, const Times& times)
+    {
+        row.seconds = median_of(times.seconds);
+        row.peak_mb = median(times.peaks);
+        for (const StageSeconds& run : times.seconds)
+            row.run_seconds.push_back(run.total);
+    }
+
+    const SweepInput& input_;
+    const SweepSettings& settings_;
+    const std::function<void(const SweepProgress&)>& watch_;
+    SweepResult result_;
+    std::vector<Times> times_; ///< one a row
+    std::size_t run_ = 0, num_runs_ = 0;
+    double diagonal_ = 0.0;
+    std::vector<Eigen::Vector3d> coarser_; ///< samples of the last uniform cells
+    std::set<std::string> known_warnings_;
+};
+
+} // namespace
+
+std::string kind_name(SweepKind kind)
+{
+    switch (kind)
+    {
+    case SweepKind::Reference:
+        return "reference";
+    case SweepKind::Uniform:
+        return "uniform";
+    case SweepKind::Adaptive:
+        return "adaptive";
+    }
+    return {};
+}
+
+std::string field_name(FieldKind field)
+{
+    switch (field)
+    {
+    case FieldKind::Blend:
+        return "blend";
+    case FieldKind::Closest4:
+        return "closest4";
+    case FieldKind::Rbf:
+        return "rbf";
+    case FieldKind::RbfGlobal:
+        return "rbf-global";
+    }
+    return {};
+}
+
+std::optional<FieldKind> field_of_name(const std::string& name)
+{
+    for (const FieldKind field :
+         {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf, FieldKind::RbfGlobal})
+        if (field_name(field) == name)
+            return field;
+    return std::nullopt;
+}
+
+std::string case_name(const SweepCase& of)
+{
+    std::string name = kind_name(of.kind);
+    if (of.kind == SweepKind::Uniform)
+        name += fmt::format(" {}", of.depth);
+    if (of.kind == SweepKind::Adaptive)
+        name += fmt::format(" {:g}", of.threshold);
+    if (of.kind == SweepKind::Adaptive && of.is_above_reference())
+        name += fmt::format(" to depth {}", of.depth);
+    name += fmt::format(", {}", field_name(of.field));
+    if (of.is_limited)
+        name += fmt::format(", {} iterations", of.max_iterations);
+    return name;
+}
+
+Deviation deviation(const std::vector<Eigen::Vector3d>& samples,
+                    const std::vector<Eigen::Vector3d>& others, double diagonal)
+{
+    Deviation found;
+    double sum = 0.0;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+    {
+        const double squared = (samples[i] - others[i]).squaredNorm();
+        found.largest = std::max(found.largest, squared);
+        sum += squared;
+    }
+    // Samples that are all in one place have no diagonal, and move as one.
+    const double scale = diagonal > 0 ? diagonal : 1.0;
+    found.largest = std::sqrt(found.largest) / scale;
+    if (!samples.empty())
+        found.rms = std::sqrt(sum / static_cast<double>(samples.size())) / scale;
+    return found;
+}
+
+bool SweepResult::is_converged() const
+{
+    return std::all_of(rows.begin(), rows.end(),
+                       [](const SweepRow& row) {
+                           return row.is_done() &&
+                                  (row.is_converged() || row.of.is_limited);
+                       });
+}
+
+std::size_t num_frames(const HandleFile& handles)
+{
+    std::size_t count = 0;
+    for (const Stage& stage : handles.stages)
+        count += stage.frames.size();
+    return count;
+}
+
+std::vector<SweepCase> sweep_cases(const SweepSettings& settings)
+{
+    const int deepest = settings.max_depth;
+    std::vector<SweepCase> cases = {{SweepKind::Reference, deepest, deepest, INFINITY,
+                                     FieldKind::Rbf, kReferenceIterations, false}};
+    std::vector<int> depths = settings.depths;
+    if (depths.empty())
+        depths = {deepest};
+    std::vector<std::pair<int, bool>> limits = {{settings.session.max_iterations, false}};
+    for (const int limit : settings.iteration_limits)
+        limits.emplace_back(limit, true);
+    for (const auto& [limit, is_limited] : limits)
+        for (const FieldKind field : settings.fields)
+        {
+            for (int depth = 0; depth <= deepest; ++depth)
+                cases.push_back({SweepKind::Uniform, depth, deepest, INFINITY, field,
+                                 limit, is_limited});
+            for (const int depth : depths)
+                for (const double threshold : settings.thresholds)
+                    cases.push_back({SweepKind::Adaptive, depth, deepest, threshold,
+                                     field, limit, is_limited});
+        }
+    return cases;
+}
+
+SweepResult run_sweep(const SweepInput& input, const SweepSettings& settings,
+                      const std::function<void(const SweepProgress&)>& watch)
+{
+    return Runner(input, settings, watch).run();
+}
+
+Session play_case(const SweepInput& input, const SweepSettings& settings,
+                  const SweepCase& of)
+{
+    return played(input, session_settings(settings, of)).session;
+}
+
+} // namespace cellwarp

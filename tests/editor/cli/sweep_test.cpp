@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The subcommand sweep: its reports, flags and exit codes. The numbers have their own
+// tests.
+#include <csignal>
+#include <map>
+#include <regex>
+#include <sstream>
+
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "editor/cli/sweep_page.h"
+#include "io/number.h"
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::bytes_of;
+using support::contains;
+using support::num_files;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+/// The small bar, swept with few cells and few voxels.
+struct Files : support::BarFiles
+{
+    std::string reports = folder / "reports";
+
+    std::vector<std::string> arguments(const std::vector<std::string>& more = {}) const
+    {
+        std::vector<std::string> all = {"sweep",    model,   "--handles",    handles,
+                                        "-o",       reports, "--max-depth",  "1",
+                                        "--across", "8",     "--gap",        "0.1",
+                                        "--runs",   "1",     "--thresholds", "1e-2,1e-4"};
+        all.insert(all.end(), more.begin(), more.end());
+        return all;
+    }
+    Result sweep(const std::vector<std::string>& more = {"--no-pictures"}) const
+    {
+        return run(arguments(more));
+    }
+    std::string report(const std::string& name) const
+    {
+        return bytes_of(reports + "/" + name);
+    }
+};
+
+/// The fields of a CSV text by column, a map a line. No field may hold a line's end.
+std::vector<std::map<std::string, std::string>> parsed_csv(const std::string& text)
+{
+    std::vector<std::vector<std::string>> lines;
+    std::istringstream stream(text);
+    for (std::string line; std::getline(stream, line);)
+    {
+        std::vector<std::string>& fields = lines.emplace_back(1);
+        bool is_quoted = false;
+        for (std::size_t i = 0; i < line.size(); ++i)
+            if (line[i] == '"' && is_quoted && i + 1 < line.size() && line[i + 1] == '"')
+                fields.back() += line[i++];
+            else if (line[i] == '"')
+                is_quoted = !is_quoted;
+            else if (line[i] == ',' && !is_quoted)
+                fields.emplace_back();
+            else
+                fields.back() += line[i];
+        EXPECT_FALSE(is_quoted);
+    }
+    std::vector<std::map<std::string, std::string>> rows;
+    for (std::size_t l = 1; l < lines.size(); ++l)
+    {
+        EXPECT_EQ(lines[l].size(), lines[0].size());
+        for (std::size_t f = 0; f < std::min(lines[l].size(), lines[0].size()); ++f)
+            rows.resize(l), rows.back()[lines[0][f]] = lines[l][f];
+    }
+    return rows;
+}
+
+/// Without what is measured in seconds or megabytes, and the number of threads.
+nlohmann::json without_times(nlohmann::json json)
+{
+    if (json.is_array())
+        for (nlohmann::json& element : json)
+            element = without_times(element);
+    if (!json.is_object())
+        return json;
+    for (auto item = json.begin(); item != json.end();)
+    {
+        item.value() = without_times(item.value());
+        const bool is_time = contains(item.key(), "seconds") || item.key() == "peak_mb" ||
+                             item.key() == "threads";
+        item = is_time ? json.erase(item) : std::next(item);
+    }
+    return json;
+}
+
+} // namespace
+
+TEST(SweepCommand, csv_has_its_columns_and_a_line_for_every_run)
+{
+    const Files files;
+    const Result result = files.sweep();
+    ASSERT_EQ(result.code, 0) << result.err;
+    const std::string csv = files.report("report.csv");
+    EXPECT_TRUE(csv.starts_with(
+        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,cells,"
+        "cell_edge,iterations,seconds,load_seconds,cells_seconds,solve_seconds,"
+        "field_fit_seconds,field_apply_seconds,peak_mb,energy,gradient,stop,scene\n"));
+    const auto rows = parsed_csv(csv);
+    ASSERT_EQ(rows.size(), 1u + 2 * (2 + 2));
+    for (auto row : rows)
+    {
+        SCOPED_TRACE(row["kind"] + " " + row["interpolator"]);
+        EXPECT_EQ(row["threshold"].empty(), row["kind"] != "adaptive");
+        for (const char* column : {"max_depth", "cells", "iterations"})
+            EXPECT_TRUE(parse_integer(row[column])) << column;
+        for (const char* column :
+             {"max_error", "rms_error", "seconds", "peak_mb", "energy"})
+            EXPECT_TRUE(parse_double(row[column])) << column;
+        EXPECT_EQ(row["stop"], "converged");
+        EXPECT_EQ(row["scene"], files.model);
+    }
+    auto reference = rows[0], coarse = rows[1];
+    EXPECT_EQ(reference["kind"], "reference");
+    EXPECT_EQ(reference["max_error"], "0");
+    EXPECT_EQ(coarse["kind"], "uniform");
+    EXPECT_EQ(coarse["max_depth"], "0");
+    // All digits are there: the shortest text that reads back the same.
+    const double error = parse_double(coarse["max_error"]).value();
+    EXPECT_EQ(shortest(error), coarse["max_error"]);
+    EXPECT_GE(coarse["max_error"].size(), 15u);
+    const nlohmann::json json = nlohmann::json::parse(files.report("report.json"));
+    EXPECT_EQ(json["rows"][1]["max_error"], error);
+}
+
+TEST(SweepCommand, json_has_every_key_and_goes_to_stdout_too)
+{
+    const Files files;
+    const Result result = files.sweep({"--no-pictures", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.out, files.report("report.json"));
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    for (const char* key : {"scene", "model", "samples", "faces", "settings", "machine",
+                            "peak_is_of", "rows", "convergence", "savings", "warnings"})
+        EXPECT_TRUE(json.contains(key)) << key;
+    for (const char* key :
+         {"processor", "cores", "threads", "compiler", "build", "version"})
+        EXPECT_TRUE(json["machine"].contains(key)) << key;
+    for (const char* key :
+         {"kind", "threshold", "max_depth", "grid_depth", "interpolator", "max_error",
+          "rms_error", "cells", "cells_per_depth", "iterations", "energy", "gradient",
+          "stop", "frames", "seconds", "stage_seconds", "run_seconds", "peak_mb"})
+        EXPECT_TRUE(json["rows"][2].contains(key)) << key;
+    EXPECT_EQ(json["rows"][0]["frames"].size(), 2u);
+    EXPECT_TRUE(json["rows"][0]["threshold"].is_null());
+    EXPECT_EQ(json["rows"][3]["threshold"], 1e-2);
+}
+
+TEST(SweepCommand, reports_are_the_same_but_for_times_and_memory)
+{
+    const Files files;
+    std::string first_json, first_csv;
+    for (const char* threads : {"0", "1", "2"})
+    {
+        const Result result =
+            files.sweep({"--no-pictures", "--json", "--overwrite", "--threads", threads});
+        ASSERT_EQ(result.code, 0) << result.err;
+        const std::string json = without_times(nlohmann::json::parse(result.out)).dump();
+        std::string csv;
+        for (auto row : parsed_csv(files.report("report.csv")))
+            for (const auto& [column, field] : row)
+                if (!contains(column, "seconds") && column != "peak_mb")
+                    csv += field + "\n";
+        if (first_json.empty())
+            first_json = json, first_csv = csv;
+        EXPECT_EQ(json, first_json);
+        EXPECT_EQ(csv, first_csv);
+    }
+}
+
+TEST(SweepCommand, the_page_stands_alone_and_has_every_plot)
+{
+    const Files files;
+    ASSERT_EQ(files.sweep({"--iterations", "1,3"}).code, 0);
+    std::string page = files.report("report.html");
+    for (const char* title :
+         {"Largest error over seconds", "RMS error over seconds",
+          "Largest error over cells", "RMS error over cells",
+          "Largest error over threshold", "Largest error over iterations",
+          "Seconds by stage", "Machine and settings", "All runs"})
+        EXPECT_TRUE(contains(page, std::string(title))) << title;
+    const std::regex svg("<svg [^>]*viewBox");
+    EXPECT_EQ(std::distance(std::sregex_iterator(page.begin(), page.end(), svg), {}), 7);
+    const std::size_t picture = page.find("data:image/png;base64,");
+    if (picture != std::string::npos)
+        page.erase(picture, page.find('"', picture) - picture);
+    for (const char* outside : {"http:", "https:", "//", "<script", "<link", "@import",
+                                "url(", " onload", "javascript"})
+        EXPECT_FALSE(contains(page, outside)) << outside;
+    EXPECT_FALSE(contains(page, "nan") || contains(page, "{}"));
+}
+
+TEST(SweepCommand, the_page_has_pictures_where_the_build_has)
+{
+    const Files files;
+    ASSERT_EQ(files.sweep({}).code, 0);
+    const std::string page = files.report("report.html");
+    const bool has_picture = contains(page, "src=\"data:image/png;base64,iVBORw0KGgo");
+    const bool has_none = contains(page, "No pictures: this build has none");
+    EXPECT_NE(has_picture, has_none);
+    EXPECT_EQ(has_picture, make_pictures().has_value());
+    ASSERT_EQ(files.sweep({"--no-pictures", "--overwrite"}).code, 0);
+    EXPECT_TRUE(contains(files.report("report.html"), "No pictures were asked for."));
+}
+
+TEST(SweepCommand, a_scene_with_an_odd_name_is_escaped_everywhere)
+{
+    const Files files;
+    const std::string name = "a<b>&\"c,d.json";
+    files.folder.write(
+        name, R"({"cellwarp": 1, "model": "bar.obj", "handles": "bar.handles"})");
+    std::vector<std::string> arguments = files.arguments({"--no-pictures"});
+    arguments[1] = files.folder / name;
+    arguments.erase(arguments.begin() + 2, arguments.begin() + 4);
+    const Result result = run(arguments);
+    ASSERT_EQ(result.code, 0) << result.err;
+    auto rows = parsed_csv(files.report("report.csv"));
+    EXPECT_EQ(rows.at(0)["scene"], files.folder / name);
+    EXPECT_EQ(nlohmann::json::parse(files.report("report.json"))["scene"],
+              files.folder / name);
+    const std::string page = files.report("report.html");
+    EXPECT_TRUE(contains(page, "a&lt;b&gt;&amp;&quot;c,d.json"));
+    EXPECT_FALSE(contains(page, "a<b>"));
+}
+
+TEST(SweepCommand, reports_are_replaced_only_when_asked_to_and_before_any_work)
+{
+    const Files files;
+    ASSERT_EQ(files.sweep().code, 0);
+    EXPECT_EQ(num_files(files.folder), 3u);
+    std::filesystem::remove(files.reports + "/report.json");
+    std::filesystem::remove(files.reports + "/report.csv");
+    const std::string page = files.report("report.html");
+    const Result again = files.sweep();
+    EXPECT_EQ(again.code, 4);
+    EXPECT_TRUE(contains(again.err, "report.html: exists already (use --overwrite"));
+    EXPECT_FALSE(std::filesystem::exists(files.reports + "/report.json"));
+    EXPECT_EQ(files.report("report.html"), page);
+    EXPECT_EQ(files.sweep({"--no-pictures", "--overwrite"}).code, 0);
+    EXPECT_TRUE(std::filesystem::exists(files.reports + "/report.json"));
+}
+
+TEST(SweepCommand, folders_that_cannot_be_are_file_errors)
+{
+    const Files files;
+    std::vector<std::string> arguments = files.arguments();
+    for (const std::string& folder :
+         {files.model, files.folder / "none/reports", std::string("")})
+    {
+        arguments[5] = folder;
+        EXPECT_EQ(run(arguments).code, 4) << folder;
+    }
+    arguments[5] = files.folder / "link";
+    std::filesystem::create_symlink(files.folder / "nothing", arguments[5]);
+    const Result link = run(arguments);
+    EXPECT_EQ(link.code, 4);
+    EXPECT_TRUE(contains(link.err, "link: cannot make it: ")) << link.err;
+    arguments[5] = "-";
+    EXPECT_EQ(run(arguments).code, 2);
+    arguments = files.arguments({"--no-pictures"});
+    arguments[5] = files.reports + "//";
+    EXPECT_EQ(run(arguments).code, 0);
+    EXPECT_TRUE(std::filesystem::exists(files.reports + "/report.csv"));
+}
+
+TEST(SweepCommand, wrong_flags_exit_with_2)
+{
+    const Files files;
+    for (const std::vector<std::string>& flags :
+         std::vector<std::vector<std::string>>{{"--thresholds", "0"},
+                                               {"--thresholds", "1e-2,"},
+                                               {"--thresholds", "nan"},
+                                               {"--thresholds", "inf"},
+                                               {"--thresholds", "1e-2 1e-3"},
+                                               {"--depths", "2"},
+                                               {"--depths", "-1"},
+                                               {"--depths", "1.5"},
+                                               {"--iterations", "x"},
+                                               {"--iterations", "-1"},
+                                               {"--interpolators", "spline"},
+                                               {"--interpolators", "rbf,"},
+                                               {"--runs", "0"},
+                                               {"--runs", "many"},
+                                               {"--max-depth", "-1"},
+                                               {"--threshold", "1e-3"},
+                                               {"--preview"}})
+    {
+        std::vector<std::string> arguments = files.arguments(flags);
+        // A flag that is there already may not come twice.
+        for (std::size_t i = 2; i + flags.size() < arguments.size(); ++i)
+            if (arguments[i] == flags[0])
+            {
+                arguments.erase(arguments.begin() + static_cast<std::ptrdiff_t>(i),
+                                arguments.begin() + static_cast<std::ptrdiff_t>(i) + 2);
+                break;
+            }
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 2) << ::testing::PrintToString(flags) << result.err;
+        EXPECT_TRUE(contains(result.err, "error: "));
+    }
+    EXPECT_FALSE(std::filesystem::exists(files.reports));
+    EXPECT_EQ(run({"sweep", files.model}).code, 2);
+}
+
+TEST(SweepCommand, a_scene_without_frames_is_a_usage_error)
+{
+    const Files files;
+    for (const std::string& handles :
+         {std::string(),
+          files.folder.write("still.handles", "cellwarp-handles 1\nfixed a all\n")})
+    {
+        std::vector<std::string> arguments = {"sweep", files.model, "-o", files.reports};
+        if (!handles.empty())
+            arguments.insert(arguments.end(), {"--handles", handles});
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 2);
+        EXPECT_TRUE(contains(result.err, "has no frame")) << result.err;
+        EXPECT_FALSE(std::filesystem::exists(files.reports));
+    }
+}
+
+TEST(SweepCommand, malformed_inputs_and_budgets_have_their_codes_and_leave_nothing)
+{
+    const Files files;
+    std::vector<std::string> arguments = files.arguments();
+    arguments[3] = files.folder.write("bad.handles", "cellwarp-handles 1\nfixed foot\n");
+    EXPECT_EQ(run(arguments).code, 3);
+    arguments[3] = files.folder / "none.handles";
+    EXPECT_EQ(run(arguments).code, 4);
+    const Result budget = files.sweep({"--max-cells", "100", "--json"});
+    EXPECT_EQ(budget.code, 5);
+    EXPECT_TRUE(contains(budget.err, "use --max-depth 0")) << budget.err;
+    EXPECT_TRUE(budget.out.empty());
+    EXPECT_EQ(files.sweep({"--max-memory", "10k"}).code, 5);
+    EXPECT_FALSE(std::filesystem::exists(files.reports));
+}
+
+TEST(SweepCommand, runs_that_do_not_converge_exit_with_7_and_are_reported)
+{
+    const Files files;
+    const Result result = files.sweep({"--no-pictures", "--max-iterations", "1"});
+    EXPECT_EQ(result.code, 7);
+    EXPECT_TRUE(contains(result.err, "uniform 1, rbf: frame 12 did not converge"))
+        << result.err;
+    auto rows = parsed_csv(files.report("report.csv"));
+    EXPECT_EQ(rows.at(0)["stop"], "converged");
+    EXPECT_EQ(rows.at(1)["stop"], "iteration limit");
+    EXPECT_EQ(
+        files.sweep({"--no-pictures", "--overwrite", "--quiet", "--max-iterations", "1"})
+            .err,
+        "");
+    EXPECT_EQ(files.sweep({"--no-pictures", "--overwrite", "--iterations", "1"}).code, 0);
+}
+
+TEST(SweepCommand, a_run_that_is_not_possible_has_empty_fields)
+{
+    const Files files;
+    std::vector<std::string> arguments = files.arguments(
+        {"--no-pictures", "--interpolators", "rbf-global", "--max-memory", "25M"});
+    arguments[7] = "2";
+    const Result result = run(arguments);
+    EXPECT_EQ(result.code, 7) << result.err;
+    auto rows = parsed_csv(files.report("report.csv"));
+    EXPECT_EQ(rows.at(3)["stop"], "failed");
+    EXPECT_EQ(rows.at(3)["max_error"], "");
+    EXPECT_EQ(rows.at(3)["cells"], "");
+    EXPECT_TRUE(contains(files.report("report.html"), "the global release field of"));
+}
+
+TEST(SweepCommand, an_interrupt_leaves_nothing)
+{
+    const Files files;
+    std::vector<std::string> arguments = files.arguments();
+    arguments[9] = "48";
+    const pid_t child = support::start(arguments);
+    support::wait_until_caught(child, SIGINT);
+    ::usleep(100000);
+    ::kill(child, SIGINT);
+    EXPECT_EQ(support::wait_for(child), 130);
+    EXPECT_EQ(num_files(files.folder), 2u);
+}
+
+TEST(SweepCommand, help_starts_with_examples_and_tells_every_default)
+{
+    const Result result = run({"sweep", "--help"});
+    EXPECT_EQ(result.code, 0);
+    EXPECT_LT(result.out.find("  cellwarp sweep "), result.out.find("Usage"));
+    for (const char* flag : {"--thresholds", "--depths", "--interpolators",
+                             "--iterations", "--runs", "--max-depth", "--max-cells"})
+    {
+        const std::size_t at = result.out.find(std::string("  ") + flag);
+        ASSERT_NE(at, std::string::npos) << flag;
+        EXPECT_TRUE(contains(result.out.substr(at, 400), "default")) << flag;
+    }
+}
+
+TEST(SweepReport, sentences_tell_orders_and_savings_and_what_does_not_pay)
+{
+    SweepReport report;
+    const auto add =
+        [&](SweepKind kind, int depth, double error, std::size_t cells, double seconds)
+    {
+        SweepRow& row = report.result.rows.emplace_back();
+        row.of.kind = kind;
+        row.of.depth = depth;
+        row.of.reference_depth = 3;
+        row.error = {error, 0.25 * error};
+        row.cells = cells;
+        row.cell_edge = std::pow(0.5, depth);
+        row.seconds.total = seconds;
+    };
+    add(SweepKind::Uniform, 0, 8e-3, 100, 0.1);
+    add(SweepKind::Uniform, 1, 4e-3, 800, 0.8);
+    add(SweepKind::Uniform, 2, 2e-3, 6400, 6.4);
+    add(SweepKind::Adaptive, 3, 8e-3, 100, 0.1);
+    add(SweepKind::Adaptive, 3, 4e-3, 200, 0.9);
+    const std::vector<std::string> sentences = sweep_sentences(report);
+    ASSERT_EQ(sentences.size(), 3u);
+    EXPECT_EQ(
+        sentences[0],
+        "Uniform cells, rbf: the largest error falls with the power 1.00 of the cell "
+        "edge, the RMS error with 1.00 (least squares, against the reference).");
+    EXPECT_EQ(
+        sentences[1],
+        "Adaptive cells to depth 3, rbf: the largest error of uniform depth 1 (0.004) "
+        "with 0.25 of its cells and 1.12 times its time, which does not pay; its RMS "
+        "error (0.001) with 0.25 of its cells and 1.12 times its time, which does not "
+        "pay.");
+    EXPECT_TRUE(contains(sentences[2], "of uniform depth 2 (0.002) is not reached"));
+}
+
+} // namespace cellwarp
