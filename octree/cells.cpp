@@ -15,6 +15,32 @@ namespace cellwarp
 namespace
 {
 
+/// Whether a leaf is a cube, all of one piece.
+bool is_whole(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
+              int piece)
+{
+    const double edge = grid.shape().voxel() * block.width;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        const std::vector<double>& lines = grid.lines(axis);
+        const std::size_t begin = static_cast<std::size_t>(block.first[axis]);
+        const double length =
+            lines[begin + static_cast<std::size_t>(block.width)] - lines[begin];
+        if (std::abs(length - edge) > 1e-9 * edge)
+            return false; // cut by the border of the grid
+    }
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+        {
+            const std::int32_t* row = &pieces.piece_of_voxel[grid.index(
+                block.first.x(), block.first.y() + j, block.first.z() + k)];
+            if (std::any_of(row, row + block.width,
+                            [&](std::int32_t other) { return other != piece; }))
+                return false;
+        }
+    return true;
+}
+
 /// Mass properties of the pieces of one leaf; sums run about the leaf's box centre
 /// to keep their digits.
 void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
@@ -30,6 +56,17 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         box_centre[axis] =
             0.5 * (grid.shape().size[axis] - grid.counts()[axis] * grid.shape().voxel()) +
             middle * grid.shape().voxel();
+    }
+    if (cells.size() == 1 && is_whole(grid, block, pieces, first_piece))
+    {
+        cells[0] = {static_cast<int>(leaf_index),
+                    box_centre,
+                    edge,
+                    box_centre,
+                    box_centre,
+                    edge * edge * edge,
+                    edge * edge / 12.0 * Eigen::Matrix3d::Identity()};
+        return;
     }
     std::vector<Eigen::Vector3d> first(cells.size(), Eigen::Vector3d::Zero());
     std::vector<Eigen::Matrix3d> second(cells.size(), Eigen::Matrix3d::Zero());
@@ -73,6 +110,8 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
     std::map<std::tuple<int, int, int>, Face> found;
+    std::tuple<int, int, int> last_key(-1, -1, -1);
+    Face* last_face = nullptr;
     for (int axis = 0; axis < 3; ++axis)
     {
         const int u = (axis + 1) % 3, v = (axis + 2) % 3;
@@ -97,9 +136,12 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
                 centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
-                Face& face = found[{a, axis, b}];
-                face.area += area;
-                face.centre += area * centre;
+                const std::tuple<int, int, int> face_key(a, axis, b);
+                if (face_key != last_key)
+                    last_face = &found[face_key];
+                last_key = face_key;
+                last_face->area += area;
+                last_face->centre += area * centre;
             }
     }
     std::vector<Face> faces;

@@ -10,9 +10,10 @@ namespace cellwarp
 namespace
 {
 
-/// Voxels along a finest leaf, at least: fewer, and the share of a leaf that is
-/// material, and with it the stiffness at the surface, is known too roughly.
-constexpr int kMinVoxelsPerLeaf = 4;
+/// Voxels along a coarsest leaf, at least: fewer, and the share of a leaf that is
+/// material, and with it the stiffness at the surface, is known too roughly. Along a
+/// finest one two are enough, its neighbours being as small.
+constexpr int kMinVoxelsPerCoarsest = 4, kMinVoxelsPerLeaf = 2;
 
 /// By how much a side may differ from a whole number of leaves and still be cut
 /// into just so many [voxel]. The outermost voxels take up the difference.
@@ -32,8 +33,9 @@ GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth,
     const double finest = shape.edge / (1 << max_depth);
     // The tolerance keeps the count from depending on the last bit of a scale.
     const double wanted = max_voxel > 0 ? std::ceil(finest / max_voxel - 1e-9) : 0.0;
-    shape.voxels_per_leaf = static_cast<int>(
-        std::clamp(wanted, static_cast<double>(kMinVoxelsPerLeaf), 4096.0));
+    const int least = std::max(kMinVoxelsPerLeaf, kMinVoxelsPerCoarsest >> max_depth);
+    shape.voxels_per_leaf =
+        static_cast<int>(std::clamp(wanted, static_cast<double>(least), 4096.0));
     for (int axis = 0; axis < 3; ++axis)
     {
         const double leaves = size[axis] / shape.edge;

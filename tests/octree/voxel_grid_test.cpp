@@ -49,7 +49,9 @@ TEST(VoxelGrid, voxels_are_no_larger_than_asked)
 {
     for (const double limit : {0.3, 0.01, 0.004})
         EXPECT_LE(grid_shape({1, 1, 1}, 7, 1, limit).voxel(), limit * (1 + 1e-6));
-    EXPECT_EQ(grid_shape({1, 1, 1}, 7, 1, 0.3).voxels_per_leaf, 4);
+    EXPECT_EQ(grid_shape({1, 1, 1}, 7, 0, 0.3).voxels_per_leaf, 4);
+    EXPECT_EQ(grid_shape({1, 1, 1}, 7, 1, 0.3).voxels_per_leaf, 2);
+    EXPECT_EQ(grid_shape({1, 1, 1}, 7, 3, 0.3).voxels_per_leaf, 2);
 }
 
 TEST(VoxelGrid, numbers_voxels_and_back)
