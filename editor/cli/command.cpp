@@ -77,10 +77,15 @@ void SessionFlags::add_to(CLI::App& app)
         "coarsest cells along the longest side (default: so many that there are "
         "1,000 to 2,500 cells)");
     app.add_option("--max-depth", max_depth,
-                   "splits below the coarsest cells (default 0)");
+                   fmt::format("splits below the coarsest cells, at the most (default "
+                               "{})",
+                               kUsualDepth));
     app.add_option(
         "--threshold", threshold,
-        "refinement threshold, of the diagonal; accepted, nothing is refined yet");
+        fmt::format(
+            "cells whose error is larger are split, of the diagonal; 0: all, down "
+            "to --max-depth (default {})",
+            kUsualThreshold));
     app.add_option("--fill", fill, "solid or shell (default solid)");
     app.add_option(
         "--gap", gap,
@@ -150,12 +155,14 @@ SessionRequest read_request(const SessionFlags& flags)
     cells.across =
         number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
     cells.max_depth =
-        number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, cells.max_depth);
-    cells.min_depth = cells.max_depth;
+        number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, kUsualDepth);
+    cells.threshold = number("--threshold", flags.threshold, scene.threshold, 0.0, 1e300,
+                             kUsualThreshold);
+    if (cells.threshold == 0.0)
+        cells.min_depth = cells.max_depth;
     cells.gap = number("--gap", flags.gap, scene.gap, 1e-6, 1.0, cells.gap);
     cells.max_cells = number("--max-cells", flags.max_cells, scene.max_cells, 1,
                              std::int64_t(1) << 31, cells.max_cells);
-    number("--threshold", flags.threshold, scene.threshold, 0.0, 1e300, 0.0);
     settings.max_iterations =
         number("--max-iterations", flags.max_iterations, std::optional<std::int64_t>(), 0,
                1000000, settings.max_iterations);

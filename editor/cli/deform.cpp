@@ -94,7 +94,8 @@ Json unused_parts(const PartCounts& parts)
     Json unused = Json::array();
     if (parts.interior == 0)
         unused.push_back("interior");
-    unused.push_back("refinement");
+    if (parts.refinement == 0)
+        unused.push_back("refinement");
     if (parts.blend == 0)
         unused.push_back("blend");
     if (parts.rbf == 0)
@@ -121,6 +122,9 @@ Json frame_json(const FrameReport& report)
             {"handle_residual", report.handle_residual},
             {"max_pair_gap", report.max_pair_gap},
             {"steps", report.steps},
+            {"cells", report.cells},
+            {"recuts", report.recuts},
+            {"cells_at_depth_limit", report.cells_at_limit},
             {"linear_steps", report.solve.linear_steps},
             {"refreshes", report.solve.refreshes},
             {"backward_error", report.solve.backward_error},

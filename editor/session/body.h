@@ -25,6 +25,11 @@ namespace cellwarp
 
 class Rig;
 
+/// What a scene gets that asks for nothing else: from the curves of `sweep`, where the
+/// error of the samples is worth the seconds.
+inline constexpr double kUsualThreshold = 2e-3;
+inline constexpr int kUsualDepth = 2;
+
 struct CellSettings
 {
     Fill fill = Fill::Solid;

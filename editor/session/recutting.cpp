@@ -49,7 +49,7 @@ Rig Recutting::first()
 {
     Body body = build_body(rest_, settings_);
     warnings_.insert(warnings_.end(), body.warnings.begin(), body.warnings.end());
-    for (;;)
+    while (is_adaptive())
     {
         const std::vector<RegionShares> shares = regions_->shares(body.pieces);
         std::vector<int> crowded;
@@ -123,6 +123,8 @@ Recutting::differing_regions(const Rig& rig, std::span<const Motion> motions) co
 
 std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> motions)
 {
+    if (!is_adaptive())
+        return std::nullopt;
     const Octree& octree = rig.body().octree;
     const std::vector<std::vector<int>> regions = differing_regions(rig, motions);
     std::vector<int> leaves;
@@ -151,10 +153,15 @@ std::optional<Rig> Recutting::finer(const Rig& rig)
         of_leaf = std::max(of_leaf, errors[c]);
     }
     std::vector<int> leaves;
+    num_at_limit_ = 0;
     for (std::size_t leaf = 0; leaf < worst.size(); ++leaf)
-        if (worst[leaf] > threshold &&
-            body.octree.leaves()[leaf].level < settings_.max_depth)
-            leaves.push_back(static_cast<int>(leaf));
+        if (worst[leaf] > threshold)
+        {
+            if (body.octree.leaves()[leaf].level < settings_.max_depth)
+                leaves.push_back(static_cast<int>(leaf));
+            else
+                ++num_at_limit_;
+        }
     std::stable_sort(leaves.begin(), leaves.end(),
                      [&](int a, int b) {
                          return worst[static_cast<std::size_t>(a)] >

@@ -39,6 +39,9 @@ public:
     std::optional<Rig> coarser(const Rig& rig);
 
     bool is_adaptive() const;
+    /// Of the leaves that finer() last looked at, those that the threshold would split
+    /// but the depth does not let.
+    int num_at_limit() const { return num_at_limit_; }
     /// Those since the last call.
     std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
 
@@ -58,6 +61,7 @@ private:
     std::optional<Octree> coarsest_; ///< never merged beyond
     std::vector<std::string> warnings_;
     bool is_over_budget_ = false;
+    int num_at_limit_ = 0;
 };
 
 } // namespace cellwarp

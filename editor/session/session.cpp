@@ -482,6 +482,8 @@ void Session::solve_frame(FrameReport& report)
                         "falls in some direction",
                         report.frame));
     report.cells = s.rig.body().cells.size();
+    report.cells_at_limit = s.recutting.num_at_limit();
+    parts_.refinement += report.recuts;
     report.max_pair_gap = s.rig.largest_gap();
 }
 

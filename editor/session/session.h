@@ -53,6 +53,7 @@ struct FrameReport
     int steps = 0;
     int recuts = 0; ///< times that other cells were made
     std::size_t cells = 0;
+    int cells_at_limit = 0; ///< above the threshold, but at the deepest level
     double handle_residual = 0.0;
     double max_pair_gap = 0.0;
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
@@ -61,7 +62,8 @@ struct FrameReport
 /// What parts were built, counted where they are built.
 struct PartCounts
 {
-    int interior = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0, faces = 0;
+    int interior = 0, refinement = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0,
+        faces = 0;
 };
 
 /// What a closed mesh encloses.
