@@ -23,19 +23,33 @@ void for_each_voxel(const VoxelBlock& block, Visit&& visit)
                 visit(Eigen::Vector3i(block.first + Eigen::Vector3i(i, j, k)));
 }
 
+/// The first voxels of the rows along x.
+std::vector<std::size_t> rows_of(const VoxelGrid& grid, const VoxelBlock& block)
+{
+    std::vector<std::size_t> rows;
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            rows.push_back(
+                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k));
+    return rows;
+}
+
 /// Numbers the pieces of one leaf from 0 in piece_of_voxel; returns their count.
 int label_leaf(const VoxelGrid& grid, const VoxelBlock& block,
                std::vector<std::int32_t>& piece_of_voxel)
 {
     const std::vector<std::uint8_t>& material = grid.material();
     const Eigen::Vector3i end = (block.first.array() + block.width).matrix();
-    bool is_full = true;
-    for_each_voxel(block, [&](const Eigen::Vector3i& voxel)
-                   { is_full = is_full && material[grid.index(voxel)]; });
-    if (is_full)
+    const std::vector<std::size_t> rows = rows_of(grid, block);
+    if (std::all_of(rows.begin(), rows.end(),
+                    [&](std::size_t row)
+                    {
+                        return std::all_of(&material[row], &material[row] + block.width,
+                                           [](std::uint8_t m) { return m != 0; });
+                    }))
     {
-        for_each_voxel(block, [&](const Eigen::Vector3i& voxel)
-                       { piece_of_voxel[grid.index(voxel)] = 0; });
+        for (const std::size_t row : rows)
+            std::fill_n(&piece_of_voxel[row], block.width, 0);
         return 1;
     }
     int count = 0;
@@ -183,18 +197,20 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     first.back() = static_cast<std::int32_t>(pieces.size());
     const auto renumber = [&](auto&& number_of)
     {
-        parallel_for(leaves.size(),
-                     [&](std::size_t i)
-                     {
-                         for_each_voxel(voxel_block(grid.shape(), leaves[i]),
-                                        [&](const Eigen::Vector3i& voxel)
-                                        {
-                                            std::int32_t& piece =
-                                                pieces.piece_of_voxel[grid.index(voxel)];
-                                            if (piece >= 0)
-                                                piece = number_of(i, piece);
-                                        });
-                     });
+        parallel_for(
+            leaves.size(),
+            [&](std::size_t i)
+            {
+                const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
+                for (const std::size_t row : rows_of(grid, block))
+                    for (int x = 0; x < block.width; ++x)
+                    {
+                        std::int32_t& piece =
+                            pieces.piece_of_voxel[row + static_cast<std::size_t>(x)];
+                        if (piece >= 0)
+                            piece = number_of(i, piece);
+                    }
+            });
     };
     renumber([&](std::size_t leaf, std::int32_t piece) { return first[leaf] + piece; });
     const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);

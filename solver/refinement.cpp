@@ -165,26 +165,35 @@ std::vector<std::vector<Origin>> origins_of(const VoxelGrid& grid, const Leaf& l
 {
     std::vector<std::vector<Origin>> origins(static_cast<std::size_t>(end - first));
     const VoxelBlock block = voxel_block(grid.shape(), leaf);
+    int last_piece = -1;
+    Origin* last = nullptr; // most voxels have the origin of the one before
     for (int k = 0; k < block.width; ++k)
         for (int j = 0; j < block.width; ++j)
-            for (int i = 0; i < block.width; ++i)
+        {
+            const std::size_t row =
+                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
+            for (std::size_t x = row; x < row + static_cast<std::size_t>(block.width);
+                 ++x)
             {
-                const std::size_t voxel =
-                    grid.index(block.first + Eigen::Vector3i(i, j, k));
-                const int piece = pieces.piece_of_voxel[voxel];
+                const int piece = pieces.piece_of_voxel[x];
                 if (piece < first || piece >= end)
                     continue;
-                std::vector<Origin>& of =
-                    origins[static_cast<std::size_t>(piece - first)];
-                const int old = old_pieces.piece_of_voxel[voxel];
-                const auto known = std::find_if(of.begin(), of.end(),
-                                                [&](const Origin& origin)
-                                                { return origin.piece == old; });
-                if (known != of.end())
-                    ++known->voxels;
-                else
-                    of.push_back({old, 1});
+                const int old = old_pieces.piece_of_voxel[x];
+                if (piece != last_piece || last->piece != old)
+                {
+                    std::vector<Origin>& of =
+                        origins[static_cast<std::size_t>(piece - first)];
+                    auto known = std::find_if(of.begin(), of.end(),
+                                              [&](const Origin& origin)
+                                              { return origin.piece == old; });
+                    if (known == of.end())
+                        known = of.insert(known, {old, 0});
+                    last = &*known;
+                    last_piece = piece;
+                }
+                ++last->voxels;
             }
+        }
     return origins;
 }
 

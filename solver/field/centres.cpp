@@ -134,6 +134,9 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
 {
     std::vector<std::array<bool, 6>> sides(cells.size()); // low x, high x, low y, ...
     std::vector<std::vector<Eigen::Vector3d>> points(cells.size());
+    double largest = 0.0;
+    for (const Cell& cell : cells.cells)
+        largest = std::max(largest, cell.edge);
     for (const Face& face : cells.faces)
     {
         const bool a_is_held =
@@ -150,6 +153,8 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
         for (int k = 0; k < 27; ++k)
         {
             const Eigen::Vector3i place(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+            if (cells.cells[i].edge < largest && (place.array() == 0).any())
+                continue;
             bool is_on = false;
             for (int axis = 0; axis < 3; ++axis)
                 is_on =
