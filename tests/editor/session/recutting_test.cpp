@@ -305,17 +305,17 @@ TEST(Recutting, parts_regions_that_move_differently_down_to_the_deepest_cells)
     EXPECT_EQ(level_at(rig, {0.5, 0.5, 0.1}), 0);
     EXPECT_EQ(level_at(rig, {0.5, 0.5, 3.9}), 0);
     EXPECT_TRUE(rig.body().octree.is_balanced());
-    // Coarser: what is contested stays apart for as long as they move apart.
-    const std::vector<Leaf> parted = leaves(rig);
+    // Merged is all but what is contested, for as long as they move apart.
     CellSettings adaptive = model.settings;
+    adaptive.errors = marked([](const Eigen::Vector3d&) { return 0.0; });
     adaptive.threshold = 1e-3;
     Recutting merging(model.rest, model.regions, adaptive, {});
     merging.first();
     rig.move_regions(apart);
-    rig.carry_others();
-    std::optional<Rig> merged = merging.coarser(rig);
-    EXPECT_EQ(level_at(merged ? *merged : rig, {0.5, 0.5, 1.82}), 2);
-    rig.move_regions(both);
+    std::optional<Rig> merged;
+    while ((merged = merging.coarser(rig)))
+        rig = std::move(*merged);
+    EXPECT_EQ(level_at(rig, {0.5, 0.5, 1.82}), 2);
     rig.set_state(rig.poses(), std::vector<Motion>(2));
     while ((merged = merging.coarser(rig)))
         rig = std::move(*merged);
@@ -341,13 +341,15 @@ TEST(Recutting, splits_first_where_a_region_would_have_no_cell_of_its_own)
     Recutting single = recutting(shallow);
     EXPECT_TRUE(contains(error_of(Fault::Unsolvable, [&] { single.first(); }),
                          "has no cell of its own"));
-    const RestModel model =
-        bar(coarse(3, 1e-3), "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
-                             "fixed foot box -1 0.13 -1 2 2 0.500001\n"
-                             "fixed foot box -1 -1 0.13 2 2 0.500001\n"
-                             "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
+    double error_everywhere = 1.0;
+    CellSettings settings = coarse(3, 1e-3);
+    settings.errors = marked([&](const Eigen::Vector3d&) { return error_everywhere; });
+    const RestModel model = bar(settings, "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
+                                          "fixed foot box -1 0.13 -1 2 2 0.500001\n"
+                                          "fixed foot box -1 -1 0.13 2 2 0.500001\n"
+                                          "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
     Recutting cells = recutting(model);
-    const Rig rig = cells.first();
+    Rig rig = cells.first();
     EXPECT_GT(level_at(rig, {0.05, 0.05, 0.05}), 0);
     EXPECT_EQ(level_at(rig, {0.9, 0.9, 0.1}), 0);
     EXPECT_EQ(level_at(rig, {0.9, 0.9, 3.9}), 0);
@@ -355,7 +357,15 @@ TEST(Recutting, splits_first_where_a_region_would_have_no_cell_of_its_own)
     EXPECT_NE(std::find(rig.region_of_cell().begin(), rig.region_of_cell().end(), 1),
               rig.region_of_cell().end());
     // These are the coarsest cells from now on.
-    EXPECT_FALSE(cells.coarser(rig));
+    const std::vector<Leaf> start = leaves(rig);
+    std::optional<Rig> next = cells.finer(rig);
+    ASSERT_TRUE(next);
+    rig = std::move(*next);
+    EXPECT_GT(leaves(rig).size(), start.size());
+    error_everywhere = 0.0;
+    while ((next = cells.coarser(rig)))
+        rig = std::move(*next);
+    EXPECT_EQ(leaves(rig), start);
 }
 
 TEST(Recutting, over_the_budget_splits_the_worst_first_and_says_so_once)
