@@ -60,9 +60,10 @@ Rig Recutting::first()
                 settings_.max_depth)
                 crowded.push_back(leaf);
         }
-        if (crowded.empty())
+        Octree octree = split(body.octree, crowded);
+        if (octree.leaves().size() == body.octree.leaves().size())
             break;
-        body = cut(rest_, body.octree.split(crowded, has_material_));
+        body = cut(rest_, std::move(octree));
     }
     coarsest_ = body.octree;
     return {std::make_shared<const Body>(std::move(body)), regions_, rig_settings_};

@@ -33,14 +33,13 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
 {
     const VoxelGrid& grid = body.rest->material.grid;
     const Cell& a = body.cells.cells[static_cast<std::size_t>(face.a)];
-    const Cell& b = body.cells.cells[static_cast<std::size_t>(face.b)];
-    const bool is_a_smaller = a.edge <= b.edge;
-    const VoxelBlock block = voxel_block(
-        grid.shape(),
-        body.octree.leaves()[static_cast<std::size_t>(is_a_smaller ? a.leaf : b.leaf)]);
+    // The leaf of the lower cell: that of the upper one need not touch it, if what does
+    // is a crumb that belongs to the upper cell.
+    const VoxelBlock block =
+        voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(a.leaf)]);
     const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
     Eigen::Vector3i below;
-    below[axis] = block.first[axis] + (is_a_smaller ? block.width : 0) - 1;
+    below[axis] = block.first[axis] + block.width - 1;
     for (int j = 0; j < block.width; ++j)
         for (int i = 0; i < block.width; ++i)
         {

@@ -3,6 +3,7 @@
 
 #include <numeric>
 #include <random>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -40,6 +41,88 @@ Octree randomly_split(unsigned seed, int rounds)
         octree = octree.split(std::vector<int>{leaf}, kAll);
     }
     return octree;
+}
+
+std::vector<int> all_of(const Octree& octree)
+{
+    std::vector<int> all(octree.leaves().size());
+    std::iota(all.begin(), all.end(), 0);
+    return all;
+}
+
+bool overlap(const Leaf& leaf, const Leaf& box)
+{
+    const int a = 1 << (kDepth - leaf.level), b = 1 << (kDepth - box.level);
+    return (leaf.corner.array() < box.corner.array() + b).all() &&
+           (box.corner.array() < leaf.corner.array() + a).all();
+}
+
+/// Material is a third of the finest boxes, by a seeded draw.
+MaterialTest speckled(unsigned seed)
+{
+    std::mt19937 rng(seed);
+    std::vector<bool> holds(64 * 32 * 32);
+    for (std::size_t i = 0; i < holds.size(); ++i)
+        holds[i] = rng() % 3 == 0;
+    return [holds](const Leaf& leaf)
+    {
+        const int w = 1 << (kDepth - leaf.level);
+        for (int k = 0; k < w; ++k)
+            for (int j = 0; j < w; ++j)
+                for (int i = 0; i < w; ++i)
+                {
+                    const Eigen::Vector3i at = leaf.corner + Eigen::Vector3i(i, j, k);
+                    if (holds[static_cast<std::size_t>((at.z() * 32 + at.y()) * 64 +
+                                                       at.x())])
+                        return true;
+                }
+        return false;
+    };
+}
+
+/// What siblings() promises, by looking at every pair of leaves.
+std::vector<std::vector<int>> families_one_by_one(const Octree& octree)
+{
+    std::vector<std::vector<int>> families;
+    for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+    {
+        const Leaf& one = octree.leaves()[i];
+        if (one.level == 0)
+            continue;
+        const int w = 2 * octree.width(one);
+        const Leaf box{one.corner / w * w, one.level - 1};
+        std::vector<int> family;
+        bool is_whole = true;
+        for (std::size_t j = 0; j < octree.leaves().size(); ++j)
+            if (overlap(octree.leaves()[j], box))
+            {
+                family.push_back(static_cast<int>(j));
+                is_whole &= octree.leaves()[j].level == one.level;
+            }
+        if (is_whole && family.front() == static_cast<int>(i))
+            families.push_back(family);
+    }
+    return families;
+}
+
+/// Merges what lies below the leaves of \p goal for as long as that changes anything.
+Octree merged_down_to(const Octree& goal, Octree octree)
+{
+    for (;;)
+    {
+        std::vector<int> finer;
+        for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+        {
+            const Leaf& leaf = octree.leaves()[i];
+            const int base = goal.find(leaf.corner);
+            if (goal.leaves()[static_cast<std::size_t>(base)].level < leaf.level)
+                finer.push_back(static_cast<int>(i));
+        }
+        Octree next = octree.merge(finer);
+        if (next.leaves().size() == octree.leaves().size())
+            return octree;
+        octree = std::move(next);
+    }
 }
 
 } // namespace
@@ -135,6 +218,136 @@ TEST(Octree, merging_never_breaks_the_balance)
         EXPECT_TRUE(merged.is_balanced());
         EXPECT_EQ(volume(merged), volume(octree));
     }
+}
+
+TEST(Octree, merging_many_boxes_at_once_keeps_the_volume_and_the_balance)
+{
+    for (unsigned seed = 20; seed < 30; ++seed)
+    {
+        SCOPED_TRACE(seed);
+        Octree octree = randomly_split(seed, 150);
+        for (int round = 0; round < kDepth; ++round)
+        {
+            const Octree merged = octree.merge(all_of(octree));
+            EXPECT_LT(merged.leaves().size(), octree.leaves().size());
+            EXPECT_TRUE(merged.is_balanced());
+            EXPECT_EQ(volume(merged), 64 * 32 * 32);
+            for (std::size_t i = 0; i + 1 < merged.leaves().size(); ++i)
+                ASSERT_FALSE(overlap(merged.leaves()[i], merged.leaves()[i + 1]));
+            octree = merged;
+            if (octree.leaves().size() == 16u)
+                break;
+        }
+        EXPECT_EQ(octree.leaves(), Octree(shape(), kAll).leaves());
+    }
+}
+
+TEST(Octree, merging_what_balance_split_too_gives_the_same_octree_back)
+{
+    for (unsigned seed = 30; seed < 40; ++seed)
+    {
+        SCOPED_TRACE(seed);
+        const Octree before = randomly_split(seed, 40);
+        std::mt19937 rng(seed);
+        std::vector<int> some;
+        for (std::size_t i = 0; i < before.leaves().size(); ++i)
+            if (rng() % 8 == 0)
+                some.push_back(static_cast<int>(i));
+        const Octree finer = before.split(some, kAll);
+        EXPECT_GT(finer.leaves().size(), before.leaves().size());
+        EXPECT_EQ(merged_down_to(before, finer).leaves(), before.leaves());
+    }
+}
+
+TEST(Octree, families_are_whole_and_ascending)
+{
+    const Octree coarse(shape(), kAll);
+    EXPECT_TRUE(coarse.siblings().empty());
+    const Octree octree = coarse.split(std::vector<int>{3}, kAll);
+    const std::vector<std::vector<int>> families = octree.siblings();
+    ASSERT_EQ(families.size(), 1u);
+    EXPECT_EQ(families[0], (std::vector<int>{3, 4, 5, 6, 7, 8, 9, 10}));
+    for (const int leaf : families[0])
+        EXPECT_TRUE(
+            overlap(octree.leaves()[static_cast<std::size_t>(leaf)], coarse.leaves()[3]));
+}
+
+TEST(Octree, a_family_of_which_one_part_is_split_is_none)
+{
+    Octree octree(shape(), kAll);
+    for (int depth = 0; depth < 2; ++depth)
+        octree = octree.split(std::vector<int>{octree.find({0, 0, 0})}, kAll);
+    const std::vector<std::vector<int>> families = octree.siblings();
+    ASSERT_EQ(families.size(), 1u);
+    EXPECT_EQ(families[0], (std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7}));
+    EXPECT_EQ(octree.leaves()[0].level, 2);
+    EXPECT_EQ(octree.leaves()[8].level, 1);
+    // The last part split leaves seven in front of it.
+    octree = Octree(shape(), kAll).split(std::vector<int>{0}, kAll);
+    octree = octree.split(std::vector<int>{7}, kAll);
+    for (const std::vector<int>& family : octree.siblings())
+        EXPECT_NE(family.front(), 0);
+}
+
+TEST(Octree, a_family_at_the_border_has_the_parts_that_hold_material)
+{
+    for (const int first : {0, 8})
+    {
+        SCOPED_TRACE(first);
+        const MaterialTest slab = [&](const Leaf& leaf)
+        {
+            return leaf.corner.x() < first + 8 &&
+                   leaf.corner.x() + (1 << (kDepth - leaf.level)) > first;
+        };
+        const Octree coarse(shape(), slab);
+        ASSERT_EQ(coarse.leaves().size(), 4u);
+        const Octree octree = coarse.split(std::vector<int>{1}, slab);
+        const std::vector<std::vector<int>> families = octree.siblings();
+        ASSERT_EQ(families.size(), 1u);
+        EXPECT_EQ(families[0], (std::vector<int>{1, 2, 3, 4}));
+        EXPECT_EQ(octree.merge(families[0]).leaves(), coarse.leaves());
+    }
+}
+
+TEST(Octree, families_of_speckled_material_are_those_found_one_by_one)
+{
+    for (unsigned seed = 40; seed < 45; ++seed)
+    {
+        SCOPED_TRACE(seed);
+        const MaterialTest speckles = speckled(seed);
+        std::mt19937 rng(seed);
+        Octree octree(shape(), speckles);
+        for (int round = 0; round < 40; ++round)
+            octree = octree.split(
+                std::vector<int>{static_cast<int>(rng() % octree.leaves().size())},
+                speckles);
+        const std::vector<std::vector<int>> families = octree.siblings();
+        EXPECT_GT(families.size(), 10u);
+        EXPECT_EQ(families, families_one_by_one(octree));
+    }
+}
+
+TEST(Octree, a_hundred_thousand_leaves_are_split_and_merged_looking_at_each_part_once)
+{
+    std::size_t num_looks = 0;
+    const MaterialTest counted = [&](const Leaf&)
+    {
+        ++num_looks;
+        return true;
+    };
+    const Octree coarse(grid_shape({1, 1, 1}, 6, 3, 0.0), counted);
+    const Octree fine = coarse.split_all(3, counted);
+    ASSERT_EQ(fine.leaves().size(), 216u * 512u);
+    EXPECT_EQ(num_looks, 216u * (1u + 8u + 64u + 512u));
+    Octree merged = fine;
+    for (int level = 2; level >= 0; --level)
+    {
+        EXPECT_EQ(merged.siblings().size(), 216u << 3 * level);
+        merged = merged.merge(all_of(merged));
+        EXPECT_EQ(merged.leaves().size(), 216u << 3 * level);
+    }
+    EXPECT_EQ(merged.leaves(), coarse.leaves());
+    EXPECT_EQ(num_looks, 216u * (1u + 8u + 64u + 512u));
 }
 
 TEST(Octree, keys_stay_exact_at_twenty_levels)

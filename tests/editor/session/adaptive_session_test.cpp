@@ -1,0 +1,354 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/session.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "octree/parallel.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Of the block.
+const double kDiagonal = std::sqrt(4.0 + 1.0 + 16.0);
+
+/// 2 x 1 x 4, held at its back.
+Shape block()
+{
+    return support::box_shape({0, 0, 0}, {2, 1, 4}, 8);
+}
+
+const std::string kRegions = "fixed back box -1 -1 -1 0.500001 2 5\n"
+                             "handle knob box 1.74 -1 2.99 3 2 3.51\n";
+const std::string kPull = "move knob translate 0.3 0.1 0.1\n";
+const std::string kTurn = "move knob rotate 0 1 0 25 translate 0.1 0 0\n";
+const std::string kBack = "move knob translate 0 0 0\n";
+
+GeometryFile model()
+{
+    return scan_geometry("model.obj", support::obj_text(block()));
+}
+
+HandleFile handles(const std::string& text)
+{
+    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
+}
+
+SessionSettings adaptive(double threshold, int max_depth = 2)
+{
+    SessionSettings s;
+    s.cells.across = 8;
+    s.cells.max_depth = max_depth;
+    s.cells.threshold = threshold;
+    s.cells.gap = 0.03;
+    return s;
+}
+
+Session played(const std::string& text, const SessionSettings& s)
+{
+    Session session(model(), handles(text), s);
+    while (session.next_frame(true))
+        ;
+    return session;
+}
+
+const std::vector<Leaf>& leaves(const Session& session)
+{
+    return session.rig()->body().octree.leaves();
+}
+
+double largest_difference(const std::vector<Eigen::Vector3d>& a,
+                          const std::vector<Eigen::Vector3d>& b)
+{
+    double largest = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        largest = std::max(largest, (a[i] - b[i]).norm());
+    return largest;
+}
+
+double rms_difference(const std::vector<Eigen::Vector3d>& a,
+                      const std::vector<Eigen::Vector3d>& b)
+{
+    double sum = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        sum += (a[i] - b[i]).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+/// A sample that ships with the project, from cells of a twelfth of it on.
+Session played_sample(const std::string& name, const std::string& model_name, double gap,
+                      double threshold)
+{
+    const std::string folder = support::samples_folder() + "/";
+    SessionSettings s;
+    s.cells.across = 12;
+    s.cells.max_depth = 2;
+    s.cells.threshold = threshold;
+    s.cells.gap = gap;
+    s.gradient_tolerance = 1e-4;
+    Session session(read_geometry(folder + model_name),
+                    read_handles(folder + name + ".handles"), s);
+    while (session.next_frame(true))
+        ;
+    return session;
+}
+
+std::size_t num_components(const Cells& cells)
+{
+    const std::vector<int> components = connected_components(cells);
+    return static_cast<std::size_t>(
+               *std::max_element(components.begin(), components.end())) +
+           1;
+}
+
+/// Calls visit(a, b) with the centres of each pair of glued cells [model unit].
+template <class Visit>
+void for_each_glued_pair(const Session& session, Visit&& visit)
+{
+    const Cells& cells = session.rig()->body().cells;
+    const WorkFrame& frame = session.rig()->rest().frame;
+    for (const Face& face : cells.faces)
+        visit(frame.to_model(cells.cells[static_cast<std::size_t>(face.a)].centre),
+              frame.to_model(cells.cells[static_cast<std::size_t>(face.b)].centre));
+}
+
+} // namespace
+
+TEST(AdaptiveSession, refines_near_a_local_handle_and_not_far_away)
+{
+    const Session session = played(kRegions + "frame 1\n" + kPull, adaptive(2e-3, 3));
+    const Body& body = session.rig()->body();
+    std::size_t num_fine = 0;
+    for (const Cell& cell : body.cells.cells)
+    {
+        const Eigen::Vector3d x = session.rig()->rest().frame.to_model(cell.centre);
+        const int level = leaves(session)[static_cast<std::size_t>(cell.leaf)].level;
+        num_fine += level > 1;
+        if (x.z() < 1.5)
+        {
+            EXPECT_EQ(level, 0);
+        }
+    }
+    EXPECT_GT(num_fine, 100u);
+    EXPECT_TRUE(body.octree.is_balanced());
+    EXPECT_LT(body.cells.size(), 64u * 512u / 5u);
+    EXPECT_EQ(session.frames()[0].cells, body.cells.size());
+    EXPECT_GE(session.frames()[0].recuts, 2);
+    EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+    EXPECT_LT(session.frames()[0].handle_residual, 1e-12);
+}
+
+TEST(AdaptiveSession, errors_fall_with_the_threshold)
+{
+    const std::string text = kRegions + "frame 1\n" + kPull;
+    SessionSettings deepest = adaptive(INFINITY);
+    deepest.cells.min_depth = 2;
+    const Session wanted = played(text, deepest);
+    ASSERT_EQ(wanted.rig()->body().cells.size(), 4096u);
+    double last_error = INFINITY;
+    std::size_t last_cells = 0;
+    for (const double threshold : {1e-1, 3e-3, 3e-4})
+    {
+        SCOPED_TRACE(threshold);
+        const Session session = played(text, adaptive(threshold));
+        const double error =
+            rms_difference(session.patch().samples, wanted.patch().samples) / kDiagonal;
+        EXPECT_LT(error, 0.6 * last_error);
+        EXPECT_GT(session.rig()->body().cells.size(), last_cells);
+        last_error = error;
+        last_cells = session.rig()->body().cells.size();
+    }
+    EXPECT_LT(last_error, 5e-4);
+    EXPECT_LT(last_cells, 4096u);
+}
+
+TEST(AdaptiveSession, out_and_back_is_at_rest_in_the_cells_of_the_start)
+{
+    const SessionSettings s = adaptive(1e-3);
+    Session session(model(),
+                    handles(kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn +
+                            "frame 3\n" + kBack),
+                    s);
+    const std::vector<Leaf> start = leaves(session);
+    EXPECT_EQ(start.size(), 64u);
+    session.next_frame(true);
+    EXPECT_GT(leaves(session).size(), 2 * start.size());
+    session.next_frame(false);
+    EXPECT_GT(leaves(session).size(), 2 * start.size());
+    session.next_frame(true);
+    EXPECT_EQ(leaves(session), start);
+    EXPECT_LT(largest_difference(session.patch().samples, block().samples),
+              1e-6 * kDiagonal);
+}
+
+TEST(AdaptiveSession, cells_and_samples_are_a_function_of_the_file)
+{
+    const std::string text =
+        kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn + "frame 3\n" + kPull;
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<Leaf> cells;
+    for (const int threads : {1, 2, 4})
+    {
+        SCOPED_TRACE(threads);
+        const ThreadLimit limit(threads);
+        const Session session = played(text, adaptive(2e-3));
+        if (samples.empty())
+        {
+            samples = session.patch().samples;
+            cells = leaves(session);
+            EXPECT_GT(cells.size(), 64u);
+        }
+        EXPECT_EQ(session.patch().samples, samples);
+        EXPECT_EQ(leaves(session), cells);
+    }
+}
+
+TEST(AdaptiveSession, samples_that_nobody_wants_change_no_cell)
+{
+    const std::string text = kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn;
+    const Session wanted = played(text, adaptive(2e-3));
+    Session session(model(), handles(text), adaptive(2e-3));
+    session.next_frame(false);
+    session.next_frame(true);
+    EXPECT_EQ(leaves(session), leaves(wanted));
+    EXPECT_EQ(session.patch().samples, wanted.patch().samples);
+}
+
+TEST(AdaptiveSession, without_a_threshold_nothing_is_cut_anew)
+{
+    const std::string text = kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn;
+    const Session session = played(text, adaptive(INFINITY));
+    EXPECT_EQ(leaves(session).size(), 64u);
+    for (const FrameReport& frame : session.frames())
+        EXPECT_EQ(frame.recuts, 0);
+}
+
+TEST(AdaptiveSession, a_rigid_motion_of_all_regions_refines_nothing)
+{
+    const Session session =
+        played("handle back box -1 -1 -1 0.500001 2 5\n"
+               "handle knob box 1.74 -1 2.99 3 2 3.51\n"
+               "frame 1\n"
+               "move back rotate 1 2 3 70 about 0 0 0 translate 1 2 3\n"
+               "move knob rotate 1 2 3 70 about 0 0 0 translate 1 2 3\n",
+               adaptive(1e-9));
+    EXPECT_EQ(session.frames()[0].recuts, 0);
+    EXPECT_EQ(leaves(session).size(), 64u);
+}
+
+TEST(AdaptiveSession, a_budget_of_time_that_runs_out_leaves_a_state_to_draw)
+{
+    SessionSettings s = adaptive(1e-3);
+    s.time_budget = 1e-9;
+    const Session session =
+        played(kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn, s);
+    ASSERT_EQ(session.frames().size(), 2u);
+    for (const FrameReport& frame : session.frames())
+    {
+        EXPECT_EQ(frame.solve.stop, Stop::TimeLimit);
+        EXPECT_LT(frame.handle_residual, 1e-12);
+    }
+    for (const Eigen::Vector3d& x : session.patch().samples)
+        ASSERT_TRUE(x.allFinite());
+    EXPECT_LT(largest_difference(session.patch().samples, block().samples), 2.0);
+}
+
+TEST(AdaptiveSession, a_commit_starts_from_coarse_cells)
+{
+    Session session(model(),
+                    handles(kRegions + "frame 1\n" + kPull +
+                            "commit\n"
+                            "fixed back box -1 -1 -1 0.500001 2 5\n"
+                            "handle knob box 1.9 -1 3.1 3 2 3.6\n"
+                            "frame 2\nmove knob translate 0 0 1e-6\n"),
+                    adaptive(2e-3));
+    session.next_frame(true);
+    EXPECT_GT(leaves(session).size(), 80u);
+    session.next_frame(true);
+    EXPECT_EQ(session.frames()[1].recuts, 0);
+    for (const Leaf& leaf : leaves(session))
+        EXPECT_EQ(leaf.level, 0);
+}
+
+TEST(AdaptiveSession, cells_over_the_budget_are_warned_of_once)
+{
+    SessionSettings s = adaptive(1e-4);
+    s.cells.max_cells = 300;
+    const Session session =
+        played(kRegions + "frame 1\n" + kPull + "frame 2\n" + kTurn, s);
+    EXPECT_LE(leaves(session).size(), 300u);
+    EXPECT_GT(leaves(session).size(), 200u);
+    EXPECT_EQ(session.warnings().size(), 1u);
+}
+
+TEST(AdaptiveSession, links_of_a_chain_stay_apart_at_every_size)
+{
+    const Session coarse = played_sample("chain", "chain.obj", 0.008, INFINITY);
+    EXPECT_EQ(num_components(coarse.rig()->body().cells), 5u);
+    const Session fine = played_sample("chain", "chain.obj", 0.008, 1e-3);
+    EXPECT_GT(leaves(fine).size(), leaves(coarse).size() + 100u);
+    EXPECT_EQ(num_components(fine.rig()->body().cells), 5u);
+}
+
+TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
+{
+    const Session session = played_sample("coil", "coil.obj", 0.006, 4e-4);
+    std::set<int> levels;
+    for (const Leaf& leaf : leaves(session))
+        levels.insert(leaf.level);
+    EXPECT_EQ(levels.size(), 3u);
+    EXPECT_EQ(num_components(session.rig()->body().cells), 1u);
+    // Where on the wire a place is [turn]: it rises evenly as it goes round.
+    constexpr double kPitch = 0.139;
+    const auto turns = [](const Eigen::Vector3d& x)
+    {
+        const double part = std::atan2(x.z(), x.x()) / (2.0 * std::numbers::pi);
+        return std::round(x.y() / kPitch - part) + part;
+    };
+    double longest = 0.0;
+    for_each_glued_pair(session, [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+                        { longest = std::max(longest, std::abs(turns(a) - turns(b))); });
+    EXPECT_LT(longest, 0.2);
+    EXPECT_GT(longest, 0.01);
+}
+
+TEST(AdaptiveSession, fingers_of_a_hand_are_never_glued_to_each_other)
+{
+    const Session session = played_sample("hand", "hand.ply", 0.005, 5e-3);
+    EXPECT_EQ(num_components(session.rig()->body().cells), 1u);
+    constexpr double kPitch = 0.1946, kKnuckles = 1.0;
+    std::size_t num_pairs = 0, num_fingers_glued = 0;
+    for_each_glued_pair(session,
+                        [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+                        {
+                            if (a.y() < kKnuckles || b.y() < kKnuckles)
+                                return;
+                            ++num_pairs;
+                            num_fingers_glued += std::lround(a.x() / kPitch) !=
+                                                 std::lround(b.x() / kPitch);
+                        });
+    EXPECT_GT(num_pairs, 200u);
+    EXPECT_EQ(num_fingers_glued, 0u);
+    // The ring finger, which nobody moves, stays nearly where it is.
+    const std::vector<Eigen::Vector3d>& rest = session.model().geometry.samples;
+    double ring = 0.0, middle = 0.0;
+    for (std::size_t i = 0; i < rest.size(); ++i)
+        if (rest[i].y() > 1.45 && rest[i].x() > -0.5 * kPitch)
+        {
+            const double way = (session.patch().samples[i] - rest[i]).norm();
+            const long finger = std::lround(rest[i].x() / kPitch);
+            (finger == 0 ? middle : ring) = std::max(finger == 0 ? middle : ring, way);
+        }
+    EXPECT_GT(middle, 0.2);
+    EXPECT_LT(ring, 0.1 * middle);
+}
+
+} // namespace cellwarp
