@@ -7,6 +7,7 @@ usage: make_samples.py [FOLDER [NAME...]]
 
 bar       a closed box, 1 x 1 x 4, twisted by 135 degrees
 plate     a closed slab with bumps and normals; one edge is bent up
+block     a cube; a knob is pulled out of its top, the rest hardly moves
 creature  a smooth closed body with limbs, a head, ears and a tail; two frames
 vase      an open shell of revolution; its rim is tilted and pulled
 cloud     points with colours on a torus, no faces; one side is turned and lifted
@@ -88,6 +89,18 @@ handle head  box -1 -1 3.75  1 1 5
 frame 1
 move head rotate 0 0 1 135
 """)
+
+
+def block(folder):
+    points, faces = grid_box((24, 24, 24), lambda i, j, k: (i / 24, j / 24, k / 24))
+    write(folder, "block.obj", obj(points, faces, "closed cube, 1 x 1 x 1"))
+    scene(folder, "block", "block.obj", """cellwarp-handles 1
+# A small knob is pulled out of the top: an edit that asks for small cells in one place.
+fixed  base  box -1 -1 -1  2 2 0.1
+handle knob  sphere 0.5 0.5 1  0.1
+frame 1
+move knob translate 0 0 0.25
+""", ',\n  "cells": {"across": 7, "max_depth": 3}')
 
 
 def plate(folder):
@@ -592,7 +605,7 @@ def main():
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
-    for make in (bar, plate, creature, vase, cloud, hand, coil, chain, soup, scan):
+    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

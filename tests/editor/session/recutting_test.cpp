@@ -284,8 +284,8 @@ TEST(Recutting, parts_regions_that_move_differently_down_to_the_deepest_cells)
 {
     // Both lie in the cells between 1.5 and 2.
     const RestModel model =
-        bar(coarse(2, INFINITY), "fixed left box -1 -1 -1 2 2 1.800001\n"
-                                 "handle right box -1 -1 1.859999 2 2 5\n");
+        bar(coarse(2, 1e9), "fixed left box -1 -1 -1 2 2 1.800001\n"
+                            "handle right box -1 -1 1.859999 2 2 5\n");
     Recutting cells = recutting(model);
     Rig rig = cells.first();
     EXPECT_FALSE(cells.parted(rig, std::vector<Motion>(2)));
