@@ -49,24 +49,36 @@ Rig Recutting::first()
 {
     Body body = build_body(rest_, settings_);
     warnings_.insert(warnings_.end(), body.warnings.begin(), body.warnings.end());
-    while (is_adaptive())
-    {
-        const std::vector<RegionShares> shares = regions_->shares(body.pieces);
-        std::vector<int> crowded;
-        for (const int cell : crowded_cells(*regions_, shares, body.cells.size()))
-        {
-            const int leaf = body.cells.cells[static_cast<std::size_t>(cell)].leaf;
-            if (body.octree.leaves()[static_cast<std::size_t>(leaf)].level <
-                settings_.max_depth)
-                crowded.push_back(leaf);
-        }
-        Octree octree = split(body.octree, crowded);
-        if (octree.leaves().size() == body.octree.leaves().size())
-            break;
-        body = cut(rest_, std::move(octree));
-    }
+    if (is_adaptive())
+        body = with_homes(std::move(body));
     coarsest_ = body.octree;
     return {std::make_shared<const Body>(std::move(body)), regions_, rig_settings_};
+}
+
+std::vector<int> Recutting::crowded_leaves(const Body& body) const
+{
+    std::vector<int> leaves;
+    for (const int cell :
+         crowded_cells(*regions_, regions_->shares(body.pieces), body.cells.size()))
+    {
+        const int leaf = body.cells.cells[static_cast<std::size_t>(cell)].leaf;
+        if (body.octree.leaves()[static_cast<std::size_t>(leaf)].level <
+            settings_.max_depth)
+            leaves.push_back(leaf);
+    }
+    return leaves;
+}
+
+/// Splits further where a region would be left without a cell.
+Body Recutting::with_homes(Body body)
+{
+    for (;;)
+    {
+        Octree octree = split(body.octree, crowded_leaves(body));
+        if (octree.leaves().size() == body.octree.leaves().size())
+            return body;
+        body = cut(rest_, std::move(octree));
+    }
 }
 
 /// Of a worst-first list splits as many as max_cells allows; all, if it allows all.
@@ -132,7 +144,9 @@ std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> mot
     for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
         if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
             leaves.push_back(static_cast<int>(leaf));
-    return recut(rig, split(octree, leaves));
+    if (leaves.empty())
+        return std::nullopt;
+    return recut(rig, with_homes(cut(rest_, split(octree, leaves))));
 }
 
 std::vector<double> Recutting::errors_of(const Rig& rig) const
@@ -168,7 +182,9 @@ std::optional<Rig> Recutting::finer(const Rig& rig)
                          return worst[static_cast<std::size_t>(a)] >
                                 worst[static_cast<std::size_t>(b)];
                      });
-    return recut(rig, split(body.octree, leaves));
+    if (leaves.empty())
+        return std::nullopt;
+    return recut(rig, with_homes(cut(rest_, split(body.octree, leaves))));
 }
 
 std::optional<Rig> Recutting::coarser(const Rig& rig)
@@ -210,22 +226,27 @@ std::optional<Rig> Recutting::coarser(const Rig& rig)
             !is_contested(siblings))
             leaves.push_back(siblings[0]);
     }
-    return recut(rig, body.octree.merge(leaves));
+    if (leaves.empty())
+        return std::nullopt;
+    Body merged = cut(rest_, body.octree.merge(leaves));
+    if (!crowded_leaves(merged).empty())
+        return std::nullopt;
+    return recut(rig, std::move(merged));
 }
 
-std::optional<Rig> Recutting::recut(const Rig& rig, Octree octree) const
+std::optional<Rig> Recutting::recut(const Rig& rig, Body cells) const
 {
     const Body& old = rig.body();
     // Only ever splits or only merges.
-    if (octree.leaves().size() == old.octree.leaves().size())
+    if (cells.octree.leaves().size() == old.octree.leaves().size())
         return std::nullopt;
-    auto body = std::make_shared<const Body>(cut(rest_, std::move(octree)));
+    const auto body = std::make_shared<const Body>(std::move(cells));
     const std::vector<LocalMap> maps =
         local_maps(old.cells, rig.glue(), rig.constraints(), rig.poses());
     const std::vector<Pose> poses =
         handed_on(rest_->material.grid, old.pieces, old.cells, rig.poses(), maps,
                   body->octree, body->pieces, body->cells);
-    Rig next(std::move(body), regions_, rig_settings_);
+    Rig next(body, regions_, rig_settings_);
     next.set_state(poses, rig.motions());
     return next;
 }

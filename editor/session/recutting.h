@@ -48,7 +48,9 @@ public:
 private:
     Octree split(const Octree& octree, std::span<const int> worst_first);
     std::vector<double> errors_of(const Rig& rig) const;
-    std::optional<Rig> recut(const Rig& rig, Octree octree) const;
+    std::vector<int> crowded_leaves(const Body& body) const;
+    Body with_homes(Body body);
+    std::optional<Rig> recut(const Rig& rig, Body cells) const;
     /// Regions, one of each motion, that have material in a leaf.
     std::vector<std::vector<int>>
     differing_regions(const Rig& rig, std::span<const Motion> motions) const;
