@@ -197,6 +197,42 @@ std::vector<std::vector<Origin>> origins_of(const VoxelGrid& grid, const Leaf& l
     return origins;
 }
 
+/// The one old cell that fills the box of a new leaf, if there is one; -1 where several
+/// share it. \p voxel: one of the new leaf's.
+int only_origin(const Pieces& old_pieces, const Cells& old_cells, const Cell& cell,
+                std::size_t voxel)
+{
+    const int old = old_pieces.piece_of_voxel[voxel];
+    const std::size_t o = static_cast<std::size_t>(old);
+    const std::vector<int>& leaf = old_pieces.leaf_of_piece;
+    const bool is_alone = (o == 0 || leaf[o - 1] != leaf[o]) &&
+                          (o + 1 == leaf.size() || leaf[o + 1] != leaf[o]);
+    const Cell& from = old_cells.cells[o];
+    // A crumb belongs to a cell of another box.
+    const bool is_inside =
+        (cell.box_centre - from.box_centre).cwiseAbs().maxCoeff() + 0.5 * cell.edge <=
+        0.5 * from.edge * (1 + 1e-9);
+    return is_alone && is_inside ? old : -1;
+}
+
+/// The first voxel of a leaf that belongs to one of its own pieces.
+std::size_t first_voxel(const VoxelGrid& grid, const Leaf& leaf, const Pieces& pieces,
+                        int first, int end)
+{
+    const VoxelBlock block = voxel_block(grid.shape(), leaf);
+    for (int k = 0; k < block.width; ++k)
+        for (int j = 0; j < block.width; ++j)
+            for (int i = 0; i < block.width; ++i)
+            {
+                const std::size_t voxel =
+                    grid.index(block.first + Eigen::Vector3i(i, j, k));
+                if (pieces.piece_of_voxel[voxel] >= first &&
+                    pieces.piece_of_voxel[voxel] < end)
+                    return voxel;
+            }
+    return 0; // every leaf has a piece
+}
+
 } // namespace
 
 std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
@@ -214,19 +250,27 @@ std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
         octree.leaves().size(),
         [&](std::size_t leaf)
         {
-            const std::vector<std::vector<Origin>> origins =
-                origins_of(grid, octree.leaves()[leaf], old_pieces, pieces, first[leaf],
-                           first[leaf + 1]);
+            if (first[leaf] == first[leaf + 1])
+                return; // nothing but crumbs
+            const Leaf& box = octree.leaves()[leaf];
+            const int only = only_origin(
+                old_pieces, old_cells, cells.cells[static_cast<std::size_t>(first[leaf])],
+                first_voxel(grid, box, pieces, first[leaf], first[leaf + 1]));
+            std::vector<std::vector<Origin>> origins(
+                static_cast<std::size_t>(first[leaf + 1] - first[leaf]), {{only, 1}});
+            if (only < 0)
+                origins = origins_of(grid, box, old_pieces, pieces, first[leaf],
+                                     first[leaf + 1]);
             for (std::size_t k = 0; k < origins.size(); ++k)
             {
                 const std::size_t c = static_cast<std::size_t>(first[leaf]) + k;
                 const Cell& cell = cells.cells[c];
-                const std::size_t only = static_cast<std::size_t>(origins[k][0].piece);
+                const std::size_t one = static_cast<std::size_t>(origins[k][0].piece);
                 if (origins[k].size() == 1 &&
-                    old_cells.cells[only].anchor == cell.anchor &&
-                    old_cells.cells[only].centre == cell.centre)
+                    old_cells.cells[one].anchor == cell.anchor &&
+                    old_cells.cells[one].centre == cell.centre)
                 {
-                    poses[c] = old_poses[only];
+                    poses[c] = old_poses[one];
                     continue;
                 }
                 Eigen::Vector3d place = Eigen::Vector3d::Zero();

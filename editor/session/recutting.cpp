@@ -59,7 +59,7 @@ std::vector<int> Recutting::crowded_leaves(const Body& body) const
 {
     std::vector<int> leaves;
     for (const int cell :
-         crowded_cells(*regions_, regions_->shares(body.pieces), body.cells.size()))
+         crowded_cells(*regions_, regions_->shares(body), body.cells.size()))
     {
         const int leaf = body.cells.cells[static_cast<std::size_t>(cell)].leaf;
         if (body.octree.leaves()[static_cast<std::size_t>(leaf)].level <

@@ -75,23 +75,6 @@ double volume_of(const VoxelGrid& grid, std::size_t voxel)
     return product;
 }
 
-/// Of each piece with the crumbs that belong to it.
-std::vector<double> volumes_of(const VoxelGrid& grid, const Pieces& pieces)
-{
-    std::vector<double> volumes(pieces.size(), 0.0);
-    std::size_t voxel = 0;
-    for (int k = 0; k < grid.counts().z(); ++k)
-        for (int j = 0; j < grid.counts().y(); ++j)
-        {
-            const double column = grid.extent(1, j) * grid.extent(2, k);
-            for (int i = 0; i < grid.counts().x(); ++i, ++voxel)
-                if (pieces.piece_of_voxel[voxel] >= 0)
-                    volumes[static_cast<std::size_t>(pieces.piece_of_voxel[voxel])] +=
-                        grid.extent(0, i) * column;
-        }
-    return volumes;
-}
-
 /// The samples as the file has them, nearly: for messages.
 std::vector<Eigen::Vector3d> model_samples(const RestShape& rest)
 {
@@ -203,10 +186,10 @@ bool RegionSet::holds_voxel(std::size_t region, std::size_t voxel) const
                               static_cast<std::uint32_t>(voxel));
 }
 
-std::vector<RegionShares> RegionSet::shares(const Pieces& pieces) const
+std::vector<RegionShares> RegionSet::shares(const Body& body) const
 {
     const VoxelGrid& grid = shape_->material.grid;
-    const std::vector<double> whole = volumes_of(grid, pieces);
+    const Pieces& pieces = body.pieces;
     std::vector<RegionShares> result(size());
     parallel_for(
         size(),
@@ -225,12 +208,13 @@ std::vector<RegionShares> RegionSet::shares(const Pieces& pieces) const
                     const std::size_t piece = static_cast<std::size_t>(
                         pieces
                             .piece_of_voxel[grid.index(grid.locate(shape_->samples[i]))]);
-                    part[piece] = kTokenShare * whole[piece];
+                    part[piece] = kTokenShare * body.cells.cells[piece].volume;
                 }
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)
                 if (part[piece] > 0)
-                    cells.emplace_back(static_cast<int>(piece),
-                                       part[piece] / whole[piece]);
+                    cells.emplace_back(
+                        static_cast<int>(piece),
+                        std::min(1.0, part[piece] / body.cells.cells[piece].volume));
         });
     return result;
 }

@@ -16,7 +16,8 @@
 namespace cellwarp
 {
 
-/// How much of each cell's material belongs to a region, by volume.
+/// How much of each cell's material belongs to a region, by volume. Crumbs make no cell
+/// larger, so they never make a share of more than 1.
 struct RegionShares
 {
     std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
@@ -47,8 +48,8 @@ public:
     }
     bool holds_voxel(std::size_t region, std::size_t voxel) const;
 
-    /// Of all regions.
-    std::vector<RegionShares> shares(const Pieces& pieces) const;
+    /// Of all regions in the cells of a body of this shape.
+    std::vector<RegionShares> shares(const Body& body) const;
 
     /// The box of a region's samples, or of its voxels' centres if it has none [work].
     const ModelBox& box(std::size_t region) const { return boxes_[region]; }

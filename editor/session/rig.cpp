@@ -35,7 +35,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
     : body_(std::move(body)), regions_(std::move(regions))
 {
     const Cells& cells = body_->cells;
-    shares_ = regions_->shares(body_->pieces);
+    shares_ = regions_->shares(*body_);
     region_of_cell_ = prescribing_regions(*regions_, shares_, cells.size());
     const std::vector<double> factors = cell_factors(*regions_, shares_, cells.size());
     const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());

@@ -43,8 +43,8 @@ struct Bar
     /// Of the faces at the regions' borders, in edges of a cell.
     std::vector<double> border_lengths() const
     {
-        const std::vector<int> owner = prescribing_regions(
-            *regions, regions->shares(body->pieces), body->cells.size());
+        const std::vector<int> owner =
+            prescribing_regions(*regions, regions->shares(*body), body->cells.size());
         std::vector<double> lengths;
         for (const BorderGlue& border : border_glue(*body, *regions, owner))
         {

@@ -155,7 +155,7 @@ TEST(RegionSet, shares_of_all_cells_add_up_to_the_volume_of_the_region)
         const auto rest = build_rest_shape(model.geometry, model.geometry.samples, cells);
         const RegionSet regions(rest, model.regions->regions(), "h.handles");
         const Body body = build_body(rest, cells);
-        const std::vector<RegionShares> shares = regions.shares(body.pieces);
+        const std::vector<RegionShares> shares = regions.shares(body);
         ASSERT_EQ(shares.size(), 3u);
         for (std::size_t r = 0; r < 3; ++r)
         {
@@ -182,7 +182,7 @@ TEST(RegionSet, a_box_over_half_of_a_cell_has_a_share_of_a_half)
 {
     const RestModel model = bar("handle a box -1 -1 -1 2 2 0.375\n");
     const Body body = build_body(model.rest, model.settings);
-    const RegionShares shares = model.regions->shares(body.pieces)[0];
+    const RegionShares shares = model.regions->shares(body)[0];
     ASSERT_EQ(shares.cells.size(), 32u);
     double sum = 0.0;
     for (const auto& [cell, share] : shares.cells)
