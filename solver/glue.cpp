@@ -22,6 +22,7 @@
 //   force of a face is 2 area (F - R) n and acts at its centre, as the traction of that
 //   field does; forces and moments of a cell add up to those of the field on what is left
 //   open, where it has no traction. Between centroids, which lie anywhere in pieces, they
+//   do not: forces of first order would be left along every surface.
 //
 // Where a cell B meets smaller ones, q_B - q_s is not normal to the face: it has a part
 // t, half a small edge h along each axis of the face, towards the middle of B's side.
@@ -29,10 +30,10 @@
 // takes. But its sibling s' in that direction meets B as well and has the opposite force:
 // when their common glue is weaker by d = w |t| / h, the two forces are just what it
 // lacks. The energy is right again too: it lacks d h^2, and 2 w |t|^2 is as much. Taken
-// over near B, what is left acts farther from it, by h / 2 d / (d left). Then constant
-// strain leaves no force on cells of any size, and no moment if it is stretch along the
-// axes; for shear the moments of V (F - R) are right to a sixth. Without this, cells of
-// two sizes are less accurate than the larger ones alone.
+// over near B, what is left acts farther from it, by h / 2 d / (w' - d), w' its own w.
+// Then constant strain leaves no force on cells of any size, and no moment if it is
+// stretch along the axes; for shear the moments of V (F - R) are right to a sixth.
+// Without this, cells of two sizes are less accurate than the larger ones alone.
 //
 // E is a sum of four terms m |d|^2 with
 //   d = (r_a + f p_a) - (r_b + f p_b),

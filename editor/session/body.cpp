@@ -158,12 +158,16 @@ Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& setti
     const VoxelGrid& grid = rest->material.grid;
     const MaterialTest has_material = material_test(grid);
     Octree octree(grid.shape(), has_material);
-    if (static_cast<std::int64_t>(octree.leaves().size()) > settings.max_cells)
-        throw Error(
-            Fault::Budget,
-            fmt::format("the coarsest grid has {} cells, more than max_cells {}: use a "
-                        "smaller --across",
-                        octree.leaves().size(), settings.max_cells));
+    const auto check_coarsest = [&](std::size_t num_cells)
+    {
+        if (static_cast<std::int64_t>(num_cells) > settings.max_cells)
+            throw Error(
+                Fault::Budget,
+                fmt::format("the coarsest grid has {} cells, more than max_cells {}: use "
+                            "a smaller --across",
+                            num_cells, settings.max_cells));
+    };
+    check_coarsest(octree.leaves().size());
     std::vector<std::string> warnings;
     for (int level = 1; level <= settings.min_depth; ++level)
     {
@@ -179,6 +183,8 @@ Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& setti
         octree = std::move(finer);
     }
     Body body = cut(std::move(rest), std::move(octree));
+    if (settings.min_depth == 0)
+        check_coarsest(body.cells.size()); // a leaf may hold several
     body.warnings = std::move(warnings);
     return body;
 }

@@ -58,8 +58,7 @@ Rig Recutting::first()
 std::vector<int> Recutting::crowded_leaves(const Body& body) const
 {
     std::vector<int> leaves;
-    for (const int cell :
-         crowded_cells(*regions_, regions_->shares(body), body.cells.size()))
+    for (const int cell : crowded_cells(*regions_, regions_->shares(body), body.cells))
     {
         const int leaf = body.cells.cells[static_cast<std::size_t>(cell)].leaf;
         if (body.octree.leaves()[static_cast<std::size_t>(leaf)].level <
@@ -74,39 +73,87 @@ Body Recutting::with_homes(Body body)
 {
     for (;;)
     {
-        Octree octree = split(body.octree, crowded_leaves(body));
-        if (octree.leaves().size() == body.octree.leaves().size())
+        const std::vector<int> crowded = crowded_leaves(body);
+        Body next = finer_body(body, crowded);
+        if (next.octree.leaves() == body.octree.leaves())
             return body;
-        body = cut(rest_, std::move(octree));
+        body = std::move(next);
     }
 }
 
-/// Of a worst-first list splits as many as max_cells allows; all, if it allows all.
-Octree Recutting::split(const Octree& octree, std::span<const int> worst_first)
+/// Of a worst-first list splits as many as leave no more than \p most leaves.
+Octree Recutting::split(const Octree& octree, std::span<const int> worst_first,
+                        std::int64_t most) const
 {
     const auto first_of = [&](std::size_t count)
     { return octree.split(worst_first.first(count), has_material_); };
     const auto fits = [&](const Octree& tree)
-    { return static_cast<std::int64_t>(tree.leaves().size()) <= settings_.max_cells; };
+    { return static_cast<std::int64_t>(tree.leaves().size()) <= most; };
     Octree all = first_of(worst_first.size());
     if (fits(all))
         return all;
-    if (!is_over_budget_)
-        warnings_.push_back(
-            fmt::format("refinement stopped at {} cells: the worst were split first",
-                        settings_.max_cells));
-    is_over_budget_ = true;
-    std::size_t most = 0, too_many = worst_first.size();
+    std::size_t few = 0, many = worst_first.size();
     Octree best = octree;
-    while (too_many - most > 1)
+    while (many - few > 1)
     {
-        const std::size_t middle = (most + too_many) / 2;
+        const std::size_t middle = (few + many) / 2;
         Octree tree = first_of(middle);
-        (fits(tree) ? most : too_many) = middle;
-        if (most == middle)
+        if (fits(tree))
+        {
+            few = middle;
             best = std::move(tree);
+        }
+        else
+            many = middle;
     }
     return best;
+}
+
+/// Splits as many of a worst-first list as max_cells allows.
+Body Recutting::finer_body(const Body& body, std::span<const int> worst_first)
+{
+    if (worst_first.empty())
+        return body;
+    // A leaf may hold several cells: what is too much is taken off the leaves.
+    for (std::int64_t most = settings_.max_cells;;)
+    {
+        Octree octree = split(body.octree, worst_first, most);
+        const bool is_changed = octree.leaves() != body.octree.leaves();
+        Body next = is_changed ? cut(rest_, std::move(octree)) : body;
+        const std::int64_t over =
+            static_cast<std::int64_t>(next.cells.size()) - settings_.max_cells;
+        if (is_changed && over > 0)
+        {
+            most -= over;
+            continue;
+        }
+        if (!splits_all(body, worst_first, next))
+            warn_of_budget(next);
+        return next;
+    }
+}
+
+/// Whether none of these leaves of \p body is one of \p next still.
+bool Recutting::splits_all(const Body& body, std::span<const int> leaves,
+                           const Body& next) const
+{
+    return std::none_of(
+        leaves.begin(), leaves.end(),
+        [&](int leaf)
+        {
+            const Leaf& one = body.octree.leaves()[static_cast<std::size_t>(leaf)];
+            const int now = next.octree.find(one.corner);
+            return now >= 0 && next.octree.leaves()[static_cast<std::size_t>(now)] == one;
+        });
+}
+
+void Recutting::warn_of_budget(const Body& body)
+{
+    if (!is_over_budget_)
+        warnings_.push_back(fmt::format(
+            "refinement stopped at {} cells (max_cells {}): the worst were split first",
+            body.cells.size(), settings_.max_cells));
+    is_over_budget_ = true;
 }
 
 /// Of each leaf the regions with material in it, one of each motion.
@@ -144,9 +191,7 @@ std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> mot
     for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
         if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
             leaves.push_back(static_cast<int>(leaf));
-    if (leaves.empty())
-        return std::nullopt;
-    return recut(rig, with_homes(cut(rest_, split(octree, leaves))));
+    return recut(rig, with_homes(finer_body(rig.body(), leaves)));
 }
 
 std::vector<double> Recutting::errors_of(const Rig& rig) const
@@ -182,15 +227,13 @@ std::optional<Rig> Recutting::finer(const Rig& rig)
                          return worst[static_cast<std::size_t>(a)] >
                                 worst[static_cast<std::size_t>(b)];
                      });
-    if (leaves.empty())
-        return std::nullopt;
-    return recut(rig, with_homes(cut(rest_, split(body.octree, leaves))));
+    return recut(rig, with_homes(finer_body(body, leaves)));
 }
 
 std::optional<Rig> Recutting::coarser(const Rig& rig)
 {
     const Body& body = rig.body();
-    if (body.octree.leaves().size() == coarsest_->leaves().size())
+    if (body.octree.leaves() == coarsest_->leaves())
         return std::nullopt;
     const double small = kMerge * settings_.threshold * rest_->frame.diagonal();
     const std::vector<double> errors = errors_of(rig);
@@ -237,8 +280,7 @@ std::optional<Rig> Recutting::coarser(const Rig& rig)
 std::optional<Rig> Recutting::recut(const Rig& rig, Body cells) const
 {
     const Body& old = rig.body();
-    // Only ever splits or only merges.
-    if (cells.octree.leaves().size() == old.octree.leaves().size())
+    if (cells.octree.leaves() == old.octree.leaves())
         return std::nullopt;
     const auto body = std::make_shared<const Body>(std::move(cells));
     const std::vector<LocalMap> maps =

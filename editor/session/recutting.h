@@ -46,7 +46,12 @@ public:
     std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
 
 private:
-    Octree split(const Octree& octree, std::span<const int> worst_first);
+    Octree split(const Octree& octree, std::span<const int> worst_first,
+                 std::int64_t most) const;
+    Body finer_body(const Body& body, std::span<const int> worst_first);
+    bool splits_all(const Body& body, std::span<const int> leaves,
+                    const Body& next) const;
+    void warn_of_budget(const Body& body);
     std::vector<double> errors_of(const Rig& rig) const;
     std::vector<int> crowded_leaves(const Body& body) const;
     Body with_homes(Body body);

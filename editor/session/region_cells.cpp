@@ -155,14 +155,39 @@ std::vector<std::size_t> homeless_regions(const RegionSet& regions,
 } // namespace
 
 std::vector<int> crowded_cells(const RegionSet& regions,
-                               std::span<const RegionShares> shares,
-                               std::size_t num_cells)
+                               std::span<const RegionShares> shares, const Cells& cells)
 {
-    const std::vector<int> owner = owners(regions, shares, num_cells);
+    const std::vector<int> owner = owners(regions, shares, cells.size());
     std::vector<int> crowded;
-    for (const std::size_t r : homeless_regions(regions, owner))
+    for (std::size_t r = 0; r < regions.size(); ++r)
+    {
+        if (!regions[r].prescribes())
+            continue;
+        std::vector<bool> is_left(cells.size(), false);
         for (const auto& [cell, share] : shares[r].cells)
-            crowded.push_back(cell);
+            is_left[static_cast<std::size_t>(cell)] = true;
+        for (const auto& [seed, share] : shares[r].cells)
+        {
+            if (!is_left[static_cast<std::size_t>(seed)])
+                continue;
+            is_left[static_cast<std::size_t>(seed)] = false;
+            std::vector<int> part = {seed};
+            bool has_home = false;
+            for (std::size_t next = 0; next < part.size(); ++next)
+            {
+                has_home |=
+                    owner[static_cast<std::size_t>(part[next])] == static_cast<int>(r);
+                for (const int other : cells.neighbours_of(part[next]))
+                    if (is_left[static_cast<std::size_t>(other)])
+                    {
+                        is_left[static_cast<std::size_t>(other)] = false;
+                        part.push_back(other);
+                    }
+            }
+            if (!has_home)
+                crowded.insert(crowded.end(), part.begin(), part.end());
+        }
+    }
     return crowded;
 }
 

@@ -21,11 +21,10 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
                                      std::span<const RegionShares> shares,
                                      std::size_t num_cells);
 
-/// The cells of all regions that would be left without a cell: in smaller ones they may
-/// have some.
+/// The cells of all connected parts of regions that prescribe none of them: in smaller
+/// ones they may have some.
 std::vector<int> crowded_cells(const RegionSet& regions,
-                               std::span<const RegionShares> shares,
-                               std::size_t num_cells);
+                               std::span<const RegionShares> shares, const Cells& cells);
 
 /// The stiffness factor of each cell; empty if no region is stiff.
 std::vector<double> cell_factors(const RegionSet& regions,

@@ -42,6 +42,9 @@ constexpr double kSameMotion = 1e-12;
 /// What counts as zero against the forces that cancel; see interface of --json.
 constexpr double kUncancelledShare = 1e-3;
 
+/// More cells at the depth limit than this get a warning [cells].
+constexpr double kManyAtLimit = 0.02;
+
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
 
@@ -337,6 +340,7 @@ struct Session::FrameSolve
 {
     Clock::time_point start = Clock::now();
     double gradient_scale = 0.0; ///< before any guess makes the first gradient small
+    double energy_before = 0.0;  ///< of the last step of the way
     int part = 1, parts = 1;     ///< of the way
     SolveReport total;
 
@@ -393,10 +397,9 @@ void Session::travel(FrameSolve& frame, int& steps)
             frame.gradient_scale =
                 std::max(first.gradient, kUncancelledShare * first.uncancelled);
         }
-        const double energy_before = s.rig.energy();
+        frame.energy_before = s.rig.energy();
         s.rig.carry_others();
         solve_on(frame, frame.part == frame.parts && !s.recutting.is_adaptive());
-        frame.total.energy_before = energy_before;
         ++steps;
         if (frame.total.stop == Stop::NotPositiveDefinite)
             break;
@@ -404,29 +407,36 @@ void Session::travel(FrameSolve& frame, int& steps)
     frame.part = frame.parts;
 }
 
-/// Fits the cells to the deformation: merges first, then splits, so that it ends.
-void Session::recut(FrameSolve& frame, FrameReport& report)
+/// Whether there were other cells to take; they are taken then.
+bool Session::takes(std::optional<Rig> (Recutting::*change)(const Rig&),
+                    FrameReport& report)
 {
     StageState& s = *state_;
+    const Clock::time_point start = Clock::now();
+    std::optional<Rig> next = (s.recutting.*change)(s.rig);
+    if (next)
+    {
+        s.rig = std::move(*next);
+        ++report.recuts;
+    }
+    report.cells_ms += ms_since(start);
+    return next.has_value();
+}
+
+/// Fits the cells to the deformation: merges first, then splits, so that it ends. What
+/// the last, exact solve shows to be still is merged after it.
+void Session::recut(FrameSolve& frame, FrameReport& report)
+{
     const auto go_on = [&]
     { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
     for (const auto change : {&Recutting::coarser, &Recutting::finer})
-        while (go_on())
-        {
-            const Clock::time_point start = Clock::now();
-            std::optional<Rig> next = (s.recutting.*change)(s.rig);
-            if (next)
-            {
-                s.rig = std::move(*next);
-                ++report.recuts;
-            }
-            report.cells_ms += ms_since(start);
-            if (!next)
-                break;
+        while (go_on() && takes(change, report))
             solve_on(frame, false);
-        }
     if (go_on())
         solve_on(frame, true);
+    while (go_on() && takes(&Recutting::coarser, report))
+        solve_on(frame, true);
+    report.cells_at_limit = state_->recutting.num_at_limit();
 }
 
 /// Parts the material that this frame's motions part, before anything moves.
@@ -466,9 +476,15 @@ void Session::solve_frame(FrameReport& report)
         if (s.recutting.is_adaptive())
             recut(frame, report);
         s.last_solve = frame.total;
+        s.last_solve.energy_before = frame.energy_before;
     }
     for (std::string& warning : s.recutting.take_warnings())
         warnings_.push_back(std::move(warning));
+    if (report.cells_at_limit > kManyAtLimit * static_cast<double>(s.rig.poses().size()))
+        warnings_.push_back(fmt::format(
+            "frame {}: depth limit reached in {} cells: their error is above the "
+            "threshold (a larger --max-depth lets them split)",
+            report.frame, report.cells_at_limit));
     const SolveReport& total = s.last_solve;
     report.solve = total;
     if (total.stop == Stop::NotPositiveDefinite)
@@ -482,7 +498,6 @@ void Session::solve_frame(FrameReport& report)
                         "falls in some direction",
                         report.frame));
     report.cells = s.rig.body().cells.size();
-    report.cells_at_limit = s.recutting.num_at_limit();
     parts_.refinement += report.recuts;
     report.max_pair_gap = s.rig.largest_gap();
 }

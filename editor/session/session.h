@@ -116,6 +116,7 @@ private:
     void move_regions(double t);
     void solve_on(FrameSolve& frame, bool is_last);
     void travel(FrameSolve& frame, int& steps);
+    bool takes(std::optional<Rig> (Recutting::*change)(const Rig&), FrameReport& report);
     void recut(FrameSolve& frame, FrameReport& report);
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);

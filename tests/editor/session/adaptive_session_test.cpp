@@ -189,6 +189,64 @@ TEST(AdaptiveSession, out_and_back_is_at_rest_in_the_cells_of_the_start)
               1e-6 * kDiagonal);
 }
 
+TEST(AdaptiveSession, a_strong_bend_is_merged_when_it_is_back)
+{
+    const std::string head = "fixed back box -1 -1 -1 3 2 0.500001\n"
+                             "handle knob box -1 -1 3.499999 3 2 5\n";
+    Session session(model(),
+                    handles(head + "frame 1\nmove knob rotate 1 0 0 60\n" +
+                            "frame 2\nmove knob rotate 1 0 0 0\n"),
+                    adaptive(5e-4));
+    const std::vector<Leaf> start = leaves(session);
+    session.next_frame(false);
+    EXPECT_GT(leaves(session).size(), 10 * start.size());
+    session.next_frame(true);
+    EXPECT_EQ(leaves(session), start);
+}
+
+TEST(AdaptiveSession, a_part_of_a_region_that_is_smaller_than_a_cell_gets_cells)
+{
+    // The sphere alone would be too small for a cell; the box of the same name is not.
+    const std::string text = "fixed back box -1 -1 -1 3 2 0.500001\n"
+                             "handle knob box -1 -1 3.499999 3 2 5\n"
+                             "handle knob sphere 0 0.5 2 0.2\n"
+                             "frame 1\nmove knob translate -0.3 0 0\n";
+    Session session(model(), handles(text), adaptive(1e9));
+    session.next_frame(false);
+    const Rig& rig = *session.rig();
+    const auto moved = [&](std::size_t c)
+    {
+        const Eigen::Vector3d place =
+            rig.rest().frame.to_model(rig.body().cells.cells[c].centre);
+        return rig.region_of_cell()[c] == 1 && std::abs(place.z() - 2.0) < 0.2;
+    };
+    int num_moved = 0;
+    for (std::size_t c = 0; c < rig.poses().size(); ++c)
+        num_moved += moved(c);
+    EXPECT_GT(num_moved, 0);
+}
+
+TEST(AdaptiveSession, a_leaf_that_splits_into_one_is_split_further)
+{
+    // A crumb of a shape in one octant of its leaf, half of it fixed, half of it moved.
+    const Shape shape =
+        support::joined(block(), support::box_shape({2.4, 0.4, 2.0}, {2.5, 0.5, 2.1}));
+    SessionSettings s = adaptive(1e9, 5);
+    s.cells.gap = 0.01;
+    Session session(scan_geometry("model.obj", support::obj_text(shape)),
+                    handles("fixed back box -1 -1 -1 3 2 0.5\n"
+                            "fixed low box 2.35 0 1.9 2.55 1 2.06\n"
+                            "handle high box 2.35 0 2.0605 2.55 1 2.2\n"
+                            "frame 1\nmove high translate 0 0 0.02\n"),
+                    s);
+    session.next_frame(true);
+    std::vector<bool> has_cell(3, false);
+    for (const int region : session.rig()->region_of_cell())
+        if (region >= 0)
+            has_cell[static_cast<std::size_t>(region)] = true;
+    EXPECT_EQ(has_cell, std::vector<bool>(3, true));
+}
+
 TEST(AdaptiveSession, cells_and_samples_are_a_function_of_the_file)
 {
     const std::string text =
