@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/rig.h"
-#include "tests/support/shapes.h"
+#include "tests/support/rest_model.h"
 
 namespace cellwarp
 {
@@ -14,31 +14,24 @@ namespace cellwarp
 namespace
 {
 
-/// A bar of 1 x 1 x 4 in cells of a quarter, ten voxels each.
-struct Bar
+/// In cells of a quarter, ten voxels each.
+CellSettings quarters()
 {
-    Geometry geometry =
-        scan_geometry("bar.obj",
-                      support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 8)))
-            .geometry;
+    CellSettings cells;
+    cells.across = 16;
+    cells.gap = std::sqrt(6.0) * 0.025 / std::sqrt(18.0);
+    return cells;
+}
+
+/// A bar of 1 x 1 x 4.
+struct Bar : support::RestModel
+{
     std::shared_ptr<const Body> body;
-    std::shared_ptr<const RegionSet> regions;
 
     explicit Bar(const std::string& statements)
+        : RestModel(support::box_shape({0, 0, 0}, {1, 1, 4}, 8), statements, quarters()),
+          body(std::make_shared<const Body>(build_body(rest, settings)))
     {
-        CellSettings cells;
-        cells.across = 16;
-        cells.gap = std::sqrt(6.0) * 0.025 / std::sqrt(18.0);
-        const auto rest = build_rest_shape(geometry, geometry.samples, cells);
-        body = std::make_shared<const Body>(build_body(rest, cells));
-        const HandleFile file =
-            parse_handles("h.handles", "cellwarp-handles 1\n" + statements + "frame 1\n");
-        const Units units{rest->frame, false, bounding_box(geometry.samples)};
-        regions = std::make_shared<const RegionSet>(
-            rest,
-            resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
-                            file.path),
-            file.path);
     }
     /// Of the faces at the regions' borders, in edges of a cell.
     std::vector<double> border_lengths() const
