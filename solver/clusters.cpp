@@ -15,6 +15,9 @@ namespace cellwarp
 namespace
 {
 
+/// A core is small up to this share of a full block.
+constexpr double kSmallCore = 0.25;
+
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
 /// Distances from one core at a time; what was reached is known, so that a search
@@ -71,20 +74,22 @@ private:
 };
 
 /// The number of the run that holds \p place when \p count places are cut into runs of
-/// \p length, symmetrically: from the middle outwards, the last ones may be shorter.
-/// Runs of one side are negative.
+/// about \p length, as equal as can be and symmetric about the middle.
 int symmetric_run(int place, int count, int length)
 {
-    // Twice the distance from the middle: odd if there is no middle place.
-    const int twice = 2 * place - (count - 1), out = std::abs(twice) / 2;
-    int run = out / length + 1;
-    if (count % 2 != 0)
+    int runs = std::max(1, static_cast<int>(std::lround(double(count) / length)));
+    // A cut in the middle would have to go through its middle place.
+    if (runs % 2 == 0 && count % 2 != 0)
+        runs += runs * length < count ? 1 : -1;
+    const auto first_of = [&](int run)
     {
-        // The run in the middle is as long on both sides of its middle place.
-        const int half = length / 2;
-        run = out <= half ? 0 : (out - half - 1) / length + 1;
-    }
-    return twice < 0 ? -run : run;
+        return 2 * run <= runs ? (2 * run * count + runs) / (2 * runs)
+                               : count - (2 * (runs - run) * count + runs) / (2 * runs);
+    };
+    int run = 0;
+    while (run + 1 < runs && place >= first_of(run + 1))
+        ++run;
+    return run;
 }
 
 using Block = std::array<int, 4>; ///< size of its cells, run on each axis
@@ -123,22 +128,19 @@ std::vector<Block> blocks_of(const Cells& cells, int length)
     return blocks;
 }
 
-} // namespace
-
-Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
-                       const ClusterSize& size)
+/// The cells of each block that are connected within it.
+std::vector<std::vector<int>> cores_of(const Cells& cells,
+                                       const std::vector<Block>& blocks,
+                                       const std::vector<bool>& is_left_out)
 {
-    // Sums of steps of 1 must not miss a limit by their rounding.
-    constexpr double kSlack = 1e-9;
-    const std::vector<Block> blocks = blocks_of(cells, size.core);
-    Clusters result;
+    std::vector<std::vector<int>> cores;
     std::vector<bool> is_taken = is_left_out;
     for (std::size_t first = 0; first < cells.size(); ++first)
     {
         if (is_taken[first])
             continue;
         is_taken[first] = true;
-        std::vector<int>& core = result.clusters.emplace_back().core;
+        std::vector<int>& core = cores.emplace_back();
         core.push_back(static_cast<int>(first));
         for (std::size_t next = 0; next < core.size(); ++next)
             for (const int other : cells.neighbours_of(core[next]))
@@ -150,6 +152,71 @@ Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
                 }
         std::sort(core.begin(), core.end());
     }
+    return cores;
+}
+
+/// Small cores, which cost a fit each, join the large one that most faces glue them to.
+/// Where two are equal they stay alone: neither turning nor mirroring a shape may change
+/// the choice.
+std::vector<std::vector<int>>
+joined_cores(const Cells& cells, std::vector<std::vector<int>> cores, int length)
+{
+    const std::size_t small =
+        static_cast<std::size_t>(kSmallCore * length * length * length);
+    std::vector<int> core_of(cells.size(), -1);
+    for (std::size_t c = 0; c < cores.size(); ++c)
+        for (const int cell : cores[c])
+            core_of[static_cast<std::size_t>(cell)] = static_cast<int>(c);
+    std::vector<int> target(cores.size(), -1);
+    for (std::size_t c = 0; c < cores.size(); ++c)
+    {
+        if (cores[c].size() > small)
+            continue;
+        std::map<int, int> faces; // to each large core
+        for (const int cell : cores[c])
+            for (const int other : cells.neighbours_of(cell))
+                if (const int core = core_of[static_cast<std::size_t>(other)];
+                    core >= 0 && cores[static_cast<std::size_t>(core)].size() > small)
+                    ++faces[core];
+        int most = 0, num_most = 0;
+        for (const auto& [core, count] : faces)
+        {
+            num_most = count > most ? 1 : num_most + (count == most);
+            if (count > most)
+                target[c] = core;
+            most = std::max(most, count);
+        }
+        if (num_most != 1)
+            target[c] = -1;
+    }
+    std::vector<std::vector<int>> joined;
+    for (std::size_t c = 0; c < cores.size(); ++c)
+        if (target[c] >= 0)
+        {
+            std::vector<int>& core = cores[static_cast<std::size_t>(target[c])];
+            core.insert(core.end(), cores[c].begin(), cores[c].end());
+        }
+    for (std::size_t c = 0; c < cores.size(); ++c)
+        if (target[c] < 0)
+        {
+            std::sort(cores[c].begin(), cores[c].end());
+            joined.push_back(std::move(cores[c]));
+        }
+    return joined;
+}
+
+} // namespace
+
+Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
+                       const ClusterSize& size)
+{
+    // Sums of steps of 1 must not miss a limit by their rounding.
+    constexpr double kSlack = 1e-9;
+    const std::vector<Block> blocks = blocks_of(cells, size.core);
+    Clusters result;
+    for (std::vector<int>& core :
+         joined_cores(cells, cores_of(cells, blocks, is_left_out), size.core))
+        result.clusters.emplace_back().core = std::move(core);
     std::vector<std::vector<Membership>> of_cell(cells.size());
     Reach reach(cells);
     for (std::size_t c = 0; c < result.clusters.size(); ++c)

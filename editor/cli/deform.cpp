@@ -198,15 +198,15 @@ Json field_json(const Session& session, const std::string& release)
 {
     const Field* const field = session.field();
     const Rig* const rig = session.rig();
-    if (!field || field->num_centres() == 0)
+    if (!field || field->parts().num_centres == 0)
         return {{"kind", "blend"},
                 {"centres", rig ? rig->body().cells.size() : 0},
                 {"clusters", 0},
                 {"residual", 0.0}};
     return {{"kind", release},
-            {"centres", field->num_centres()},
+            {"centres", field->parts().num_centres},
             {"clusters", field->num_clusters()},
-            {"residual", field->residual() / rig->rest().frame.diagonal()}};
+            {"residual", field->parts().residual / rig->rest().frame.diagonal()}};
 }
 
 Json volume_json(const std::optional<Volume>& volume)

@@ -108,6 +108,7 @@ struct Session::StageState
     /// Frames as motions: paths[frame][region].
     std::vector<std::vector<Path>> paths;
     std::vector<int> num_parts;
+    std::optional<FieldFitter> fitter; ///< of the rig's cells
     std::unique_ptr<Field> field;
 };
 
@@ -180,11 +181,10 @@ void Session::check_global_field() const
     const Rig& rig = state_->rig;
     std::vector<int> all(rig.poses().size());
     std::iota(all.begin(), all.end(), 0);
-    const std::size_t centres =
-        CentreChoice(rig.body().cells, rig.poses(), rig.constraints())
-            .centres_of(all)
-            .points.size();
-    const double bytes = RbfField::memory_estimate(centres);
+    const std::size_t centres = CentreChoice(rig.body().cells, rig.constraints())
+                                    .centres_of(all, rig.poses())
+                                    .points.size();
+    const double bytes = RbfSystem::memory_estimate(centres);
     if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
         throw Error(Fault::Budget,
                     fmt::format("the global release field of {} centres needs {} (limit "
@@ -416,6 +416,7 @@ bool Session::takes(std::optional<Rig> (Recutting::*change)(const Rig&),
     std::optional<Rig> next = (s.recutting.*change)(s.rig);
     if (next)
     {
+        s.fitter.reset();
         s.rig = std::move(*next);
         ++report.recuts;
     }
@@ -449,6 +450,7 @@ void Session::part_regions(FrameReport& report)
     const Clock::time_point start = Clock::now();
     while (std::optional<Rig> next = s.recutting.parted(s.rig, motions))
     {
+        s.fitter.reset();
         s.rig = std::move(*next);
         ++report.recuts;
     }
@@ -515,10 +517,19 @@ void Session::move_samples(FrameReport& report)
         if (!s.rig.fade(r))
             continue;
         moved.push_back(
-            {s.rig.fade(r), motions[r], s.rig.regions()[r].role == Role::Pin, {}});
+            {s.rig.fade(r), motions[r], s.rig.regions()[r].role == Role::Pin});
     }
-    s.field = std::make_unique<Field>(settings_.field, s.rig.body().cells, s.rig.poses(),
-                                      s.rig.constraints(), std::move(moved));
+    if (!s.fitter)
+        s.fitter.emplace(settings_.field, s.rig.body().cells, s.rig.constraints(),
+                         frame_ < handles_.stages[stage_].frames.size());
+    std::optional<Field> field =
+        s.fitter->fit(s.rig.poses(), std::move(moved), settings_.stop);
+    if (!field)
+    {
+        report.solve.stop = Stop::Stopped;
+        return;
+    }
+    s.field = std::make_unique<Field>(std::move(*field));
     ++(settings_.field == FieldKind::Rbf         ? parts_.rbf
        : settings_.field == FieldKind::RbfGlobal ? parts_.rbf_global
                                                  : parts_.blend);

@@ -51,6 +51,20 @@ public:
     /// box the weights are those of the nearest point of the box. Replaces \p out.
     void influences(const Eigen::Vector3d& x, int own, std::vector<Influence>& out) const;
 
+    const Eigen::Vector3d& box_centre(int cell) const
+    {
+        return box_centres_[static_cast<std::size_t>(cell)];
+    }
+    double edge(int cell) const { return edges_[static_cast<std::size_t>(cell)]; }
+    std::span<const int> neighbours_of(int cell) const
+    {
+        const std::size_t c = static_cast<std::size_t>(cell);
+        return std::span(neighbours_)
+            .subspan(
+                static_cast<std::size_t>(first_neighbour_[c]),
+                static_cast<std::size_t>(first_neighbour_[c + 1] - first_neighbour_[c]));
+    }
+
 private:
     std::vector<Eigen::Vector3d> box_centres_;
     std::vector<double> edges_;

@@ -168,9 +168,8 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
     return points;
 }
 
-CentreChoice::CentreChoice(const Cells& cells, std::span<const Pose> poses,
-                           std::span<const Constraint> constraints)
-    : cells_(cells), poses_(poses), constraints_(constraints),
+CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> constraints)
+    : cells_(cells), constraints_(constraints),
       finest_(std::numeric_limits<double>::infinity()), sides_(cells.size()),
       borders_(border_points(cells, constraints))
 {
@@ -202,14 +201,15 @@ bool CentreChoice::has_corners(std::size_t cell) const
     return constraints_[cell].hold == Hold::Prescribed && is_full(cells_.cells[cell]);
 }
 
-RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
+RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
+                                    std::span<const Pose> poses) const
 {
     RbfCentres centres;
     const auto add = [&](std::size_t i, const Eigen::Vector3d& point)
     {
         centres.points.push_back(point);
         centres.displacements.push_back(
-            displacement(poses_[i], cells_.cells[i].centre, point));
+            displacement(poses[i], cells_.cells[i].centre, point));
     };
     // They lie on the lattice of half the finest edge.
     struct KnownPoint
@@ -245,7 +245,7 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells) const
             for (int axis = 0; axis < 3; ++axis)
                 key[static_cast<std::size_t>(axis)] =
                     std::llround((point[axis] - origin[axis]) / finest_ * 2.0);
-            const Eigen::Vector3d d = displacement(poses_[i], cell.centre, point);
+            const Eigen::Vector3d d = displacement(poses[i], cell.centre, point);
             const auto [found, is_new] = known.try_emplace(key, KnownPoint{point, d});
             // Motions that agree here to a millionth of a cell are one.
             if (!is_new && (found->second.displacement - d).norm() > 1e-6 * cell.edge)

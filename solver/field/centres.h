@@ -34,18 +34,17 @@ border_points(const Cells& cells, std::span<const Constraint> constraints);
 class CentreChoice
 {
 public:
-    CentreChoice(const Cells& cells, std::span<const Pose> poses,
-                 std::span<const Constraint> constraints);
+    CentreChoice(const Cells& cells, std::span<const Constraint> constraints);
 
     /// The centres of some cells, in their order. A point that prescribed cells of
     /// different motions share is left out.
-    RbfCentres centres_of(std::span<const int> some_cells) const;
+    RbfCentres centres_of(std::span<const int> some_cells,
+                          std::span<const Pose> poses) const;
 
 private:
     bool has_corners(std::size_t cell) const;
 
     const Cells& cells_;
-    std::span<const Pose> poses_;
     std::span<const Constraint> constraints_;
     double finest_ = 0.0; ///< edge of the smallest cell
     /// Further points of each cell.

@@ -6,6 +6,8 @@
 #include <numeric>
 
 #include "octree/parallel.h"
+#include "octree/point_tree.h"
+#include "solver/field/place_lanes.h"
 
 namespace cellwarp
 {
@@ -13,172 +15,486 @@ namespace cellwarp
 namespace
 {
 
-/// Clusters of the release field, by distance from the RBF through all cells and time,
-/// bar of 2,048 cells turned by 135 degrees | sample creature:
-///   core, support, reach   largest distance [diagonal]   to fit and to apply [ms]
-///   3, 2, 2                2.1e-4 | 2.3e-4                75, 8  | 125, 30
-///   3, 2, 3                6.5e-5 | 2.0e-4               176, 11 | 243, 41
-///   2, 3, 3                6.5e-5 | 1.9e-4               173, 17 | 346, 76
-///   2, 3, 4                3.8e-5 | 9.6e-5               421, 23 | 714, 108
-constexpr ClusterSize kClusterSize = {3, 2.0, 3.0};
+/// Clusters of the release field, by their distance from the RBF through all cells:
+/// largest and RMS [1e-5 diagonal], and the largest difference of the gradient; time of a
+/// fit on one thread [ms]. Bar of 2,048 cells, turned by 135 degrees | sample creature,
+/// 1,900 cells | bunny in 4,400 cells of three sizes:
+///   2, 2, 2     12  2.8 0.03 29 |  87 5.6 0.2   54 | 490 18  2.4 140
+///   3, 2, 2      7  1.6 0.02 25 |  59 4.1 0.08  48 | 420 16  2.5 181
+///   3, 2, 2.5    7  1.6 0.02 25 |  59 4.1 0.08  48 | 260 11  0.6 347
+///   3, 2, 3      5  1.1 0.01 78 |  42 2.5 0.07 110 | 160 11  0.4 627
+///   4, 2, 2      8  1.4 0.02 23 |  42 3.0 0.2   54 | 240 14  1.7 150
+///   4, 2, 3      4  0.6 0.01 60 |  19 1.8 0.05 122 | 150  8  0.4 518
+/// (core, support, reach.) The largest are where the global one drags near parts along.
+constexpr ClusterSize kClusterSize = {3, 2.0, 2.5};
 
 /// Over how far outside its cell's box a point leaves the RBF for the cells' own rigid
 /// motions [edge].
 constexpr double kOutside = 1.0;
 
+/// A cell that counts in the box of another is no more than so many faces away.
+constexpr int kRingsThatCount = 4;
+
 } // namespace
 
-Field::Field(FieldKind kind, const Cells& cells, std::vector<Pose> poses,
-             std::span<const Constraint> constraints, std::vector<MovedRegion> regions)
-    : kind_(kind), cells_(cells), poses_(std::move(poses)), closest_(cells)
+Field::Field(const Cells& cells, FieldParts parts)
+    : cells_(cells), parts_(std::move(parts)), closest_(cells),
+      regions_(parts_.regions, cells.size())
 {
-    is_idle_.assign(cells.size(), false);
-    for (std::size_t i = 0; i < constraints.size(); ++i)
-        is_idle_[i] = constraints[i].hold == Hold::Idle;
-    if (kind == FieldKind::Closest4)
+    if (parts_.kind == FieldKind::Closest4)
         closest4_.emplace(cells);
-    if (kind == FieldKind::Rbf || kind == FieldKind::RbfGlobal)
+}
+
+/// What one thread keeps while it evaluates a field.
+class Field::Evaluation
+{
+public:
+    explicit Evaluation(const Field& field) : field_(field), influences_(field.closest_)
     {
-        const CentreChoice choice(cells, poses_, constraints);
-        std::vector<int> all(cells.size());
-        std::iota(all.begin(), all.end(), 0);
-        const RbfCentres centres = choice.centres_of(all);
-        num_centres_ = centres.points.size();
-        if (kind == FieldKind::Rbf)
-            local_.emplace(choice, grow_clusters(cells, is_idle_, kClusterSize));
+    }
+
+    /// All points in the material of one cell: in a box (clamped to the cell's).
+    void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high)
+    {
+        own_ = own;
+        influences_.enter(own, low, high);
+    }
+
+    /// The first \p count of eight places.
+    void find(const PlaceVectors& places, int count, bool wants_gradient,
+              ValueOnPlaces& out)
+    {
+        const std::span<const InfluenceOnPlaces> near =
+            influences_.find(places, wants_gradient);
+        find_base(places, near, wants_gradient, out);
+        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        const bool is_touched = field_.regions_.touches(own_);
+        for (int l = 0; l < count; ++l)
+        {
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
+            if (!is_touched && nearest_in_box(cell.box_centre, cell.edge, x) == x)
+                continue;
+            single_.clear();
+            for (const InfluenceOnPlaces& influence : near)
+                if (influence.weight[l] > 0)
+                    single_.push_back({influence.cell, influence.weight[l],
+                                       influence.gradient.row(l).transpose().matrix()});
+            FieldValue value = out.at(l);
+            field_.regions_.correct(x, single_, value);
+            out.set(l, value);
+        }
+    }
+
+private:
+    /// Without the regions.
+    void find_base(const PlaceVectors& places, std::span<const InfluenceOnPlaces> near,
+                   bool wants_gradient, ValueOnPlaces& out)
+    {
+        const FieldParts& parts = field_.parts_;
+        if (field_.closest4_)
+            find_by_closest4(places, out);
+        else if (!parts.local && !parts.global)
+            blend(near, parts.poses, field_.cells_, places, wants_gradient, out);
         else
-            global_.emplace(centres.points, centres.displacements);
+        {
+            if (parts.local && wants_gradient)
+                parts.local->value(places, near, shares_, out);
+            else if (parts.local)
+                parts.local->displacement(places, near, shares_, out.displacement);
+            else
+                parts.global->value(places, out);
+            fade_outside(places, near, wants_gradient, out);
+        }
     }
-    for (MovedRegion& region : regions)
-    {
-        const std::vector<Eigen::Vector3d>& nodes = region.fade->nodes();
-        const std::vector<int>& own = region.fade->node_cells();
-        const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-        region.misses.resize(nodes.size());
-        const std::vector<bool> follows = followers_of(region.motion, constraints);
-        parallel_for(
-            nodes.size(),
-            [&](std::size_t i)
-            {
-                std::vector<Influence> influences, near;
-                closest_.influences(nodes[i], own[i], influences);
-                // Most nodes lie deep in their region, and nothing is missed.
-                if (std::all_of(
-                        influences.begin(), influences.end(),
-                        [&](const Influence& influence)
-                        { return follows[static_cast<std::size_t>(influence.cell)]; }))
-                    return;
-                const FieldValue f =
-                    base(nodes[i], own[i], influences, near, !region.may_turn);
-                region.misses[i].displacement =
-                    turn * nodes[i] + region.motion.t - f.displacement;
-                if (!region.may_turn)
-                    region.misses[i].gradient = turn - f.gradient;
-            });
-    }
-    regions_ = MovedRegions(std::move(regions), cells.size());
-}
 
-std::vector<bool> Field::followers_of(const Motion& motion,
-                                      std::span<const Constraint> constraints) const
-{
-    std::vector<bool> follows(cells_.size(), false);
-    if (closest4_ || global_)
-        return follows;
-    for (std::size_t i = 0; i < constraints.size(); ++i)
+    void find_by_closest4(const PlaceVectors& places, ValueOnPlaces& out)
     {
-        const Pose wanted = carried(motion, cells_.cells[i].centre);
-        follows[i] = constraints[i].hold == Hold::Prescribed && poses_[i].p == wanted.p &&
-                     poses_[i].R == wanted.R;
+        for (int l = 0; l < kPlaces; ++l)
+        {
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
+            field_.closest4_->influences(x, single_);
+            out.set(l, blended(single_, field_.parts_.poses, field_.cells_, x));
+        }
     }
-    if (!local_)
-        return follows;
-    std::vector<bool> by_clusters = follows;
-    for (std::size_t i = 0; i < constraints.size(); ++i)
-        for (const Membership& member : local_->clusters().of_cell(static_cast<int>(i)))
-            for (const int cell : local_->clusters()
-                                      .clusters[static_cast<std::size_t>(member.cluster)]
-                                      .cells)
-                by_clusters[i] =
-                    by_clusters[i] && follows[static_cast<std::size_t>(cell)];
-    return by_clusters;
-}
 
-double Field::residual() const
-{
-    return local_ ? local_->residual() : global_ ? global_->residual() : 0.0;
-}
-
-FieldValue Field::base(const Eigen::Vector3d& x, int own,
-                       std::span<const Influence> influences,
-                       std::vector<Influence>& near, bool wants_gradient) const
-{
-    if (!local_ && !global_)
+    /// An RBF grows without bound: beside its material it gives way to the rigid motions
+    /// around.
+    void fade_outside(const PlaceVectors& places, std::span<const InfluenceOnPlaces> near,
+                      bool wants_gradient, ValueOnPlaces& out)
     {
-        if (!closest4_)
-            return blended(influences, poses_, cells_, x);
-        closest4_->influences(x, near);
-        return blended(near, poses_, cells_, x);
+        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        const double width = kOutside * cell.edge;
+        bool has_outside = false;
+        for (int l = 0; l < kPlaces; ++l)
+        {
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
+            const Eigen::Vector3d beyond =
+                x - nearest_in_box(cell.box_centre, cell.edge, x);
+            const double distance = beyond.norm();
+            if (distance == 0.0)
+                continue;
+            if (!has_outside)
+                blend(near, field_.parts_.poses, field_.cells_, places, wants_gradient,
+                      outside_);
+            has_outside = true;
+            const double u = std::min(1.0, distance / width);
+            const double share = u * u * u * (10.0 + u * (6.0 * u - 15.0));
+            const double slope =
+                30.0 * u * u * (1.0 - u) * (1.0 - u) / (width * distance);
+            FieldValue value = out.at(l);
+            const FieldValue rigid = outside_.at(l);
+            const Eigen::Vector3d difference = rigid.displacement - value.displacement;
+            value.displacement += share * difference;
+            value.gradient += share * (rigid.gradient - value.gradient) +
+                              difference * (slope * beyond).transpose();
+            out.set(l, value);
+        }
     }
-    FieldValue value;
-    if (wants_gradient)
-        value = local_ ? local_->value(x, influences) : global_->value(x);
-    else
-        value.displacement =
-            local_ ? local_->displacement(x, influences) : global_->displacement(x);
-    const Cell& cell = cells_.cells[static_cast<std::size_t>(own)];
-    const Eigen::Vector3d beyond = x - nearest_in_box(cell.box_centre, cell.edge, x);
-    const double distance = beyond.norm();
-    if (distance == 0.0)
-        return value;
-    // An RBF grows without bound: it gives way to the rigid motions around.
-    const double u = std::min(1.0, distance / (kOutside * cell.edge));
-    const double share = u * u * u * (10.0 + u * (6.0 * u - 15.0));
-    const double slope =
-        30.0 * u * u * (1.0 - u) * (1.0 - u) / (kOutside * cell.edge * distance);
-    const FieldValue outside = blended(influences, poses_, cells_, x);
-    const Eigen::Vector3d difference = outside.displacement - value.displacement;
-    value.displacement += share * difference;
-    value.gradient += share * (outside.gradient - value.gradient) +
-                      difference * (slope * beyond).transpose();
-    return value;
-}
+
+    const Field& field_;
+    PlaceInfluences influences_;
+    int own_ = 0;
+    LocalRbf::Shares shares_;
+    std::vector<Influence> single_;
+    ValueOnPlaces outside_;
+};
 
 FieldValue Field::value(const Eigen::Vector3d& x, int own) const
 {
-    if (is_idle_[static_cast<std::size_t>(own)])
-        return {};
-    std::vector<Influence> influences, near;
-    closest_.influences(x, own, influences);
-    return regions_.correct(x, influences,
-                            [&] { return base(x, own, influences, near, true); });
+    FieldValue value;
+    evaluate({&x, 1}, {&own, 1}, true,
+             [&](std::size_t, const FieldValue& found) { value = found; });
+    return value;
+}
+
+std::vector<FieldValue> Field::values(std::span<const Eigen::Vector3d> points,
+                                      std::span<const int> own) const
+{
+    std::vector<FieldValue> result(points.size());
+    evaluate(points, own, true,
+             [&](std::size_t i, const FieldValue& value) { result[i] = value; });
+    return result;
 }
 
 std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3d> points,
                                                   std::span<const int> own) const
 {
     std::vector<Eigen::Vector3d> result(points.size());
-    parallel_ranges(points.size(), 256,
+    evaluate(points, own, false,
+             [&](std::size_t i, const FieldValue& value)
+             { result[i] = value.displacement; });
+    return result;
+}
+
+namespace
+{
+
+/// Points of one octant of a cell's box that are worth a search of their own.
+constexpr std::size_t kOwnSearch = 16;
+
+/// Points that one thread does at once.
+constexpr std::size_t kTaskPoints = 512;
+
+/// The points in the order of their cells, and in each of its octants.
+struct CellOrder
+{
+    std::vector<std::uint32_t> points;
+    std::vector<std::uint8_t> octants; ///< of each point, as given
+    std::vector<std::size_t> ends;     ///< of tasks, each of one cell
+};
+
+CellOrder in_cell_order(std::span<const Eigen::Vector3d> points, std::span<const int> own,
+                        const ClosestCells& closest, std::size_t num_cells)
+{
+    CellOrder order;
+    order.octants.resize(points.size());
+    parallel_ranges(points.size(), 4096,
                     [&](std::size_t begin, std::size_t end)
                     {
-                        std::vector<Influence> influences, near;
                         for (std::size_t i = begin; i < end; ++i)
                         {
-                            result[i].setZero();
-                            if (is_idle_[static_cast<std::size_t>(own[i])])
-                                continue;
-                            closest_.influences(points[i], own[i], influences);
-                            result[i] =
-                                regions_
-                                    .correct(points[i], influences,
-                                             [&] {
-                                                 return base(points[i], own[i],
-                                                             influences, near, false);
-                                             })
-                                    .displacement;
+                            const Eigen::Array3d d =
+                                (points[i] - closest.box_centre(own[i])).array();
+                            order.octants[i] = static_cast<std::uint8_t>(
+                                (d[0] > 0) + 2 * (d[1] > 0) + 4 * (d[2] > 0));
                         }
                     });
-    return result;
+    std::vector<std::uint32_t> first(8 * num_cells + 1, 0);
+    const auto key = [&](std::size_t i)
+    { return 8 * static_cast<std::size_t>(own[i]) + order.octants[i]; };
+    for (std::size_t i = 0; i < points.size(); ++i)
+        ++first[key(i) + 1];
+    for (std::size_t k = 1; k < first.size(); ++k)
+        first[k] += first[k - 1];
+    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
+    order.points.resize(points.size());
+    for (std::size_t i = 0; i < points.size(); ++i)
+        order.points[next[key(i)]++] = static_cast<std::uint32_t>(i);
+    for (std::size_t cell = 0; cell < num_cells; ++cell)
+        for (std::size_t at = first[8 * cell]; at < first[8 * (cell + 1)];)
+        {
+            at = std::min<std::size_t>(first[8 * (cell + 1)], at + kTaskPoints);
+            order.ends.push_back(at);
+        }
+    return order;
+}
+
+} // namespace
+
+/// Sorted, so that neighbours find the same cells and RBFs, in memory as well.
+template <class Take>
+void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const int> own,
+                     bool wants_gradient, const Take& take) const
+{
+    const CellOrder order = in_cell_order(points, own, closest_, cells_.size());
+    const auto run_task = [&](Evaluation& evaluation, std::span<const std::uint32_t> task)
+    {
+        const int cell = own[task.front()];
+        if (parts_.is_idle[static_cast<std::size_t>(cell)])
+        {
+            for (const std::uint32_t i : task)
+                take(i, FieldValue{});
+            return;
+        }
+        if (const MovedRegion* const deep = regions_.deep_region(cell))
+        {
+            const Eigen::Matrix3d turn = deep->motion.R - Eigen::Matrix3d::Identity();
+            for (const std::uint32_t i : task)
+                take(i, FieldValue{turn * points[i] + deep->motion.t, turn});
+            return;
+        }
+        const Eigen::Vector3d& centre = closest_.box_centre(cell);
+        const double half = 0.5 * closest_.edge(cell);
+        const auto run = [&](std::span<const std::uint32_t> some)
+        {
+            for (std::size_t first = 0; first < some.size(); first += kPlaces)
+            {
+                const std::size_t count =
+                    std::min<std::size_t>(kPlaces, some.size() - first);
+                PlaceVectors places;
+                for (std::size_t l = 0; l < kPlaces; ++l)
+                    places.row(static_cast<Eigen::Index>(l)) =
+                        points[some[first + std::min(l, count - 1)]].transpose().array();
+                ValueOnPlaces values;
+                evaluation.find(places, static_cast<int>(count), wants_gradient, values);
+                for (std::size_t l = 0; l < count; ++l)
+                    take(some[first + l], values.at(static_cast<int>(l)));
+            }
+        };
+        std::vector<std::uint32_t> few;
+        for (std::size_t begin = 0, end = 0; begin < task.size(); begin = end)
+        {
+            const std::uint8_t octant = order.octants[task[begin]];
+            while (end < task.size() && order.octants[task[end]] == octant)
+                ++end;
+            const auto some = task.subspan(begin, end - begin);
+            if (some.size() < kOwnSearch)
+            {
+                few.insert(few.end(), some.begin(), some.end());
+                continue;
+            }
+            const Eigen::Vector3d corner =
+                centre + half * Eigen::Vector3d(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1,
+                                                octant & 4 ? 1 : -1);
+            evaluation.enter(cell, centre.cwiseMin(corner), centre.cwiseMax(corner));
+            run(some);
+        }
+        if (few.empty())
+            return;
+        Eigen::Vector3d low = centre + Eigen::Vector3d::Constant(half),
+                        high = centre - Eigen::Vector3d::Constant(half);
+        for (const std::uint32_t i : few)
+        {
+            const Eigen::Vector3d x = nearest_in_box(centre, 2.0 * half, points[i]);
+            low = low.cwiseMin(x);
+            high = high.cwiseMax(x);
+        }
+        evaluation.enter(cell, low, high);
+        run(few);
+    };
+    parallel_ranges(
+        order.ends.size(), 4,
+        [&](std::size_t begin, std::size_t end)
+        {
+            Evaluation evaluation(*this);
+            for (std::size_t t = begin; t < end; ++t)
+            {
+                const std::size_t first = t == 0 ? 0 : order.ends[t - 1];
+                run_task(evaluation,
+                         std::span(order.points).subspan(first, order.ends[t] - first));
+            }
+        });
+}
+
+FieldFitter::FieldFitter(FieldKind kind, const Cells& cells,
+                         std::span<const Constraint> constraints, bool has_more_frames)
+    : kind_(kind), cells_(cells), constraints_(constraints)
+{
+    if (kind == FieldKind::Rbf)
+        local_.emplace(cells, constraints, kClusterSize, has_more_frames);
+}
+
+std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
+                                      std::vector<MovedRegion> regions,
+                                      std::stop_token stop)
+{
+    FieldParts parts;
+    parts.kind = kind_;
+    parts.poses.assign(poses.begin(), poses.end());
+    parts.is_idle.assign(cells_.size(), false);
+    for (std::size_t i = 0; i < constraints_.size(); ++i)
+        parts.is_idle[i] = constraints_[i].hold == Hold::Idle;
+    if (local_)
+    {
+        parts.local = local_->fit(poses, stop);
+        if (!parts.local)
+            return std::nullopt;
+        parts.residual = local_->residual();
+    }
+    if (kind_ == FieldKind::Rbf || kind_ == FieldKind::RbfGlobal)
+    {
+        std::vector<int> all(cells_.size());
+        std::iota(all.begin(), all.end(), 0);
+        const RbfCentres centres =
+            CentreChoice(cells_, constraints_).centres_of(all, poses);
+        parts.num_centres = centres.points.size();
+        if (kind_ == FieldKind::RbfGlobal)
+        {
+            RbfSystem::Fit fit = RbfSystem(centres.points).fit(centres.displacements);
+            parts.global = std::make_shared<const RbfField>(std::move(fit.field));
+            parts.residual = fit.residual;
+        }
+    }
+    if (regions.empty())
+        return Field(cells_, std::move(parts));
+    const Field without(cells_, parts);
+    std::vector<std::vector<bool>> follows;
+    for (MovedRegion& region : regions)
+    {
+        if (stop.stop_requested())
+            return std::nullopt;
+        follows.push_back(followers_of(region.motion, parts));
+        find_misses(without, follows.back(), region);
+    }
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        find_deep_cells(follows[r], regions, r);
+    parts.regions = std::move(regions);
+    return Field(cells_, std::move(parts));
+}
+
+void FieldFitter::find_misses(const Field& field, const std::vector<bool>& follows,
+                              MovedRegion& region) const
+{
+    const std::vector<Eigen::Vector3d>& nodes = region.fade->nodes();
+    const std::vector<int>& own = region.fade->node_cells();
+    const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
+    region.misses.assign(nodes.size(), FieldValue{});
+    const ClosestCells closest(cells_);
+    // Most nodes lie deep in their region, and nothing is missed.
+    std::vector<char> is_missed(nodes.size(), false);
+    parallel_ranges(
+        nodes.size(), 256,
+        [&](std::size_t begin, std::size_t end)
+        {
+            std::vector<Influence> influences;
+            for (std::size_t i = begin; i < end; ++i)
+            {
+                closest.influences(nodes[i], own[i], influences);
+                is_missed[i] = std::any_of(
+                    influences.begin(), influences.end(),
+                    [&](const Influence& influence)
+                    { return !follows[static_cast<std::size_t>(influence.cell)]; });
+            }
+        });
+    std::vector<std::size_t> missed;
+    std::vector<Eigen::Vector3d> places;
+    std::vector<int> cells;
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+        if (is_missed[i])
+        {
+            missed.push_back(i);
+            places.push_back(nodes[i]);
+            cells.push_back(own[i]);
+        }
+    const std::vector<FieldValue> found = field.values(places, cells);
+    for (std::size_t k = 0; k < missed.size(); ++k)
+    {
+        FieldValue& miss = region.misses[missed[k]];
+        miss.displacement = turn * places[k] + region.motion.t - found[k].displacement;
+        if (!region.may_turn)
+            miss.gradient = turn - found[k].gradient;
+    }
+}
+
+void FieldFitter::find_deep_cells(const std::vector<bool>& follows,
+                                  std::span<MovedRegion> regions,
+                                  std::size_t region) const
+{
+    MovedRegion& own = regions[region];
+    own.deep_cells.clear();
+    std::vector<Eigen::Vector3d> missed;
+    for (std::size_t i = 0; i < own.misses.size(); ++i)
+        if (!own.misses[i].displacement.isZero(0) || !own.misses[i].gradient.isZero(0))
+            missed.push_back(own.fade->nodes()[i]);
+    std::optional<PointTree> tree;
+    if (!missed.empty())
+        tree.emplace(missed);
+    // Cells all around which, as far as they may count in the box, follow the region and
+    // are out of reach of others.
+    std::vector<bool> is_deep = follows;
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        if (r != region)
+            for (const int cell : regions[r].fade->near_cells())
+                is_deep[static_cast<std::size_t>(cell)] = false;
+    for (int ring = 0; ring < kRingsThatCount; ++ring)
+    {
+        const std::vector<bool> before = is_deep;
+        for (const Face& face : cells_.faces)
+            if (!before[static_cast<std::size_t>(face.a)] ||
+                !before[static_cast<std::size_t>(face.b)])
+                is_deep[static_cast<std::size_t>(face.a)] =
+                    is_deep[static_cast<std::size_t>(face.b)] = false;
+    }
+    for (std::size_t i = 0; i < follows.size(); ++i)
+    {
+        if (!is_deep[i] || own.may_turn)
+            continue;
+        const Cell& cell = cells_.cells[i];
+        const double reach = own.fade->reach_of_average(cell.box_centre, cell.edge);
+        if (!tree || std::sqrt(tree->nearest(cell.box_centre).distance_squared) > reach)
+            own.deep_cells.push_back(static_cast<int>(i));
+    }
+}
+
+std::vector<bool> FieldFitter::followers_of(const Motion& motion,
+                                            const FieldParts& field) const
+{
+    std::vector<bool> follows(cells_.size(), false);
+    if (kind_ == FieldKind::Closest4 || kind_ == FieldKind::RbfGlobal)
+        return follows;
+    for (std::size_t i = 0; i < constraints_.size(); ++i)
+    {
+        const Pose wanted = carried(motion, cells_.cells[i].centre);
+        follows[i] = constraints_[i].hold == Hold::Prescribed &&
+                     field.poses[i].p == wanted.p && field.poses[i].R == wanted.R;
+    }
+    if (!field.local)
+        return follows;
+    const Clusters& clusters = field.local->clusters();
+    std::vector<bool> by_clusters = follows;
+    for (std::size_t i = 0; i < follows.size(); ++i)
+        for (const Membership& member : clusters.of_cell(static_cast<int>(i)))
+            for (const int cell :
+                 clusters.clusters[static_cast<std::size_t>(member.cluster)].cells)
+                by_clusters[i] =
+                    by_clusters[i] && follows[static_cast<std::size_t>(cell)];
+    return by_clusters;
+}
+
+Field fit_field(FieldKind kind, const Cells& cells, std::span<const Pose> poses,
+                std::span<const Constraint> constraints, std::vector<MovedRegion> regions)
+{
+    return *FieldFitter(kind, cells, constraints, false).fit(poses, std::move(regions));
 }
 
 } // namespace cellwarp

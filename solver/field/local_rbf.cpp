@@ -2,80 +2,164 @@
 #include "solver/field/local_rbf.h"
 
 #include <algorithm>
-#include <optional>
 
 #include "octree/parallel.h"
 
 namespace cellwarp
 {
 
-LocalRbf::LocalRbf(const CentreChoice& choice, Clusters clusters)
-    : clusters_(std::move(clusters))
+/// Ascending by cluster. The sums run over the cells in their order, so that a place gets
+/// the same bits whichever other cells are looked at.
+void LocalRbf::find_shares(std::span<const InfluenceOnPlaces> influences,
+                           bool wants_gradient, Shares& out) const
 {
-    std::vector<std::optional<RbfField>> fits(clusters_.clusters.size());
-    parallel_for(fits.size(),
-                 [&](std::size_t c)
-                 {
-                     const RbfCentres centres =
-                         choice.centres_of(clusters_.clusters[c].cells);
-                     fits[c].emplace(centres.points, centres.displacements);
-                 });
-    for (std::optional<RbfField>& fit : fits)
+    out.clear();
+    for (const InfluenceOnPlaces& influence : influences)
     {
-        residual_ = std::max(residual_, fit->residual());
-        fits_.push_back(std::move(*fit));
+        if ((influence.weight == 0.0).all())
+            continue;
+        for (const Membership& membership : clusters_->of_cell(influence.cell))
+        {
+            auto share = std::lower_bound(out.begin(), out.end(), membership.cluster,
+                                          [](const Share& known, int cluster)
+                                          { return known.cluster < cluster; });
+            if (share == out.end() || share->cluster != membership.cluster)
+            {
+                share = out.emplace(share);
+                share->cluster = membership.cluster;
+            }
+            share->weight += membership.weight * influence.weight;
+            if (wants_gradient)
+                share->gradient += membership.weight * influence.gradient;
+        }
     }
 }
 
-std::vector<LocalRbf::Share> LocalRbf::shares(std::span<const Influence> influences) const
+void LocalRbf::value(const PlaceVectors& places,
+                     std::span<const InfluenceOnPlaces> influences, Shares& scratch,
+                     ValueOnPlaces& out) const
 {
-    std::vector<Share> found;
-    for (const Influence& influence : influences)
-        for (const Membership& membership : clusters_.of_cell(influence.cell))
-        {
-            auto share = std::find_if(found.begin(), found.end(),
-                                      [&](const Share& known)
-                                      { return known.cluster == membership.cluster; });
-            if (share == found.end())
-                share = found.insert(found.end(), Share{membership.cluster});
-            share->weight += membership.weight * influence.weight;
-            share->gradient += membership.weight * influence.gradient;
-        }
-    return found;
-}
-
-FieldValue LocalRbf::value(const Eigen::Vector3d& x,
-                           std::span<const Influence> influences) const
-{
-    FieldValue sum;
-    double total = 0.0;
-    Eigen::Vector3d total_gradient = Eigen::Vector3d::Zero();
-    for (const Share& share : shares(influences))
+    find_shares(influences, true, scratch);
+    out = {};
+    PlaceNumbers total = PlaceNumbers::Zero();
+    PlaceVectors total_gradient = PlaceVectors::Zero();
+    ValueOnPlaces fit;
+    for (const Share& share : scratch)
     {
-        const FieldValue fit = fits_[static_cast<std::size_t>(share.cluster)].value(x);
+        fits_[static_cast<std::size_t>(share.cluster)]->value(places, fit);
         total += share.weight;
         total_gradient += share.gradient;
-        sum.displacement += share.weight * fit.displacement;
-        sum.gradient +=
-            share.weight * fit.gradient + fit.displacement * share.gradient.transpose();
+        for (int k = 0; k < 3; ++k)
+            out.displacement.col(k) += share.weight * fit.displacement.col(k);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const std::size_t a = static_cast<std::size_t>(axis);
+            for (int k = 0; k < 3; ++k)
+                out.slopes[a].col(k) +=
+                    share.weight * fit.slopes[a].col(k) +
+                    fit.displacement.col(k) * share.gradient.col(axis);
+        }
     }
-    sum.displacement /= total;
-    sum.gradient = (sum.gradient - sum.displacement * total_gradient.transpose()) / total;
-    return sum;
+    for (int k = 0; k < 3; ++k)
+        out.displacement.col(k) /= total;
+    for (int axis = 0; axis < 3; ++axis)
+        for (int k = 0; k < 3; ++k)
+        {
+            PlaceVectors& slope = out.slopes[static_cast<std::size_t>(axis)];
+            slope.col(k) =
+                (slope.col(k) - out.displacement.col(k) * total_gradient.col(axis)) /
+                total;
+        }
 }
 
-Eigen::Vector3d LocalRbf::displacement(const Eigen::Vector3d& x,
-                                       std::span<const Influence> influences) const
+void LocalRbf::displacement(const PlaceVectors& places,
+                            std::span<const InfluenceOnPlaces> influences,
+                            Shares& scratch, PlaceVectors& out) const
 {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    double total = 0.0;
-    for (const Share& share : shares(influences))
+    find_shares(influences, false, scratch);
+    out.setZero();
+    PlaceNumbers total = PlaceNumbers::Zero();
+    PlaceVectors fit;
+    for (const Share& share : scratch)
     {
+        fits_[static_cast<std::size_t>(share.cluster)]->displacement(places, fit);
         total += share.weight;
-        sum +=
-            share.weight * fits_[static_cast<std::size_t>(share.cluster)].displacement(x);
+        for (int k = 0; k < 3; ++k)
+            out.col(k) += share.weight * fit.col(k);
     }
-    return sum / total;
+    for (int k = 0; k < 3; ++k)
+        out.col(k) /= total;
+}
+
+LocalRbfFitter::LocalRbfFitter(const Cells& cells,
+                               std::span<const Constraint> constraints,
+                               const ClusterSize& size, bool keeps_systems)
+    : choice_(cells, constraints), keeps_systems_(keeps_systems)
+{
+    std::vector<bool> is_idle;
+    for (const Constraint& constraint : constraints)
+        is_idle.push_back(constraint.hold == Hold::Idle);
+    clusters_ = std::make_shared<const Clusters>(grow_clusters(cells, is_idle, size));
+    fits_.resize(clusters_->clusters.size());
+}
+
+void LocalRbfFitter::fit_one(std::size_t cluster, std::span<const Pose> poses)
+{
+    ClusterFit& fit = fits_[cluster];
+    RbfCentres centres = choice_.centres_of(clusters_->clusters[cluster].cells, poses);
+    const bool is_same_system = fit.field && centres.points == fit.centres.points;
+    fit.was_solved =
+        !is_same_system || centres.displacements != fit.centres.displacements;
+    fit.was_factored = fit.was_solved && !(is_same_system && fit.system);
+    if (!fit.was_solved)
+        return;
+    if (fit.was_factored)
+        fit.system.emplace(centres.points);
+    RbfSystem::Fit found = fit.system->fit(centres.displacements);
+    fit.field = std::make_shared<const RbfField>(std::move(found.field));
+    fit.residual = found.residual;
+    fit.centres = std::move(centres);
+    if (!keeps_systems_)
+        fit.system.reset();
+}
+
+std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,
+                                            std::stop_token stop)
+{
+    parallel_for(fits_.size(),
+                 [&](std::size_t c)
+                 {
+                     if (!stop.stop_requested())
+                         fit_one(c, poses);
+                 });
+    if (stop.stop_requested())
+        return std::nullopt;
+    LocalRbf::Fits fields;
+    for (const ClusterFit& fit : fits_)
+        fields.push_back(fit.field);
+    return LocalRbf(clusters_, std::move(fields));
+}
+
+double LocalRbfFitter::residual() const
+{
+    double largest = 0.0;
+    for (const ClusterFit& fit : fits_)
+        largest = std::max(largest, fit.residual);
+    return largest;
+}
+
+std::size_t LocalRbfFitter::num_solved() const
+{
+    return static_cast<std::size_t>(std::count_if(fits_.begin(), fits_.end(),
+                                                  [](const ClusterFit& fit)
+                                                  { return fit.was_solved; }));
+}
+
+std::size_t LocalRbfFitter::num_factored() const
+{
+    return static_cast<std::size_t>(std::count_if(fits_.begin(), fits_.end(),
+                                                  [](const ClusterFit& fit)
+                                                  { return fit.was_factored; }));
 }
 
 } // namespace cellwarp

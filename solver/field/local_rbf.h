@@ -4,7 +4,10 @@
 // linear in their number, and parts that only lie side by side don't pull at each other.
 #pragma once
 
+#include <memory>
+#include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include <Eigen/Core>
@@ -23,32 +26,77 @@ namespace cellwarp
 class LocalRbf
 {
 public:
-    /// \p choice and \p clusters are used here only.
-    LocalRbf(const CentreChoice& choice, Clusters clusters);
+    using Fits = std::vector<std::shared_ptr<const RbfField>>;
 
-    /// \p influences: of ClosestCells at \p x, of cells that are in clusters.
-    FieldValue value(const Eigen::Vector3d& x,
-                     std::span<const Influence> influences) const;
-    /// The displacement alone: faster.
-    Eigen::Vector3d displacement(const Eigen::Vector3d& x,
-                                 std::span<const Influence> influences) const;
+    /// \p fits: one a cluster.
+    LocalRbf(std::shared_ptr<const Clusters> clusters, Fits fits)
+        : clusters_(std::move(clusters)), fits_(std::move(fits))
+    {
+    }
 
-    const Clusters& clusters() const { return clusters_; }
-    /// Largest distance between a displacement given and the one reached.
-    double residual() const { return residual_; }
-
-private:
+    /// How much the clusters count at eight places; a scratch object.
     struct Share
     {
         int cluster = 0;
-        double weight = 0.0;
-        Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+        PlaceNumbers weight = PlaceNumbers::Zero();
+        PlaceVectors gradient = PlaceVectors::Zero();
     };
-    std::vector<Share> shares(std::span<const Influence> influences) const;
+    using Shares = std::vector<Share>;
 
-    Clusters clusters_;
-    std::vector<RbfField> fits_; ///< one a cluster
-    double residual_ = 0.0;
+    /// \p influences: on these places, of cells that are in clusters.
+    void value(const PlaceVectors& places, std::span<const InfluenceOnPlaces> influences,
+               Shares& scratch, ValueOnPlaces& out) const;
+    /// The displacement alone, to the same bits: faster.
+    void displacement(const PlaceVectors& places,
+                      std::span<const InfluenceOnPlaces> influences, Shares& scratch,
+                      PlaceVectors& out) const;
+
+    const Clusters& clusters() const { return *clusters_; }
+    const Fits& fits() const { return fits_; }
+
+private:
+    void find_shares(std::span<const InfluenceOnPlaces> influences, bool wants_gradient,
+                     Shares& out) const;
+
+    std::shared_ptr<const Clusters> clusters_;
+    Fits fits_;
+};
+
+/// Fits the RBFs of one set of cells, frame after frame: while the cells stay only
+/// displacements change, and a cluster whose own do not keeps its fit.
+class LocalRbfFitter
+{
+public:
+    /// Keeps references to \p cells and \p constraints. \p keeps_systems: their factors
+    /// too, which is worth it for a second fit.
+    LocalRbfFitter(const Cells& cells, std::span<const Constraint> constraints,
+                   const ClusterSize& size, bool keeps_systems);
+
+    /// In parallel over the clusters. Nothing if it was stopped.
+    std::optional<LocalRbf> fit(std::span<const Pose> poses, std::stop_token stop);
+
+    /// Largest distance between a displacement given and the one reached, of the last
+    /// fit.
+    double residual() const;
+    /// Clusters that the last fit solved for, and those it factored.
+    std::size_t num_solved() const;
+    std::size_t num_factored() const;
+
+private:
+    struct ClusterFit
+    {
+        RbfCentres centres; ///< fitted last
+        std::optional<RbfSystem> system;
+        std::shared_ptr<const RbfField> field;
+        double residual = 0.0;
+        bool was_solved = false, was_factored = false; ///< in the last fit
+    };
+    void fit_one(std::size_t cluster, std::span<const Pose> poses);
+
+    CentreChoice choice_;
+    bool keeps_systems_;
+    std::shared_ptr<const Clusters> clusters_;
+    std::vector<ClusterFit> fits_;
 };
 
 } // namespace cellwarp

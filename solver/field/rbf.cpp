@@ -9,11 +9,11 @@
 #include "solver/field/rbf.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <tuple>
 
-#include <Eigen/Cholesky>
 #include <lapacke.h>
 
 #include "octree/parallel.h"
@@ -25,6 +25,8 @@ namespace cellwarp
 namespace
 {
 
+constexpr int kTerms = RbfField::kTerms;
+
 /// A polynomial term that adds less than this to the ones before it, relative to
 /// its size at the centres, is one that the centres do not determine.
 constexpr double kMinShare = 1e-8;
@@ -33,53 +35,29 @@ constexpr double kMinShare = 1e-8;
 /// degree: in a row of cells y z is nothing but rounding, however much of itself that is.
 constexpr double kMinSize = 1e-4;
 
-/// From this many centres on the library's blocked kernels win. They work in a buffer
-/// of 128 MB for each thread, which small fits in parallel should not take.
-constexpr Eigen::Index kLapackFrom = 1000;
+/// From this many centres on the library's blocked kernels win, and work on all threads.
+constexpr std::size_t kLapackFrom = 1000;
+
+/// Solutions that miss by no more than this, relative to the largest displacement, need
+/// no third pass; and how many passes there are at the most.
+constexpr double kMended = 1e-12;
+constexpr int kPasses = 4;
 
 /// Centres closer than this, relative to their extent, are one.
 constexpr double kSameCentre = 1e-9;
-
-double cube_of_distance(const Eigen::Vector3d& d)
-{
-    const double squared = d.squaredNorm();
-    return squared * std::sqrt(squared);
-}
-
-/// The factor of a symmetric positive definite matrix, in its place.
-class Cholesky
-{
-public:
-    explicit Cholesky(Eigen::MatrixXd& A) : A_(A)
-    {
-        const lapack_int n = static_cast<lapack_int>(A.rows());
-        if (n < kLapackFrom)
-        {
-            is_done_ =
-                Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(A).info() == Eigen::Success;
-            return;
-        }
-        prepare_dense_kernels();
-        is_done_ = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', n, A.data(), n) == 0;
-    }
-    bool is_done() const { return is_done_; }
-    /// Replaces \p b, of three columns.
-    void solve(Eigen::MatrixXd& b) const
-    {
-        const auto lower = A_.triangularView<Eigen::Lower>();
-        lower.solveInPlace(b);
-        lower.transpose().solveInPlace(b);
-    }
-
-private:
-    const Eigen::MatrixXd& A_;
-    bool is_done_ = false;
-};
 
 const RbfKernels& widest_kernels()
 {
     static const RbfKernels kernels = rbf_kernels(instruction_sets().back());
     return kernels;
+}
+
+Eigen::Matrix<double, kTerms, 1> basis(const Eigen::Vector3d& x)
+{
+    Eigen::Matrix<double, kTerms, 1> b;
+    b << 1, x.x(), x.y(), x.z(), x.x() * x.x(), x.y() * x.y(), x.z() * x.z(),
+        x.x() * x.y(), x.y() * x.z(), x.z() * x.x();
+    return b;
 }
 
 /// The first centre of every group of coincident ones.
@@ -105,160 +83,266 @@ std::vector<std::size_t> distinct(std::span<const Eigen::Vector3d> centres, doub
     return kept;
 }
 
-} // namespace
-
-RbfField::Basis RbfField::basis(const Eigen::Vector3d& x)
+std::size_t padded(std::size_t count)
 {
-    Basis b;
-    b << 1, x.x(), x.y(), x.z(), x.x() * x.x(), x.y() * x.y(), x.z() * x.z(),
-        x.x() * x.y(), x.y() * x.z(), x.z() * x.x();
-    return b;
+    return (count + kCentreLanes - 1) / kCentreLanes * kCentreLanes;
 }
 
-double RbfField::memory_estimate(std::size_t num_centres)
+} // namespace
+
+double RbfSystem::memory_estimate(std::size_t num_centres)
 {
     const double n = static_cast<double>(num_centres);
     return 8.0 * n * (n + 40.0);
 }
 
-RbfField::RbfField(std::span<const Eigen::Vector3d> centres,
-                   std::span<const Eigen::Vector3d> displacements)
+std::size_t RbfSystem::bytes() const
 {
-    origin_.setZero();
+    return sizeof(double) *
+           (packed_.size() + static_cast<std::size_t>(dense_.size() + centres_.size() +
+                                                      Q_.size() + R_.size()));
+}
+
+RbfSystem::RbfSystem(std::span<const Eigen::Vector3d> centres)
+{
     for (const Eigen::Vector3d& c : centres)
         origin_ += c / static_cast<double>(centres.size());
     double extent = 0.0;
     for (const Eigen::Vector3d& c : centres)
         extent = std::max(extent, (c - origin_).norm());
-    const std::vector<std::size_t> kept = distinct(centres, kSameCentre * extent);
-    const Eigen::Index n = static_cast<Eigen::Index>(kept.size());
-    num_centres_ = n;
-    Eigen::Matrix3Xd centred(3, n);
-    Eigen::MatrixXd f(n, 3), P(n, kTerms);
-    for (Eigen::Index i = 0; i < n; ++i)
-    {
-        const std::size_t at = kept[static_cast<std::size_t>(i)];
-        centred.col(i) = centres[at] - origin_;
-        f.row(i) = displacements[at].transpose();
-        P.row(i) = basis(centred.col(i)).transpose();
-    }
+    kept_ = distinct(centres, kSameCentre * extent);
+    centres_.setZero(3, static_cast<Eigen::Index>(padded(kept_.size())));
+    for (std::size_t i = 0; i < kept_.size(); ++i)
+        centres_.col(static_cast<Eigen::Index>(i)) = centres[kept_[i]] - origin_;
+    find_polynomial(extent);
+    factorise();
+}
 
-    // Q R = the terms of P that are determined, in their order; Gram-Schmidt twice.
-    Eigen::MatrixXd Q(n, kTerms), R = Eigen::MatrixXd::Zero(kTerms, kTerms);
-    std::vector<int> terms;
-    for (int k = 0; k < kTerms && static_cast<Eigen::Index>(terms.size()) < n; ++k)
+/// Q R = the terms that are determined, in their order; Gram-Schmidt twice.
+void RbfSystem::find_polynomial(double extent)
+{
+    const Eigen::Index n = static_cast<Eigen::Index>(kept_.size());
+    Rows P(kTerms, n);
+    for (Eigen::Index i = 0; i < n; ++i)
+        P.col(i) = basis(centres_.col(i));
+    Q_.setZero(kTerms, centres_.cols());
+    R_ = Eigen::MatrixXd::Zero(kTerms, kTerms);
+    for (int k = 0; k < kTerms && static_cast<Eigen::Index>(terms_.size()) < n; ++k)
     {
-        Eigen::VectorXd column = P.col(k);
+        Eigen::RowVectorXd row = P.row(k);
         const int degree = k == 0 ? 0 : k < 4 ? 1 : 2;
         const double size =
-            std::max(column.norm(), kMinSize * std::sqrt(n) * std::pow(extent, degree));
-        const Eigen::Index rank = static_cast<Eigen::Index>(terms.size());
+            std::max(row.norm(), kMinSize * std::sqrt(n) * std::pow(extent, degree));
+        const Eigen::Index rank = static_cast<Eigen::Index>(terms_.size());
+        const auto Q = Q_.topLeftCorner(rank, n);
         Eigen::VectorXd along = Eigen::VectorXd::Zero(rank);
         for (int pass = 0; pass < 2; ++pass)
         {
-            const Eigen::VectorXd part = Q.leftCols(rank).transpose() * column;
-            column -= Q.leftCols(rank) * part;
+            const Eigen::VectorXd part = Q * row.transpose();
+            row -= part.transpose() * Q;
             along += part;
         }
-        if (!(column.norm() > kMinShare * size))
+        if (!(row.norm() > kMinShare * size))
             continue;
-        R.col(rank).head(rank) = along;
-        R(rank, rank) = column.norm();
-        Q.col(rank) = column / column.norm();
-        terms.push_back(k);
+        R_.col(rank).head(rank) = along;
+        R_(rank, rank) = row.norm();
+        Q_.row(rank).head(n) = row / row.norm();
+        terms_.push_back(k);
     }
-    const Eigen::Index rank = static_cast<Eigen::Index>(terms.size());
-    Q.conservativeResize(n, rank);
-    R.conservativeResize(rank, rank);
+}
 
-    Eigen::MatrixXd A(n, n);
-    parallel_for(n,
-                 [&](Eigen::Index j)
-                 {
-                     for (Eigen::Index i = 0; i < n; ++i)
-                         A(i, j) = cube_of_distance(centred.col(i) - centred.col(j));
-                 });
-    const Eigen::MatrixXd B = A * Q;
-    const double t = n > 1 ? A.cwiseAbs().sum() / static_cast<double>(n) : 1.0;
+RbfSystem::Rows RbfSystem::products(const Rows& weights) const
+{
+    Rows out(weights.rows(), weights.cols());
+    RbfProducts all;
+    all.centres = centres_.data();
+    all.num_centres = kept_.size();
+    all.num_padded = static_cast<std::size_t>(centres_.cols());
+    all.weights = weights.data();
+    all.out = out.data();
+    parallel_ranges(all.num_padded / kCentreLanes, 64,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        RbfProducts some = all;
+                        some.first = begin * kCentreLanes;
+                        some.end = end * kCentreLanes;
+                        widest_kernels().products(
+                            some, static_cast<std::size_t>(weights.rows()));
+                    });
+    out.rightCols(out.cols() - static_cast<Eigen::Index>(kept_.size())).setZero();
+    return out;
+}
+
+/// The padding gets ones on the diagonal.
+void RbfSystem::factorise()
+{
+    const std::size_t n = kept_.size(), size = padded(n);
+    const Rows B = products(Q_);
+    // A's sum, from A times the first term, which is constant.
+    const double t = n > 1 ? B.row(0).sum() / std::sqrt(static_cast<double>(n)) : 1.0;
+    // Z A Z + t Q Q^T = A + L Q^T + Q L^T.
     const Eigen::MatrixXd middle =
-        Q.transpose() * B + t * Eigen::MatrixXd::Identity(rank, rank);
-    const Eigen::MatrixXd left = Q * middle - B;
-    parallel_for(n, [&](Eigen::Index j)
-                 { A.col(j) += left * Q.row(j).transpose() - Q * B.row(j).transpose(); });
-    const Cholesky cholesky(A);
-    // Solved, and mended once: close centres cost digits that the second pass finds.
-    Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, 3), Aw = w;
-    for (int pass = 0; pass < 2 && cholesky.is_done(); ++pass)
+        0.5 * (Q_ * B.transpose() + t * Eigen::MatrixXd::Identity(kTerms, kTerms));
+    const Rows left = 0.5 * (middle + middle.transpose()) * Q_ - B;
+    RbfColumns columns;
+    columns.centres = centres_.data();
+    columns.num_padded = size;
+    columns.left = left.data();
+    columns.right = Q_.data();
+    if (n >= kLapackFrom)
     {
-        const Eigen::MatrixXd missing = f - Aw;
-        Eigen::MatrixXd step = missing - Q * (Q.transpose() * missing);
-        cholesky.solve(step);
-        w += step - Q * (Q.transpose() * step);
-        // The factor stands where A was: its entries once more.
-        parallel_for(n,
-                     [&](Eigen::Index i)
+        dense_.setZero(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(size));
+        parallel_for(size / kCentreLanes,
+                     [&](std::size_t block)
                      {
-                         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-                         for (Eigen::Index j = 0; j < n; ++j)
-                             sum += cube_of_distance(centred.col(i) - centred.col(j)) *
-                                    w.row(j).transpose();
-                         Aw.row(i) = sum.transpose();
+                         RbfColumns some = columns;
+                         some.first = block * kCentreLanes;
+                         some.end = std::min(n, some.first + kCentreLanes);
+                         some.stride = size;
+                         some.out = dense_.data() + some.first * (size + 1);
+                         widest_kernels().columns(some);
                      });
+        prepare_dense_kernels();
+        const lapack_int order = static_cast<lapack_int>(n);
+        is_factored_ = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', order, dense_.data(),
+                                      static_cast<lapack_int>(size)) == 0;
+        return;
     }
-    constexpr Eigen::Index kPad = static_cast<Eigen::Index>(kCentreLanes);
-    rows_.setZero(6, (n + kPad - 1) / kPad * kPad);
-    rows_.topLeftCorner(3, n) = centred;
-    rows_.bottomLeftCorner(3, n) = w.transpose();
-    const Eigen::MatrixXd coefficients =
-        R.triangularView<Eigen::Upper>().solve(Q.transpose() * (f - Aw));
-    polynomial_.setZero();
-    for (Eigen::Index k = 0; k < rank; ++k)
-        polynomial_.col(terms[static_cast<std::size_t>(k)]) =
-            coefficients.row(k).transpose();
-    for (Eigen::Index i = 0; i < n; ++i)
+    packed_.resize(packed_entries(size));
+    for (std::size_t first = 0; first < size; first += kCentreLanes)
     {
-        const Eigen::Vector3d reached =
-            Aw.row(i).transpose() + polynomial_ * basis(centred.col(i));
-        residual_ = std::max(residual_, (reached - f.row(i).transpose()).norm());
+        columns.first = first;
+        columns.end = first + kCentreLanes;
+        columns.stride = size - first;
+        columns.out = packed_.data() + packed_column(size, first) + first;
+        widest_kernels().columns(columns);
+        for (std::size_t c = first; c < columns.end; ++c)
+        {
+            double* const column = packed_.data() + packed_column(size, c);
+            std::fill(column + (c < n ? std::max(n, first) : first), column + size, 0.0);
+            if (c >= n)
+                column[c] = 1.0;
+        }
     }
+    is_factored_ = widest_kernels().factorise(packed_.data(), size);
 }
 
-RbfRun RbfField::run_at(const Eigen::Vector3d& u) const
+void RbfSystem::solve(Rows& b) const
 {
-    RbfRun run;
-    run.rows = rows_.data();
-    run.num_padded = static_cast<std::size_t>(rows_.cols());
-    Eigen::Map<Eigen::Vector3d>(run.place) = u;
-    return run;
+    if (dense_.size() == 0)
+    {
+        widest_kernels().solve(packed_.data(), static_cast<std::size_t>(b.cols()),
+                               b.data());
+        return;
+    }
+    const Eigen::Index n = static_cast<Eigen::Index>(kept_.size());
+    const auto lower = dense_.topLeftCorner(n, n).triangularView<Eigen::Lower>();
+    Eigen::MatrixXd columns = b.leftCols(n).transpose();
+    lower.solveInPlace(columns);
+    lower.transpose().solveInPlace(columns);
+    b.leftCols(n) = columns.transpose();
 }
 
-Eigen::Vector3d RbfField::displacement(const Eigen::Vector3d& x) const
+RbfSystem::Fit RbfSystem::fit(std::span<const Eigen::Vector3d> displacements) const
 {
-    const Eigen::Vector3d u = x - origin_;
-    RbfRun run = run_at(u);
-    widest_kernels().displacement(run);
-    return polynomial_ * basis(u) + Eigen::Map<const Eigen::Vector3d>(run.displacement);
+    const Eigen::Index n = static_cast<Eigen::Index>(kept_.size());
+    Rows f = Rows::Zero(3, centres_.cols());
+    for (Eigen::Index i = 0; i < n; ++i)
+        f.col(i) = displacements[kept_[static_cast<std::size_t>(i)]];
+    // Solved and mended: close centres cost digits that the next passes find.
+    Rows w = Rows::Zero(3, centres_.cols()), Aw = w;
+    for (int pass = 0; pass < kPasses && is_factored_; ++pass)
+    {
+        const Rows missing = f - Aw;
+        Rows step = missing - (missing * Q_.transpose()) * Q_;
+        if (pass > 1 && step.cwiseAbs().maxCoeff() <= kMended * f.cwiseAbs().maxCoeff())
+            break;
+        solve(step);
+        w += step - (step * Q_.transpose()) * Q_;
+        Aw = products(w);
+    }
+    RbfField::Terms terms;
+    terms.origin = origin_;
+    terms.centres.resize(6, n);
+    terms.centres << centres_.leftCols(n), w.leftCols(n);
+    const Eigen::Index rank = static_cast<Eigen::Index>(terms_.size());
+    const Eigen::MatrixXd coefficients =
+        R_.topLeftCorner(rank, rank)
+            .triangularView<Eigen::Upper>()
+            .solve(Q_.topRows(rank) * (f - Aw).transpose());
+    terms.polynomial.setZero();
+    for (Eigen::Index k = 0; k < rank; ++k)
+        terms.polynomial.col(terms_[static_cast<std::size_t>(k)]) =
+            coefficients.row(k).transpose();
+    double residual = 0.0;
+    for (Eigen::Index i = 0; i < n; ++i)
+        residual = std::max(
+            residual,
+            (Aw.col(i) + terms.polynomial * basis(centres_.col(i)) - f.col(i)).norm());
+    return {RbfField(std::move(terms)), residual};
+}
+
+namespace
+{
+
+/// The terms of a quadratic at each place.
+std::array<PlaceNumbers, kTerms> bases(const PlaceVectors& u)
+{
+    const PlaceNumbers x = u.col(0), y = u.col(1), z = u.col(2);
+    return {PlaceNumbers::Ones(), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x};
+}
+
+/// Their derivatives along each axis.
+std::array<std::array<PlaceNumbers, kTerms>, 3> base_slopes(const PlaceVectors& u)
+{
+    const PlaceNumbers x = u.col(0), y = u.col(1), z = u.col(2),
+                       zero = PlaceNumbers::Zero(), one = PlaceNumbers::Ones();
+    return {{{zero, one, zero, zero, 2 * x, zero, zero, y, zero, z},
+             {zero, zero, one, zero, zero, 2 * y, zero, x, z, zero},
+             {zero, zero, zero, one, zero, zero, 2 * z, zero, y, x}}};
+}
+
+void add_polynomial(const Eigen::Matrix<double, 3, kTerms>& coefficients,
+                    const std::array<PlaceNumbers, kTerms>& bases, PlaceVectors& out)
+{
+    for (int k = 0; k < 3; ++k)
+        for (int term = 0; term < kTerms; ++term)
+            out.col(k) += coefficients(k, term) * bases[static_cast<std::size_t>(term)];
+}
+
+} // namespace
+
+void RbfField::displacement(const PlaceVectors& places, PlaceVectors& out) const
+{
+    const PlaceVectors u = places.rowwise() - terms_.origin.transpose().array();
+    widest_kernels().displacement({terms_.centres.data(),
+                                   static_cast<std::size_t>(terms_.centres.cols()),
+                                   u.data(), out.data(), nullptr});
+    add_polynomial(terms_.polynomial, bases(u), out);
+}
+
+void RbfField::value(const PlaceVectors& places, ValueOnPlaces& out) const
+{
+    const PlaceVectors u = places.rowwise() - terms_.origin.transpose().array();
+    Eigen::Array<double, kPlaces, 9> slopes;
+    widest_kernels().value({terms_.centres.data(),
+                            static_cast<std::size_t>(terms_.centres.cols()), u.data(),
+                            out.displacement.data(), slopes.data()});
+    add_polynomial(terms_.polynomial, bases(u), out.displacement);
+    const auto more = base_slopes(u);
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        PlaceVectors& along = out.slopes[static_cast<std::size_t>(axis)];
+        along = slopes.middleCols<3>(3 * axis);
+        add_polynomial(terms_.polynomial, more[static_cast<std::size_t>(axis)], along);
+    }
 }
 
 FieldValue RbfField::value(const Eigen::Vector3d& x) const
 {
-    const Eigen::Vector3d u = x - origin_;
-    RbfRun run = run_at(u);
-    widest_kernels().value(run);
-    FieldValue value;
-    value.displacement =
-        polynomial_ * basis(u) + Eigen::Map<const Eigen::Vector3d>(run.displacement);
-    value.gradient = Eigen::Map<const Eigen::Matrix3d>(run.slopes);
-    Eigen::Matrix<double, kTerms, 3> slope = Eigen::Matrix<double, kTerms, 3>::Zero();
-    slope(1, 0) = slope(2, 1) = slope(3, 2) = 1.0;
-    slope(4, 0) = 2 * u.x();
-    slope(5, 1) = 2 * u.y();
-    slope(6, 2) = 2 * u.z();
-    slope.row(7) << u.y(), u.x(), 0;
-    slope.row(8) << 0, u.z(), u.y();
-    slope.row(9) << u.z(), 0, u.x();
-    value.gradient += polynomial_ * slope;
-    return value;
+    ValueOnPlaces all;
+    value(everywhere(x), all);
+    return all.at(0);
 }
 
 } // namespace cellwarp

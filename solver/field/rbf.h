@@ -8,47 +8,86 @@
 
 #include <Eigen/Core>
 
-#include "solver/field/blend.h"
+#include "solver/field/place_lanes.h"
 #include "solver/field/rbf_kernel.h"
 
 namespace cellwarp
 {
 
 /// d(x) = sum_j w_j |x - c_j|^3 + q(x), q quadratic, with sum_j w_j p(c_j) = 0 for
-/// every quadratic p. [Botsch05], [Botsch07] Where the centres do not determine q
-/// (few, coplanar or collinear ones) it keeps the terms that they do, lowest first.
-/// Immutable. Dense: 8 n^2 bytes and n^3 / 3 operations to build for n centres.
+/// every quadratic p. [Botsch05], [Botsch07] Immutable.
 class RbfField
 {
 public:
-    /// Centres that coincide must have one displacement; they are merged.
-    /// \pre equal, positive counts
-    RbfField(std::span<const Eigen::Vector3d> centres,
-             std::span<const Eigen::Vector3d> displacements);
+    static constexpr int kTerms = static_cast<int>(kQuadraticTerms);
+    /// What it is made of; a field file keeps just that.
+    struct Terms
+    {
+        Eigen::Vector3d origin = Eigen::Vector3d::Zero();
+        /// One column a centre: its place from the origin, then its weight.
+        Eigen::Matrix<double, 6, Eigen::Dynamic> centres;
+        Eigen::Matrix<double, 3, kTerms> polynomial =
+            Eigen::Matrix<double, 3, kTerms>::Zero();
+    };
 
+    explicit RbfField(Terms terms) : terms_(std::move(terms)) {}
+
+    /// At eight places; each gets the bits that it would get with any others.
+    void displacement(const PlaceVectors& places, PlaceVectors& out) const;
+    void value(const PlaceVectors& places, ValueOnPlaces& out) const;
+    /// At one.
     FieldValue value(const Eigen::Vector3d& x) const;
-    /// The displacement alone: faster.
-    Eigen::Vector3d displacement(const Eigen::Vector3d& x) const;
 
-    std::size_t num_centres() const { return static_cast<std::size_t>(num_centres_); }
-    /// Largest distance between a displacement given and the one reached.
-    double residual() const { return residual_; }
+    const Terms& terms() const { return terms_; }
 
-    /// What building needs, beforehand [bytes].
+private:
+    Terms terms_;
+};
+
+/// The equations of one set of centres: made and factored once, solved for any
+/// displacements. Where the centres do not determine the quadratic (few, coplanar or
+/// collinear ones) it keeps the terms that they do, lowest first. Centres that coincide
+/// are one. Dense: 4 n^2 bytes (from a thousand on 8 n^2) and n^3 / 3 operations for n
+/// centres.
+class RbfSystem
+{
+public:
+    /// \pre not empty
+    explicit RbfSystem(std::span<const Eigen::Vector3d> centres);
+
+    struct Fit
+    {
+        RbfField field;
+        double residual =
+            0.0; ///< largest distance between displacement asked and reached
+    };
+    /// Of centres that coincide the first one counts. \pre one a centre
+    Fit fit(std::span<const Eigen::Vector3d> displacements) const;
+
+    std::size_t num_centres() const { return kept_.size(); }
+    std::size_t bytes() const; ///< that it holds
+
+    /// What building needs, beforehand [byte].
     static double memory_estimate(std::size_t num_centres);
 
 private:
-    static constexpr int kTerms = 10;
-    using Basis = Eigen::Matrix<double, kTerms, 1>;
-    static Basis basis(const Eigen::Vector3d& x);
-    RbfRun run_at(const Eigen::Vector3d& u) const;
+    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-    Eigen::Index num_centres_ = 0;
-    Eigen::Vector3d origin_; ///< mean of the centres
-    /// Centres and weights as RbfRun wants them, padded.
-    Eigen::Matrix<double, 6, Eigen::Dynamic, Eigen::RowMajor> rows_;
-    Eigen::Matrix<double, 3, kTerms> polynomial_;
-    double residual_ = 0.0;
+    void find_polynomial(double extent);
+    void factorise();
+    void solve(Rows& b) const;
+    Rows products(const Rows& weights) const;
+
+    Eigen::Vector3d origin_ = Eigen::Vector3d::Zero(); ///< mean of the centres
+    std::vector<std::size_t> kept_;                    ///< of the centres given
+    // Rows of one number a centre, padded with zeros.
+    Rows centres_;           ///< 3: places from the origin
+    Rows Q_;                 ///< kTerms: orthonormal, the undetermined ones 0
+    Eigen::MatrixXd R_;      ///< of the terms that are determined
+    std::vector<int> terms_; ///< these
+    std::vector<double> packed_;
+    Eigen::MatrixXd dense_; ///< instead, of a large system
+    bool is_factored_ = false;
 };
 
 } // namespace cellwarp

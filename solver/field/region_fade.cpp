@@ -43,6 +43,9 @@ constexpr std::size_t kNearest = 16;
 /// Width of the fade of slopes [width of the fade].
 constexpr double kSlopeShare = 0.35;
 
+/// A little more than half the diagonal of a box [edge].
+constexpr double kHalfDiagonal = 0.87;
+
 using Dual = Eigen::AutoDiffScalar<Eigen::Vector3d>;
 const Eigen::Vector3d kNoSlope = Eigen::Vector3d::Zero();
 
@@ -153,6 +156,32 @@ RegionFade::RegionFade(const Cells& cells, double edge, const std::vector<Node>&
     }
     for (const auto& [cell, d] : distance)
         near_cells_.push_back(cell);
+    find_touched(cells);
+}
+
+/// A point takes the correction by the cells that count there, so its own cell may be up
+/// to two off the near ones.
+void RegionFade::find_touched(const Cells& cells)
+{
+    std::set<int> candidates(near_cells_.begin(), near_cells_.end());
+    for (int ring = 0; ring < 2; ++ring)
+        for (const int cell : std::vector<int>(candidates.begin(), candidates.end()))
+            for (const int other : cells.neighbours_of(cell))
+                candidates.insert(other);
+    for (const int cell : candidates)
+    {
+        const Cell& box = cells.cells[static_cast<std::size_t>(cell)];
+        const double half = kHalfDiagonal * box.edge;
+        if (std::sqrt(tree_.nearest(box.box_centre).distance_squared) < radius_ + half)
+            touched_cells_.push_back(cell);
+    }
+}
+
+double RegionFade::reach_of_average(const Eigen::Vector3d& x, double away) const
+{
+    std::vector<PointTree::Neighbour> near;
+    tree_.nearest(x, kNearest, near);
+    return std::sqrt(near.back().distance_squared) + 2.0 * away;
 }
 
 RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
@@ -324,17 +353,23 @@ void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> inf
 }
 
 MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
-    : regions_(std::move(regions))
+    : regions_(std::move(regions)), is_touched_(num_cells, false),
+      deep_region_(num_cells, -1)
 {
     std::vector<const RegionFade*> fades;
-    for (const MovedRegion& region : regions_)
-        fades.push_back(region.fade);
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        fades.push_back(regions_[r].fade);
+        for (const int cell : regions_[r].fade->touched_cells())
+            is_touched_[static_cast<std::size_t>(cell)] = true;
+        for (const int cell : regions_[r].deep_cells)
+            deep_region_[static_cast<std::size_t>(cell)] = static_cast<int>(r);
+    }
     fades_ = RegionFades(std::move(fades), num_cells);
 }
 
-FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
-                                 std::span<const Influence> influences,
-                                 const std::function<FieldValue()>& value_at) const
+void MovedRegions::correct(const Eigen::Vector3d& x,
+                           std::span<const Influence> influences, FieldValue& value) const
 {
     RegionFades::Reach reach;
     fades_.reach(x, influences, reach);
@@ -342,18 +377,17 @@ FieldValue MovedRegions::correct(const Eigen::Vector3d& x,
     {
         const MovedRegion& region = regions_[static_cast<std::size_t>(reach.node_of)];
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-        return {turn * x + region.motion.t, region.may_turn ? value_at().gradient : turn};
+        value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
+        return;
     }
-    FieldValue result = value_at();
     for (const RegionFades::Share& share : reach.shares)
     {
         const MovedRegion& region = regions_[static_cast<std::size_t>(share.region)];
         const FieldValue miss = region.fade->average(x, region.misses);
-        result.displacement += share.value * miss.displacement;
-        result.gradient +=
+        value.displacement += share.value * miss.displacement;
+        value.gradient +=
             share.value * miss.gradient + miss.displacement * share.gradient.transpose();
     }
-    return result;
 }
 
 } // namespace cellwarp

@@ -4,7 +4,6 @@
 // a cell or two of connected material.
 #pragma once
 
-#include <functional>
 #include <span>
 #include <vector>
 
@@ -77,13 +76,19 @@ public:
     double radius() const { return radius_; }
     /// The cells that the correction may reach, ascending.
     const std::vector<int>& near_cells() const { return near_cells_; }
+    /// Those in whose box it counts somewhere, ascending.
+    const std::vector<int>& touched_cells() const { return touched_cells_; }
+    /// No node farther than this from \p x is in the average at a point that is no
+    /// farther than \p away from \p x.
+    double reach_of_average(const Eigen::Vector3d& x, double away) const;
 
 private:
     RegionFade(const Cells& cells, double edge, const std::vector<Node>& nodes);
+    void find_touched(const Cells& cells);
 
     PointTree tree_;
     std::vector<int> node_cells_;
-    std::vector<int> near_cells_; ///< ascending
+    std::vector<int> near_cells_, touched_cells_; ///< ascending
     double radius_ = 0.0;
 };
 
@@ -93,7 +98,10 @@ struct MovedRegion
     const RegionFade* fade = nullptr;
     Motion motion;
     bool may_turn = false; ///< a pin: the motion tells where nodes go, not how they turn
-    std::vector<FieldValue> misses; ///< one a node: motion minus field
+    std::vector<FieldValue> misses = {}; ///< one a node: motion minus field
+    /// Cells, ascending, in which the field is the motion, up to rounding, and no
+    /// correction counts.
+    std::vector<int> deep_cells = {};
 };
 
 /// The fades of all regions, found by the cells that they reach.
@@ -138,15 +146,25 @@ public:
     MovedRegions() = default;
     MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells);
 
-    /// The field at \p x, corrected for the regions around \p x. At a node it is the
-    /// region's motion to the bit. \p value_at() gives the field without the regions,
-    /// where it is needed: at the nodes of handles and fixed parts it is not.
-    FieldValue correct(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                       const std::function<FieldValue()>& value_at) const;
+    /// Corrects the field's \p value at \p x for the regions around \p x. At a node it
+    /// is the region's motion to the bit.
+    void correct(const Eigen::Vector3d& x, std::span<const Influence> influences,
+                 FieldValue& value) const;
+
+    /// Whether a correction counts somewhere in the box of a cell.
+    bool touches(int cell) const { return is_touched_[static_cast<std::size_t>(cell)]; }
+    /// The region in which a cell is deep; null: none.
+    const MovedRegion* deep_region(int cell) const
+    {
+        const int region = deep_region_[static_cast<std::size_t>(cell)];
+        return region < 0 ? nullptr : &regions_[static_cast<std::size_t>(region)];
+    }
 
 private:
     std::vector<MovedRegion> regions_;
     RegionFades fades_;
+    std::vector<char> is_touched_; ///< a cell
+    std::vector<int> deep_region_; ///< a cell; -1: none
 };
 
 } // namespace cellwarp

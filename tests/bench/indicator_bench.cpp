@@ -58,8 +58,10 @@ std::vector<double> plain_gaps(const Rig& rig)
 std::vector<double> field_differences(const Rig& rig)
 {
     const Cells& cells = rig.body().cells;
-    const Field blend(FieldKind::Blend, cells, rig.poses(), rig.constraints(), {});
-    const Field rbf(FieldKind::Rbf, cells, rig.poses(), rig.constraints(), {});
+    const Field blend =
+        fit_field(FieldKind::Blend, cells, rig.poses(), rig.constraints(), {});
+    const Field rbf =
+        fit_field(FieldKind::Rbf, cells, rig.poses(), rig.constraints(), {});
     std::vector<double> errors(cells.size(), 0.0);
     for (std::size_t c = 0; c < cells.size(); ++c)
         for (int k = 0; k < 8; ++k)

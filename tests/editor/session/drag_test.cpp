@@ -102,8 +102,8 @@ TEST(Drag, shows_the_blend_of_its_poses)
     std::vector<MovedRegion> moved;
     for (std::size_t r = 0; r < motions.size(); ++r)
         moved.push_back({drag.rig().fade(r), motions[r], false, {}});
-    const Field field(FieldKind::Blend, bar.body->cells, drag.rig().poses(),
-                      drag.rig().constraints(), moved);
+    const Field field = fit_field(FieldKind::Blend, bar.body->cells, drag.rig().poses(),
+                                  drag.rig().constraints(), moved);
     const std::vector<Eigen::Vector3d> wanted =
         field.displacements(bar.body->rest->samples, bar.body->cell_of_sample);
     const std::vector<Eigen::Vector3f> shown = drag.samples().positions_as_given();

@@ -136,7 +136,7 @@ struct Difference
 
 Difference difference(const Case& c, const SampleBlend& blend, FieldKind kind)
 {
-    const Field field(kind, c.body.cells, c.poses, c.constraints, c.moved());
+    const Field field = fit_field(kind, c.body.cells, c.poses, c.constraints, c.moved());
     const std::vector<Eigen::Vector3f> places = blend.positions_as_given(),
                                        normals = blend.normals_as_given();
     EXPECT_EQ(places.size(), c.places.size());
@@ -195,8 +195,10 @@ TEST(SampleBlend, equals_the_field_around_pins)
 TEST(SampleBlend, has_corrections_to_make_in_these_tests)
 {
     const Case c = held_bar();
-    const Field with(FieldKind::Blend, c.body.cells, c.poses, c.constraints, c.moved());
-    const Field without(FieldKind::Blend, c.body.cells, c.poses, c.constraints, {});
+    const Field with =
+        fit_field(FieldKind::Blend, c.body.cells, c.poses, c.constraints, c.moved());
+    const Field without =
+        fit_field(FieldKind::Blend, c.body.cells, c.poses, c.constraints, {});
     int num_corrected = 0;
     for (std::size_t i = 0; i < c.places.size(); ++i)
         num_corrected += (with.value(c.places[i], c.own[i]).displacement -
@@ -310,7 +312,7 @@ TEST(SampleBlend, a_sample_may_follow_very_many_cells)
     }
     SampleBlend blend(FieldKind::Blend, cells, {places, own, {}}, {}, {});
     blend.apply(poses, {});
-    const Field field(FieldKind::Blend, cells, poses, {}, {});
+    const Field field = fit_field(FieldKind::Blend, cells, poses, {}, {});
     const std::vector<Eigen::Vector3d> wanted = field.displacements(places, own);
     const std::vector<Eigen::Vector3f> found = blend.positions_as_given();
     for (std::size_t i = 0; i < places.size(); ++i)

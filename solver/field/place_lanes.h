@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Eight places at a time, of one cell's material: what the cells around it mean for them.
+// Every place gets the bits that it would get alone, whichever others it comes with.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/cells.h"
+#include "solver/field/blend.h"
+#include "solver/field/rbf_kernel.h"
+
+namespace cellwarp
+{
+
+inline constexpr int kPlaces = static_cast<int>(kPlaceLanes);
+
+/// One number of each place; a vector of each place.
+using PlaceNumbers = Eigen::Array<double, kPlaces, 1>;
+using PlaceVectors = Eigen::Array<double, kPlaces, 3>;
+
+/// A displacement and its derivative (blend.h) at each place.
+struct ValueOnPlaces
+{
+    PlaceVectors displacement = PlaceVectors::Zero();
+    std::array<PlaceVectors, 3> slopes = {PlaceVectors::Zero(), PlaceVectors::Zero(),
+                                          PlaceVectors::Zero()}; ///< along each axis
+    FieldValue at(int place) const;
+    void set(int place, const FieldValue& value);
+};
+
+/// All places are \p x.
+PlaceVectors everywhere(const Eigen::Vector3d& x);
+
+/// Influence (blend.h) of one cell on eight places.
+struct InfluenceOnPlaces
+{
+    int cell = 0;
+    PlaceNumbers weight = PlaceNumbers::Zero();
+    PlaceVectors gradient = PlaceVectors::Zero(); ///< if wanted
+};
+
+/// The weights of ClosestCells for eight places that one cell holds. A scratch object:
+/// one a thread.
+class PlaceInfluences
+{
+public:
+    explicit PlaceInfluences(const ClosestCells& closest) : closest_(closest) {}
+
+    /// Before the places: which cell holds them, and the box around their nearest points
+    /// in its box.
+    void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high);
+    /// The influences, ascending by cell; 0 where a cell does not count.
+    std::span<const InfluenceOnPlaces> find(const PlaceVectors& places,
+                                            bool wants_gradient);
+
+private:
+    /// Of the cells that count by their distance (bits), those that are reached through
+    /// glue between such.
+    std::uint64_t reached(std::uint64_t counting);
+    void find_one_by_one(const PlaceVectors& places);
+
+    const ClosestCells& closest_;
+    int own_ = 0;
+    std::vector<int> near_;            ///< cells that may count, ascending
+    std::vector<std::uint64_t> glued_; ///< of each, bits of these
+    std::uint64_t own_bit_ = 0;
+    std::uint64_t last_counting_ = 0, last_reached_ = 0;
+    std::vector<InfluenceOnPlaces> found_;
+    std::vector<Influence> single_;
+};
+
+/// The poses of the influences, blended at the places. [Botsch07]
+void blend(std::span<const InfluenceOnPlaces> influences, std::span<const Pose> poses,
+           const Cells& cells, const PlaceVectors& places, bool wants_gradient,
+           ValueOnPlaces& out);
+
+} // namespace cellwarp
