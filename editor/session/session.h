@@ -121,15 +121,18 @@ private:
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     void move_samples(FrameReport& report);
+    template <class Vector, class Turned>
+    std::vector<Vector> turned_all(const std::vector<Vector>& rest,
+                                   const std::vector<std::uint32_t>& samples,
+                                   Turned&& turned) const;
     void commit();
 
     GeometryFile model_;
     HandleFile handles_;
     SessionSettings settings_;
     std::size_t stage_ = 0, frame_ = 0;
-    std::vector<Eigen::Vector3d> rest_;            ///< samples of this stage [model unit]
-    std::vector<Eigen::Vector3d> rest_directions_; ///< one a direction use
-    std::vector<DirectionUse> uses_;
+    Patch rest_;                             ///< of this stage
+    std::vector<std::uint32_t> use_samples_; ///< of the direction uses
     Patch patch_;
     std::vector<FrameReport> reports_;
     std::vector<std::string> warnings_;
