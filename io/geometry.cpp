@@ -14,6 +14,8 @@
 #include "io/number.h"
 #include "io/obj.h"
 #include "io/off.h"
+#include "io/packed.h"
+#include "io/pcd.h"
 #include "io/ply.h"
 #include "io/stl.h"
 #include "io/stored_number.h"
@@ -25,8 +27,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "xyz",
-                                         "pts", "csv", "txt", "asc"};
+constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "pcd",
+                                         "xyz", "pts", "csv", "txt", "asc"};
 
 /// Largest coordinate: beyond it squares overflow.
 constexpr double kMaxCoordinate = 1e150;
@@ -74,30 +76,29 @@ struct Edit
 class EditStream
 {
 public:
-    EditStream(const Places& places, const std::vector<Eigen::Vector3d>& before,
-               const std::vector<Eigen::Vector3d>& after)
+    EditStream(const Places& places, std::span<const double> before,
+               std::span<const double> after)
         : places_(places), before_(before), after_(after)
     {
         load();
     }
-    bool is_done() const { return vector_ == after_.size(); }
-    std::uint64_t start() const { return places_.starts[3 * vector_ + order_[next_]]; }
+    bool is_done() const { return first_ == after_.size(); }
+    std::uint64_t start() const { return places_.starts[first_ + order_[next_]]; }
     bool changes() const
     {
-        const Eigen::Index k = static_cast<Eigen::Index>(order_[next_]);
-        return before_[vector_][k] != after_[vector_][k];
+        return before_[first_ + order_[next_]] != after_[first_ + order_[next_]];
     }
     Edit edit() const
     {
         return {start(), places_.scalars[order_[next_]], places_.big_endian,
-                after_[vector_][static_cast<Eigen::Index>(order_[next_])]};
+                after_[first_ + order_[next_]]};
     }
     void advance()
     {
-        if (++next_ == 3)
+        if (++next_ == places_.length)
         {
             next_ = 0;
-            ++vector_;
+            first_ += places_.length;
             load();
         }
     }
@@ -107,16 +108,16 @@ private:
     {
         if (is_done())
             return;
-        const std::uint64_t* starts = &places_.starts[3 * vector_];
-        std::sort(order_.begin(), order_.end(),
+        const std::uint64_t* starts = &places_.starts[first_];
+        std::sort(order_.begin(), order_.begin() + static_cast<long>(places_.length),
                   [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
     }
 
     const Places& places_;
-    const std::vector<Eigen::Vector3d>& before_;
-    const std::vector<Eigen::Vector3d>& after_;
-    std::array<std::size_t, 3> order_ = {0, 1, 2};
-    std::size_t vector_ = 0, next_ = 0;
+    std::span<const double> before_, after_;
+    std::array<std::size_t, 4> order_ = {0, 1, 2, 3};
+    std::size_t first_ = 0; ///< number of the vector
+    std::size_t next_ = 0;  ///< in order_
 };
 
 /// Length of the number or index at \p start: what none of the formats has in one
@@ -157,8 +158,8 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
         throw unknown_format(file.path);
     if (file.bytes.empty())
         throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
-    const bool may_be_binary =
-        extension == "stl" || (extension == "ply" && file.bytes.starts_with("ply"));
+    const bool may_be_binary = extension == "stl" || extension == "pcd" ||
+                               (extension == "ply" && file.bytes.starts_with("ply"));
     if (const std::string guess = foreign_content(file.bytes);
         !guess.empty() && !may_be_binary)
         throw malformed({file.path, 0, ""},
@@ -171,6 +172,8 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
         scan_all(StlScanner(file.path, file.bytes.size()), file);
     else if (extension == "off")
         scan_all(OffScanner(file.path, file.bytes.size()), file);
+    else if (extension == "pcd")
+        scan_all(PcdScanner(file.path, file.bytes.size()), file);
     else
         scan_all(ColumnsScanner(file.path, extension, options.columns), file);
     check_magnitude(file);
@@ -211,6 +214,8 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
 std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
 {
     const Geometry& geometry = file.geometry;
+    if (!geometry.unpacked.empty())
+        return patched_pcd(file, patch);
     const std::vector<DirectionUse> uses = direction_uses(geometry);
     ObjSplit split;
     if (!geometry.corner_directions.empty())
@@ -242,25 +247,32 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
     {
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
-            throw malformed(
-                {file.path, 0, "byte " + std::to_string(edit.start)},
-                "the deformed value does not fit the type it is stored in (got " +
-                    shortest(edit.value) + ")");
+            throw does_not_fit(file.path, edit.start, edit.value);
         const std::size_t size = stored_size(edit.scalar);
         replace(edit.start, size > 0 ? size : token_length(bytes, edit.start), text);
     };
-    EditStream samples(geometry.sample_places, geometry.samples, patch.samples);
-    EditStream directions(geometry.direction_places, geometry.directions,
-                          split.directions);
+    std::array<EditStream, 4> streams = {
+        EditStream(geometry.sample_places, numbers_of(geometry.samples),
+                   numbers_of(patch.samples)),
+        EditStream(geometry.direction_places, numbers_of(geometry.directions),
+                   numbers_of(split.directions)),
+        EditStream(geometry.tangent_places, numbers_of(geometry.tangents),
+                   numbers_of(patch.tangents)),
+        EditStream(geometry.rotation_places, numbers_of(geometry.rotations),
+                   numbers_of(patch.rotations))};
     std::size_t index = 0;
     constexpr std::uint64_t kEnd = ~std::uint64_t(0);
     for (;;)
     {
-        const std::uint64_t s = samples.is_done() ? kEnd : samples.start();
-        const std::uint64_t d = directions.is_done() ? kEnd : directions.start();
+        const auto start_of = [](const EditStream& stream)
+        { return stream.is_done() ? kEnd : stream.start(); };
+        EditStream& stream =
+            *std::min_element(streams.begin(), streams.end(),
+                              [&](const EditStream& a, const EditStream& b)
+                              { return start_of(a) < start_of(b); });
         const std::uint64_t i =
             index == split.index_starts.size() ? kEnd : split.index_starts[index];
-        const std::uint64_t first = std::min({s, d, i});
+        const std::uint64_t first = std::min(start_of(stream), i);
         if (first == kEnd)
             break;
         if (first == i)
@@ -269,7 +281,6 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
             ++index;
             continue;
         }
-        EditStream& stream = first == s ? samples : directions;
         if (stream.changes())
             apply(stream.edit());
         stream.advance();

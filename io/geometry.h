@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -33,13 +34,15 @@ enum class Scalar : std::uint8_t
     Float64
 };
 
-/// Three numbers of one vector each, for a whole list of vectors: where in the
-/// bytes number k of vector i starts (places[3 * i + k]) and how it is stored.
+/// The numbers of vectors of one length, for a whole list of them: where in the bytes
+/// number k of vector i starts (starts[length * i + k]) and how it is stored.
 struct Places
 {
-    std::array<Scalar, 3> scalars = {Scalar::Text, Scalar::Text, Scalar::Text};
+    std::size_t length = 3; ///< at most 4
+    std::array<Scalar, 4> scalars = {Scalar::Text, Scalar::Text, Scalar::Text,
+                                     Scalar::Text};
     bool big_endian = false;
-    std::vector<std::uint64_t> starts; ///< [byte]
+    std::vector<std::uint64_t> starts = {}; ///< [byte]
 };
 
 /// Faces of one OBJ group or object; a name may come back.
@@ -68,6 +71,14 @@ struct Geometry
     std::vector<std::uint32_t> corner_directions; ///< OBJ: direction or kNone, a corner
     std::vector<std::uint64_t> corner_direction_starts; ///< [byte] of that index's token
 
+    /// Tangents: tangent i belongs to sample tangent_samples[i].
+    std::vector<Eigen::Vector3d> tangents;
+    std::vector<std::uint32_t> tangent_samples;
+    /// Rotations of samples that are more than a point (Gaussian splats), as
+    /// quaternions w x y z of any length but 0.
+    std::vector<Eigen::Vector4d> rotations;
+    std::vector<std::uint32_t> rotation_samples;
+
     std::vector<std::array<std::uint8_t, 3>> colours; ///< empty, or one a sample
     std::vector<FaceGroup> groups;
     std::vector<std::string> attributes; ///< what else a sample or face carries
@@ -75,6 +86,15 @@ struct Geometry
 
     Places sample_places;
     Places direction_places;
+    Places tangent_places;
+    Places rotation_places = {4};
+
+    /// Where the file packs its numbers: what they are unpacked to, which the places
+    /// count in. Empty: they count in the file's bytes.
+    std::string unpacked;
+    std::uint64_t packed_start = 0; ///< PCD: of the compressed part [byte]
+    /// Why the file cannot be written with samples elsewhere; empty: it can.
+    std::string not_writable;
 
     std::size_t num_faces() const { return face_ends.size(); }
     std::span<const std::uint32_t> face(std::size_t f) const
@@ -86,12 +106,15 @@ struct Geometry
     std::size_t num_triangles() const { return corners.size() - 2 * face_ends.size(); }
 };
 
+struct GltfLayout;
+
 /// A geometry file in memory. Immutable.
 struct GeometryFile
 {
     std::string path;
     std::string bytes;
     Geometry geometry;
+    std::shared_ptr<const GltfLayout> gltf = nullptr; ///< of a glTF, see gltf.h
 };
 
 /// The formats that can be read and written, by lower-case extension.
@@ -130,6 +153,9 @@ struct Patch
 {
     std::vector<Eigen::Vector3d> samples;    ///< as many as the geometry's
     std::vector<Eigen::Vector3d> directions; ///< one for each of direction_uses()
+    /// As many as the geometry's, or none: then they stay.
+    std::vector<Eigen::Vector3d> tangents = {};
+    std::vector<Eigen::Vector4d> rotations = {};
 };
 
 /// The file's bytes with \p patch in place. A number whose value does not change

@@ -179,18 +179,19 @@ std::size_t PlyScanner::header(std::string_view part)
 
 void PlyScanner::assign_roles(Geometry& out)
 {
-    static constexpr std::string_view names[9] = {"x",  "y",   "z",     "nx",  "ny",
-                                                  "nz", "red", "green", "blue"};
+    static constexpr std::string_view names[kCornerList] = {
+        "x",     "y",     "z",     "nx",  "ny",    "nz",  "rot_0",
+        "rot_1", "rot_2", "rot_3", "red", "green", "blue"};
     bool has_vertex = false;
     for (Element& element : elements_)
     {
-        bool found[9] = {};
+        bool found[kCornerList] = {};
         for (Property& property : element.properties)
         {
             element.min_bytes +=
                 stored_size(property.is_list ? property.count_type : property.type);
             if (element.name == "vertex" && !property.is_list)
-                for (int role = 0; role < 9; ++role)
+                for (int role = 0; role < kCornerList; ++role)
                     if (property.name == names[role])
                     {
                         property.role = role;
@@ -198,7 +199,7 @@ void PlyScanner::assign_roles(Geometry& out)
                     }
             if (element.name == "face" && property.is_list &&
                 (property.name == "vertex_indices" || property.name == "vertex_index"))
-                property.role = 9;
+                property.role = kCornerList;
         }
         if (encoding_ == Encoding::Ascii)
             element.min_bytes = 2 * element.properties.size();
@@ -219,28 +220,47 @@ void PlyScanner::assign_roles(Geometry& out)
             throw malformed(where, "no vertices");
         if (element.count > kMaxSamples)
             throw malformed(where, "more than 2147483647 vertices");
-        const bool has_normals = found[3] && found[4] && found[5];
-        const bool has_colours = found[6] && found[7] && found[8];
+        const auto has = [&](int first, int end)
+        { return std::all_of(found + first, found + end, [](bool is) { return is; }); };
+        const auto is_stored_real = [&](const Property& property)
+        {
+            return property.role < kRotation || property.role >= kColour ||
+                   is_real(property.type);
+        };
+        const bool has_normals = has(kNormal, kRotation);
+        const bool has_rotations = has(kRotation, kColour) &&
+                                   std::all_of(element.properties.begin(),
+                                               element.properties.end(), is_stored_real);
+        const bool has_colours = has(kColour, kCornerList);
         for (Property& property : element.properties)
         {
             const bool is_ascii = encoding_ == Encoding::Ascii;
             const Scalar stored = !is_ascii                ? property.type
                                   : is_real(property.type) ? Scalar::Text
                                                            : Scalar::TextInt;
-            if ((property.role >= 3 && property.role < 6 && !has_normals) ||
-                (property.role >= 6 && (!has_colours || property.type != Scalar::UInt8)))
+            const bool is_normal = property.role >= kNormal && property.role < kRotation,
+                       is_rotation =
+                           property.role >= kRotation && property.role < kColour,
+                       is_colour =
+                           property.role >= kColour && property.role < kCornerList;
+            if ((is_normal && !has_normals) || (is_rotation && !has_rotations) ||
+                (is_colour && (!has_colours || property.type != Scalar::UInt8)))
                 property.role = -1;
-            if (property.role >= 0 && property.role < 3)
-                out.sample_places.scalars[static_cast<std::size_t>(property.role)] =
-                    stored;
-            else if (property.role >= 3 && property.role < 6)
-                out.direction_places
-                    .scalars[static_cast<std::size_t>(property.role - 3)] = stored;
-            else if (property.role < 0)
+            const std::size_t role = static_cast<std::size_t>(property.role);
+            if (property.role < 0)
                 out.attributes.push_back(property.name);
+            else if (is_normal)
+                out.direction_places.scalars[role - kNormal] = stored;
+            else if (is_rotation)
+                out.rotation_places.scalars[role - kRotation] = stored;
+            else if (!is_colour)
+                out.sample_places.scalars[role] = stored;
         }
         out.sample_places.big_endian = encoding_ == Encoding::Big;
         out.direction_places.big_endian = encoding_ == Encoding::Big;
+        out.rotation_places.big_endian = encoding_ == Encoding::Big;
+        if (has_rotations)
+            out.attributes.push_back("rotations");
         if (has_normals)
             out.attributes.push_back("normals");
         if (has_colours)
@@ -272,11 +292,12 @@ void PlyScanner::add_corner(double index, std::uint64_t start, Geometry& out) co
 
 void PlyScanner::keep(const Element& element, const Record& record, Geometry& out)
 {
-    bool has_normal = false, has_colour = false;
+    bool has_normal = false, has_rotation = false, has_colour = false;
     for (const Property& property : element.properties)
     {
-        has_normal |= property.role == 3;
-        has_colour |= property.role == 6;
+        has_normal |= property.role == kNormal;
+        has_rotation |= property.role == kRotation;
+        has_colour |= property.role == kColour;
     }
     const double* v = record.values;
     for (int k = 0; k < 3; ++k)
@@ -287,9 +308,11 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
     out.sample_places.starts.insert(out.sample_places.starts.end(), record.starts,
                                     record.starts + 3);
     if (has_colour)
-        out.colours.push_back({static_cast<std::uint8_t>(v[6]),
-                               static_cast<std::uint8_t>(v[7]),
-                               static_cast<std::uint8_t>(v[8])});
+        out.colours.push_back({static_cast<std::uint8_t>(v[kColour]),
+                               static_cast<std::uint8_t>(v[kColour + 1]),
+                               static_cast<std::uint8_t>(v[kColour + 2])});
+    if (has_rotation)
+        keep_rotation(record, out);
     if (!has_normal)
         return;
     // A normal that is none stays as it is: it takes no part.
@@ -303,6 +326,21 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
     out.direction_places.starts.insert(out.direction_places.starts.end(),
                                        record.starts + 3, record.starts + 6);
+}
+
+void PlyScanner::keep_rotation(const Record& record, Geometry& out)
+{
+    const double* q = record.values + kRotation;
+    const Eigen::Vector4d rotation(q[0], q[1], q[2], q[3]);
+    if (!rotation.allFinite() || rotation.isZero(0))
+    {
+        ++num_bad_rotations_;
+        return;
+    }
+    out.rotations.push_back(rotation);
+    out.rotation_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
+    out.rotation_places.starts.insert(out.rotation_places.starts.end(),
+                                      record.starts + kRotation, record.starts + kColour);
 }
 
 bool PlyScanner::ascii_record(const Element& element, std::string_view line,
@@ -334,22 +372,22 @@ bool PlyScanner::ascii_record(const Element& element, std::string_view line,
                                     ")");
             if (property.role >= 0)
                 record.values[property.role] = value;
-            if (property.role >= 0 && property.role < 6)
+            if (property.role >= 0 && property.role < kColour)
                 record.starts[property.role] = token.start;
             continue;
         }
         if (!(value >= 0 && value <= 4294967295.0) || value != std::floor(value))
             throw malformed(here(token.start, property.name),
                             "is no list length (got " + in_quotes(token.text) + ")");
-        if (property.role == 9)
+        if (property.role == kCornerList)
             check_face(static_cast<std::uint64_t>(value), token.start);
         for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(value); ++i)
         {
             const double item = number(property.name);
-            if (property.role == 9)
+            if (property.role == kCornerList)
                 add_corner(item, token.start, out);
         }
-        if (property.role == 9)
+        if (property.role == kCornerList)
             out.face_ends.push_back(out.corners.size());
     }
     if (tokens.next(token))
@@ -376,7 +414,7 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
         {
             if (property.role >= 0)
                 record.values[property.role] = value;
-            if (property.role >= 0 && property.role < 6)
+            if (property.role >= 0 && property.role < kColour)
                 record.starts[property.role] = start + at;
             at += stored_size(type);
             continue;
@@ -385,7 +423,7 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
             throw malformed(here(start + at, property.name),
                             "is no list length (got " + shortest(value) + ")");
         const std::uint64_t count = static_cast<std::uint64_t>(value);
-        if (property.role == 9)
+        if (property.role == kCornerList)
             check_face(count, start + at);
         at += stored_size(type);
         const std::uint64_t size = count * stored_size(property.type);
@@ -395,7 +433,7 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
                                 std::to_string(count) + " items)");
         if (bytes.size() - at < size)
             return false;
-        if (property.role == 9)
+        if (property.role == kCornerList)
         {
             for (std::uint64_t i = 0; i < count; ++i)
                 add_corner(load_stored(bytes.data() + at + i * stored_size(property.type),
@@ -493,6 +531,10 @@ void PlyScanner::finish(Geometry& out)
             at({file_, 0, ""}, std::to_string(num_bad_normals_) +
                                    " normals are not finite and stay as "
                                    "they are"));
+    if (num_bad_rotations_ > 0)
+        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_bad_rotations_) +
+                                                      " rotations are zero or not finite "
+                                                      "and stay as they are"));
 }
 
 } // namespace cellwarp

@@ -41,7 +41,7 @@ private:
         Scalar type = Scalar::Float32;
         bool is_list = false;
         Scalar count_type = Scalar::UInt8;
-        int role = -1; ///< 0..2 position, 3..5 normal, 6..8 colour, 9 corner list
+        int role = -1; ///< what it means to us, see kNormal; -1: nothing
     };
     struct Element
     {
@@ -51,11 +51,13 @@ private:
         std::vector<Property> properties;
         std::uint64_t min_bytes = 0; ///< of a record
     };
+    /// Roles: 0..2 position, 3..5 normal, 6..9 rotation, 10..12 colour.
+    static constexpr int kNormal = 3, kRotation = 6, kColour = 10, kCornerList = 13;
     /// What one record gave.
     struct Record
     {
-        double values[9];
-        std::uint64_t starts[6];
+        double values[kCornerList];
+        std::uint64_t starts[kColour];
     };
 
     std::size_t header(std::string_view part);
@@ -67,6 +69,7 @@ private:
     bool binary_record(const Element& element, std::string_view bytes,
                        std::uint64_t start, std::size_t& length, Geometry& out);
     void keep(const Element& element, const Record& record, Geometry& out);
+    void keep_rotation(const Record& record, Geometry& out);
     void check_face(std::uint64_t count, std::uint64_t start) const;
     void add_corner(double index, std::uint64_t start, Geometry& out) const;
     Where here(std::uint64_t start, const std::string& field = {}) const;
@@ -81,7 +84,7 @@ private:
     std::size_t element_ = 0;  ///< being read
     std::uint64_t record_ = 0; ///< of that element
     std::int64_t lines_ = 0;
-    std::size_t num_bad_normals_ = 0;
+    std::size_t num_bad_normals_ = 0, num_bad_rotations_ = 0;
     std::uint64_t trailing_ = 0; ///< [bytes] after the last record
 };
 

@@ -16,10 +16,20 @@ namespace
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
 
-/// One line of \p count values, \p stride apart, in place.
-void transform_line(float* values, std::size_t stride, int count, std::vector<float>& f,
-                    std::vector<int>& site, std::vector<float>& from)
+/// What a line is transformed in.
+struct LineScratch
 {
+    std::vector<float> f, from;
+    std::vector<int> site;
+    std::vector<std::int32_t> labels;
+};
+
+/// One line of \p count values, \p stride apart, in place, and of their labels if there
+/// are any.
+void transform_line(float* values, std::int32_t* labels, std::size_t stride, int count,
+                    LineScratch& scratch)
+{
+    auto& [f, from, site, known] = scratch;
     f.resize(static_cast<std::size_t>(count));
     site.resize(static_cast<std::size_t>(count));
     from.resize(static_cast<std::size_t>(count) + 1);
@@ -50,6 +60,9 @@ void transform_line(float* values, std::size_t stride, int count, std::vector<fl
     }
     if (top < 0)
         return;
+    known.clear();
+    for (std::size_t q = 0; labels && q < f.size(); ++q)
+        known.push_back(labels[q * stride]);
     int next = 0;
     for (int q = 0; q < count; ++q)
     {
@@ -60,7 +73,34 @@ void transform_line(float* values, std::size_t stride, int count, std::vector<fl
         const float d = static_cast<float>(q - p);
         values[static_cast<std::size_t>(q) * stride] =
             d * d + f[static_cast<std::size_t>(p)];
+        if (labels)
+            labels[static_cast<std::size_t>(q) * stride] =
+                known[static_cast<std::size_t>(p)];
     }
+}
+
+/// Along x, then y, then z.
+void transform(std::vector<float>& d, std::int32_t* labels, const Eigen::Vector3i& counts)
+{
+    const std::size_t nx = static_cast<std::size_t>(counts.x());
+    const std::size_t ny = static_cast<std::size_t>(counts.y());
+    const std::size_t nz = static_cast<std::size_t>(counts.z());
+    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
+    {
+        parallel_ranges(lines, 64,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            LineScratch scratch;
+                            for (std::size_t line = begin; line < end; ++line)
+                                transform_line(d.data() + first(line),
+                                               labels ? labels + first(line) : nullptr,
+                                               stride, count, scratch);
+                        });
+    };
+    sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
+    sweep(nx * nz, nx, counts.y(),
+          [=](std::size_t line) { return line / nx * nx * ny + line % nx; });
+    sweep(nx * ny, nx * ny, counts.z(), [=](std::size_t line) { return line; });
 }
 
 } // namespace
@@ -71,26 +111,16 @@ std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
     std::vector<float> d(marks.size());
     for (std::size_t i = 0; i < marks.size(); ++i)
         d[i] = marks[i] ? 0.0f : kFar;
-    const std::size_t nx = static_cast<std::size_t>(counts.x());
-    const std::size_t ny = static_cast<std::size_t>(counts.y());
-    const std::size_t nz = static_cast<std::size_t>(counts.z());
-    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
-    {
-        parallel_ranges(lines, 64,
-                        [&](std::size_t begin, std::size_t end)
-                        {
-                            std::vector<float> f, from;
-                            std::vector<int> site;
-                            for (std::size_t line = begin; line < end; ++line)
-                                transform_line(d.data() + first(line), stride, count, f,
-                                               site, from);
-                        });
-    };
-    sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
-    sweep(nx * nz, nx, counts.y(),
-          [=](std::size_t line) { return line / nx * nx * ny + line % nx; });
-    sweep(nx * ny, nx * ny, counts.z(), [=](std::size_t line) { return line; });
+    transform(d, nullptr, counts);
     return d;
+}
+
+void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& counts)
+{
+    std::vector<float> d(labels.size());
+    for (std::size_t i = 0; i < labels.size(); ++i)
+        d[i] = labels[i] >= 0 ? 0.0f : kFar;
+    transform(d, labels.data(), counts);
 }
 
 } // namespace cellwarp

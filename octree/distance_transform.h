@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Exact Euclidean distances on a grid, for closing the gaps of soups and clouds.
+// Exact Euclidean distances on a grid: for closing the gaps of soups and clouds, and for
+// telling what is nearest.
 #pragma once
 
 #include <cstdint>
@@ -15,5 +16,9 @@ namespace cellwarp
 /// linear in the number of voxels. x runs fastest.
 std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
                                      const Eigen::Vector3i& counts);
+
+/// Gives every voxel whose label is negative the label of the voxel nearest to it that
+/// has one; of equally near ones always the same. Nothing where none has.
+void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& counts);
 
 } // namespace cellwarp

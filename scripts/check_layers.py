@@ -29,6 +29,7 @@ LIBRARIES = {
     "embree3/": {"editor/picture"},
     "stb/": {"editor/picture"},
     "CLI/": {"editor/cli", "tests/bench"},
+    "zlib.h": {"io/field_file.cpp"},
     "nlohmann/": {"io/scene_file.cpp", "editor/cli", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},

@@ -61,7 +61,7 @@ private:
 struct DeformFlags
 {
     SessionFlags session;
-    std::string output;
+    std::string output, field;
 };
 
 std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
@@ -160,6 +160,19 @@ void check_outputs(const OutputName& name, const std::string& output,
             check_output(name.of(frame), common.overwrite());
 }
 
+void check_field_output(const std::string& path, const std::vector<std::int64_t>& frames,
+                        const CommonFlags& common)
+{
+    if (extension_of(path) != "cwf")
+        throw Error(Fault::Usage,
+                    fmt::format("--save-field: got {}, need a name that ends in .cwf",
+                                in_quotes(path)));
+    if (frames.empty())
+        throw Error(Fault::Usage, "--save-field: the handle file has no frame, so there "
+                                  "is no field");
+    check_output(path, common.overwrite());
+}
+
 /// How the cells of the session's last stage came out.
 void add_cells(Json& json, const Session& session)
 {
@@ -251,6 +264,9 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         request.handles.emplace();
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
     check_outputs(name, flags.output, request.model, frames, common);
+    if (!flags.field.empty())
+        check_field_output(flags.field, frames, common);
+    request.settings.keeps_fields = !flags.field.empty();
 
     RunTimes ms;
     GeometryFile model = read_geometry(request.model, request.read);
@@ -282,6 +298,12 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     }
     if (!name.has_frame())
         write(flags.output);
+    if (!flags.field.empty())
+    {
+        const Clock::time_point write_start = Clock::now();
+        write_file(flags.field, field_bytes(session.field_file()), common.overwrite());
+        ms.write += ms_since(write_start);
+    }
     progress.end();
 
     const bool is_converged = sum_frames(session, ms, warnings);
@@ -330,6 +352,9 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
             "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
             "stdout")
         ->required();
+    command->add_option("--save-field", flags->field,
+                        "keeps the deformation (of all commits and the last frame) as "
+                        "FILE.cwf, for cellwarp apply");
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 

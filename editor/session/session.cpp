@@ -14,8 +14,12 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "editor/session/carrying.h"
+#include "editor/session/deformation.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/parallel.h"
+#include "solver/field/turning.h"
 
 namespace cellwarp
 {
@@ -131,11 +135,13 @@ Session::Session(GeometryFile model, HandleFile handles, SessionSettings setting
       settings_(std::move(settings))
 {
     const Geometry& geometry = model_.geometry;
-    rest_ = geometry.samples;
-    uses_ = direction_uses(geometry);
-    for (const DirectionUse& use : uses_)
-        rest_directions_.push_back(geometry.directions[use.direction]);
-    patch_ = {rest_, rest_directions_};
+    rest_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
+    for (const DirectionUse& use : direction_uses(geometry))
+    {
+        rest_.directions.push_back(geometry.directions[use.direction]);
+        use_samples_.push_back(use.sample);
+    }
+    patch_ = rest_;
     parts_.faces = geometry.num_faces() > 0;
     warnings_ = geometry.warnings;
     const bool has_frames =
@@ -155,13 +161,14 @@ void Session::start_stage(std::size_t stage)
     stage_ = stage;
     frame_ = 0;
     const Stage& statements = handles_.stages[stage];
-    const auto rest = build_rest_shape(model_.geometry, rest_, settings_.cells);
+    const auto rest = build_rest_shape(model_.geometry, rest_.samples, settings_.cells);
     parts_.interior += rest->material.method != InsideMethod::None;
     warnings_.insert(warnings_.end(), rest->warnings.begin(), rest->warnings.end());
-    const Units units{rest->frame, handles_.is_relative, bounding_box(rest_)};
+    const Units units{rest->frame, handles_.is_relative, bounding_box(rest_.samples)};
     const auto regions = std::make_shared<const RegionSet>(
         rest,
-        resolve_regions(statements.regions, model_.geometry, rest_, units, handles_.path),
+        resolve_regions(statements.regions, model_.geometry, rest_.samples, units,
+                        handles_.path),
         handles_.path);
     state_ = std::make_unique<StageState>(
         Recutting(rest, regions, settings_.cells,
@@ -536,25 +543,15 @@ void Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
+    patch_ = rest_;
     const std::vector<Eigen::Vector3d> displacements =
-        s.field->displacements(s.rig.rest().samples, s.rig.body().cell_of_sample);
-    patch_.samples.resize(rest_.size());
-    for (std::size_t i = 0; i < rest_.size(); ++i)
-        patch_.samples[i] = rest_[i] + frame.vector_to_model(displacements[i]);
-    patch_.directions = rest_directions_;
-    for (std::size_t u = 0; u < uses_.size(); ++u)
-    {
-        const std::uint32_t i = uses_[u].sample;
-        const Eigen::Matrix3d gradient =
-            s.field->value(s.rig.rest().samples[i], s.rig.body().cell_of_sample[i])
-                .gradient;
-        if (gradient.isZero(0))
-            continue;
-        const Eigen::Matrix3d J =
-            Eigen::Matrix3d::Identity() + frame.axes.transpose() * gradient * frame.axes;
-        patch_.directions[u] = turned_normal(J, rest_directions_[u]);
-    }
-    parts_.normals += !uses_.empty();
+        carry(*s.field, frame, s.rig.rest().samples, s.rig.body().cell_of_sample,
+              {patch_.samples,
+               {use_samples_, patch_.directions},
+               {model_.geometry.tangent_samples, patch_.tangents},
+               {model_.geometry.rotation_samples, patch_.rotations}});
+    parts_.normals +=
+        !rest_.directions.empty() || !rest_.tangents.empty() || !rest_.rotations.empty();
     report.apply_ms = ms_since(start);
 
     const double diagonal = frame.diagonal();
@@ -573,8 +570,16 @@ void Session::move_samples(FrameReport& report)
 
 void Session::commit()
 {
-    rest_ = patch_.samples;
-    rest_directions_ = patch_.directions;
+    if (settings_.keeps_fields)
+        committed_fields_.push_back(stored_field(state_->rig, *state_->field));
+    rest_ = patch_;
+}
+
+FieldFile Session::field_file() const
+{
+    FieldFile file{committed_fields_};
+    file.stages.push_back(stored_field(state_->rig, *state_->field));
+    return file;
 }
 
 std::optional<Volume> Session::volume() const

@@ -15,6 +15,7 @@
 
 #include "editor/session/recutting.h"
 #include "editor/session/rig.h"
+#include "io/field_file.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 #include "solver/field/field.h"
@@ -40,6 +41,7 @@ struct SessionSettings
     double gradient_tolerance = 1e-6;
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldKind field = FieldKind::Rbf;
+    bool keeps_fields = false; ///< of commits, for field_file()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};
@@ -97,6 +99,9 @@ public:
     const PartCounts& parts() const { return parts_; }
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
+    /// The maps of all commits and of the last frame that wanted samples, as a chain.
+    /// \pre keeps_fields, and there was such a frame
+    FieldFile field_file() const;
     /// What the session works on now: null before its first stage, and valid until the
     /// next one begins.
     const Rig* rig() const;
@@ -127,13 +132,13 @@ private:
     HandleFile handles_;
     SessionSettings settings_;
     std::size_t stage_ = 0, frame_ = 0;
-    std::vector<Eigen::Vector3d> rest_;            ///< samples of this stage [model unit]
-    std::vector<Eigen::Vector3d> rest_directions_; ///< one a direction use
-    std::vector<DirectionUse> uses_;
+    Patch rest_;                             ///< of this stage
+    std::vector<std::uint32_t> use_samples_; ///< of the direction uses
     Patch patch_;
     std::vector<FrameReport> reports_;
     std::vector<std::string> warnings_;
     PartCounts parts_;
+    std::vector<StoredField> committed_fields_;
     std::unique_ptr<StageState> state_;
 };
 

@@ -11,18 +11,6 @@
 namespace cellwarp
 {
 
-Eigen::Vector3d turned_normal(const Eigen::Matrix3d& J, const Eigen::Vector3d& normal)
-{
-    if (J.isIdentity(0))
-        return normal;
-    Eigen::Matrix3d cofactor;
-    for (int k = 0; k < 3; ++k)
-        cofactor.col(k) = J.col((k + 1) % 3).cross(J.col((k + 2) % 3));
-    const Eigen::Vector3d turned = cofactor * normal;
-    const double length = turned.norm();
-    return length > 0 ? Eigen::Vector3d(turned * (normal.norm() / length)) : normal;
-}
-
 Eigen::Vector3d nearest_in_box(const Eigen::Vector3d& centre, double edge,
                                const Eigen::Vector3d& x)
 {

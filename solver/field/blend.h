@@ -21,10 +21,6 @@ struct FieldValue
     Eigen::Matrix3d gradient = Eigen::Matrix3d::Zero();
 };
 
-/// A normal after the map with Jacobian J: the cofactor matrix keeps it normal to
-/// the surface, also where J is singular in one direction. The length is kept.
-Eigen::Vector3d turned_normal(const Eigen::Matrix3d& J, const Eigen::Vector3d& normal);
-
 /// How much a point follows a cell. The weights of a point sum to 1.
 struct Influence
 {

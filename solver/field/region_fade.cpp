@@ -116,6 +116,15 @@ RegionFade::RegionFade(const Cells& cells, std::span<const Node> samples,
 {
 }
 
+RegionFade::RegionFade(const Cells& cells, const std::vector<Node>& nodes,
+                       std::vector<int> near_cells, double radius)
+    : tree_(places_of(nodes)), near_cells_(std::move(near_cells)), radius_(radius)
+{
+    for (const Node& node : nodes)
+        node_cells_.push_back(node.cell);
+    find_touched(cells);
+}
+
 RegionFade::RegionFade(const Cells& cells, double edge, const std::vector<Node>& nodes)
     : tree_(places_of(nodes)), radius_(kWidth * edge)
 {

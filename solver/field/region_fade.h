@@ -33,6 +33,9 @@ public:
     /// samples is not empty
     RegionFade(const Cells& cells, std::span<const Node> samples,
                std::span<const Node> further);
+    /// One that was built before, from what it tells.
+    RegionFade(const Cells& cells, const std::vector<Node>& nodes,
+               std::vector<int> near_cells, double radius);
 
     /// The distinct places, and the cells that hold them.
     const std::vector<Eigen::Vector3d>& nodes() const { return tree_.points(); }

@@ -16,6 +16,10 @@ BODY = b"".join(struct.pack("<3fB", *v) for v in ((0, 0, 0, 1), (1, 0, 0, 2), (0
 BIG = b"".join(struct.pack(">3fB", *v) for v in ((0, 0, 0, 1), (1, 0, 0, 2), (0, 1, 0, 3)))
 FACET = (b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
          b"endfacet\n")
+PCD = (b"VERSION .7\nFIELDS x y z rgb normal_x normal_y normal_z _\nSIZE 4 4 4 4 4 4 4 1\n"
+       b"TYPE F F F F F F F U\nCOUNT 1 1 1 1 1 1 1 2\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA %s\n")
+CLOUD = (0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 2, 0, 0, 1)
+CLOUD_COLUMNS = struct.pack("<14f4B", *(CLOUD[k] for i in range(7) for k in (i, i + 7)), 1, 2, 3, 4)
 HANDLES = (b"cellwarp-handles 1\nunits relative\nfixed a box 0 0 0 1 1 1\nhandle b sphere 0 0 0 1\n"
            b"pin c indices 1 2-3\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
            b"frame 1\nmove b rotate 0 0 1 45 about 0 0 0 translate 0 1 0\nmove c to 0 0 0\ncommit\n"
@@ -33,6 +37,11 @@ SEEDS = {
                  b"x" * 80 + struct.pack("<I12fH", 1, *range(12), 7)],
     "fuzz_off": [b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
                  b"CNOFF\n3 1 0\n0 0 0 0 0 1 9 9 9 9\n1 0 0 0 0 1\n0 1 0 0 0 1\n3 0 1 2 0.5 0 0\n"],
+    "fuzz_pcd": [PCD % b"ascii" + b"0 0 0 1 0 0 1 1 2\n1 0 0 2 0 0 1 3 4\n",
+                 PCD % b"binary" + b"".join(struct.pack("<7f2B", *p, 1, 2) for p in (CLOUD[:7], CLOUD[7:])),
+                 # Packed as literals: two runs, of 32 bytes and of the rest.
+                 PCD % b"binary_compressed" + struct.pack("<2I", 62, 60) + b"\x1f" +
+                 CLOUD_COLUMNS[:32] + b"\x1b" + CLOUD_COLUMNS[32:]],
     "fuzz_xyz": [b"0 0 0 0 0 1\n1 0 0 0 0 1\n", b"//X Y Z R G B\n0 0 0 1 2 3\n", b"1;2;3\n"],
     "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
     "fuzz_session_files": [b"\0" + HANDLES, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",

@@ -149,6 +149,33 @@ TEST(Ply, normals_turn_and_bad_ones_stay)
         contains(patched(file, patch), "0 0 0 1 0 0\n1 0 0 nan 0 0\n0 1 0 0 0 0\n"));
 }
 
+TEST(Ply, the_rotations_of_splats_turn_and_zero_normals_stay)
+{
+    const std::string properties =
+        kXyz +
+        "property float nx\nproperty float ny\nproperty float nz\nproperty float "
+        "rot_1\nproperty float rot_0\nproperty float opacity\nproperty float rot_2\n"
+        "property float rot_3\n";
+    const std::string text = header("ascii", properties, 0) +
+                             "0 0 0 0 0 0 .2 .1 7 .3 .4\n1 0 0 0 0 0 0 0 7 0 0\n"
+                             "0 1 0 0 0 0 nan 0 7 0 0\n";
+    const GeometryFile file = scan_geometry("x.ply", text);
+    EXPECT_TRUE(file.geometry.directions.empty());
+    ASSERT_EQ(file.geometry.rotations.size(), 1u);
+    EXPECT_EQ(file.geometry.rotations[0], Eigen::Vector4d(0.1, 0.2, 0.3, 0.4));
+    ASSERT_EQ(file.geometry.warnings.size(), 1u);
+    EXPECT_TRUE(contains(file.geometry.warnings[0], "2 rotations are zero or not"));
+    Patch patch = same(file.geometry);
+    EXPECT_EQ(patched(file, patch), text);
+    patch.rotations = {Eigen::Vector4d(5, 0.2, 6, 0.4)};
+    EXPECT_TRUE(contains(patched(file, patch), "\n0 0 0 0 0 0 .2 5 7 6 .4\n"));
+    // Whole numbers cannot hold a rotation.
+    std::string whole = text;
+    whole.replace(whole.find("float rot_3"), 11, "uchar rot_3");
+    whole.replace(whole.find(" .4"), 3, " 40");
+    EXPECT_TRUE(scanned(whole).rotations.empty());
+}
+
 TEST(Ply, counts_that_lie_are_seen_through)
 {
     for (const char* count : {"4000000000", "9223372036854775807", "18446744073709551615",

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "io/number.h"
+#include "io/stored_number.h"
 #include "octree/parallel.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -811,6 +812,51 @@ TEST(Session, normals_turn_with_the_surface)
             EXPECT_EQ(n, Eigen::Vector3d::UnitZ());
         }
     }
+}
+
+TEST(Session, splats_turn_as_a_whole_with_a_rigid_motion)
+{
+    std::mt19937 rng(7);
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    const std::vector<Eigen::Vector3d> points =
+        support::random_points(survey_bar(6), 3000, 2);
+    std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " +
+                        std::to_string(points.size()) + "\n";
+    for (const char* name : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "opacity",
+                             "scale_0", "rot_0", "rot_1", "rot_2", "rot_3"})
+        bytes += std::string("property float ") + name + "\n";
+    bytes += "end_header\n";
+    std::vector<Eigen::Vector4d> rotations;
+    for (const Eigen::Vector3d& x : points)
+    {
+        Eigen::Vector4d q;
+        q << random_vector(rng, 1.0), random_vector(rng, 1.0).x();
+        rotations.push_back(q);
+        for (const double v :
+             {x.x(), x.y(), x.z(), 0.0, 0.0, 0.0, 0.5, 1.0, -3.0, q[0], q[1], q[2], q[3]})
+            store(v, Scalar::Float32, false, bytes);
+    }
+    const std::string text = "handle foot box -1 -1 -1 1 1 0.25\n"
+                             "handle head box -1 -1 3.75 1 1 5\nframe 1\nmove foot " +
+                             matrix_text(R, {1, 2, 3}) + "\nmove head " +
+                             matrix_text(R, {1, 2, 3}) + "\n";
+    const Session session = played(scan_geometry("m.ply", bytes), text, settings(16));
+    EXPECT_TRUE(session.model().geometry.directions.empty());
+    const Geometry moved =
+        scan_geometry("m.ply", patched(session.model(), session.patch())).geometry;
+    ASSERT_EQ(moved.rotations.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i)
+    {
+        const Eigen::Vector4d &q = rotations[i], &after = moved.rotations[i];
+        const Eigen::Quaterniond wanted =
+            Eigen::Quaterniond(R) * Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
+        const Eigen::Vector4d w(wanted.w(), wanted.x(), wanted.y(), wanted.z());
+        EXPECT_LT(std::min((after - w).norm(), (after + w).norm()), 1e-6);
+        EXPECT_GE(after.dot(q), 0.0);
+    }
+    const std::vector<std::string>& warnings = session.warnings();
+    EXPECT_TRUE(std::none_of(warnings.begin(), warnings.end(),
+                             [](const std::string& w) { return contains(w, "normal"); }));
 }
 
 TEST(Session, regions_that_contradict_each_other_are_named)

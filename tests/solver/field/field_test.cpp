@@ -352,6 +352,42 @@ TEST(LocalRbf, is_near_to_the_global_interpolant_and_as_smooth)
     EXPECT_LT(bend(local), 1.1 * bend(global));
 }
 
+TEST(LocalRbf, fits_again_only_what_has_moved_and_factors_nothing_twice)
+{
+    const Built bar = support::bar(4, 4, 24);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    std::vector<Pose> poses = twisted(bar, 0.1);
+    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, true);
+    const Field first = *fitter.fit(poses, {});
+    EXPECT_EQ(fitter.num_solved(), first.num_clusters());
+    EXPECT_EQ(fitter.num_factored(), first.num_clusters());
+    (void)fitter.fit(poses, {});
+    EXPECT_EQ(fitter.num_solved(), 0u);
+    poses.front().p.x() += 0.01;
+    const Field again = *fitter.fit(poses, {});
+    EXPECT_GT(fitter.num_solved(), 0u);
+    EXPECT_LT(fitter.num_solved(), first.num_clusters() / 3);
+    EXPECT_EQ(fitter.num_factored(), 0u);
+    const Field fresh = fit_field(FieldKind::Rbf, bar.cells, poses, constraints, {});
+    std::mt19937 rng(12);
+    for (int trial = 0; trial < 50; ++trial)
+    {
+        const Eigen::Vector3d x = point_in(rng, 4, 4, 24);
+        const int own = own_cell(bar, x);
+        EXPECT_EQ(again.value(x, own).displacement, fresh.value(x, own).displacement);
+    }
+}
+
+TEST(LocalRbf, is_not_fitted_once_it_is_stopped)
+{
+    const Built bar = support::bar(3, 3, 6);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, false);
+    std::stop_source stop;
+    stop.request_stop();
+    EXPECT_FALSE(fitter.fit(twisted(bar, 0.1), {}, stop.get_token()));
+}
+
 TEST(LocalRbf, gradient_matches_finite_differences_inside_and_outside)
 {
     const Built bar = support::bar(3, 3, 12);

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/parallel.h"
+#include "solver/field/turning.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 

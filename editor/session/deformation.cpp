@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Beside the material a point follows the piece whose voxel is nearest to its own; beyond
+// the grid, to the nearest voxel of the border.
+#include "editor/session/deformation.h"
+
+#include <algorithm>
+#include <deque>
+
+#include "io/error.h"
+#include "octree/distance_transform.h"
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+template <class Matrix>
+void append(const Matrix& matrix, std::vector<double>& numbers)
+{
+    numbers.insert(numbers.end(), matrix.data(), matrix.data() + matrix.size());
+}
+
+void append_motion(const Eigen::Matrix3d& R, const Eigen::Vector3d& t,
+                   std::vector<double>& numbers)
+{
+    append(Eigen::Matrix3d(R.transpose()), numbers);
+    append(t, numbers);
+}
+
+Eigen::Vector3d vector_at(const std::vector<double>& numbers, std::size_t i)
+{
+    return Eigen::Map<const Eigen::Vector3d>(numbers.data() + 3 * i);
+}
+
+Eigen::Matrix3d by_rows(const double* numbers)
+{
+    return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers);
+}
+
+void store_material(const Rig& rig, StoredField& out)
+{
+    const GridShape& shape = rig.rest().material.grid.shape();
+    Eigen::Map<Eigen::Vector3i>(out.coarsest.data()) = shape.coarsest;
+    out.edge = shape.edge;
+    out.max_depth = shape.max_depth;
+    out.voxels_per_leaf = shape.voxels_per_leaf;
+    for (const std::int32_t piece : rig.body().pieces.piece_of_voxel)
+    {
+        if (out.run_pieces.empty() || out.run_pieces.back() != piece)
+        {
+            out.run_pieces.push_back(piece);
+            out.run_lengths.push_back(0);
+        }
+        ++out.run_lengths.back();
+    }
+}
+
+void store_cells(const Cells& cells, const FieldParts& field, StoredField& out)
+{
+    for (const Cell& cell : cells.cells)
+    {
+        append(cell.box_centre, out.box_centres);
+        out.edges.push_back(cell.edge);
+        append(cell.centre, out.centres);
+    }
+    out.first_neighbour = cells.first_neighbour;
+    out.neighbours = cells.neighbours;
+    for (const Pose& pose : field.poses)
+        append_motion(pose.R, pose.p, out.poses);
+    out.is_idle.assign(field.is_idle.begin(), field.is_idle.end());
+}
+
+void store_fits(const FieldParts& field, StoredField& out)
+{
+    const auto add = [&](const RbfField& fit)
+    {
+        append(fit.terms().origin, out.rbf_origins);
+        append(fit.terms().polynomial, out.rbf_polynomials);
+        append(fit.terms().centres, out.rbf_centres);
+        out.first_centre.push_back(static_cast<std::int32_t>(out.rbf_centres.size() / 6));
+    };
+    out.first_centre.push_back(0);
+    if (field.global)
+        add(*field.global);
+    if (!field.local)
+        return;
+    const Clusters& clusters = field.local->clusters();
+    out.first_membership = clusters.first_membership;
+    for (const Membership& membership : clusters.memberships)
+    {
+        out.membership_fits.push_back(membership.cluster);
+        out.membership_weights.push_back(membership.weight);
+    }
+    for (const auto& fit : field.local->fits())
+        add(*fit);
+}
+
+StoredRegion stored_region(const MovedRegion& region)
+{
+    StoredRegion out;
+    std::vector<double> motion;
+    append_motion(region.motion.R, region.motion.t, motion);
+    std::copy(motion.begin(), motion.end(), out.motion.begin());
+    out.radius = region.fade->radius();
+    out.may_turn = region.may_turn;
+    for (const Eigen::Vector3d& node : region.fade->nodes())
+        append(node, out.nodes);
+    out.node_cells = region.fade->node_cells();
+    for (const FieldValue& miss : region.misses)
+    {
+        append(miss.displacement, out.misses);
+        append(miss.gradient, out.misses);
+    }
+    out.near_cells = region.fade->near_cells();
+    out.deep_cells = region.deep_cells;
+    return out;
+}
+
+} // namespace
+
+StoredField stored_field(const Rig& rig, const Field& field)
+{
+    StoredField out;
+    const WorkFrame& frame = rig.rest().frame;
+    Eigen::Map<Eigen::Vector3d>(out.origin.data()) = frame.origin;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.axes.data()) =
+        frame.axes;
+    out.exponent = frame.exponent;
+    Eigen::Map<Eigen::Vector3d>(out.size.data()) = frame.size;
+    store_material(rig, out);
+    const FieldParts& parts = field.parts();
+    store_cells(rig.body().cells, parts, out);
+    out.kind = static_cast<std::int32_t>(parts.kind);
+    out.num_centres = static_cast<std::uint32_t>(parts.num_centres);
+    out.residual = parts.residual;
+    store_fits(parts, out);
+    for (const MovedRegion& region : parts.regions)
+        out.regions.push_back(stored_region(region));
+    return out;
+}
+
+/// One stage, ready to be applied.
+struct Deformation::Map
+{
+    Map(const StoredField& stored, const std::string& path);
+
+    void carry(const Carried& carried) const;
+
+    WorkFrame frame;
+    VoxelGrid grid;
+    std::vector<std::int32_t> piece_of_voxel; ///< or the nearest one
+    Cells cells;                              ///< without faces
+    std::deque<RegionFade> fades;
+    std::unique_ptr<const Field> field;
+
+private:
+    void read_material(const StoredField& stored, const std::string& path);
+    void read_cells(const StoredField& stored);
+    FieldParts read_field(const StoredField& stored);
+};
+
+namespace
+{
+
+WorkFrame frame_of(const StoredField& stored)
+{
+    WorkFrame frame;
+    frame.origin = Eigen::Vector3d(stored.origin.data());
+    frame.axes = by_rows(stored.axes.data());
+    frame.exponent = stored.exponent;
+    frame.size = Eigen::Vector3d(stored.size.data());
+    return frame;
+}
+
+GridShape grid_of(const StoredField& stored)
+{
+    return {Eigen::Vector3d(stored.size.data()), Eigen::Vector3i(stored.coarsest.data()),
+            stored.edge, stored.max_depth, stored.voxels_per_leaf};
+}
+
+std::shared_ptr<const RbfField> fit_at(const StoredField& stored, std::size_t i)
+{
+    RbfField::Terms terms;
+    terms.origin = vector_at(stored.rbf_origins, i);
+    terms.polynomial = Eigen::Map<const Eigen::Matrix<double, 3, RbfField::kTerms>>(
+        stored.rbf_polynomials.data() + 3 * RbfField::kTerms * i);
+    terms.centres = Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>>(
+        stored.rbf_centres.data() + 6 * stored.first_centre[i], 6,
+        stored.first_centre[i + 1] - stored.first_centre[i]);
+    return std::make_shared<const RbfField>(std::move(terms));
+}
+
+} // namespace
+
+Deformation::Map::Map(const StoredField& stored, const std::string& path)
+    : frame(frame_of(stored)), grid(grid_of(stored))
+{
+    read_material(stored, path);
+    read_cells(stored);
+    field = std::make_unique<const Field>(cells, read_field(stored));
+}
+
+void Deformation::Map::read_material(const StoredField& stored, const std::string& path)
+{
+    for (std::size_t run = 0; run < stored.run_lengths.size(); ++run)
+        piece_of_voxel.insert(piece_of_voxel.end(), stored.run_lengths[run],
+                              stored.run_pieces[run]);
+    if (piece_of_voxel.size() != grid.size())
+        throw malformed({path, 0, "section 'runs'"},
+                        "the material does not fill the grid (got " +
+                            std::to_string(piece_of_voxel.size()) + " voxels, need " +
+                            std::to_string(grid.size()) + ")");
+    spread_labels(piece_of_voxel, grid.counts());
+    if (piece_of_voxel.front() < 0)
+        throw malformed({path, 0, "section 'run pieces'"}, "there is no material");
+}
+
+void Deformation::Map::read_cells(const StoredField& stored)
+{
+    cells.cells.resize(stored.edges.size());
+    for (std::size_t c = 0; c < cells.size(); ++c)
+    {
+        Cell& cell = cells.cells[c];
+        cell.box_centre = vector_at(stored.box_centres, c);
+        cell.edge = stored.edges[c];
+        cell.centre = vector_at(stored.centres, c);
+    }
+    cells.first_neighbour = stored.first_neighbour;
+    cells.neighbours = stored.neighbours;
+}
+
+FieldParts Deformation::Map::read_field(const StoredField& stored)
+{
+    FieldParts parts;
+    parts.kind = static_cast<FieldKind>(stored.kind);
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        parts.poses.push_back(
+            {by_rows(stored.poses.data() + 12 * c), vector_at(stored.poses, 4 * c + 3)});
+    parts.is_idle.assign(stored.is_idle.begin(), stored.is_idle.end());
+    parts.num_centres = stored.num_centres;
+    parts.residual = stored.residual;
+    if (parts.kind == FieldKind::RbfGlobal)
+        parts.global = fit_at(stored, 0);
+    if (parts.kind == FieldKind::Rbf)
+    {
+        auto clusters = std::make_shared<Clusters>();
+        clusters->first_membership = stored.first_membership;
+        for (std::size_t m = 0; m < stored.membership_fits.size(); ++m)
+            clusters->memberships.push_back(
+                {stored.membership_fits[m], stored.membership_weights[m]});
+        LocalRbf::Fits fits;
+        for (std::size_t i = 0; i + 1 < stored.first_centre.size(); ++i)
+            fits.push_back(fit_at(stored, i));
+        parts.local.emplace(std::move(clusters), std::move(fits));
+    }
+    for (const StoredRegion& region : stored.regions)
+    {
+        std::vector<RegionFade::Node> nodes;
+        MovedRegion moved;
+        for (std::size_t i = 0; i < region.node_cells.size(); ++i)
+        {
+            nodes.push_back({vector_at(region.nodes, i), region.node_cells[i]});
+            FieldValue& miss = moved.misses.emplace_back();
+            miss.displacement = vector_at(region.misses, 4 * i);
+            miss.gradient =
+                Eigen::Map<const Eigen::Matrix3d>(region.misses.data() + 12 * i + 3);
+        }
+        moved.fade = &fades.emplace_back(cells, nodes, region.near_cells, region.radius);
+        moved.motion = {by_rows(region.motion.data()),
+                        Eigen::Vector3d(region.motion.data() + 9)};
+        moved.may_turn = region.may_turn != 0;
+        moved.deep_cells = region.deep_cells;
+        parts.regions.push_back(std::move(moved));
+    }
+    return parts;
+}
+
+void Deformation::Map::carry(const Carried& carried) const
+{
+    std::vector<Eigen::Vector3d> work(carried.places.size());
+    std::vector<int> own(carried.places.size());
+    parallel_ranges(work.size(), 1024,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            work[i] = frame.to_work(carried.places[i]);
+                            own[i] = piece_of_voxel[grid.index(grid.locate(work[i]))];
+                        }
+                    });
+    cellwarp::carry(*field, frame, work, own, carried);
+}
+
+Deformation::Deformation(const FieldFile& file, const std::string& path)
+    : checksum_(file.checksum)
+{
+    for (const StoredField& stage : file.stages)
+        maps_.push_back(std::make_unique<const Map>(stage, path));
+}
+
+Deformation::~Deformation() = default;
+Deformation::Deformation(Deformation&&) noexcept = default;
+Deformation& Deformation::operator=(Deformation&&) noexcept = default;
+
+void Deformation::carry(const Carried& carried, std::stop_token stop) const
+{
+    for (const std::unique_ptr<const Map>& map : maps_)
+        if (!stop.stop_requested())
+            map->carry(carried);
+}
+
+} // namespace cellwarp

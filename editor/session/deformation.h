@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A deformation apart from the session that made it: from a field file, for any points of
+// the same space.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "editor/session/carrying.h"
+#include "editor/session/rig.h"
+#include "io/field_file.h"
+#include "solver/field/field.h"
+
+namespace cellwarp
+{
+
+/// What is kept of a rig and its field: all that moves a point.
+StoredField stored_field(const Rig& rig, const Field& field);
+
+/// Maps that follow each other, one for each commit and the last. Immutable.
+class Deformation
+{
+public:
+    /// \p path names the file, for messages. Throws Fault::Malformed if its parts do not
+    /// fit together.
+    Deformation(const FieldFile& file, const std::string& path);
+    ~Deformation();
+    Deformation(Deformation&&) noexcept;
+    Deformation& operator=(Deformation&&) noexcept;
+
+    std::size_t num_maps() const { return maps_.size(); }
+    std::uint32_t checksum() const { return checksum_; } ///< of the file
+
+    /// Moves the places and turns what hangs on them, on all threads. What a place
+    /// becomes depends on it alone, to the bit: a sample of the session's model gets what
+    /// the session gave it. When stopped it returns early and leaves anything.
+    void carry(const Carried& carried, std::stop_token stop = {}) const;
+
+private:
+    struct Map;
+    std::vector<std::unique_ptr<const Map>> maps_;
+    std::uint32_t checksum_ = 0;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Patching of numbers that do not stand in the file's bytes as they are, but in a body
+// that these are unpacked to: all of them binary, in any order.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "io/error.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// A list of vectors as its numbers.
+template <class Vector>
+std::span<const double> numbers_of(const std::vector<Vector>& vectors)
+{
+    return {reinterpret_cast<const double*>(vectors.data()),
+            vectors.size() * sizeof(Vector) / sizeof(double)};
+}
+
+/// Overwrites the numbers that change, at their places in \p body.
+/// Throws Fault::Malformed, naming \p file, if one does not fit its stored type.
+void overwrite_changed(const Places& places, std::span<const double> before,
+                       std::span<const double> after, const std::string& file,
+                       std::string& body);
+
+/// The error for a number that its type cannot hold.
+Error does_not_fit(const std::string& file, std::uint64_t start, double value);
+
+} // namespace cellwarp

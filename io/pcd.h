@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Point Cloud Data: text, binary and compressed, any fields and types.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "io/error.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// Reads a PCD part by part: the header in the first part, then whole points; of a
+/// compressed one all points at once. A point whose x, y and z are all NaN is one that
+/// the sensor did not see: it is no sample, and its bytes stay.
+class PcdScanner
+{
+public:
+    /// \p file_bytes: size of the whole file, to see through counts that lie.
+    PcdScanner(std::string file, std::uint64_t file_bytes)
+        : file_(std::move(file)), file_bytes_(file_bytes)
+    {
+    }
+
+    std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
+                     Geometry& out);
+    void finish(Geometry& out);
+
+private:
+    enum class Encoding
+    {
+        Text,
+        Binary,
+        Compressed
+    };
+    struct Field
+    {
+        std::string name;
+        std::uint64_t size = 4, count = 1; ///< of a number [bytes]; numbers
+        char kind = 'F';                   ///< F real, I signed, U unsigned
+        int role = -1;                     ///< 0..2 position, 3..5 normal, 6 colour
+        std::uint64_t offset = 0;          ///< in a point [bytes]
+
+        std::optional<Scalar> type() const;
+    };
+    /// What one point gave.
+    struct Point
+    {
+        double values[6] = {};
+        std::uint64_t starts[6] = {};
+        std::uint32_t colour = 0; ///< 0xRRGGBB
+    };
+
+    std::size_t header(std::string_view part);
+    void header_line(std::string_view line);
+    void check_header();
+    void assign_roles(Geometry& out);
+    void text_point(std::string_view line, std::uint64_t start, Geometry& out);
+    /// Of points that stand one after the other from \p bytes on (binary), or field by
+    /// field (compressed).
+    void binary_point(std::string_view bytes, std::uint64_t start, Geometry& out);
+    std::size_t unpack(std::string_view part, std::uint64_t start, bool is_last,
+                       Geometry& out);
+    void keep(const Point& point, Geometry& out);
+    Where here(std::uint64_t start, const std::string& field = {}) const;
+
+    std::string file_;
+    std::uint64_t file_bytes_;
+    bool has_header_ = false, has_data_ = false;
+    Encoding encoding_ = Encoding::Text;
+    std::vector<Field> fields_;
+    std::vector<std::string> sizes_, kinds_, counts_; ///< as the header spells them
+    std::int64_t fields_line_ = 0, sizes_line_ = 0, kinds_line_ = 0, counts_line_ = 0,
+                 points_line_ = 0;
+    std::optional<std::uint64_t> width_, height_, promised_;
+    std::uint64_t num_points_ = 0, point_bytes_ = 0, num_tokens_ = 0;
+    bool has_normals_ = false, has_colours_ = false;
+    std::uint64_t point_ = 0; ///< being read
+    std::int64_t lines_ = 0;
+    std::uint64_t num_missing_ = 0, num_bad_normals_ = 0;
+    std::uint64_t trailing_ = 0; ///< [bytes] after the last point
+};
+
+/// The bytes of a compressed PCD with \p patch in place, compressed again. Where nothing
+/// changes they are the file's.
+std::string patched_pcd(const GeometryFile& file, const Patch& patch);
+
+} // namespace cellwarp

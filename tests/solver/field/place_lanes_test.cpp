@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/field/place_lanes.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using support::Built;
+
+/// Two slabs side by side, joined at one end, in cells of two sizes.
+Built slabs()
+{
+    Built all = support::built(
+        support::joined(support::box_shape({0, 0, 0}, {8, 3, 4}, 1),
+                        support::joined(support::box_shape({0, 3.5, 0}, {8, 6.5, 4}, 1),
+                                        support::box_shape({0, 2.5, 0}, {1, 4, 4}, 1))),
+        8, 1);
+    std::vector<int> some;
+    for (std::size_t i = 0; i < all.octree.leaves().size(); i += 5)
+        some.push_back(static_cast<int>(i));
+    all.octree = all.octree.split(some, material_test(all.material.grid));
+    all.pieces = find_pieces(all.material.grid, all.octree);
+    all.cells = build_cells(all.material.grid, all.octree, all.pieces);
+    return all;
+}
+
+} // namespace
+
+TEST(PlaceInfluences, have_the_bits_of_those_of_each_place)
+{
+    const Built built = slabs();
+    const ClosestCells closest(built.cells);
+    PlaceInfluences influences(closest);
+    std::mt19937 rng(2);
+    std::vector<Influence> alone;
+    int most = 0;
+    for (std::size_t own = 0; own < built.cells.size(); ++own)
+    {
+        const Cell& cell = built.cells.cells[own];
+        const Eigen::Vector3d half = Eigen::Vector3d::Constant(0.5 * cell.edge);
+        influences.enter(static_cast<int>(own), cell.box_centre - half,
+                         cell.box_centre + half);
+        PlaceVectors places;
+        for (int l = 0; l < kPlaces; ++l) // some of them outside of the box
+            places.row(l) =
+                (cell.box_centre + support::random_vector(rng, 0.6 * cell.edge))
+                    .transpose()
+                    .array();
+        const auto found = influences.find(places, true);
+        for (int l = 0; l < kPlaces; ++l)
+        {
+            closest.influences(places.row(l).transpose().matrix(), static_cast<int>(own),
+                               alone);
+            std::size_t next = 0;
+            for (const InfluenceOnPlaces& influence : found)
+            {
+                if (influence.weight[l] == 0.0)
+                    continue;
+                ASSERT_LT(next, alone.size());
+                EXPECT_EQ(influence.cell, alone[next].cell);
+                EXPECT_EQ(influence.weight[l], alone[next].weight);
+                EXPECT_LT((influence.gradient.row(l).transpose().matrix() -
+                           alone[next].gradient)
+                              .norm(),
+                          1e-12 / cell.edge);
+                ++next;
+            }
+            EXPECT_EQ(next, alone.size());
+            most = std::max(most, static_cast<int>(next));
+        }
+    }
+    EXPECT_GE(most, 8);
+}
+
+} // namespace cellwarp
