@@ -29,7 +29,7 @@ LIBRARIES = {
     "embree3/": {"editor/picture"},
     "stb/": {"editor/picture"},
     "CLI/": {"editor/cli", "tests/bench"},
-    "nlohmann/": {"io/scene_file.cpp", "editor/cli", "tests"},
+    "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
     "CGAL/": {"tests/bench/arap_peer.cpp"},
