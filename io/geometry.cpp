@@ -12,6 +12,7 @@
 #include "io/columns.h"
 #include "io/error.h"
 #include "io/gltf.h"
+#include "io/import/import.h"
 #include "io/number.h"
 #include "io/obj.h"
 #include "io/off.h"
@@ -190,9 +191,15 @@ GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
 {
     if (std::filesystem::is_directory(path))
         throw Error(Fault::File, at({path, 0, ""}, "is a directory, need a file"));
-    if (!is_geometry_format(extension_of(path)))
+    const std::string extension = extension_of(path);
+    if (is_geometry_format(extension))
+        return scan_geometry(path, read_file(path), options);
+    if (!is_import_format(extension))
         throw unknown_format(path);
-    return scan_geometry(path, read_file(path), options);
+    GeometryFile file{path, {}, {}};
+    file.geometry = import_geometry(path, read_file(path));
+    check_magnitude(file);
+    return file;
 }
 
 std::vector<DirectionUse> direction_uses(const Geometry& geometry)

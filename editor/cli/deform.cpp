@@ -339,8 +339,8 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
     command
         ->add_option(
             "-o,--output", flags->output,
-            "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
-            "stdout")
+            "result, in the model's format (of one that is only read: .obj or .ply); "
+            "{frame} or {frame:04}: one a frame; -: stdout")
         ->required();
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

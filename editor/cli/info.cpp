@@ -96,7 +96,11 @@ void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
         app.add_subcommand("info", "What geometry files hold.\n\n"
                                    "  cellwarp info bunny.obj\n"
                                    "  cellwarp info --json a.ply b.ply\n");
-    command->add_option("FILE", flags->files, "geometry files")->required();
+    command
+        ->add_option("FILE", flags->files,
+                     "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
+                     "columns, or what can only be read (fbx, dae, 3ds, ...)")
+        ->required();
     add_columns(*command, flags->columns);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }
