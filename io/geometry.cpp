@@ -11,6 +11,8 @@
 
 #include "io/columns.h"
 #include "io/error.h"
+#include "io/gltf.h"
+#include "io/import/import.h"
 #include "io/number.h"
 #include "io/obj.h"
 #include "io/off.h"
@@ -27,8 +29,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "pcd",
-                                         "xyz", "pts", "csv", "txt", "asc"};
+constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "pcd",  "xyz",
+                                         "pts", "csv", "txt", "asc", "gltf", "glb"};
 
 /// Largest coordinate: beyond it squares overflow.
 constexpr double kMaxCoordinate = 1e150;
@@ -53,12 +55,14 @@ void scan_all(Scanner scanner, GeometryFile& file)
 void check_magnitude(const GeometryFile& file)
 {
     const Geometry& geometry = file.geometry;
+    const std::vector<std::uint64_t>& starts = geometry.sample_places.starts;
     for (std::size_t i = 0; i < geometry.samples.size(); ++i)
         if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
             throw malformed({file.path, 0,
-                             "sample " + std::to_string(i) + " (byte " +
-                                 std::to_string(geometry.sample_places.starts[3 * i]) +
-                                 ")"},
+                             "sample " + std::to_string(i) +
+                                 (3 * i < starts.size()
+                                      ? " (byte " + std::to_string(starts[3 * i]) + ")"
+                                      : "")},
                             "is beyond 1e150");
 }
 
@@ -159,6 +163,7 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
     if (file.bytes.empty())
         throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
     const bool may_be_binary = extension == "stl" || extension == "pcd" ||
+                               extension == "glb" || extension == "glb" ||
                                (extension == "ply" && file.bytes.starts_with("ply"));
     if (const std::string guess = foreign_content(file.bytes);
         !guess.empty() && !may_be_binary)
@@ -174,6 +179,8 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
         scan_all(OffScanner(file.path, file.bytes.size()), file);
     else if (extension == "pcd")
         scan_all(PcdScanner(file.path, file.bytes.size()), file);
+    else if (extension == "gltf" || extension == "glb")
+        scan_gltf(file);
     else
         scan_all(ColumnsScanner(file.path, extension, options.columns), file);
     check_magnitude(file);
@@ -184,9 +191,15 @@ GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
 {
     if (std::filesystem::is_directory(path))
         throw Error(Fault::File, at({path, 0, ""}, "is a directory, need a file"));
-    if (!is_geometry_format(extension_of(path)))
+    const std::string extension = extension_of(path);
+    if (is_geometry_format(extension))
+        return scan_geometry(path, read_file(path), options);
+    if (!is_import_format(extension))
         throw unknown_format(path);
-    return scan_geometry(path, read_file(path), options);
+    GeometryFile file{path, {}, {}};
+    file.geometry = import_geometry(path, read_file(path));
+    check_magnitude(file);
+    return file;
 }
 
 std::vector<DirectionUse> direction_uses(const Geometry& geometry)
@@ -214,6 +227,10 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
 std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
 {
     const Geometry& geometry = file.geometry;
+    if (num_split)
+        *num_split = 0;
+    if (file.gltf)
+        return patched_gltf(file, patch, {}).bytes;
     if (!geometry.unpacked.empty())
         return patched_pcd(file, patch);
     const std::vector<DirectionUse> uses = direction_uses(geometry);

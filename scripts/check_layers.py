@@ -10,7 +10,8 @@ import sys
 
 # Room -> rooms that it may include. The longest prefix of a path is its room.
 ROOMS = {
-    "io": {"io"},
+    "io": {"io", "io/import"},
+    "io/import": {"io/import", "io"},
     "octree": {"octree"},
     "solver": {"solver", "octree"},
     "solver/field": {"solver/field", "solver", "octree"},
@@ -26,17 +27,19 @@ LIBRARIES = {
     "lapacke.h": {"solver/field/rbf.cpp"},
     "tbb/": {"octree/parallel.cpp"},
     "nanoflann.hpp": {"octree/point_tree.cpp"},
+    "assimp/": {"io/import/import.cpp"},
     "embree3/": {"editor/picture"},
     "stb/": {"editor/picture"},
     "CLI/": {"editor/cli", "tests/bench"},
     "zlib.h": {"io/field_file.cpp"},
-    "nlohmann/": {"io/scene_file.cpp", "editor/cli", "tests"},
+    "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
     "CGAL/": {"tests/bench/arap_peer.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
-OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"}}
+OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
+            "io/import": {"io/geometry.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 

@@ -65,7 +65,11 @@ Number in_range(const char* flag, Number value, Number low, Number high)
 void SessionFlags::add_to(CLI::App& app)
 {
     const SessionSettings defaults;
-    app.add_option("MODEL", model, "geometry file or scene (json)")->required();
+    app.add_option(
+           "MODEL", model,
+           "scene (json) or geometry file: obj, ply, stl, off, pcd, gltf, glb, text in "
+           "columns, or what can only be read (fbx, dae, 3ds, ...)")
+        ->required();
     add_columns(app, columns);
     app.add_option("--handles", handles, "handle file: regions and frames");
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");

@@ -8,6 +8,7 @@
 
 #include "editor/cli/command.h"
 #include "io/error.h"
+#include "io/geometry_output.h"
 #include "io/number.h"
 
 namespace cellwarp
@@ -148,18 +149,14 @@ void check_outputs(const OutputName& name, const std::string& output,
 {
     if (!name.has_frame())
         check_output(output, common.overwrite());
-    const std::string format = extension_of(model);
-    if (is_geometry_format(format) && output != "-" && extension_of(name.of(0)) != format)
-        throw Error(Fault::Usage,
-                    fmt::format("{}: the output has the model's format (got {}, "
-                                "need .{})",
-                                output, in_quotes("." + extension_of(name.of(0))),
-                                format));
+    if (output != "-")
+        check_output_format(name.of(0), extension_of(model));
     if (name.has_frame())
         for (const std::int64_t frame : frames)
             check_output(name.of(frame), common.overwrite());
 }
 
+/// The same for --save-field.
 void check_field_output(const std::string& path, const std::vector<std::int64_t>& frames,
                         const CommonFlags& common)
 {
@@ -171,6 +168,22 @@ void check_field_output(const std::string& path, const std::vector<std::int64_t>
         throw Error(Fault::Usage, "--save-field: the handle file has no frame, so there "
                                   "is no field");
     check_output(path, common.overwrite());
+}
+
+/// What only the model tells.
+void check_model_outputs(const OutputName& name, const GeometryFile& model,
+                         const std::vector<std::int64_t>& frames,
+                         const CommonFlags& common)
+{
+    if (!frames.empty() && !model.geometry.not_writable.empty() &&
+        is_geometry_format(model.geometry.format))
+        throw malformed({model.path, 0, ""},
+                        "cannot be written: " + model.geometry.not_writable);
+    if (!name.has_frame())
+        check_geometry_output(name.of(0), model, common.overwrite());
+    else
+        for (const std::int64_t frame : frames)
+            check_geometry_output(name.of(frame), model, common.overwrite());
 }
 
 /// How the cells of the session's last stage came out.
@@ -270,6 +283,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
 
     RunTimes ms;
     GeometryFile model = read_geometry(request.model, request.read);
+    check_model_outputs(name, model, frames, common);
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
@@ -280,9 +294,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     const auto write = [&](const std::string& path)
     {
         const Clock::time_point write_start = Clock::now();
-        std::size_t num_split = 0;
-        const std::string bytes = patched(session.model(), session.patch(), &num_split);
-        write_file(path, bytes, common.overwrite());
+        const std::size_t num_split =
+            write_geometry(path, session.model(), session.patch(), common.overwrite());
         ms.write += ms_since(write_start);
         if (num_split > 0)
             warnings.push_back(
@@ -349,8 +362,8 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
     command
         ->add_option(
             "-o,--output", flags->output,
-            "result, in the model's format; {frame} or {frame:04}: one a frame; -: "
-            "stdout")
+            "result, in the model's format (of one that is only read: .obj or .ply); "
+            "{frame} or {frame:04}: one a frame; -: stdout")
         ->required();
     command->add_option("--save-field", flags->field,
                         "keeps the deformation (of all commits and the last frame) as "

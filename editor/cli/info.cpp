@@ -26,7 +26,7 @@ Json describe(const GeometryFile& file)
     json["box"] = {{box.low.x(), box.low.y(), box.low.z()},
                    {box.high.x(), box.high.y(), box.high.z()}};
     json["attributes"] = geometry.attributes;
-    json["writable"] = true;
+    json["writable"] = geometry.not_writable.empty();
     return json;
 }
 
@@ -48,7 +48,8 @@ std::string as_text(const Json& json)
     std::string attributes;
     for (const Json& name : json["attributes"])
         attributes += (attributes.empty() ? "" : ", ") + name.get<std::string>();
-    return text + "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
+    text += "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
+    return text + "  writable    " + (json["writable"].get<bool>() ? "yes" : "no") + "\n";
 }
 
 struct InfoFlags
@@ -69,6 +70,8 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             print_warnings(file.geometry.warnings, common);
             all.push_back(describe(file));
             text += path + "\n" + as_text(all.back());
+            if (!file.geometry.not_writable.empty())
+                text += "              " + file.geometry.not_writable + "\n";
         }
         catch (const Error& error)
         {
@@ -93,7 +96,11 @@ void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
         app.add_subcommand("info", "What geometry files hold.\n\n"
                                    "  cellwarp info bunny.obj\n"
                                    "  cellwarp info --json a.ply b.ply\n");
-    command->add_option("FILE", flags->files, "geometry files")->required();
+    command
+        ->add_option("FILE", flags->files,
+                     "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
+                     "columns, or what can only be read (fbx, dae, 3ds, ...)")
+        ->required();
     add_columns(*command, flags->columns);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

@@ -4,6 +4,8 @@
 
 usage: make_seeds.py TARGET FOLDER
 """
+import base64
+import json
 import os
 import struct
 import sys
@@ -20,6 +22,30 @@ PCD = (b"VERSION .7\nFIELDS x y z rgb normal_x normal_y normal_z _\nSIZE 4 4 4 4
        b"TYPE F F F F F F F U\nCOUNT 1 1 1 1 1 1 1 2\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA %s\n")
 CLOUD = (0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 2, 0, 0, 1)
 CLOUD_COLUMNS = struct.pack("<14f4B", *(CLOUD[k] for i in range(7) for k in (i, i + 7)), 1, 2, 3, 4)
+GLTF = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"children": [1], "scale": [2, 1, -1]}, {"mesh": 0, "translation": [1, 2, 3]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 5}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                       "min": [0, 0, 0], "max": [1, 1, 0]},
+                      {"bufferView": 0, "byteOffset": 36, "componentType": 5121, "count": 3,
+                       "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 39}]}
+TRIANGLE = struct.pack("<9f3Bx", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
+
+
+def gltf():
+    uri = "data:;base64," + base64.b64encode(TRIANGLE).decode()
+    return json.dumps(dict(GLTF, buffers=[{"byteLength": 40, "uri": uri}])).encode()
+
+
+def glb():
+    text = json.dumps(dict(GLTF, buffers=[{"byteLength": 40}])).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = (struct.pack("<I4s", len(text), b"JSON") + text +
+              struct.pack("<I4s", len(TRIANGLE), b"BIN\0") + TRIANGLE)
+    return b"glTF" + struct.pack("<2I", 2, 12 + len(chunks)) + chunks
+
+
 HANDLES = (b"cellwarp-handles 1\nunits relative\nfixed a box 0 0 0 1 1 1\nhandle b sphere 0 0 0 1\n"
            b"pin c indices 1 2-3\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
            b"frame 1\nmove b rotate 0 0 1 45 about 0 0 0 translate 0 1 0\nmove c to 0 0 0\ncommit\n"
@@ -42,6 +68,8 @@ SEEDS = {
                  # Packed as literals: two runs, of 32 bytes and of the rest.
                  PCD % b"binary_compressed" + struct.pack("<2I", 62, 60) + b"\x1f" +
                  CLOUD_COLUMNS[:32] + b"\x1b" + CLOUD_COLUMNS[32:]],
+    "fuzz_gltf": [gltf()],
+    "fuzz_glb": [glb()],
     "fuzz_xyz": [b"0 0 0 0 0 1\n1 0 0 0 0 1\n", b"//X Y Z R G B\n0 0 0 1 2 3\n", b"1;2;3\n"],
     "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
     "fuzz_session_files": [b"\0" + HANDLES, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",

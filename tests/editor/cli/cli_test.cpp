@@ -233,6 +233,49 @@ TEST(Cli, info_describes_one_file_or_several)
     EXPECT_TRUE(contains(run({"info", files.model}).out, "290"));
 }
 
+TEST(Cli, a_gltf_that_cannot_be_written_is_told_before_any_work)
+{
+    const Files files;
+    const auto gltf = [](const std::string& nodes, const std::string& uri)
+    {
+        return R"({"asset":{"version":"2.0"},"nodes":[)" + nodes +
+               R"(],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],)"
+               R"("accessors":[{"bufferView":0,"componentType":5126,"count":3,)"
+               R"("type":"VEC3"}],"bufferViews":[{"buffer":0,"byteLength":36}],)"
+               R"("buffers":[{"byteLength":36,"uri":")" +
+               uri + R"("}]})";
+    };
+    const auto deform = [&](const std::string& model, const std::string& out) {
+        return run({"deform", model, "--handles", files.handles, "-o", out});
+    };
+    const std::string twice =
+        files.folder.write("twice.gltf", gltf(R"({"mesh":0,"name":"left"},{"mesh":0})",
+                                              "data:;base64," + std::string(48, 'A')));
+    const nlohmann::json info = nlohmann::json::parse(run({"info", "--json", twice}).out);
+    EXPECT_EQ(info["samples"], 6);
+    EXPECT_EQ(info["writable"], false);
+    EXPECT_TRUE(
+        contains(run({"info", twice}).out, "nodes[0] 'left': its mesh has sever"));
+    Result result = deform(twice, files.folder / "out.gltf");
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "twice.gltf: cannot be written: nodes[0] 'left'"));
+    EXPECT_EQ(deform(twice, files.folder / "out.glb").code, 2);
+
+    files.folder.write("a.bin", std::string(36, '\0'));
+    const std::string beside =
+        files.folder.write("beside.gltf", gltf(R"({"mesh":0})", "a.bin"));
+    EXPECT_EQ(run({"deform", beside, "-o", "-"}).code, 2);
+    files.folder.write("out.bin", "old");
+    result = run({"deform", beside, "-o", files.folder / "out.gltf"});
+    EXPECT_EQ(result.code, 4);
+    EXPECT_TRUE(contains(result.err, "out.bin: exists already"));
+    EXPECT_FALSE(std::filesystem::exists(files.folder / "out.gltf"));
+    EXPECT_EQ(
+        run({"deform", beside, "-o", files.folder / "out.gltf", "--overwrite"}).code, 0);
+    EXPECT_EQ(bytes_of(files.folder / "out.bin"), std::string(36, '\0'));
+    EXPECT_EQ(run({"deform", beside, "-o", files.folder / "f-{frame}.gltf"}).code, 0);
+}
+
 TEST(Cli, info_tells_of_the_good_files_among_bad_ones)
 {
     const Files files;

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/geometry_output.h"
+
+#include <filesystem>
+
+#include "io/error.h"
+#include "io/gltf.h"
+#include "io/number.h"
+#include "io/plain_mesh.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+bool is_same_file(const std::string& a, const std::string& b)
+{
+    std::error_code ignored;
+    return fs::equivalent(a, b, ignored);
+}
+
+/// The model's buffers must outlive a copy of the model.
+void check_companion(const std::string& path, const std::string& output,
+                     const GeometryFile& model, Overwrite overwrite)
+{
+    check_output(path, overwrite);
+    if (is_same_file(output, model.path))
+        return;
+    for (const GltfLayout::Buffer& buffer : model.gltf->buffers)
+        if (!buffer.path.empty() && is_same_file(path, buffer.path))
+            throw Error(Fault::File,
+                        at({output, 0, ""}, "its buffer would replace the model's own, " +
+                                                path + ": choose another name"));
+}
+
+} // namespace
+
+void check_output_format(const std::string& output, const std::string& format)
+{
+    const std::string extension = extension_of(output);
+    const std::string got = " (got " + in_quotes("." + extension) + ", need .";
+    if (!is_geometry_format(format) && !is_plain_format(extension))
+        throw Error(Fault::Usage,
+                    at({output, 0, ""}, "a ." + format +
+                                            " can only be read; what becomes of it is a "
+                                            "plain mesh" +
+                                            got + "obj or .ply)"));
+    if (is_geometry_format(format) && extension != format)
+        throw Error(Fault::Usage,
+                    at({output, 0, ""},
+                       "the output has the model's format" + got + format + ")"));
+}
+
+void check_geometry_output(const std::string& output, const GeometryFile& model,
+                           Overwrite overwrite)
+{
+    const std::string& format = model.geometry.format;
+    if (output == "-" && !is_geometry_format(format))
+        throw Error(Fault::Usage,
+                    "-o -: a ." + format + " can only be read; name an .obj or .ply");
+    if (!model.gltf)
+        return;
+    for (const std::string& path : companion_paths(*model.gltf, output))
+    {
+        if (output == "-")
+            throw Error(Fault::Usage, "-o -: " + model.path +
+                                          " has buffers in files of their own; name a "
+                                          ".gltf for it to be beside them");
+        check_companion(path, output, model, overwrite);
+    }
+}
+
+std::size_t write_geometry(const std::string& output, const GeometryFile& model,
+                           const Patch& patch, Overwrite overwrite)
+{
+    if (!is_geometry_format(model.geometry.format))
+    {
+        write_file(output, plain_mesh_bytes(model.geometry, patch, extension_of(output)),
+                   overwrite);
+        return 0;
+    }
+    if (model.gltf)
+    {
+        const PatchedGltf result = patched_gltf(model, patch, output);
+        for (const Companion& companion : result.companions)
+            write_file(companion.path, companion.bytes, overwrite);
+        write_file(output, result.bytes, overwrite);
+        return 0;
+    }
+    std::size_t num_split = 0;
+    write_file(output, patched(model, patch, &num_split), overwrite);
+    return num_split;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A model with a deformation in place, as files: the model's own format, patched, or
+// one of two others where that can only be read.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "io/bytes.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// Throws Fault::Usage unless a model of \p format may be written under this name.
+void check_output_format(const std::string& output, const std::string& format);
+
+/// Throws what write_geometry() would throw, before any work is done for it; also for
+/// files that it writes beside \p output.
+void check_geometry_output(const std::string& output, const GeometryFile& model,
+                           Overwrite overwrite);
+
+/// Writes \p model with \p patch in place: what stands beside it first, then the file.
+/// Gives the number of normals that were split, see patched().
+std::size_t write_geometry(const std::string& output, const GeometryFile& model,
+                           const Patch& patch, Overwrite overwrite);
+
+} // namespace cellwarp

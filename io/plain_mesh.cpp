@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/plain_mesh.h"
+
+#include <utility>
+#include <vector>
+
+#include "io/number.h"
+#include "io/stored_number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A normal for each sample; empty if one has none.
+std::vector<Eigen::Vector3d> normals_of(const Geometry& geometry, const Patch& patch)
+{
+    std::vector<Eigen::Vector3d> normals(patch.samples.size(), Eigen::Vector3d::Zero());
+    const std::vector<DirectionUse> uses = direction_uses(geometry);
+    for (std::size_t u = 0; u < uses.size(); ++u)
+        normals[uses[u].sample] = patch.directions[u];
+    for (const Eigen::Vector3d& normal : normals)
+        if (normal.isZero(0))
+            return {};
+    return normals;
+}
+
+std::string obj_bytes(const Geometry& geometry, const Patch& patch,
+                      const std::vector<Eigen::Vector3d>& normals)
+{
+    std::string text;
+    const auto add_all =
+        [&](const char* word, const std::vector<Eigen::Vector3d>& vectors)
+    {
+        for (const Eigen::Vector3d& v : vectors)
+        {
+            text += word;
+            for (int k = 0; k < 3; ++k)
+                text += " " + shortest(v[k]);
+            text += "\n";
+        }
+    };
+    add_all("v", patch.samples);
+    add_all("vn", normals);
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        text += "f";
+        for (const std::uint32_t corner : geometry.face(f))
+        {
+            const std::string index = std::to_string(corner + std::uint64_t(1));
+            text += " " + index + (normals.empty() ? "" : "//" + index);
+        }
+        text += "\n";
+    }
+    return text;
+}
+
+std::string ply_bytes(const Geometry& geometry, const Patch& patch,
+                      const std::vector<Eigen::Vector3d>& normals)
+{
+    std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " +
+                        std::to_string(patch.samples.size()) + "\n";
+    for (const char* name : {"double x", "double y", "double z"})
+        bytes += std::string("property ") + name + "\n";
+    if (!normals.empty())
+        for (const char* name : {"float nx", "float ny", "float nz"})
+            bytes += std::string("property ") + name + "\n";
+    if (geometry.num_faces() > 0)
+        bytes += "element face " + std::to_string(geometry.num_faces()) +
+                 "\nproperty list uint uint vertex_indices\n";
+    bytes += "end_header\n";
+    for (std::size_t i = 0; i < patch.samples.size(); ++i)
+    {
+        for (int k = 0; k < 3; ++k)
+            store(patch.samples[i][k], Scalar::Float64, false, bytes);
+        for (int k = 0; k < 3 && !normals.empty(); ++k)
+            store(normals[i][k], Scalar::Float32, false, bytes);
+    }
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        store(static_cast<double>(corners.size()), Scalar::UInt32, false, bytes);
+        for (const std::uint32_t corner : corners)
+            store(corner, Scalar::UInt32, false, bytes);
+    }
+    return bytes;
+}
+
+} // namespace
+
+bool is_plain_format(std::string_view extension)
+{
+    return extension == "obj" || extension == "ply";
+}
+
+std::string plain_mesh_bytes(const Geometry& geometry, const Patch& patch,
+                             std::string_view extension)
+{
+    const std::vector<Eigen::Vector3d> normals = normals_of(geometry, patch);
+    return extension == "obj" ? obj_bytes(geometry, patch, normals)
+                              : ply_bytes(geometry, patch, normals);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/import/import.h"
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+/// A tetrahedron, its faces without shared corners in the file's eyes, under two nodes;
+/// the second one is moved by (0, 0, 3) and twice as large.
+std::string collada(const std::string& positions = "0 0 0 1 0 0 0 1 0 0 0 1")
+{
+    return R"(<?xml version="1.0" encoding="utf-8"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Y_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="12">)" +
+           positions + R"(</float_array><technique_common>
+<accessor source="#pa" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor>
+</technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>3 3 3 3</vcount><p>0 2 1 0 1 3 1 2 3 0 3 2</p></polylist>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s">
+<node><instance_geometry url="#g"/></node>
+<node><translate>0 0 3</translate><scale>2 2 2</scale><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>
+)";
+}
+
+} // namespace
+
+TEST(Import, instances_are_in_the_world_and_faces_share_their_corners)
+{
+    const Geometry geometry = import_geometry("x.dae", collada());
+    ASSERT_EQ(geometry.samples.size(), 8u);
+    EXPECT_EQ(geometry.num_faces(), 8u);
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& x : geometry.samples)
+    {
+        box.extend(x);
+    }
+    EXPECT_EQ(box.min(), Eigen::Vector3d(0, 0, 0));
+    EXPECT_EQ(box.max(), Eigen::Vector3d(2, 2, 5));
+    EXPECT_EQ(geometry.format, "dae");
+    EXPECT_FALSE(geometry.not_writable.empty());
+    ASSERT_EQ(geometry.warnings.size(), 1u);
+    EXPECT_TRUE(contains(geometry.warnings[0], "32-bit floats"));
+}
+
+TEST(Import, formats_of_our_own_are_not_imported)
+{
+    EXPECT_TRUE(is_import_format("fbx"));
+    EXPECT_TRUE(is_import_format("3ds"));
+    EXPECT_FALSE(is_import_format("unheard"));
+    EXPECT_FALSE(is_import_format(""));
+}
+
+TEST(Import, what_cannot_be_read_is_malformed)
+{
+    for (const std::string& bytes : {std::string(), std::string("<?xml"),
+                                     collada().substr(0, 700), std::string(1000, 'x')})
+        for (const char* name : {"x.dae", "x.3ds", "x.fbx", "x.blend", "x.lwo", "x.x"})
+        {
+            const std::string error =
+                error_of(Fault::Malformed, [&] { import_geometry(name, bytes); });
+            EXPECT_TRUE(contains(error, name));
+        }
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 [] { import_geometry("x.dae", collada("0 0 0 nan 0 0 0 1 0 0 0 1")); }),
+        "x.dae: "));
+}
+
+TEST(Import, a_deformation_of_it_becomes_a_plain_mesh)
+{
+    const support::Folder folder;
+    const std::string model = folder.write("x.dae", collada());
+    const nlohmann::json info = nlohmann::json::parse(run({"info", "--json", model}).out);
+    EXPECT_EQ(info["format"], "dae");
+    EXPECT_EQ(info["triangles"], 8);
+    EXPECT_EQ(info["writable"], false);
+    const std::string handles =
+        folder.write("x.handles", "cellwarp-handles 1\nhandle all all\nframe 1\n"
+                                  "move all translate 1 2 3\n");
+    for (const char* out : {"y.obj", "y.ply"})
+    {
+        const Result result =
+            run({"deform", model, "--handles", handles, "-o", folder / out});
+        EXPECT_EQ(result.code, 0) << result.err;
+        EXPECT_TRUE(contains(result.err, "vertices may be split"));
+        const Geometry geometry = read_geometry(folder / out).geometry;
+        EXPECT_EQ(geometry.samples.size(), 8u);
+        const Geometry before = import_geometry("x.dae", collada());
+        for (std::size_t i = 0; i < 8; ++i)
+            EXPECT_LT((geometry.samples[i] - before.samples[i] - Eigen::Vector3d(1, 2, 3))
+                          .norm(),
+                      1e-12);
+    }
+    EXPECT_EQ(run({"deform", model, "-o", folder / "y.dae"}).code, 2);
+    EXPECT_EQ(run({"deform", model, "-o", folder / "y.stl"}).code, 2);
+    EXPECT_EQ(run({"deform", model, "-o", "-"}).code, 2);
+    EXPECT_EQ(run({"info", folder.write("bad.fbx", "Kaydara FBX")}).code, 3);
+    EXPECT_EQ(run({"info", folder / "none.fbx"}).code, 4);
+}
+
+} // namespace cellwarp

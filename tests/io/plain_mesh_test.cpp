@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/plain_mesh.h"
+
+#include <gtest/gtest.h>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A square with a corner cut off, and a triangle.
+Geometry model()
+{
+    Geometry geometry;
+    geometry.format = "fbx";
+    geometry.samples = {{0, 0, 0}, {1, 0, 0}, {1, 0.1, 0}, {0, 1, 0}, {0, 0, 1}};
+    geometry.corners = {0, 1, 2, 3, 0, 4, 1};
+    geometry.face_ends = {4, 7};
+    for (std::uint32_t i = 0; i < 5; ++i)
+    {
+        geometry.directions.emplace_back(0, 0.5, 1);
+        geometry.direction_samples.push_back(i);
+    }
+    return geometry;
+}
+
+} // namespace
+
+TEST(PlainMesh, what_is_written_reads_back)
+{
+    const Geometry geometry = model();
+    Patch patch{geometry.samples, geometry.directions};
+    patch.samples[2] = {1, 1.0 / 3, 1e-30};
+    patch.directions[4] = {1, 0, 0};
+    for (const std::string extension : {"obj", "ply"})
+    {
+        const Geometry read =
+            scan_geometry("x." + extension, plain_mesh_bytes(geometry, patch, extension))
+                .geometry;
+        EXPECT_EQ(read.samples, patch.samples);
+        EXPECT_EQ(read.corners, geometry.corners);
+        EXPECT_EQ(read.face_ends, geometry.face_ends);
+        EXPECT_EQ(read.directions, patch.directions);
+    }
+}
+
+TEST(PlainMesh, normals_are_left_out_where_a_sample_has_none)
+{
+    Geometry geometry = model();
+    geometry.directions.pop_back();
+    geometry.direction_samples.pop_back();
+    geometry.corners.clear();
+    geometry.face_ends.clear();
+    const Patch patch{geometry.samples, geometry.directions};
+    for (const std::string extension : {"obj", "ply"})
+    {
+        const Geometry read =
+            scan_geometry("x." + extension, plain_mesh_bytes(geometry, patch, extension))
+                .geometry;
+        EXPECT_EQ(read.samples, patch.samples);
+        EXPECT_TRUE(read.directions.empty());
+        EXPECT_EQ(read.num_faces(), 0u);
+    }
+}
+
+} // namespace cellwarp
