@@ -211,7 +211,7 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
     if (separator_ == 0 || is_first_)
         choose_separator(trimmed(content, 0).text);
     const std::vector<Token> row = fields(content, whole.start + (is_marked ? 2 : 0));
-    if (is_first_ || (is_pts_ && out.samples.empty()))
+    if (is_first_ || (is_pts_ && !has_points_))
     {
         // The count of a PTS, or a line of names.
         if (is_pts_ && promised_ < 0 && row.size() == 1 && parse_integer(row[0].text))
@@ -239,6 +239,7 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
     if (is_marked)
         return; // a comment
     is_first_ = false;
+    has_points_ = true;
     point(row, out);
 }
 
@@ -250,14 +251,24 @@ std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, boo
                          { line(text, at, out); });
 }
 
+std::size_t ColumnsScanner::skip(std::string_view part)
+{
+    if (!has_points_)
+        return 0;
+    LineReader lines(part.substr(0, part.rfind('\n') + 1), 0, true, lines_);
+    for (std::string_view line; lines.next(line);)
+        lines_ = lines.line_number();
+    return lines.consumed();
+}
+
 void ColumnsScanner::finish(Geometry& out)
 {
-    if (out.samples.empty())
+    if (out.num_samples() == 0)
         throw malformed({file_, 0, ""}, "the file is empty: no vertices");
-    if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.samples.size()))
+    if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.num_samples()))
         throw malformed({file_, 1, "count"}, "got " + std::to_string(promised_) +
                                                  " points, need " +
-                                                 std::to_string(out.samples.size()));
+                                                 std::to_string(out.num_samples()));
     for (std::size_t i = 0; i < names_.size(); ++i)
         if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
             role_column_ + 9)

@@ -29,6 +29,7 @@ public:
 
     std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
                      Geometry& out);
+    std::size_t skip(std::string_view part);
     void finish(Geometry& out);
 
 private:
@@ -41,7 +42,7 @@ private:
     std::string file_;
     bool is_pts_, is_csv_;
     char separator_ = 0; ///< 0: not known yet; ' ': blanks and tabs
-    bool has_names_ = false, is_first_ = true;
+    bool has_names_ = false, is_first_ = true, has_points_ = false;
     std::vector<std::string> names_; ///< of the columns, where they are known
     int role_column_[9] = {-1, -1, -1, -1, -1, -1, -1, -1, -1};
     std::size_t num_columns_ = 0; ///< 0: not known yet

@@ -7,14 +7,12 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
-#include <optional>
+#include <memory>
 
-#include "io/columns.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/obj.h"
-#include "io/off.h"
-#include "io/ply.h"
+#include "io/scanner.h"
 #include "io/stl.h"
 #include "io/stored_number.h"
 #include "io/text.h"
@@ -31,35 +29,6 @@ constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "xyz",
 /// Largest coordinate: beyond it squares overflow.
 constexpr double kMaxCoordinate = 1e150;
 
-Error unknown_format(const std::string& path)
-{
-    std::string known;
-    for (const std::string_view format : kFormats)
-        known += (known.empty() ? "" : ", ") + std::string(format);
-    return Error(
-        Fault::Usage,
-        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
-}
-
-template <class Scanner>
-void scan_all(Scanner scanner, GeometryFile& file)
-{
-    scanner.scan(file.bytes, 0, true, file.geometry);
-    scanner.finish(file.geometry);
-}
-
-void check_magnitude(const GeometryFile& file)
-{
-    const Geometry& geometry = file.geometry;
-    for (std::size_t i = 0; i < geometry.samples.size(); ++i)
-        if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
-            throw malformed({file.path, 0,
-                             "sample " + std::to_string(i) + " (byte " +
-                                 std::to_string(geometry.sample_places.starts[3 * i]) +
-                                 ")"},
-                            "is beyond 1e150");
-}
-
 /// One number to replace.
 struct Edit
 {
@@ -74,8 +43,8 @@ struct Edit
 class EditStream
 {
 public:
-    EditStream(const Places& places, const std::vector<Eigen::Vector3d>& before,
-               const std::vector<Eigen::Vector3d>& after)
+    EditStream(const Places& places, std::span<const Eigen::Vector3d> before,
+               std::span<const Eigen::Vector3d> after)
         : places_(places), before_(before), after_(after)
     {
         load();
@@ -108,13 +77,15 @@ private:
         if (is_done())
             return;
         const std::uint64_t* starts = &places_.starts[3 * vector_];
+        if (starts[order_[0]] < starts[order_[1]] &&
+            starts[order_[1]] < starts[order_[2]])
+            return; // as in the last vector
         std::sort(order_.begin(), order_.end(),
                   [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
     }
 
     const Places& places_;
-    const std::vector<Eigen::Vector3d>& before_;
-    const std::vector<Eigen::Vector3d>& after_;
+    std::span<const Eigen::Vector3d> before_, after_;
     std::array<std::size_t, 3> order_ = {0, 1, 2};
     std::size_t vector_ = 0, next_ = 0;
 };
@@ -139,6 +110,16 @@ bool is_geometry_format(std::string_view extension)
            std::end(kFormats);
 }
 
+Error unknown_format(const std::string& path)
+{
+    std::string known;
+    for (const std::string_view format : kFormats)
+        known += (known.empty() ? "" : ", ") + std::string(format);
+    return Error(
+        Fault::Usage,
+        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
+}
+
 std::string extension_of(const std::string& path)
 {
     std::string extension = std::filesystem::path(path).extension().string();
@@ -155,25 +136,12 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
     file.geometry.format = extension;
     if (!is_geometry_format(extension))
         throw unknown_format(file.path);
-    if (file.bytes.empty())
-        throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
-    const bool may_be_binary =
-        extension == "stl" || (extension == "ply" && file.bytes.starts_with("ply"));
-    if (const std::string guess = foreign_content(file.bytes);
-        !guess.empty() && !may_be_binary)
-        throw malformed({file.path, 0, ""},
-                        "this looks like " + guess + ", need " + extension);
-    if (extension == "obj")
-        scan_all(ObjScanner(file.path), file);
-    else if (extension == "ply")
-        scan_all(PlyScanner(file.path, file.bytes.size()), file);
-    else if (extension == "stl")
-        scan_all(StlScanner(file.path, file.bytes.size()), file);
-    else if (extension == "off")
-        scan_all(OffScanner(file.path, file.bytes.size()), file);
-    else
-        scan_all(ColumnsScanner(file.path, extension, options.columns), file);
-    check_magnitude(file);
+    check_content(file.path, extension, file.bytes, 0);
+    const std::unique_ptr<Scanner> scanner =
+        make_scanner(file.path, extension, file.bytes.size(), options);
+    scanner->scan(file.bytes, 0, true, file.geometry);
+    scanner->finish(file.geometry);
+    check_magnitude(file.path, file.geometry);
     return file;
 }
 
@@ -208,6 +176,17 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
     return uses;
 }
 
+void check_magnitude(const std::string& path, const Geometry& geometry)
+{
+    for (std::size_t i = 0; i < geometry.samples.size(); ++i)
+        if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
+            throw malformed(
+                {path, 0,
+                 "sample " + std::to_string(geometry.samples_before + i) + " (byte " +
+                     std::to_string(geometry.sample_places.starts[3 * i]) + ")"},
+                "is beyond 1e150");
+}
+
 std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
 {
     const Geometry& geometry = file.geometry;
@@ -225,17 +204,25 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
     }
     if (num_split)
         *num_split = split.num_lines;
-
     std::string out;
     out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
-    std::uint64_t copied = 0;
-    const std::string_view bytes = file.bytes;
+    append_patched(
+        file.path, file.bytes, 0, geometry,
+        {patch.samples, split.directions, split.index_starts, split.new_indices}, out);
+    out.append(split.lines);
+    return out;
+}
+
+void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
+                    const Geometry& geometry, const PartPatch& patch, std::string& out)
+{
+    std::uint64_t copied = start;
     const auto replace =
-        [&](std::uint64_t start, std::size_t length, std::string_view text)
+        [&](std::uint64_t place, std::size_t length, std::string_view text)
     {
-        out.append(bytes.substr(copied, start - copied));
+        out.append(bytes.substr(copied - start, place - copied));
         out.append(text);
-        copied = start + length;
+        copied = place + length;
     };
     std::string text;
     const auto apply = [&](const Edit& edit)
@@ -243,15 +230,16 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
             throw malformed(
-                {file.path, 0, "byte " + std::to_string(edit.start)},
+                {path, 0, "byte " + std::to_string(edit.start)},
                 "the deformed value does not fit the type it is stored in (got " +
                     shortest(edit.value) + ")");
         const std::size_t size = stored_size(edit.scalar);
-        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start), text);
+        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start - start),
+                text);
     };
     EditStream samples(geometry.sample_places, geometry.samples, patch.samples);
     EditStream directions(geometry.direction_places, geometry.directions,
-                          split.directions);
+                          patch.directions);
     std::size_t index = 0;
     constexpr std::uint64_t kEnd = ~std::uint64_t(0);
     for (;;)
@@ -259,13 +247,14 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
         const std::uint64_t s = samples.is_done() ? kEnd : samples.start();
         const std::uint64_t d = directions.is_done() ? kEnd : directions.start();
         const std::uint64_t i =
-            index == split.index_starts.size() ? kEnd : split.index_starts[index];
+            index == patch.index_starts.size() ? kEnd : patch.index_starts[index];
         const std::uint64_t first = std::min({s, d, i});
         if (first == kEnd)
             break;
         if (first == i)
         {
-            replace(i, token_length(bytes, i), std::to_string(split.new_indices[index]));
+            replace(i, token_length(bytes, i - start),
+                    std::to_string(patch.new_indices[index]));
             ++index;
             continue;
         }
@@ -274,9 +263,7 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
             apply(stream.edit());
         stream.advance();
     }
-    out.append(bytes.substr(copied));
-    out.append(split.lines);
-    return out;
+    out.append(bytes.substr(copied - start));
 }
 
 } // namespace cellwarp
