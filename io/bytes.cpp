@@ -266,6 +266,14 @@ void AtomicFile::fail(const std::string& doing)
 
 void AtomicFile::write(std::string_view bytes)
 {
+    // What is large gains nothing from being gathered.
+    constexpr std::size_t kLarge = kBufferBytes / 16;
+    if (bytes.size() >= kLarge)
+    {
+        flush();
+        put(bytes);
+        return;
+    }
     buffer_.append(bytes);
     if (buffer_.size() >= kBufferBytes)
         flush();
@@ -273,17 +281,21 @@ void AtomicFile::write(std::string_view bytes)
 
 void AtomicFile::flush()
 {
-    std::size_t done = 0;
-    while (done < buffer_.size())
-    {
-        const ssize_t put = ::write(file_, buffer_.data() + done, buffer_.size() - done);
-        if (put < 0 && errno == EINTR)
-            continue;
-        if (put < 0)
-            fail("cannot write");
-        done += static_cast<std::size_t>(put);
-    }
+    put(buffer_);
     buffer_.clear();
+}
+
+void AtomicFile::put(std::string_view bytes)
+{
+    while (!bytes.empty())
+    {
+        const ssize_t done = ::write(file_, bytes.data(), bytes.size());
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            fail("cannot write");
+        bytes.remove_prefix(static_cast<std::size_t>(done));
+    }
 }
 
 void AtomicFile::commit()

@@ -76,6 +76,7 @@ public:
 
 private:
     void flush();
+    void put(std::string_view bytes);
     [[noreturn]] void fail(const std::string& doing);
 
     std::string path_;   ///< as the user named it, for messages

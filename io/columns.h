@@ -34,10 +34,10 @@ public:
 
 private:
     void line(std::string_view text, std::uint64_t start, Geometry& out);
-    std::vector<Token> fields(std::string_view text, std::uint64_t start) const;
+    void split(std::string_view text, std::uint64_t start);
     void choose_separator(std::string_view text);
     bool take_names(const std::vector<std::string>& names);
-    void point(const std::vector<Token>& row, Geometry& out);
+    void point(Geometry& out);
 
     std::string file_;
     bool is_pts_, is_csv_;
@@ -47,6 +47,7 @@ private:
     int role_column_[9] = {-1, -1, -1, -1, -1, -1, -1, -1, -1};
     std::size_t num_columns_ = 0; ///< 0: not known yet
     std::int64_t lines_ = 0, promised_ = -1;
+    std::vector<Token> row_; ///< the fields of the line being read
 };
 
 } // namespace cellwarp
