@@ -259,6 +259,8 @@ int run(ApplyFlags flags, const CommonFlags& common)
         const std::vector<std::string> listed = lines_of(flags.list);
         flags.inputs.insert(flags.inputs.end(), listed.begin(), listed.end());
     }
+    if (flags.inputs.empty() && flags.list.empty())
+        throw Error(Fault::Usage, "no input (need files, or --list)");
     if (is_folder(flags.output))
         return apply_many(flags, common, settings);
     if (flags.inputs.size() != 1)

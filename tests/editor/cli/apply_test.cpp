@@ -144,7 +144,8 @@ TEST(Apply, what_cannot_be_is_told_before_any_work)
     const std::string twin = files.points("other/a.xyz");
     EXPECT_EQ(files.apply({a, "-o", files.folder / "a.ply"}).code, 2);
     EXPECT_EQ(files.apply({a, b, "-o", files.folder / "c.xyz"}).code, 2);
-    EXPECT_EQ(files.apply({"-o", files.folder / "c.xyz"}).code, 2);
+    for (const char* output : {"c.xyz", "new/"})
+        EXPECT_EQ(files.apply({"-o", files.folder / output}).code, 2);
     EXPECT_EQ(files.apply({a, "-o", files.folder / "c.xyz", "--resume"}).code, 2);
     EXPECT_EQ(files.apply({a, "-o", files.folder / "c.xyz", "--format", "doc"}).code, 2);
     for (const char* shard : {"0/2", "3/2", "1", "a/b", "1/0"})
