@@ -322,18 +322,92 @@ void ObjScanner::finish(Geometry& out)
                std::to_string(num_unknown_) + " unknown statements pass through"));
 }
 
+namespace
+{
+
+/// Uses closer than this share one statement [relative to the direction's length].
+constexpr double kSame = 1e-6;
+
+} // namespace
+
+std::size_t DirectionSplitter::BoxHash::operator()(const Box& box) const
+{
+    std::size_t hash = 0;
+    for (const std::int64_t k : box)
+        hash = (hash ^ static_cast<std::size_t>(k)) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 32);
+}
+
+DirectionSplitter::Box DirectionSplitter::box_of(const Eigen::Vector3d& value) const
+{
+    Box box;
+    for (int k = 0; k < 3; ++k)
+        box[static_cast<std::size_t>(k)] =
+            static_cast<std::int64_t>(std::floor(value[k] / edge_));
+    return box;
+}
+
+/// The first statement of this direction that is near enough; null: none.
+const DirectionSplitter::Statement*
+DirectionSplitter::near(const Eigen::Vector3d& value) const
+{
+    const double tolerance = kSame * value.norm();
+    const auto is_near = [&](const Statement& statement)
+    { return (statement.value - value).norm() <= tolerance; };
+    // Boxes are good for directions of about the first one's length.
+    if (edge_ == 0.0 || tolerance > 0.75 * edge_ || tolerance < 1e-6 * edge_)
+    {
+        const auto found = std::find_if(statements_.begin(), statements_.end(), is_near);
+        return found == statements_.end() ? nullptr : &*found;
+    }
+    const Box centre = box_of(value);
+    std::uint32_t first = kNone;
+    for (int neighbour = 0; neighbour < 27; ++neighbour)
+    {
+        const auto found =
+            boxes_.find({centre[0] + neighbour % 3 - 1, centre[1] + neighbour / 3 % 3 - 1,
+                         centre[2] + neighbour / 9 - 1});
+        if (found == boxes_.end())
+            continue;
+        for (const std::uint32_t i : found->second)
+            if (i < first && is_near(statements_[i]))
+                first = i;
+    }
+    return first == kNone ? nullptr : &statements_[first];
+}
+
+void DirectionSplitter::keep(const Statement& statement)
+{
+    // A flat mesh may share one vn among all its vertices.
+    constexpr std::size_t kMany = 32;
+    statements_.push_back(statement);
+    const double length = statements_.front().value.norm();
+    const bool fits = std::isfinite(1.0 / length) && std::isfinite(length);
+    std::size_t next = statements_.size() - 1;
+    if (statements_.size() == kMany && fits)
+    {
+        edge_ = 2.0 * kSame * length;
+        next = 0;
+    }
+    for (; edge_ > 0.0 && next < statements_.size(); ++next)
+        // What is far longer than the first is looked for one by one.
+        if (statements_[next].value.norm() <= 1e6 * length)
+            boxes_[box_of(statements_[next].value)].push_back(
+                static_cast<std::uint32_t>(next));
+}
+
 std::uint32_t DirectionSplitter::index(const DirectionUse& use,
                                        const Eigen::Vector3d& value, std::string& lines)
 {
-    // Uses closer than this share one statement [relative to the direction's length].
-    constexpr double kSame = 1e-6;
     if (use.direction != direction_)
+    {
         statements_.clear();
+        boxes_.clear();
+        edge_ = 0.0;
+    }
     direction_ = use.direction;
-    const double tolerance = kSame * value.norm();
-    for (const Statement& statement : statements_)
-        if ((statement.value - value).norm() <= tolerance)
-            return statement.index;
+    if (const Statement* const statement = near(value))
+        return statement->index;
     std::uint32_t index = use.direction + 1;
     if (!statements_.empty())
     {
@@ -344,7 +418,7 @@ std::uint32_t DirectionSplitter::index(const DirectionUse& use,
             lines += " " + shortest(x);
         lines += line_end_;
     }
-    statements_.push_back({value, index});
+    keep({value, index});
     return index;
 }
 

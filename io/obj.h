@@ -3,9 +3,11 @@
 // statement passes through.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -76,8 +78,19 @@ private:
         Eigen::Vector3d value;
         std::uint32_t index;
     };
+    using Box = std::array<std::int64_t, 3>;
+    struct BoxHash
+    {
+        std::size_t operator()(const Box& box) const;
+    };
+    const Statement* near(const Eigen::Vector3d& value) const;
+    void keep(const Statement& statement);
+    Box box_of(const Eigen::Vector3d& value) const;
+
     std::size_t num_directions_, num_lines_ = 0;
     std::string line_end_;
+    double edge_ = 0.0; ///< of the boxes that statements are kept in; 0: too few of them
+    std::unordered_map<Box, std::vector<std::uint32_t>, BoxHash> boxes_;
     std::uint32_t direction_ = kNone;   ///< of the last use
     std::vector<Statement> statements_; ///< of that direction
 };
