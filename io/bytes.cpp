@@ -27,9 +27,16 @@ namespace fs = std::filesystem;
 constexpr std::size_t kBufferBytes = std::size_t(1) << 20;
 
 /// Temporaries that exist now. Fixed storage, because a signal handler reads it.
-constexpr int kSlots = 16;
+/// A slot is claimed by one thread, then holds a name, then is listed.
+constexpr int kSlots = 64;
 char temporaries[kSlots][PATH_MAX];
-std::atomic<bool> taken[kSlots];
+std::atomic<bool> claimed[kSlots], listed[kSlots];
+
+void free_slot(int slot)
+{
+    listed[slot].store(false);
+    claimed[slot].store(false);
+}
 
 Error file_error(const std::string& path, const std::string& what)
 {
@@ -65,69 +72,117 @@ std::string resolve(const std::string& path)
                               : (fs::path(path).parent_path() / link).string();
 }
 
+/// What new files may not be; asked once, because asking sets it for a moment.
+mode_t file_mask()
+{
+    static const mode_t mask = []
+    {
+        const mode_t old = ::umask(0);
+        ::umask(old);
+        return old;
+    }();
+    return mask;
+}
+
+} // namespace
+
 std::string folder_of(const std::string& path)
 {
     const std::string folder = fs::path(path).parent_path().string();
     return folder.empty() ? "." : folder;
 }
 
-} // namespace
-
-std::string read_file(const std::string& path)
+InputFile::InputFile(const std::string& path) : path_(path)
 {
-    Descriptor file{0};
-    struct stat before
+    if (path == "-")
+    {
+        file_ = 0;
+        return;
+    }
+    // O_NONBLOCK: opening a pipe must not wait for its other end.
+    Descriptor file{::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)};
+    if (file.value < 0)
+        throw file_error(path, "cannot open: " + reason());
+    struct stat status
     {
     };
-    if (path != "-")
-    {
-        // O_NONBLOCK: opening a pipe must not wait for its other end.
-        file.value = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-        if (file.value < 0)
-            throw file_error(path, "cannot open: " + reason());
-        if (::fstat(file.value, &before) != 0)
-            throw file_error(path, "cannot read: " + reason());
-        if (S_ISDIR(before.st_mode))
-            throw file_error(path, "is a directory, need a file");
-        if (!S_ISREG(before.st_mode))
-            throw file_error(path, "is no regular file");
-        if (static_cast<std::uint64_t>(before.st_size) > kMaxFileBytes)
-            throw file_error(path, "is larger than 4 GiB");
-    }
-    std::string bytes;
-    // One byte more than the size, so that a file that grew is noticed.
-    bytes.resize(path == "-" ? kBufferBytes
-                             : static_cast<std::size_t>(before.st_size) + 1);
+    if (::fstat(file.value, &status) != 0)
+        throw file_error(path, "cannot read: " + reason());
+    if (S_ISDIR(status.st_mode))
+        throw file_error(path, "is a directory, need a file");
+    if (!S_ISREG(status.st_mode))
+        throw file_error(path, "is no regular file");
+    size_ = static_cast<std::uint64_t>(status.st_size);
+    seconds_ = status.st_mtim.tv_sec;
+    nanoseconds_ = status.st_mtim.tv_nsec;
+    file_ = std::exchange(file.value, -1);
+}
+
+InputFile::~InputFile()
+{
+    if (file_ > 0)
+        ::close(file_);
+}
+
+std::size_t InputFile::read(char* bytes, std::size_t count)
+{
     std::size_t filled = 0;
-    for (;;)
+    while (filled < count)
     {
-        const ssize_t got =
-            ::read(file.value, bytes.data() + filled, bytes.size() - filled);
+        const ssize_t got = ::read(file_, bytes + filled, count - filled);
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)
-            throw file_error(path, "cannot read: " + reason());
+            throw file_error(path_, "cannot read: " + reason());
         if (got == 0)
             break;
         filled += static_cast<std::size_t>(got);
+    }
+    num_read_ += filled;
+    return filled;
+}
+
+void InputFile::rewind()
+{
+    if (::lseek(file_, 0, SEEK_SET) != 0)
+        throw file_error(path_, "cannot read: " + reason());
+    num_read_ = 0;
+}
+
+void InputFile::check_unchanged() const
+{
+    if (file_ == 0)
+        return;
+    struct stat now
+    {
+    };
+    ::fstat(file_, &now);
+    if (num_read_ != size_ || size_ != static_cast<std::uint64_t>(now.st_size) ||
+        seconds_ != now.st_mtim.tv_sec || nanoseconds_ != now.st_mtim.tv_nsec)
+        throw file_error(path_, "changed while it was read");
+}
+
+std::string read_file(const std::string& path)
+{
+    InputFile file(path);
+    const bool has_size = file.size() != kUnknownBytes;
+    if (has_size && file.size() > kMaxFileBytes)
+        throw file_error(path, "is larger than 4 GiB");
+    std::string bytes;
+    // One byte more than the size, so that a file that grew is noticed.
+    bytes.resize(has_size ? static_cast<std::size_t>(file.size()) + 1 : kBufferBytes);
+    std::size_t filled = 0;
+    for (;;)
+    {
+        filled += file.read(bytes.data() + filled, bytes.size() - filled);
         if (filled > kMaxFileBytes)
             throw file_error(path, "is larger than 4 GiB");
-        if (filled == bytes.size())
-            bytes.resize(2 * bytes.size());
+        if (filled < bytes.size())
+            break;
+        bytes.resize(2 * bytes.size());
     }
     bytes.resize(filled);
-    if (path != "-")
-    {
-        struct stat after
-        {
-        };
-        ::fstat(file.value, &after);
-        if (filled != static_cast<std::size_t>(before.st_size) ||
-            before.st_size != after.st_size ||
-            before.st_mtim.tv_sec != after.st_mtim.tv_sec ||
-            before.st_mtim.tv_nsec != after.st_mtim.tv_nsec)
-            throw file_error(path, "changed while it was read");
-    }
+    file.check_unchanged();
     return bytes;
 }
 
@@ -166,7 +221,7 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     const std::string folder = folder_of(target_);
     temporary_ = (folder == "." ? std::string() : folder + "/") + ".cellwarp-save-XXXXXX";
     for (int i = 0; i < kSlots && slot_ < 0; ++i)
-        if (!taken[i].load() && temporary_.size() < PATH_MAX)
+        if (temporary_.size() < PATH_MAX && !claimed[i].exchange(true))
             slot_ = i;
     file_ = ::mkostemp(temporary_.data(), O_CLOEXEC);
     if (file_ < 0)
@@ -174,15 +229,13 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     if (slot_ >= 0)
     {
         std::memcpy(temporaries[slot_], temporary_.c_str(), temporary_.size() + 1);
-        taken[slot_].store(true);
+        listed[slot_].store(true);
     }
     struct stat old
     {
     };
     const bool existed = ::stat(target_.c_str(), &old) == 0;
-    const mode_t mask = ::umask(0);
-    ::umask(mask);
-    if (::fchmod(file_, existed ? old.st_mode & 07777 : 0666 & ~mask) != 0)
+    if (::fchmod(file_, existed ? old.st_mode & 07777 : 0666 & ~file_mask()) != 0)
         fail("cannot set its mode");
     buffer_.reserve(kBufferBytes);
 }
@@ -194,7 +247,7 @@ AtomicFile::~AtomicFile()
     if (!temporary_.empty())
         ::unlink(temporary_.c_str());
     if (slot_ >= 0)
-        taken[slot_].store(false);
+        free_slot(slot_);
 }
 
 void AtomicFile::fail(const std::string& doing)
@@ -205,7 +258,7 @@ void AtomicFile::fail(const std::string& doing)
     if (!temporary_.empty())
         ::unlink(temporary_.c_str());
     if (slot_ >= 0)
-        taken[slot_].store(false);
+        free_slot(slot_);
     file_ = slot_ = -1;
     temporary_.clear();
     throw file_error(path_, doing + ": " + why);
@@ -213,6 +266,14 @@ void AtomicFile::fail(const std::string& doing)
 
 void AtomicFile::write(std::string_view bytes)
 {
+    // What is large gains nothing from being gathered.
+    constexpr std::size_t kLarge = kBufferBytes / 16;
+    if (bytes.size() >= kLarge)
+    {
+        flush();
+        put(bytes);
+        return;
+    }
     buffer_.append(bytes);
     if (buffer_.size() >= kBufferBytes)
         flush();
@@ -220,17 +281,21 @@ void AtomicFile::write(std::string_view bytes)
 
 void AtomicFile::flush()
 {
-    std::size_t done = 0;
-    while (done < buffer_.size())
-    {
-        const ssize_t put = ::write(file_, buffer_.data() + done, buffer_.size() - done);
-        if (put < 0 && errno == EINTR)
-            continue;
-        if (put < 0)
-            fail("cannot write");
-        done += static_cast<std::size_t>(put);
-    }
+    put(buffer_);
     buffer_.clear();
+}
+
+void AtomicFile::put(std::string_view bytes)
+{
+    while (!bytes.empty())
+    {
+        const ssize_t done = ::write(file_, bytes.data(), bytes.size());
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            fail("cannot write");
+        bytes.remove_prefix(static_cast<std::size_t>(done));
+    }
 }
 
 void AtomicFile::commit()
@@ -244,20 +309,24 @@ void AtomicFile::commit()
         fail("cannot put it in place");
     temporary_.clear();
     if (slot_ >= 0)
-        taken[std::exchange(slot_, -1)].store(false);
+        free_slot(std::exchange(slot_, -1));
     // The rename is in place; a folder that cannot be synced is no failure.
     const Descriptor folder{::open(folder_of(target_).c_str(), O_RDONLY | O_CLOEXEC)};
     if (folder.value >= 0)
         ::fsync(folder.value);
 }
 
-void write_file(const std::string& path, std::string_view bytes, Overwrite overwrite)
+OutputFile::OutputFile(const std::string& path, Overwrite overwrite)
 {
     if (path != "-")
+        file_.emplace(path, overwrite);
+}
+
+void OutputFile::write(std::string_view bytes)
+{
+    if (file_)
     {
-        AtomicFile file(path, overwrite);
-        file.write(bytes);
-        file.commit();
+        file_->write(bytes);
         return;
     }
     for (std::size_t done = 0; done < bytes.size();)
@@ -271,10 +340,23 @@ void write_file(const std::string& path, std::string_view bytes, Overwrite overw
     }
 }
 
+void OutputFile::commit()
+{
+    if (file_)
+        file_->commit();
+}
+
+void write_file(const std::string& path, std::string_view bytes, Overwrite overwrite)
+{
+    OutputFile file(path, overwrite);
+    file.write(bytes);
+    file.commit();
+}
+
 void remove_unfinished_outputs() noexcept
 {
     for (int i = 0; i < kSlots; ++i)
-        if (taken[i].load())
+        if (listed[i].load())
             ::unlink(temporaries[i]);
 }
 

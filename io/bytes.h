@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,6 +12,35 @@ namespace cellwarp
 
 /// Largest file that is read whole [bytes].
 inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t(4) << 30;
+
+/// Size of what tells none before its end, like stdin [bytes].
+inline constexpr std::uint64_t kUnknownBytes = std::uint64_t(1) << 62;
+
+/// A regular file, or stdin for "-", read from its beginning to its end.
+class InputFile
+{
+public:
+    /// Throws Fault::File when it is missing, no regular file or not readable.
+    explicit InputFile(const std::string& path);
+    ~InputFile();
+    InputFile(const InputFile&) = delete;
+    InputFile& operator=(const InputFile&) = delete;
+
+    std::uint64_t size() const { return size_; } ///< [bytes] kUnknownBytes of stdin
+    /// Fills \p bytes; fewer only at the end. Throws Fault::File.
+    std::size_t read(char* bytes, std::size_t count);
+    /// To the beginning again; not for stdin.
+    void rewind();
+    /// Throws Fault::File if the file, which was read to its end, is another one than
+    /// when it was opened.
+    void check_unchanged() const;
+
+private:
+    std::string path_;
+    int file_ = -1;
+    std::uint64_t size_ = kUnknownBytes, num_read_ = 0;
+    std::int64_t seconds_ = 0, nanoseconds_ = 0; ///< when it was changed last
+};
 
 /// The content of a regular file, or of stdin for "-".
 /// Throws Fault::File when it is missing, no regular file, not readable, larger
@@ -46,6 +76,7 @@ public:
 
 private:
     void flush();
+    void put(std::string_view bytes);
     [[noreturn]] void fail(const std::string& doing);
 
     std::string path_;   ///< as the user named it, for messages
@@ -55,6 +86,21 @@ private:
     int file_ = -1;
     int slot_ = -1; ///< in the table that the signal handler reads
 };
+
+/// A file that appears whole or not at all, or stdout for "-".
+class OutputFile
+{
+public:
+    OutputFile(const std::string& path, Overwrite overwrite);
+    void write(std::string_view bytes);
+    void commit();
+
+private:
+    std::optional<AtomicFile> file_;
+};
+
+/// The folder that a file stands or will stand in.
+std::string folder_of(const std::string& path);
 
 /// Writes \p bytes to \p path atomically; "-" is stdout.
 void write_file(const std::string& path, std::string_view bytes, Overwrite overwrite);

@@ -112,16 +112,16 @@ void ColumnsScanner::choose_separator(std::string_view text)
     }
 }
 
-std::vector<Token> ColumnsScanner::fields(std::string_view text,
-                                          std::uint64_t start) const
+/// Cuts a line into its fields.
+void ColumnsScanner::split(std::string_view text, std::uint64_t start)
 {
-    std::vector<Token> row;
+    row_.clear();
     if (separator_ == ' ')
     {
         Tokens tokens(text, start);
         for (Token token; tokens.next(token);)
-            row.push_back(token);
-        return row;
+            row_.push_back(token);
+        return;
     }
     for (std::size_t first = 0; first <= text.size();)
     {
@@ -130,32 +130,31 @@ std::vector<Token> ColumnsScanner::fields(std::string_view text,
         for (bool is_quoted = false;
              end < text.size() && (is_quoted || text[end] != separator_); ++end)
             is_quoted ^= text[end] == '"';
-        row.push_back(trimmed(text.substr(first, end - first), start + first));
+        row_.push_back(trimmed(text.substr(first, end - first), start + first));
         first = end + 1;
     }
-    return row;
 }
 
-void ColumnsScanner::point(const std::vector<Token>& row, Geometry& out)
+void ColumnsScanner::point(Geometry& out)
 {
     if (num_columns_ == 0)
     {
-        num_columns_ = row.size();
+        num_columns_ = row_.size();
         for (int k = 0; k < 3; ++k)
             role_column_[k] = k;
         double squared = 0.0;
-        for (std::size_t k = 3; k < 6 && row.size() == 6; ++k)
+        for (std::size_t k = 3; k < 6 && row_.size() == 6; ++k)
         {
-            const double n = parse_double(row[k].text).value_or(0.0);
+            const double n = parse_double(row_[k].text).value_or(0.0);
             squared += n * n;
         }
         if (std::abs(squared - 1.0) < 1e-3)
             for (int k = 3; k < 6; ++k)
                 role_column_[k] = k;
     }
-    if (row.size() != num_columns_ || row.size() < 3)
+    if (row_.size() != num_columns_ || row_.size() < 3)
         throw malformed({file_, lines_, "point"},
-                        "got " + std::to_string(row.size()) + " columns, need " +
+                        "got " + std::to_string(row_.size()) + " columns, need " +
                             std::to_string(std::max<std::size_t>(3, num_columns_)));
     double values[9];
     std::uint64_t starts[9];
@@ -163,7 +162,7 @@ void ColumnsScanner::point(const std::vector<Token>& row, Geometry& out)
     {
         if (role_column_[role] < 0)
             continue;
-        const Token& field = row[static_cast<std::size_t>(role_column_[role])];
+        const Token& field = row_[static_cast<std::size_t>(role_column_[role])];
         const std::optional<double> value = parse_double(field.text);
         const Where where{file_, lines_,
                           "column " + std::to_string(role_column_[role] + 1)};
@@ -210,23 +209,23 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
         return;
     if (separator_ == 0 || is_first_)
         choose_separator(trimmed(content, 0).text);
-    const std::vector<Token> row = fields(content, whole.start + (is_marked ? 2 : 0));
-    if (is_first_ || (is_pts_ && out.samples.empty()))
+    split(content, whole.start + (is_marked ? 2 : 0));
+    if (is_first_ || (is_pts_ && !has_points_))
     {
         // The count of a PTS, or a line of names.
-        if (is_pts_ && promised_ < 0 && row.size() == 1 && parse_integer(row[0].text))
+        if (is_pts_ && promised_ < 0 && row_.size() == 1 && parse_integer(row_[0].text))
         {
-            promised_ = *parse_integer(row[0].text);
+            promised_ = *parse_integer(row_[0].text);
             is_first_ = false;
             separator_ = 0;
             return;
         }
         std::vector<std::string> names;
-        for (const Token& field : row)
+        for (const Token& field : row_)
             names.emplace_back(field.text);
-        const bool is_text = !row.empty() && !parse_double(row[0].text);
+        const bool is_text = !row_.empty() && !parse_double(row_[0].text);
         if (is_text &&
-            (has_names_ ? row.size() == num_columns_ && !is_marked : take_names(names)))
+            (has_names_ ? row_.size() == num_columns_ && !is_marked : take_names(names)))
         {
             is_first_ = false;
             return;
@@ -239,7 +238,8 @@ void ColumnsScanner::line(std::string_view text, std::uint64_t start, Geometry& 
     if (is_marked)
         return; // a comment
     is_first_ = false;
-    point(row, out);
+    has_points_ = true;
+    point(out);
 }
 
 std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
@@ -250,14 +250,24 @@ std::size_t ColumnsScanner::scan(std::string_view part, std::uint64_t start, boo
                          { line(text, at, out); });
 }
 
+std::size_t ColumnsScanner::skip(std::string_view part)
+{
+    if (!has_points_)
+        return 0;
+    LineReader lines(part.substr(0, part.rfind('\n') + 1), 0, true, lines_);
+    for (std::string_view line; lines.next(line);)
+        lines_ = lines.line_number();
+    return lines.consumed();
+}
+
 void ColumnsScanner::finish(Geometry& out)
 {
-    if (out.samples.empty())
+    if (out.num_samples() == 0)
         throw malformed({file_, 0, ""}, "the file is empty: no vertices");
-    if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.samples.size()))
+    if (promised_ >= 0 && promised_ != static_cast<std::int64_t>(out.num_samples()))
         throw malformed({file_, 1, "count"}, "got " + std::to_string(promised_) +
                                                  " points, need " +
-                                                 std::to_string(out.samples.size()));
+                                                 std::to_string(out.num_samples()));
     for (std::size_t i = 0; i < names_.size(); ++i)
         if (std::find(role_column_, role_column_ + 9, static_cast<int>(i)) ==
             role_column_ + 9)

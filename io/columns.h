@@ -29,23 +29,25 @@ public:
 
     std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
                      Geometry& out);
+    std::size_t skip(std::string_view part);
     void finish(Geometry& out);
 
 private:
     void line(std::string_view text, std::uint64_t start, Geometry& out);
-    std::vector<Token> fields(std::string_view text, std::uint64_t start) const;
+    void split(std::string_view text, std::uint64_t start);
     void choose_separator(std::string_view text);
     bool take_names(const std::vector<std::string>& names);
-    void point(const std::vector<Token>& row, Geometry& out);
+    void point(Geometry& out);
 
     std::string file_;
     bool is_pts_, is_csv_;
     char separator_ = 0; ///< 0: not known yet; ' ': blanks and tabs
-    bool has_names_ = false, is_first_ = true;
+    bool has_names_ = false, is_first_ = true, has_points_ = false;
     std::vector<std::string> names_; ///< of the columns, where they are known
     int role_column_[9] = {-1, -1, -1, -1, -1, -1, -1, -1, -1};
     std::size_t num_columns_ = 0; ///< 0: not known yet
     std::int64_t lines_ = 0, promised_ = -1;
+    std::vector<Token> row_; ///< the fields of the line being read
 };
 
 } // namespace cellwarp

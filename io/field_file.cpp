@@ -138,9 +138,9 @@ public:
         start_ = at_;
         if (bytes_.size() - at_ < kHeadSize)
             fail("the file ends here: it is cut off");
-        std::string_view found = bytes_.substr(at_, kNameSize);
-        found = found.substr(0, found.find('\0'));
-        require(found == name, "another section stands here");
+        std::string padded(name);
+        padded.resize(kNameSize, '\0');
+        require(bytes_.substr(at_, kNameSize) == padded, "another section stands here");
         at_ += kNameSize;
         require(raw<std::uint32_t>() == type_of<Number>(), "holds another type");
         const std::uint64_t count = raw<std::uint64_t>();
@@ -156,7 +156,8 @@ public:
         at_ += count * sizeof(Number);
         const std::size_t end = (at_ + kAlignment - 1) / kAlignment * kAlignment;
         require(end <= bytes_.size(), "the file ends here: it is cut off");
-        at_ = end;
+        for (; at_ < end; ++at_)
+            require(bytes_[at_] == 0, "is padded with something else than zeros");
         if constexpr (std::is_same_v<Number, double>)
             for (std::size_t i = 0; i < count; ++i)
                 require(std::isfinite(values[i]), "holds a number that is not finite");

@@ -7,18 +7,16 @@
 #include <array>
 #include <cstring>
 #include <filesystem>
-#include <optional>
+#include <memory>
 
-#include "io/columns.h"
 #include "io/error.h"
 #include "io/gltf.h"
 #include "io/import/import.h"
 #include "io/number.h"
 #include "io/obj.h"
-#include "io/off.h"
 #include "io/packed.h"
 #include "io/pcd.h"
-#include "io/ply.h"
+#include "io/scanner.h"
 #include "io/stl.h"
 #include "io/stored_number.h"
 #include "io/text.h"
@@ -34,37 +32,6 @@ constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "pcd",  "xy
 
 /// Largest coordinate: beyond it squares overflow.
 constexpr double kMaxCoordinate = 1e150;
-
-Error unknown_format(const std::string& path)
-{
-    std::string known;
-    for (const std::string_view format : kFormats)
-        known += (known.empty() ? "" : ", ") + std::string(format);
-    return Error(
-        Fault::Usage,
-        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
-}
-
-template <class Scanner>
-void scan_all(Scanner scanner, GeometryFile& file)
-{
-    scanner.scan(file.bytes, 0, true, file.geometry);
-    scanner.finish(file.geometry);
-}
-
-void check_magnitude(const GeometryFile& file)
-{
-    const Geometry& geometry = file.geometry;
-    const std::vector<std::uint64_t>& starts = geometry.sample_places.starts;
-    for (std::size_t i = 0; i < geometry.samples.size(); ++i)
-        if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
-            throw malformed({file.path, 0,
-                             "sample " + std::to_string(i) +
-                                 (3 * i < starts.size()
-                                      ? " (byte " + std::to_string(starts[3 * i]) + ")"
-                                      : "")},
-                            "is beyond 1e150");
-}
 
 /// One number to replace.
 struct Edit
@@ -113,6 +80,10 @@ private:
         if (is_done())
             return;
         const std::uint64_t* starts = &places_.starts[first_];
+        if (std::is_sorted(
+                order_.begin(), order_.begin() + static_cast<long>(places_.length),
+                [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; }))
+            return; // as in the last vector
         std::sort(order_.begin(), order_.begin() + static_cast<long>(places_.length),
                   [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
     }
@@ -144,6 +115,16 @@ bool is_geometry_format(std::string_view extension)
            std::end(kFormats);
 }
 
+Error unknown_format(const std::string& path)
+{
+    std::string known;
+    for (const std::string_view format : kFormats)
+        known += (known.empty() ? "" : ", ") + std::string(format);
+    return Error(
+        Fault::Usage,
+        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
+}
+
 std::string extension_of(const std::string& path)
 {
     std::string extension = std::filesystem::path(path).extension().string();
@@ -160,30 +141,17 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
     file.geometry.format = extension;
     if (!is_geometry_format(extension))
         throw unknown_format(file.path);
-    if (file.bytes.empty())
-        throw malformed({file.path, 0, ""}, "the file is empty: no vertices");
-    const bool may_be_binary = extension == "stl" || extension == "pcd" ||
-                               extension == "glb" || extension == "glb" ||
-                               (extension == "ply" && file.bytes.starts_with("ply"));
-    if (const std::string guess = foreign_content(file.bytes);
-        !guess.empty() && !may_be_binary)
-        throw malformed({file.path, 0, ""},
-                        "this looks like " + guess + ", need " + extension);
-    if (extension == "obj")
-        scan_all(ObjScanner(file.path), file);
-    else if (extension == "ply")
-        scan_all(PlyScanner(file.path, file.bytes.size()), file);
-    else if (extension == "stl")
-        scan_all(StlScanner(file.path, file.bytes.size()), file);
-    else if (extension == "off")
-        scan_all(OffScanner(file.path, file.bytes.size()), file);
-    else if (extension == "pcd")
-        scan_all(PcdScanner(file.path, file.bytes.size()), file);
-    else if (extension == "gltf" || extension == "glb")
+    check_content(file.path, extension, file.bytes, 0);
+    if (extension == "gltf" || extension == "glb")
         scan_gltf(file);
     else
-        scan_all(ColumnsScanner(file.path, extension, options.columns), file);
-    check_magnitude(file);
+    {
+        const std::unique_ptr<Scanner> scanner =
+            make_scanner(file.path, extension, file.bytes.size(), options);
+        scanner->scan(file.bytes, 0, true, file.geometry);
+        scanner->finish(file.geometry);
+    }
+    check_magnitude(file.path, file.geometry);
     return file;
 }
 
@@ -198,7 +166,7 @@ GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
         throw unknown_format(path);
     GeometryFile file{path, {}, {}};
     file.geometry = import_geometry(path, read_file(path));
-    check_magnitude(file);
+    check_magnitude(file.path, file.geometry);
     return file;
 }
 
@@ -224,6 +192,19 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
     return uses;
 }
 
+void check_magnitude(const std::string& path, const Geometry& geometry)
+{
+    const std::vector<std::uint64_t>& starts = geometry.sample_places.starts;
+    for (std::size_t i = 0; i < geometry.samples.size(); ++i)
+        if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
+            throw malformed({path, 0,
+                             "sample " + std::to_string(geometry.samples_before + i) +
+                                 (3 * i < starts.size()
+                                      ? " (byte " + std::to_string(starts[3 * i]) + ")"
+                                      : "")},
+                            "is beyond 1e150");
+}
+
 std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
 {
     const Geometry& geometry = file.geometry;
@@ -247,32 +228,42 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
     }
     if (num_split)
         *num_split = split.num_lines;
-
     std::string out;
     out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
-    std::uint64_t copied = 0;
-    const std::string_view bytes = file.bytes;
+    append_patched(file.path, file.bytes, 0, geometry,
+                   {patch.samples, split.directions, patch.tangents, patch.rotations,
+                    split.index_starts, split.new_indices},
+                   out);
+    out.append(split.lines);
+    return out;
+}
+
+void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
+                    const Geometry& geometry, const PartPatch& patch, std::string& out)
+{
+    std::uint64_t copied = start;
     const auto replace =
-        [&](std::uint64_t start, std::size_t length, std::string_view text)
+        [&](std::uint64_t place, std::size_t length, std::string_view text)
     {
-        out.append(bytes.substr(copied, start - copied));
+        out.append(bytes.substr(copied - start, place - copied));
         out.append(text);
-        copied = start + length;
+        copied = place + length;
     };
     std::string text;
     const auto apply = [&](const Edit& edit)
     {
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
-            throw does_not_fit(file.path, edit.start, edit.value);
+            throw does_not_fit(path, edit.start, edit.value);
         const std::size_t size = stored_size(edit.scalar);
-        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start), text);
+        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start - start),
+                text);
     };
     std::array<EditStream, 4> streams = {
         EditStream(geometry.sample_places, numbers_of(geometry.samples),
                    numbers_of(patch.samples)),
         EditStream(geometry.direction_places, numbers_of(geometry.directions),
-                   numbers_of(split.directions)),
+                   numbers_of(patch.directions)),
         EditStream(geometry.tangent_places, numbers_of(geometry.tangents),
                    numbers_of(patch.tangents)),
         EditStream(geometry.rotation_places, numbers_of(geometry.rotations),
@@ -288,13 +279,14 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
                               [&](const EditStream& a, const EditStream& b)
                               { return start_of(a) < start_of(b); });
         const std::uint64_t i =
-            index == split.index_starts.size() ? kEnd : split.index_starts[index];
+            index == patch.index_starts.size() ? kEnd : patch.index_starts[index];
         const std::uint64_t first = std::min(start_of(stream), i);
         if (first == kEnd)
             break;
         if (first == i)
         {
-            replace(i, token_length(bytes, i), std::to_string(split.new_indices[index]));
+            replace(i, token_length(bytes, i - start),
+                    std::to_string(patch.new_indices[index]));
             ++index;
             continue;
         }
@@ -302,9 +294,7 @@ std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* n
             apply(stream.edit());
         stream.advance();
     }
-    out.append(bytes.substr(copied));
-    out.append(split.lines);
-    return out;
+    out.append(bytes.substr(copied - start));
 }
 
 } // namespace cellwarp

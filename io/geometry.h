@@ -15,6 +15,7 @@
 #include <Eigen/Core>
 
 #include "io/bytes.h"
+#include "io/error.h"
 
 namespace cellwarp
 {
@@ -96,6 +97,15 @@ struct Geometry
     /// Why the file cannot be written with samples elsewhere; empty: it can.
     std::string not_writable;
 
+    /// Of a file that is read part by part: what earlier parts held. The corners of
+    /// an OBJ count from the file's first sample, all other indices from this part's.
+    std::uint64_t samples_before = 0, directions_before = 0;
+    /// What is not finite, and stays as it is; points without a place (PCD).
+    std::size_t num_bad_normals = 0, num_bad_rotations = 0, num_missing = 0;
+
+    /// Up to here, with the earlier parts.
+    std::uint64_t num_samples() const { return samples_before + samples.size(); }
+    std::uint64_t num_directions() const { return directions_before + directions.size(); }
     std::size_t num_faces() const { return face_ends.size(); }
     std::span<const std::uint32_t> face(std::size_t f) const
     {
@@ -123,6 +133,9 @@ bool is_geometry_format(std::string_view extension);
 /// "obj" of "dir/Name.OBJ"; empty without an extension.
 std::string extension_of(const std::string& path);
 
+/// The error for a path whose extension is no geometry format.
+Error unknown_format(const std::string& path);
+
 struct ReadOptions
 {
     std::string columns; ///< of text in columns, see ColumnsScanner
@@ -148,6 +161,9 @@ struct DirectionUse
 /// None for an STL, whose normals follow from its corners.
 std::vector<DirectionUse> direction_uses(const Geometry& geometry);
 
+/// Throws Fault::Malformed if a coordinate is beyond 1e150: its square overflows.
+void check_magnitude(const std::string& path, const Geometry& geometry);
+
 /// What a deformation changes, in the order of the file.
 struct Patch
 {
@@ -165,5 +181,21 @@ struct Patch
 /// Throws Fault::Malformed if a value does not fit its stored type.
 std::string patched(const GeometryFile& file, const Patch& patch,
                     std::size_t* num_split = nullptr);
+
+/// What one part of a file ends with, in its order.
+struct PartPatch
+{
+    std::span<const Eigen::Vector3d> samples; ///< as many as the part's geometry has
+    std::span<const Eigen::Vector3d> directions, tangents; ///< likewise
+    std::span<const Eigen::Vector4d> rotations;            ///< likewise
+    std::span<const std::uint64_t> index_starts; ///< [byte] of OBJ indices to replace
+    std::span<const std::uint32_t> new_indices;  ///< 1-based
+};
+
+/// Appends \p bytes, which start at byte \p start of the file \p path and hold
+/// \p geometry, with \p patch in place. Whole files and parts alike are written here.
+/// Throws as patched() does.
+void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
+                    const Geometry& geometry, const PartPatch& patch, std::string& out);
 
 } // namespace cellwarp

@@ -59,9 +59,16 @@ std::optional<std::int64_t> parse_integer(std::string_view token)
 
 std::string shortest(double value)
 {
+    std::string text;
+    append_shortest(value, text);
+    return text;
+}
+
+void append_shortest(double value, std::string& out)
+{
     char buffer[64];
     const std::to_chars_result end = std::to_chars(buffer, buffer + sizeof buffer, value);
-    return std::string(buffer, end.ptr);
+    out.append(buffer, end.ptr);
 }
 
 std::string in_quotes(std::string_view token)

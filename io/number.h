@@ -22,6 +22,9 @@ std::optional<std::int64_t> parse_integer(std::string_view token);
 /// The shortest decimal text that reads back as the same double.
 std::string shortest(double value);
 
+/// The same at the end of \p out.
+void append_shortest(double value, std::string& out);
+
 /// A token as it may stand in a message: cut to 40 characters, without control
 /// characters, in quotes.
 std::string in_quotes(std::string_view token);

@@ -202,7 +202,7 @@ void ObjScanner::vertex(Tokens& tokens, std::int64_t line, Geometry& out)
         throw malformed({file_, line, "vertex"}, "got " + std::to_string(numbers.count) +
                                                      " numbers, need 3, 4, 6 or 7");
     out.samples.push_back(numbers.vector());
-    if (static_cast<std::int64_t>(out.samples.size()) > kMaxSamples)
+    if (static_cast<std::int64_t>(out.num_samples()) > kMaxSamples)
         throw malformed({file_, line, "vertex"}, "more than 2147483647 of them");
     out.sample_places.starts.insert(out.sample_places.starts.end(),
                                     numbers.starts.begin(), numbers.starts.begin() + 3);
@@ -233,15 +233,15 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
 {
     const std::size_t first = out.corners.size();
     // An index is 1-based, or negative and counted back from what was read so far.
-    const auto resolve = [&](std::int64_t index, std::int64_t read, char kind)
+    const auto resolve = [&](std::int64_t index, std::int64_t read, Forward& forward)
     {
         const std::int64_t value = index > 0 ? index - 1 : read + index;
         if (value < 0 || value >= kMaxSamples)
             throw malformed({file_, line, "face index"},
                             "is out of range (got " + std::to_string(index) + ", " +
                                 std::to_string(read) + " read so far)");
-        if (value >= read)
-            forward_.push_back({value, line, kind});
+        if (value >= read && value > forward.index)
+            forward = {value, line};
         return static_cast<std::uint32_t>(value);
     };
     for (Token token; tokens.next(token) && token.text[0] != '#';)
@@ -251,16 +251,18 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
             throw malformed({file_, line, "face index"},
                             "is no index (got " + in_quotes(token.text) +
                                 ", need v, v/vt, v//vn or v/vt/vn)");
-        out.corners.push_back(
-            resolve(corner.vertex, static_cast<std::int64_t>(out.samples.size()), 'v'));
+        out.corners.push_back(resolve(corner.vertex,
+                                      static_cast<std::int64_t>(out.num_samples()),
+                                      forward_vertex_));
         if (corner.texture != 0)
-            resolve(corner.texture, num_texture_, 't');
+            resolve(corner.texture, num_texture_, forward_texture_);
         if (corner.normal != 0)
         {
             out.corner_directions.resize(out.corners.size() - 1, kNone);
             out.corner_direction_starts.resize(out.corners.size() - 1, 0);
-            out.corner_directions.push_back(resolve(
-                corner.normal, static_cast<std::int64_t>(out.directions.size()), 'n'));
+            out.corner_directions.push_back(
+                resolve(corner.normal, static_cast<std::int64_t>(out.num_directions()),
+                        forward_normal_));
             out.corner_direction_starts.push_back(corner.normal_start);
         }
     }
@@ -287,18 +289,16 @@ void ObjScanner::close_groups(Geometry& out)
 void ObjScanner::finish(Geometry& out)
 {
     close_groups(out);
-    for (const Forward& forward : forward_)
-    {
-        const std::size_t count = forward.kind == 'v' ? out.samples.size()
-                                  : forward.kind == 'n'
-                                      ? out.directions.size()
-                                      : static_cast<std::size_t>(num_texture_);
+    const std::pair<Forward, std::uint64_t> forwards[] = {
+        {forward_vertex_, out.num_samples()},
+        {forward_texture_, static_cast<std::uint64_t>(num_texture_)},
+        {forward_normal_, out.num_directions()}};
+    for (const auto& [forward, count] : forwards)
         if (forward.index >= static_cast<std::int64_t>(count))
             throw malformed({file_, forward.line, "face index"},
                             "is out of range (got " + std::to_string(forward.index + 1) +
                                 ", need at most " + std::to_string(count) + ")");
-    }
-    if (out.samples.empty())
+    if (out.num_samples() == 0)
         throw malformed({file_, 0, ""},
                         lines_ == 0 ? "the file is empty: no vertices" : "no vertices");
     if (!out.colours.empty())
@@ -322,53 +322,124 @@ void ObjScanner::finish(Geometry& out)
                std::to_string(num_unknown_) + " unknown statements pass through"));
 }
 
+namespace
+{
+
+/// Uses closer than this share one statement [relative to the direction's length].
+constexpr double kSame = 1e-6;
+
+} // namespace
+
+std::size_t DirectionSplitter::BoxHash::operator()(const Box& box) const
+{
+    std::size_t hash = 0;
+    for (const std::int64_t k : box)
+        hash = (hash ^ static_cast<std::size_t>(k)) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 32);
+}
+
+DirectionSplitter::Box DirectionSplitter::box_of(const Eigen::Vector3d& value) const
+{
+    Box box;
+    for (int k = 0; k < 3; ++k)
+        box[static_cast<std::size_t>(k)] =
+            static_cast<std::int64_t>(std::floor(value[k] / edge_));
+    return box;
+}
+
+/// The first statement of this direction that is near enough; null: none.
+const DirectionSplitter::Statement*
+DirectionSplitter::near(const Eigen::Vector3d& value) const
+{
+    const double tolerance = kSame * value.norm();
+    const auto is_near = [&](const Statement& statement)
+    { return (statement.value - value).norm() <= tolerance; };
+    // Boxes are good for directions of about the first one's length.
+    if (edge_ == 0.0 || tolerance > 0.75 * edge_ || tolerance < 1e-6 * edge_)
+    {
+        const auto found = std::find_if(statements_.begin(), statements_.end(), is_near);
+        return found == statements_.end() ? nullptr : &*found;
+    }
+    const Box centre = box_of(value);
+    std::uint32_t first = kNone;
+    for (int neighbour = 0; neighbour < 27; ++neighbour)
+    {
+        const auto found =
+            boxes_.find({centre[0] + neighbour % 3 - 1, centre[1] + neighbour / 3 % 3 - 1,
+                         centre[2] + neighbour / 9 - 1});
+        if (found == boxes_.end())
+            continue;
+        for (const std::uint32_t i : found->second)
+            if (i < first && is_near(statements_[i]))
+                first = i;
+    }
+    return first == kNone ? nullptr : &statements_[first];
+}
+
+void DirectionSplitter::keep(const Statement& statement)
+{
+    // A flat mesh may share one vn among all its vertices.
+    constexpr std::size_t kMany = 32;
+    statements_.push_back(statement);
+    const double length = statements_.front().value.norm();
+    const bool fits = std::isfinite(1.0 / length) && std::isfinite(length);
+    std::size_t next = statements_.size() - 1;
+    if (statements_.size() == kMany && fits)
+    {
+        edge_ = 2.0 * kSame * length;
+        next = 0;
+    }
+    for (; edge_ > 0.0 && next < statements_.size(); ++next)
+        // What is far longer than the first is looked for one by one.
+        if (statements_[next].value.norm() <= 1e6 * length)
+            boxes_[box_of(statements_[next].value)].push_back(
+                static_cast<std::uint32_t>(next));
+}
+
+std::uint32_t DirectionSplitter::index(const DirectionUse& use,
+                                       const Eigen::Vector3d& value, std::string& lines)
+{
+    if (use.direction != direction_)
+    {
+        statements_.clear();
+        boxes_.clear();
+        edge_ = 0.0;
+    }
+    direction_ = use.direction;
+    if (const Statement* const statement = near(value))
+        return statement->index;
+    std::uint32_t index = use.direction + 1;
+    if (!statements_.empty())
+    {
+        ++num_lines_;
+        index = static_cast<std::uint32_t>(num_directions_ + num_lines_);
+        lines += "vn";
+        for (const double x : value)
+            lines += " " + shortest(x);
+        lines += line_end_;
+    }
+    keep({value, index});
+    return index;
+}
+
 ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionUse>& uses,
                           const std::vector<Eigen::Vector3d>& values,
                           std::string_view bytes)
 {
-    // Uses closer than this share one statement [relative to the direction's length].
-    constexpr double kSame = 1e-6;
     ObjSplit split;
     split.directions = geometry.directions;
-    std::vector<std::uint32_t> index_of_use(uses.size());
+    std::vector<std::uint32_t> index_of_use;
     const std::string line_end =
         bytes.find("\r\n") != std::string_view::npos ? "\r\n" : "\n";
-    for (std::size_t first = 0; first < uses.size();)
+    DirectionSplitter splitter(geometry.directions.size(), line_end);
+    for (std::size_t use = 0; use < uses.size(); ++use)
     {
-        std::size_t end = first;
-        while (end < uses.size() && uses[end].direction == uses[first].direction)
-            ++end;
-        // The first use keeps the statement; every other one joins the first
-        // statement that is near enough or opens a new one.
-        std::vector<std::pair<std::size_t, std::uint32_t>> statements;
-        for (std::size_t use = first; use < end; ++use)
-        {
-            const double tolerance = kSame * values[use].norm();
-            auto near = std::find_if(
-                statements.begin(), statements.end(),
-                [&](const auto& s)
-                { return (values[s.first] - values[use]).norm() <= tolerance; });
-            if (near == statements.end())
-            {
-                std::uint32_t index = uses[use].direction + 1;
-                if (statements.empty())
-                    split.directions[uses[use].direction] = values[use];
-                else
-                {
-                    ++split.num_lines;
-                    index = static_cast<std::uint32_t>(geometry.directions.size() +
-                                                       split.num_lines);
-                    split.lines += "vn";
-                    for (int k = 0; k < 3; ++k)
-                        split.lines += " " + shortest(values[use][k]);
-                    split.lines += line_end;
-                }
-                near = statements.insert(statements.end(), {use, index});
-            }
-            index_of_use[use] = near->second;
-        }
-        first = end;
+        const std::uint32_t direction = uses[use].direction;
+        if (use == 0 || direction != uses[use - 1].direction)
+            split.directions[direction] = values[use];
+        index_of_use.push_back(splitter.index(uses[use], values[use], split.lines));
     }
+    split.num_lines = splitter.num_lines();
     if (split.num_lines == 0)
         return split;
     if (!bytes.empty() && bytes.back() != '\n' && bytes.back() != '\r')

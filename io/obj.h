@@ -3,9 +3,11 @@
 // statement passes through.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -15,8 +17,8 @@
 namespace cellwarp
 {
 
-/// Reads an OBJ part by part. Face indices are kept as they stand until the end,
-/// because a face may come before its vertices.
+/// Reads an OBJ part by part. A face may come before its vertices: whether they are
+/// there is told at the end.
 class ObjScanner
 {
 public:
@@ -37,20 +39,60 @@ private:
     void face(Tokens& tokens, std::int64_t line, Geometry& out);
     void close_groups(Geometry& out);
 
-    struct Forward ///< an index that pointed past what was read so far
+    /// The largest of the indices that pointed past what was read so far.
+    struct Forward
     {
-        std::int64_t index, line;
-        char kind;
+        std::int64_t index = -1, line = 0;
     };
     std::string file_;
     std::string joined_; ///< a statement continued over lines
     std::int64_t lines_ = 0;
     std::int64_t num_texture_ = 0;
-    std::vector<Forward> forward_;
+    Forward forward_vertex_, forward_texture_, forward_normal_;
     std::vector<std::string> open_groups_;
     std::string object_;
     std::size_t groups_first_face_ = 0;
     std::size_t num_unknown_ = 0;
+};
+
+/// Gives every use of a direction its statement: the first use of a direction keeps the
+/// file's own, every other one joins the first statement that is near enough or opens
+/// a new one at the end of the file.
+class DirectionSplitter
+{
+public:
+    DirectionSplitter(std::size_t num_directions, std::string line_end)
+        : num_directions_(num_directions), line_end_(std::move(line_end))
+    {
+    }
+
+    /// Uses come sorted, as from direction_uses(), each with what it needs. Returns the
+    /// 1-based index of its statement; a new one is appended to \p lines.
+    std::uint32_t index(const DirectionUse& use, const Eigen::Vector3d& value,
+                        std::string& lines);
+    std::size_t num_lines() const { return num_lines_; }
+
+private:
+    struct Statement
+    {
+        Eigen::Vector3d value;
+        std::uint32_t index;
+    };
+    using Box = std::array<std::int64_t, 3>;
+    struct BoxHash
+    {
+        std::size_t operator()(const Box& box) const;
+    };
+    const Statement* near(const Eigen::Vector3d& value) const;
+    void keep(const Statement& statement);
+    Box box_of(const Eigen::Vector3d& value) const;
+
+    std::size_t num_directions_, num_lines_ = 0;
+    std::string line_end_;
+    double edge_ = 0.0; ///< of the boxes that statements are kept in; 0: too few of them
+    std::unordered_map<Box, std::vector<std::uint32_t>, BoxHash> boxes_;
+    std::uint32_t direction_ = kNone;   ///< of the last use
+    std::vector<Statement> statements_; ///< of that direction
 };
 
 /// New vn lines and index changes where the uses of a direction part company.

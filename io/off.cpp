@@ -115,7 +115,8 @@ bool OffScanner::vertex_token(const Token& token, Geometry& out)
     if (has_normals_ && Eigen::Vector3d(values_[3], values_[4], values_[5]).norm() > 0)
     {
         out.directions.emplace_back(values_[3], values_[4], values_[5]);
-        out.direction_samples.push_back(static_cast<std::uint32_t>(record_));
+        out.direction_samples.push_back(
+            static_cast<std::uint32_t>(out.samples.size() - 1));
         out.direction_places.starts.insert(out.direction_places.starts.end(),
                                            starts_.begin() + 3, starts_.end());
     }
@@ -176,8 +177,15 @@ void OffScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
         if (expect_ == Expect::End)
             throw malformed({file_, lines_, ""}, "more than the counted records (got " +
                                                      in_quotes(token.text) + ")");
+        const bool is_vertex = expect_ == Expect::Vertices;
         const bool rest_is_colour = expect_ == Expect::Vertices ? vertex_token(token, out)
                                                                 : face_token(token, out);
+        if (is_vertex && values_.empty())
+        {
+            // What follows on the line is read as a line of its own.
+            whole_end_ = token.start + token.text.size();
+            whole_lines_ = lines_ - 1;
+        }
         advance();
         if (rest_is_colour)
         {
@@ -193,9 +201,25 @@ void OffScanner::line(std::string_view text, std::uint64_t start, Geometry& out)
 std::size_t OffScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                              Geometry& out)
 {
-    return for_each_line(part, start, is_last, lines_,
-                         [&](std::string_view text, std::uint64_t at)
-                         { line(text, at, out); });
+    whole_end_ = start;
+    whole_lines_ = lines_;
+    const std::size_t done = for_each_line(part, start, is_last, lines_,
+                                           [&](std::string_view text, std::uint64_t at)
+                                           {
+                                               if (values_.empty())
+                                               {
+                                                   whole_end_ = at;
+                                                   whole_lines_ = lines_ - 1;
+                                               }
+                                               line(text, at, out);
+                                           });
+    if (values_.empty() || is_last)
+        return done;
+    // A vertex that is not whole is read again when there is more of it.
+    values_.clear();
+    starts_.clear();
+    lines_ = whole_lines_;
+    return static_cast<std::size_t>(whole_end_ - start);
 }
 
 void OffScanner::finish(Geometry& out)

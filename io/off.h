@@ -52,6 +52,8 @@ private:
     Expect expect_ = Expect::Magic;
     bool has_normals_ = false, has_colours_ = false;
     std::uint64_t num_vertices_ = 0, num_faces_ = 0, record_ = 0;
+    std::uint64_t whole_end_ = 0;       ///< [byte] where the last whole vertex ended
+    std::int64_t whole_lines_ = 0;      ///< lines that ended until there
     std::vector<std::uint64_t> starts_; ///< of the vertex being read
     std::vector<double> values_;
     std::int64_t corners_left_ = -1; ///< of the face being read; -1: count awaited

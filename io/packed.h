@@ -15,11 +15,11 @@ namespace cellwarp
 {
 
 /// A list of vectors as its numbers.
-template <class Vector>
-std::span<const double> numbers_of(const std::vector<Vector>& vectors)
+template <class Vectors>
+std::span<const double> numbers_of(const Vectors& vectors)
 {
     return {reinterpret_cast<const double*>(vectors.data()),
-            vectors.size() * sizeof(Vector) / sizeof(double)};
+            vectors.size() * sizeof(*vectors.data()) / sizeof(double)};
 }
 
 /// Overwrites the numbers that change, at their places in \p body.

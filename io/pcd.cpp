@@ -150,6 +150,27 @@ void PcdScanner::header_line(std::string_view line)
                         "this is no PCD header line (got " + in_quotes(line) + ")");
 }
 
+namespace
+{
+
+/// Whether the header goes on after \p part.
+bool is_header_open(std::string_view part)
+{
+    for (std::size_t next = byte_order_mark(part); next < kMaxHeaderBytes;)
+    {
+        const std::size_t end = part.find('\n', next);
+        if (end == std::string_view::npos)
+            return part.size() < kMaxHeaderBytes;
+        Tokens tokens(part.substr(next, end - next), 0);
+        if (Token key; tokens.next(key) && key.text == "DATA")
+            return false;
+        next = end + 1;
+    }
+    return false;
+}
+
+} // namespace
+
 std::size_t PcdScanner::header(std::string_view part)
 {
     const std::size_t mark = byte_order_mark(part);
@@ -306,7 +327,7 @@ void PcdScanner::keep(const Point& point, Geometry& out)
     const double* v = point.values;
     if (std::isnan(v[0]) && std::isnan(v[1]) && std::isnan(v[2]))
     {
-        ++num_missing_;
+        ++out.num_missing;
         return;
     }
     for (int k = 0; k < 3; ++k)
@@ -326,7 +347,7 @@ void PcdScanner::keep(const Point& point, Geometry& out)
     const Eigen::Vector3d normal(v[3], v[4], v[5]);
     if (!normal.allFinite() || normal.isZero(0))
     {
-        num_bad_normals_ += normal.allFinite() ? 0 : 1;
+        out.num_bad_normals += normal.allFinite() ? 0 : 1;
         return;
     }
     out.directions.push_back(normal);
@@ -430,12 +451,35 @@ std::size_t PcdScanner::unpack(std::string_view part, std::uint64_t start, bool 
     return kSizesBytes + packed_size;
 }
 
+std::size_t PcdScanner::skip(std::string_view part)
+{
+    if (!has_header_ || point_ == num_points_ || encoding_ == Encoding::Compressed)
+        return 0;
+    if (encoding_ == Encoding::Binary)
+    {
+        const std::uint64_t count =
+            std::min<std::uint64_t>(num_points_ - point_, part.size() / point_bytes_);
+        point_ += count;
+        return static_cast<std::size_t>(count * point_bytes_);
+    }
+    // One point a line; blank lines are none.
+    const std::string_view whole = part.substr(0, part.rfind('\n') + 1);
+    LineReader lines(whole, 0, true, lines_);
+    for (std::string_view line; point_ < num_points_ && lines.next(line);)
+        point_ += !Tokens(line, 0).rest().empty();
+    lines_ = lines.line_number();
+    return lines.consumed();
+}
+
 std::size_t PcdScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                              Geometry& out)
 {
     std::size_t done = 0;
+    last_byte_ = start + part.size();
     if (!has_header_)
     {
+        if (!is_last && is_header_open(part))
+            return 0;
         done = header(part);
         check_header();
         assign_roles(out);
@@ -482,17 +526,18 @@ std::size_t PcdScanner::scan(std::string_view part, std::uint64_t start, bool is
 void PcdScanner::finish(Geometry& out)
 {
     if (point_ < num_points_)
-        throw malformed(here(file_bytes_), "the file ends here (need " +
-                                               std::to_string(num_points_) + " points)");
-    if (out.samples.empty())
+        throw malformed(here(std::min(file_bytes_, last_byte_)),
+                        "the file ends here (need " + std::to_string(num_points_) +
+                            " points)");
+    if (out.num_samples() == 0)
         throw malformed({file_, 0, ""}, "no vertices: every point is NaN");
     const auto warn = [&](std::uint64_t count, const char* what)
     {
         if (count > 0)
             out.warnings.push_back(at({file_, 0, ""}, std::to_string(count) + what));
     };
-    warn(num_missing_, " points without a place (NaN) stay as they are");
-    warn(num_bad_normals_, " normals are not finite and stay as they are");
+    warn(out.num_missing, " points without a place (NaN) stay as they are");
+    warn(out.num_bad_normals, " normals are not finite and stay as they are");
     warn(trailing_, " bytes after the last point pass through");
 }
 

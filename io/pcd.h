@@ -29,6 +29,7 @@ public:
 
     std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
                      Geometry& out);
+    std::size_t skip(std::string_view part);
     void finish(Geometry& out);
 
 private:
@@ -82,8 +83,8 @@ private:
     bool has_normals_ = false, has_colours_ = false;
     std::uint64_t point_ = 0; ///< being read
     std::int64_t lines_ = 0;
-    std::uint64_t num_missing_ = 0, num_bad_normals_ = 0;
-    std::uint64_t trailing_ = 0; ///< [bytes] after the last point
+    std::uint64_t last_byte_ = 0; ///< of what was read
+    std::uint64_t trailing_ = 0;  ///< [bytes] after the last point
 };
 
 /// The bytes of a compressed PCD with \p patch in place, compressed again. Where nothing

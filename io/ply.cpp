@@ -44,6 +44,40 @@ std::optional<Scalar> scalar_named(std::string_view name)
     return std::nullopt;
 }
 
+/// The file's own line end: in a binary file the first data byte may be LF.
+std::string_view line_end_of(std::string_view header)
+{
+    const std::size_t first = header.find_first_of("\r\n");
+    if (first == std::string_view::npos || header[first] == '\n')
+        return "\n";
+    return header.substr(first).starts_with("\r\n") ? "\r\n" : "\r";
+}
+
+/// Whether more of the file could change how its header reads.
+bool is_header_open(std::string_view part)
+{
+    const std::string_view text =
+        part.substr(byte_order_mark(part)).substr(0, kMaxHeaderBytes);
+    const std::size_t first = text.find_first_of("\r\n");
+    if (text.size() == kMaxHeaderBytes)
+        return false;
+    if (first == std::string_view::npos || first + 1 == text.size())
+        return true;
+    const std::string_view line_end = line_end_of(text);
+    for (std::size_t next = 0;;)
+    {
+        const std::size_t end = text.find(line_end, next);
+        if (end == std::string_view::npos)
+            return true;
+        std::string_view line = text.substr(next, end - next);
+        while (!line.empty() && (is_blank(line.back()) || line.back() == '\r'))
+            line.remove_suffix(1);
+        if (line == "end_header")
+            return false;
+        next = end + line_end.size();
+    }
+}
+
 bool is_real(Scalar type)
 {
     return type == Scalar::Float32 || type == Scalar::Float64;
@@ -141,11 +175,7 @@ std::size_t PlyScanner::header(std::string_view part)
 {
     const std::size_t mark = byte_order_mark(part);
     const std::string_view text = part.substr(mark, kMaxHeaderBytes);
-    // The file's own line end: in a binary file the first data byte may be LF.
-    const std::size_t first_end = text.find_first_of("\r\n");
-    std::string_view line_end = "\n";
-    if (first_end != std::string_view::npos && text[first_end] == '\r')
-        line_end = text.substr(first_end).starts_with("\r\n") ? "\r\n" : "\r";
+    const std::string_view line_end = line_end_of(text);
     std::size_t next = 0;
     for (;;)
     {
@@ -319,7 +349,7 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
     const Eigen::Vector3d normal(v[3], v[4], v[5]);
     if (!normal.allFinite() || normal.isZero(0))
     {
-        num_bad_normals_ += normal.allFinite() ? 0 : 1;
+        out.num_bad_normals += normal.allFinite() ? 0 : 1;
         return;
     }
     out.directions.push_back(normal);
@@ -334,7 +364,7 @@ void PlyScanner::keep_rotation(const Record& record, Geometry& out)
     const Eigen::Vector4d rotation(q[0], q[1], q[2], q[3]);
     if (!rotation.allFinite() || rotation.isZero(0))
     {
-        ++num_bad_rotations_;
+        ++out.num_bad_rotations;
         return;
     }
     out.rotations.push_back(rotation);
@@ -449,26 +479,54 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
     return true;
 }
 
+/// Moves on to the element of the next record; false after the last one.
+bool PlyScanner::next_element()
+{
+    while (element_ < elements_.size() && (record_ == elements_[element_].count ||
+                                           elements_[element_].properties.empty()))
+    {
+        ++element_;
+        record_ = 0;
+    }
+    return element_ < elements_.size();
+}
+
+std::size_t PlyScanner::skip(std::string_view part)
+{
+    if (!has_header_ || !next_element())
+        return 0;
+    const Element& element = elements_[element_];
+    if (encoding_ == Encoding::Ascii)
+    {
+        // One record a line; blank lines are none.
+        const std::string_view whole = part.substr(0, part.rfind('\n') + 1);
+        LineReader lines(whole, 0, true, lines_);
+        for (std::string_view line; record_ < element.count && lines.next(line);)
+            record_ += !Tokens(line, 0).rest().empty();
+        lines_ = lines.line_number();
+        return lines.consumed();
+    }
+    for (const Property& property : element.properties)
+        if (property.is_list)
+            return 0;
+    const std::uint64_t count =
+        std::min(element.count - record_, part.size() / element.min_bytes);
+    record_ += count;
+    return static_cast<std::size_t>(count * element.min_bytes);
+}
+
 std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is_last,
                              Geometry& out)
 {
     std::size_t done = 0;
     if (!has_header_)
     {
+        if (!is_last && is_header_open(part))
+            return 0;
         done = header(part);
         assign_roles(out);
         has_header_ = true;
     }
-    const auto next_element = [&]
-    {
-        while (element_ < elements_.size() && (record_ == elements_[element_].count ||
-                                               elements_[element_].properties.empty()))
-        {
-            ++element_;
-            record_ = 0;
-        }
-        return element_ < elements_.size();
-    };
     if (encoding_ == Encoding::Ascii)
     {
         LineReader lines(part.substr(done), start + done, is_last, lines_);
@@ -507,18 +565,14 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
 
 void PlyScanner::finish(Geometry& out)
 {
-    while (element_ < elements_.size() && (record_ == elements_[element_].count ||
-                                           elements_[element_].properties.empty()))
-    {
-        ++element_;
-        record_ = 0;
-    }
-    if (element_ < elements_.size())
+    if (next_element())
     {
         const Element& element = elements_[element_];
         throw malformed({file_, encoding_ == Encoding::Ascii ? lines_ : 0,
-                         element.name + " " + std::to_string(record_) + " (byte " +
-                             std::to_string(file_bytes_) + ")"},
+                         element.name + " " + std::to_string(record_) +
+                             (file_bytes_ == kUnknownBytes
+                                  ? ""
+                                  : " (byte " + std::to_string(file_bytes_) + ")")},
                         "the file ends here (need " + std::to_string(element.count) +
                             " records)");
     }
@@ -526,13 +580,13 @@ void PlyScanner::finish(Geometry& out)
         out.warnings.push_back(at({file_, 0, ""}, std::to_string(trailing_) +
                                                       " bytes after the last record pass "
                                                       "through"));
-    if (num_bad_normals_ > 0)
+    if (out.num_bad_normals > 0)
         out.warnings.push_back(
-            at({file_, 0, ""}, std::to_string(num_bad_normals_) +
+            at({file_, 0, ""}, std::to_string(out.num_bad_normals) +
                                    " normals are not finite and stay as "
                                    "they are"));
-    if (num_bad_rotations_ > 0)
-        out.warnings.push_back(at({file_, 0, ""}, std::to_string(num_bad_rotations_) +
+    if (out.num_bad_rotations > 0)
+        out.warnings.push_back(at({file_, 0, ""}, std::to_string(out.num_bad_rotations) +
                                                       " rotations are zero or not finite "
                                                       "and stay as they are"));
 }

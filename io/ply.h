@@ -14,7 +14,7 @@
 namespace cellwarp
 {
 
-/// Reads a PLY part by part: the header in the first part, then whole records.
+/// Reads a PLY part by part: the header, which must be whole, then whole records.
 class PlyScanner
 {
 public:
@@ -26,6 +26,7 @@ public:
 
     std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
                      Geometry& out);
+    std::size_t skip(std::string_view part);
     void finish(Geometry& out);
 
 private:
@@ -61,6 +62,7 @@ private:
     };
 
     std::size_t header(std::string_view part);
+    bool next_element();
     void header_line(std::string_view line);
     void assign_roles(Geometry& out);
     bool ascii_record(const Element& element, std::string_view line, std::uint64_t start,
@@ -84,7 +86,6 @@ private:
     std::size_t element_ = 0;  ///< being read
     std::uint64_t record_ = 0; ///< of that element
     std::int64_t lines_ = 0;
-    std::size_t num_bad_normals_ = 0, num_bad_rotations_ = 0;
     std::uint64_t trailing_ = 0; ///< [bytes] after the last record
 };
 

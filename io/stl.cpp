@@ -27,7 +27,8 @@ void StlScanner::begin(std::string_view part, Geometry& out)
     count_ = has_count ? static_cast<std::uint64_t>(
                              load_stored(part.data() + 80, Scalar::UInt32, false))
                        : 0;
-    const bool fits = has_count && file_bytes_ == kHeaderBytes + kFacetBytes * count_;
+    const bool fits = has_count && (file_bytes_ == kUnknownBytes ||
+                                    file_bytes_ == kHeaderBytes + kFacetBytes * count_);
     const std::string_view text = part.substr(byte_order_mark(part));
     const std::size_t word = text.find_first_not_of(" \t\r\n");
     const bool says_solid =
@@ -63,7 +64,7 @@ void StlScanner::add_normal(const Eigen::Vector3d& normal, const std::uint64_t* 
     // A normal that is none stays as it is.
     if (!normal.allFinite() || normal.isZero(0))
     {
-        num_bad_normals_ += normal.allFinite() ? 0 : 1;
+        out.num_bad_normals += normal.allFinite() ? 0 : 1;
         return;
     }
     out.directions.push_back(normal);
@@ -162,6 +163,7 @@ void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry&
     if (word == "facet normal")
     {
         numbers(tokens, true, out);
+        in_facet_ = true;
         expected_ = "outer loop";
         corners_ = 0;
     }
@@ -177,6 +179,7 @@ void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry&
     else
     {
         out.face_ends.push_back(out.corners.size());
+        in_facet_ = false;
         expected_ = "facet normal|endsolid";
     }
     if (tokens.next(token))
@@ -190,23 +193,69 @@ std::size_t StlScanner::scan(std::string_view part, std::uint64_t start, bool is
     std::size_t done = 0;
     if (kind_ == Kind::Unknown)
     {
+        if (!is_last && part.size() < kHeaderBytes)
+            return 0;
         begin(part, out);
         done = kind_ == Kind::Binary ? kHeaderBytes : byte_order_mark(part);
     }
     if (kind_ == Kind::Ascii)
     {
-        LineReader lines(part.substr(done), start + done, is_last, lines_);
+        const std::size_t skipped = done;
+        LineReader lines(part.substr(skipped), start + skipped, is_last, lines_);
         std::string_view line;
+        // What was there before the facet that is being read.
+        std::size_t samples = out.samples.size(), corners = out.corners.size(),
+                    directions = out.directions.size(), bad_normals = out.num_bad_normals;
+        std::int64_t lines_before = lines_;
         while (lines.next(line))
         {
             lines_ = lines.line_number();
             statement(line, lines.line_start(), out);
+            if (in_facet_)
+                continue;
+            done = skipped + lines.consumed();
+            samples = out.samples.size();
+            corners = out.corners.size();
+            directions = out.directions.size();
+            bad_normals = out.num_bad_normals;
+            lines_before = lines_;
         }
-        return done + lines.consumed();
+        if (in_facet_)
+        {
+            // Its normal follows from its corners: only whole facets are handed out.
+            out.samples.resize(samples);
+            out.sample_places.starts.resize(3 * samples);
+            out.corners.resize(corners);
+            out.directions.resize(directions);
+            out.direction_samples.resize(directions);
+            out.direction_places.starts.resize(3 * directions);
+            out.num_bad_normals = bad_normals;
+        }
+        if (in_facet_ && !is_last)
+        {
+            // Read again when there is more of it.
+            lines_ = lines_before;
+            in_facet_ = false;
+            expected_ = "facet normal|endsolid";
+        }
+        return done;
     }
     for (; facet_ < count_ && part.size() - done >= kFacetBytes; done += kFacetBytes)
         facet(part.substr(done, kFacetBytes), start + done, out);
+    if (facet_ == count_ && done < part.size())
+        throw malformed({file_, 0, "count (byte 80)"},
+                        "more data than its " + std::to_string(count_) + " facets");
     return done;
+}
+
+std::size_t StlScanner::skip(std::string_view part)
+{
+    if (kind_ != Kind::Binary)
+        return 0;
+    const std::uint64_t count =
+        std::min<std::uint64_t>(count_ - facet_, part.size() / kFacetBytes);
+    facet_ += count;
+    return static_cast<std::size_t>(count * kFacetBytes);
 }
 
 void StlScanner::finish(Geometry& out)
@@ -217,13 +266,13 @@ void StlScanner::finish(Geometry& out)
     if (kind_ == Kind::Binary && facet_ < count_)
         throw malformed({file_, 0, "facet " + std::to_string(facet_)},
                         "the file ends here");
-    if (out.samples.empty())
+    if (out.num_samples() == 0)
         throw malformed({file_, 0, ""}, "no vertices");
-    if (!out.directions.empty())
+    if (out.num_directions() > 0)
         out.attributes.push_back("normals");
-    if (num_bad_normals_ > 0)
+    if (out.num_bad_normals > 0)
         out.warnings.push_back(
-            at({file_, 0, ""}, std::to_string(num_bad_normals_) +
+            at({file_, 0, ""}, std::to_string(out.num_bad_normals) +
                                    " normals are not finite and stay as "
                                    "they are"));
 }

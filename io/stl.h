@@ -25,9 +25,10 @@ public:
     {
     }
 
-    /// The first part must hold the first 84 bytes of the file, or all of it.
+    /// A part's last facet is whole.
     std::size_t scan(std::string_view part, std::uint64_t start, bool is_last,
                      Geometry& out);
+    std::size_t skip(std::string_view part);
     void finish(Geometry& out);
 
 private:
@@ -50,9 +51,9 @@ private:
     Kind kind_ = Kind::Unknown;
     std::uint64_t count_ = 0, facet_ = 0;
     std::int64_t lines_ = 0;
-    int corners_ = 0;      ///< of the ascii facet being read
+    int corners_ = 0; ///< of the ascii facet being read
+    bool in_facet_ = false;
     std::string expected_; ///< ascii keywords that may come next, blank separated
-    std::size_t num_bad_normals_ = 0;
 };
 
 /// The normals of the facets once their corners are at \p samples: unit length times

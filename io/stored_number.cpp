@@ -137,10 +137,10 @@ bool store(double value, Scalar type, bool big_endian, std::string& out)
     switch (type)
     {
     case Scalar::Text:
-        out += shortest(value);
+        append_shortest(value, out);
         return std::isfinite(value);
     case Scalar::TextInt:
-        out += shortest(std::nearbyint(value));
+        append_shortest(std::nearbyint(value), out);
         return std::isfinite(value);
     case Scalar::Int8:
         return append_rounded<std::int8_t>(value, big_endian, out);

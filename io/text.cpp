@@ -84,9 +84,12 @@ std::string foreign_content(std::string_view bytes)
     for (const std::string_view tag : {"<!DOCTYPE"sv, "<html"sv, "<HTML"sv, "<?xml"sv})
         if (head.find(tag) != std::string_view::npos)
             return "an HTML or XML page";
-    if (std::memchr(bytes.data(), 0, bytes.size()))
-        return "binary data (a NUL byte)";
-    return {};
+    return foreign_bytes(bytes);
+}
+
+std::string foreign_bytes(std::string_view bytes)
+{
+    return bytes.find('\0') == std::string_view::npos ? "" : "binary data (a NUL byte)";
 }
 
 std::size_t byte_order_mark(std::string_view bytes)

@@ -92,4 +92,7 @@ std::string lower_case(std::string_view word);
 /// pointer", "a ZIP archive", "UTF-16 text"); empty if nothing speaks against it.
 std::string foreign_content(std::string_view bytes);
 
+/// The same for bytes from the middle of a file.
+std::string foreign_bytes(std::string_view bytes);
+
 } // namespace cellwarp

@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <fstream>
 
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
@@ -250,15 +249,6 @@ void Progress::show(double done, const std::string& what)
     fmt::print(stderr, "\r[{}{}] {}\x1b[K", std::string(full, '#'),
                std::string(kWidth - full, ' '), what);
     std::fflush(stderr);
-}
-
-double peak_rss_mb()
-{
-    struct rusage usage
-    {
-    };
-    ::getrusage(RUSAGE_SELF, &usage);
-    return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
 } // namespace cellwarp

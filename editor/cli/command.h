@@ -50,6 +50,7 @@ struct SessionFlags
 
 /// A subcommand: its flags are added to the app, its run() gives the exit code.
 void add_deform(CLI::App& app, CommonFlags& common, int& exit_code);
+void add_apply(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_check(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code);
@@ -107,8 +108,5 @@ private:
     std::size_t frames_;
     std::chrono::steady_clock::time_point last_ = {};
 };
-
-/// Peak resident memory of this process [MB].
-double peak_rss_mb();
 
 } // namespace cellwarp

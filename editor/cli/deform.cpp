@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/session/peak_memory.h"
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
@@ -338,7 +339,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         json["ms"] = {{"load", ms.load},   {"cells", ms.cells},
                       {"solve", ms.solve}, {"field", ms.field},
                       {"write", ms.write}, {"total", ms_since(start)}};
-        json["peak_rss_mb"] = peak_rss_mb();
+        json["peak_rss_mb"] = peak_memory_mb();
         json["unused"] = unused_parts(session.parts());
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);

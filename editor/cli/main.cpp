@@ -78,6 +78,7 @@ int run(int argc, char** argv)
     app.add_flag("--overwrite", common.overwrites, "replace an existing output");
     app.parse_complete_callback([&] { limit.emplace(common.threads); });
     add_deform(app, common, exit_code);
+    add_apply(app, common, exit_code);
     add_info(app, common, exit_code);
     add_check(app, common, exit_code);
     add_sweep(app, common, exit_code);

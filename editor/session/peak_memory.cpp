@@ -57,8 +57,14 @@ double PeakMemory::mb() const
 {
     const std::optional<double> since_start =
         is_since_start_ ? high_water_mark() : std::nullopt;
-    if (since_start)
-        return *since_start / kKilobytesPerMb;
+    return since_start ? *since_start / kKilobytesPerMb : peak_memory_mb();
+}
+
+double peak_memory_mb()
+{
+    // What getrusage() tells holds the peak of the parent, too, if that is higher.
+    if (const std::optional<double> kilobytes = high_water_mark())
+        return *kilobytes / kKilobytesPerMb;
     struct rusage usage
     {
     };

@@ -6,6 +6,9 @@
 namespace cellwarp
 {
 
+/// Largest resident memory of this process in its whole life [MB].
+double peak_memory_mb();
+
 /// Largest resident memory of the process since this was made.
 class PeakMemory
 {

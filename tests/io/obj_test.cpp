@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/obj.h"
 
+#include <random>
+
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
 #include "tests/support/parts.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -196,6 +199,36 @@ TEST(Obj, parts_of_a_file_give_what_the_whole_gives)
         ASSERT_EQ(out.sample_places.starts, whole.sample_places.starts) << size;
         ASSERT_EQ(out.corner_direction_starts, whole.corner_direction_starts) << size;
     }
+}
+
+TEST(Obj, many_uses_of_one_direction_join_the_first_that_is_near)
+{
+    // Lengths differ, too, and some uses are near to several statements.
+    std::mt19937 rng(5);
+    std::vector<Eigen::Vector3d> values, kept;
+    for (int i = 0; i < 3000; ++i)
+    {
+        const Eigen::Vector3d around = Eigen::Vector3d(1, 0.001 * (i % 40), 0);
+        const double length = i % 50 == 49 ? 3.0 : i % 50 == 48 ? 1e-9 : 1.0;
+        values.push_back(length * (around + support::random_vector(rng, 2e-6)));
+    }
+    DirectionSplitter splitter(1, "\n");
+    std::string lines;
+    for (std::size_t i = 0; i < values.size(); ++i)
+    {
+        std::size_t first = 0;
+        while (first < kept.size() &&
+               (kept[first] - values[i]).norm() > 1e-6 * values[i].norm())
+            ++first;
+        if (first == kept.size())
+            kept.push_back(values[i]);
+        ASSERT_EQ(splitter.index({0, static_cast<std::uint32_t>(i)}, values[i], lines),
+                  first + 1)
+            << i;
+    }
+    EXPECT_EQ(splitter.num_lines() + 1, kept.size());
+    EXPECT_GT(kept.size(), 200u);
+    EXPECT_LT(kept.size(), 2900u);
 }
 
 } // namespace cellwarp

@@ -20,7 +20,7 @@ using Files = support::BarFiles;
 
 TEST(Cli, help_and_version_are_there)
 {
-    for (const char* command : {"deform", "info", "check"})
+    for (const char* command : {"deform", "apply", "info", "check"})
     {
         const Result result = run({command, "--help"});
         EXPECT_EQ(result.code, 0);

@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp apply: a saved deformation for any other data of the same space, streamed.
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "editor/cli/command.h"
+#include "editor/session/apply.h"
+#include "editor/session/peak_memory.h"
+#include "io/error.h"
+#include "io/number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+namespace fs = std::filesystem;
+
+struct ApplyFlags
+{
+    std::string field, output, format, columns, shard, list;
+    std::vector<std::string> inputs;
+    int jobs = 1;
+    bool resumes = false, fails_fast = false;
+};
+
+/// Which of the inputs are this run's: every count-th from the index-th on.
+struct Shard
+{
+    std::size_t index = 1, count = 1;
+};
+
+Shard parse_shard(const std::string& text)
+{
+    if (text.empty())
+        return {};
+    const std::size_t slash = text.find('/');
+    const std::optional<std::int64_t> index = parse_integer(text.substr(0, slash));
+    const std::optional<std::int64_t> count =
+        slash == std::string::npos ? std::nullopt : parse_integer(text.substr(slash + 1));
+    if (!index || !count || *index < 1 || *index > *count)
+        throw Error(Fault::Usage, "--shard: got " + in_quotes(text) +
+                                      ", need I/N with 1 <= I <= N, like 3/8");
+    return {static_cast<std::size_t>(*index), static_cast<std::size_t>(*count)};
+}
+
+std::vector<std::string> lines_of(const std::string& path)
+{
+    const std::string bytes = read_file(path);
+    std::vector<std::string> lines;
+    LineReader reader(bytes, 0, true);
+    for (std::string_view line; reader.next(line);)
+        if (!line.empty())
+            lines.emplace_back(line);
+    return lines;
+}
+
+bool is_folder(const std::string& output)
+{
+    std::error_code ignored;
+    return output.ends_with('/') || fs::is_directory(output, ignored);
+}
+
+/// The shard's files, each with its output of the same name.
+std::vector<BatchFile> files_in(const std::string& folder,
+                                const std::vector<std::string>& inputs,
+                                const Shard& shard)
+{
+    std::set<std::string> names;
+    std::vector<BatchFile> files;
+    for (std::size_t i = 0; i < inputs.size(); ++i)
+    {
+        const std::string name = fs::path(inputs[i]).filename().string();
+        if (inputs[i] == "-")
+            throw Error(Fault::Usage, "stdin has no name for a file in " + folder);
+        // All shards look at all names, so that they agree.
+        if (!names.insert(name).second)
+            throw Error(Fault::Usage, inputs[i] +
+                                          ": another input has this name, and "
+                                          "both would become " +
+                                          (fs::path(folder) / name).string());
+        if (i % shard.count == shard.index - 1)
+            files.push_back({inputs[i], (fs::path(folder) / name).string()});
+    }
+    return files;
+}
+
+double per_second(std::uint64_t samples, double seconds)
+{
+    return seconds > 0 ? static_cast<double>(samples) / seconds : 0.0;
+}
+
+std::vector<std::string> warnings_of(const StreamReport& report,
+                                     const std::string& output)
+{
+    std::vector<std::string> warnings = report.warnings;
+    if (report.num_split > 0)
+        warnings.push_back(fmt::format("{}: {} normals were split: their corners need "
+                                       "different directions now",
+                                       output, report.num_split));
+    return warnings;
+}
+
+ApplySettings settings_of(const ApplyFlags& flags, const CommonFlags& common)
+{
+    ApplySettings settings;
+    settings.format = lower_case(flags.format);
+    settings.read.columns = flags.columns;
+    settings.overwrite = common.overwrite();
+    settings.threads = common.threads;
+    settings.jobs = flags.jobs;
+    settings.resumes = flags.resumes;
+    settings.fails_fast = flags.fails_fast;
+    if (!settings.format.empty() && !is_geometry_format(settings.format))
+        throw Error(Fault::Usage, "--format: got " + in_quotes(flags.format) +
+                                      ", need an extension like ply");
+    return settings;
+}
+
+int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings settings)
+{
+    const std::string& input = flags.inputs.front();
+    const std::string format =
+        settings.format.empty() ? extension_of(input) : settings.format;
+    if (input == "-" && settings.format.empty())
+        throw Error(Fault::Usage, "stdin does not tell its format (need --format)");
+    if (flags.output == "-" && common.is_json)
+        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    if (flags.output != "-" && extension_of(flags.output) != format)
+        throw Error(Fault::Usage,
+                    fmt::format("{}: the output has the input's format (got {}, need "
+                                ".{})",
+                                flags.output, in_quotes("." + extension_of(flags.output)),
+                                format));
+    check_output(flags.output, common.overwrite());
+    const Deformation deformation(read_field(flags.field), flags.field);
+    Progress progress(common);
+    settings.watch = [&](double done, const std::string& name)
+    { progress.show(done, name); };
+    const Clock::time_point start = Clock::now();
+    const StreamReport report = apply_to_file(deformation, input, flags.output, settings);
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    progress.end();
+    const std::vector<std::string> warnings = warnings_of(report, flags.output);
+    print_warnings(warnings, common);
+    if (common.is_json)
+        write_file("-",
+                   Json{{"field", flags.field},
+                        {"input", input},
+                        {"output", flags.output},
+                        {"samples", report.samples},
+                        {"seconds", seconds},
+                        {"points_per_second", per_second(report.samples, seconds)},
+                        {"chain_length", deformation.num_maps()},
+                        {"peak_rss_mb", peak_memory_mb()},
+                        {"warnings", warnings}}
+                           .dump(2) +
+                       "\n",
+                   Overwrite::Yes);
+    return 0;
+}
+
+/// Tells every failure and how many there were; the exit code.
+int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& reports)
+{
+    std::size_t failed = 0, left = 0;
+    bool are_file_errors = true;
+    for (const FileReport& report : reports)
+    {
+        left += report.status == FileStatus::Left;
+        if (report.status != FileStatus::Failed)
+            continue;
+        ++failed;
+        are_file_errors = are_file_errors && report.fault == Fault::File;
+        fmt::print(stderr, "error: {}\n", report.message);
+    }
+    if (failed == 0)
+        return 0;
+    fmt::print(stderr, "error: {} of {} files failed{}\n", failed, files.size(),
+               left > 0 ? fmt::format(", {} were not begun", left) : "");
+    return static_cast<int>(are_file_errors ? Fault::File : Fault::Malformed);
+}
+
+int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings settings)
+{
+    const Shard shard = parse_shard(flags.shard);
+    const std::vector<BatchFile> files = files_in(flags.output, flags.inputs, shard);
+    std::error_code failed;
+    fs::create_directories(flags.output, failed);
+    if (failed)
+        throw Error(Fault::File, flags.output + ": cannot make it: " + failed.message());
+    const std::string name =
+        flags.shard.empty()
+            ? "cellwarp-manifest.tsv"
+            : fmt::format("cellwarp-manifest-{}-of-{}.tsv", shard.index, shard.count);
+    const Deformation deformation(read_field(flags.field), flags.field);
+    Progress progress(common);
+    settings.watch = [&](double done, const std::string& input)
+    { progress.show(done, input); };
+    const Clock::time_point start = Clock::now();
+    const std::vector<FileReport> reports = apply_to_batch(
+        deformation, files, (fs::path(flags.output) / name).string(), settings);
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    progress.end();
+
+    std::uint64_t samples = 0;
+    std::size_t done = 0, skipped = 0;
+    std::vector<std::string> warnings;
+    Json each = Json::array();
+    for (std::size_t i = 0; i < reports.size(); ++i)
+    {
+        const FileReport& report = reports[i];
+        samples += report.stream.samples;
+        done += report.status == FileStatus::Done;
+        skipped += report.status == FileStatus::Skipped;
+        const std::vector<std::string> more = warnings_of(report.stream, files[i].output);
+        warnings.insert(warnings.end(), more.begin(), more.end());
+        each.push_back(
+            {{"input", files[i].input},
+             {"status", report.status == FileStatus::Done ? "done" : "skipped"},
+             {"samples", report.stream.samples},
+             {"seconds", report.seconds}});
+    }
+    print_warnings(warnings, common);
+    const int exit_code = sum_up(files, reports);
+    if (exit_code == 0 && !common.is_quiet)
+        fmt::print(stderr, "{} files done, {} skipped\n", done, skipped);
+    if (common.is_json && exit_code == 0)
+        write_file("-",
+                   Json{{"field", flags.field},
+                        {"output", flags.output},
+                        {"files", each},
+                        {"samples", samples},
+                        {"seconds", seconds},
+                        {"points_per_second", per_second(samples, seconds)},
+                        {"chain_length", deformation.num_maps()},
+                        {"peak_rss_mb", peak_memory_mb()},
+                        {"warnings", warnings}}
+                           .dump(2) +
+                       "\n",
+                   Overwrite::Yes);
+    return exit_code;
+}
+
+int run(ApplyFlags flags, const CommonFlags& common)
+{
+    const ApplySettings settings = settings_of(flags, common);
+    if (!flags.list.empty())
+    {
+        const std::vector<std::string> listed = lines_of(flags.list);
+        flags.inputs.insert(flags.inputs.end(), listed.begin(), listed.end());
+    }
+    if (flags.inputs.empty() && flags.list.empty())
+        throw Error(Fault::Usage, "no input (need files, or --list)");
+    if (is_folder(flags.output))
+        return apply_many(flags, common, settings);
+    if (flags.inputs.size() != 1)
+        throw Error(Fault::Usage,
+                    fmt::format("{} inputs: -o must be a folder, like out/ (got {})",
+                                flags.inputs.size(), in_quotes(flags.output)));
+    if (!flags.shard.empty() || flags.resumes || flags.jobs > 1)
+        throw Error(Fault::Usage, "--shard, --resume and --jobs need a folder as -o "
+                                  "(got " +
+                                      in_quotes(flags.output) + ")");
+    return apply_one(flags, common, settings);
+}
+
+} // namespace
+
+void add_apply(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto flags = std::make_shared<ApplyFlags>();
+    CLI::App* command = app.add_subcommand(
+        "apply",
+        "A saved deformation for any other data of the same space: a scan, a denser "
+        "mesh. Memory does not grow with the input.\n\n"
+        "  cellwarp apply bend.cwf scan.ply -o bent.ply\n"
+        "  cellwarp apply bend.cwf tiles/*.ply -o bent/ --shard 3/8 --resume\n");
+    command->add_option("FIELD", flags->field, "deformation, from deform --save-field")
+        ->required();
+    command->add_option("INPUT", flags->inputs,
+                        "geometry files; -: stdin, where one pass is enough (not an OBJ "
+                        "whose faces use normals)");
+    command
+        ->add_option("-o,--output", flags->output,
+                     "result, in the input's format; -: stdout; a folder: files of the "
+                     "same names and cellwarp-manifest.tsv")
+        ->required();
+    command->add_option("--format", flags->format,
+                        "of the inputs, like ply (default: their extension; stdin needs "
+                        "it)");
+    add_columns(*command, flags->columns);
+    command->add_option("--list", flags->list,
+                        "file of more inputs, one a line; -: stdin");
+    command->add_option("--shard", flags->shard,
+                        "I/N: only every N-th input, from the I-th on; the manifest is "
+                        "then cellwarp-manifest-I-of-N.tsv");
+    command
+        ->add_option("--jobs", flags->jobs,
+                     "files at once (default 1); they share the "
+                     "threads")
+        ->check(CLI::Range(1, 64));
+    command->add_flag("--resume", flags->resumes,
+                      "leave out what the manifest says is done with this field, where "
+                      "input and output are still the same");
+    command->add_flag("--fail-fast", flags->fails_fast, "stop at the first failure");
+    command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
+}
+
+} // namespace cellwarp

@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/apply.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <mutex>
+#include <new>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "editor/session/manifest.h"
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+/// Enough for every thread to have a part and the next one, and no more: each is in
+/// memory three times, as it is read, moved and written.
+std::size_t parts_at_once(const ApplySettings& settings)
+{
+    constexpr unsigned kMost = 32;
+    const unsigned threads = settings.threads > 0
+                                 ? static_cast<unsigned>(settings.threads)
+                                 : std::thread::hardware_concurrency();
+    return std::clamp(2 * threads / static_cast<unsigned>(std::max(1, settings.jobs)), 2u,
+                      kMost);
+}
+
+StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
+                         const ApplySettings& settings, Overwrite overwrite,
+                         std::stop_token stop, const std::function<void(double)>& watch)
+{
+    StreamOptions options;
+    options.format = settings.format;
+    options.read = settings.read;
+    options.overwrite = overwrite;
+    options.parts_at_once = parts_at_once(settings);
+    StreamWork work;
+    work.move = [&](const PartMotion& motion)
+    {
+        deformation.carry({motion.samples,
+                           {motion.direction_samples, motion.directions},
+                           {motion.tangent_samples, motion.tangents},
+                           {motion.rotation_samples, motion.rotations}},
+                          stop);
+    };
+    work.run = [](std::size_t count, const std::function<void(std::size_t)>& job)
+    { parallel_for(count, job); };
+    work.progress = watch;
+    work.stop = stop;
+    return stream_geometry(file.input, file.output, options, work);
+}
+
+/// The files of a batch, taken one after the other by every job.
+class Batch
+{
+public:
+    Batch(const Deformation& deformation, const std::vector<BatchFile>& files,
+          const std::string& manifest, const ApplySettings& settings);
+    std::vector<FileReport> run();
+
+private:
+    bool is_done(const BatchFile& file) const;
+    void work();
+    void apply(std::size_t i);
+    void show(std::size_t i, double done);
+
+    const Deformation& deformation_;
+    const std::vector<BatchFile>& files_;
+    const ApplySettings& settings_;
+    std::string field_;
+    std::vector<FileReport> reports_;
+    std::optional<Manifest> manifest_;
+    std::atomic<std::size_t> next_ = 0;
+    std::stop_source stop_;
+    std::mutex mutex_; ///< of what follows
+    std::vector<double> done_;
+    std::exception_ptr error_; ///< that ends the batch
+};
+
+Batch::Batch(const Deformation& deformation, const std::vector<BatchFile>& files,
+             const std::string& manifest, const ApplySettings& settings)
+    : deformation_(deformation), files_(files), settings_(settings),
+      field_(fmt::format("{:08x}", deformation.checksum())), reports_(files.size()),
+      done_(files.size(), 0.0)
+{
+    manifest_.emplace(manifest);
+    for (std::size_t i = 0; i < files.size(); ++i)
+    {
+        const bool is_ours = settings.resumes && manifest_->find(files[i].input);
+        if (settings.resumes && is_done(files[i]))
+            reports_[i].status = FileStatus::Skipped;
+        else
+            check_output(files[i].output, is_ours ? Overwrite::Yes : settings.overwrite);
+    }
+}
+
+bool Batch::is_done(const BatchFile& file) const
+{
+    const ManifestLine* const line = manifest_->find(file.input);
+    std::error_code missing;
+    return line && line->status == "done" && line->mark == mark_of(file.input, field_) &&
+           std::filesystem::file_size(file.output, missing) == line->output_bytes &&
+           !missing;
+}
+
+void Batch::show(std::size_t i, double done)
+{
+    if (!settings_.watch)
+        return;
+    const std::lock_guard lock(mutex_);
+    done_[i] = done;
+    double sum = 0.0;
+    for (const double share : done_)
+        sum += share;
+    settings_.watch(sum / static_cast<double>(done_.size()), files_[i].input);
+}
+
+void Batch::apply(std::size_t i)
+{
+    const BatchFile& file = files_[i];
+    FileReport& report = reports_[i];
+    if (report.status == FileStatus::Skipped)
+    {
+        show(i, 1.0);
+        return;
+    }
+    ManifestLine line{file.input, "started", 0, 0.0, 0, mark_of(file.input, field_), ""};
+    manifest_->add(line);
+    const bool is_ours = settings_.resumes && manifest_->find(file.input);
+    const Clock::time_point start = Clock::now();
+    report.status = FileStatus::Failed;
+    try
+    {
+        report.stream = stream_file(
+            deformation_, file, settings_, is_ours ? Overwrite::Yes : settings_.overwrite,
+            stop_.get_token(), [&](double done) { show(i, done); });
+        report.status = report.stream.is_stopped ? FileStatus::Left : FileStatus::Done;
+    }
+    catch (const Error& error)
+    {
+        report.message = error.what();
+        report.fault = error.fault();
+    }
+    catch (const std::bad_alloc&)
+    {
+        report.message = file.input + ": out of memory";
+    }
+    report.seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    show(i, 1.0);
+    if (report.status == FileStatus::Left)
+        return;
+    line.status = report.status == FileStatus::Done ? "done" : "failed";
+    line.samples = report.stream.samples;
+    line.seconds = report.seconds;
+    line.output_bytes = report.stream.bytes;
+    line.message = report.message;
+    manifest_->add(line);
+    if (report.status == FileStatus::Failed && settings_.fails_fast)
+        stop_.request_stop();
+}
+
+void Batch::work()
+{
+    try
+    {
+        for (std::size_t i = next_++; i < files_.size() && !stop_.stop_requested();
+             i = next_++)
+            apply(i);
+    }
+    catch (...)
+    {
+        const std::lock_guard lock(mutex_);
+        error_ = std::current_exception();
+        stop_.request_stop();
+    }
+}
+
+std::vector<FileReport> Batch::run()
+{
+    const std::stop_callback on_stop(settings_.stop, [&] { stop_.request_stop(); });
+    {
+        std::vector<std::jthread> jobs;
+        for (int j = 1; j < settings_.jobs; ++j)
+            jobs.emplace_back([&] { work(); });
+        work();
+    }
+    if (error_)
+        std::rethrow_exception(error_);
+    return std::move(reports_);
+}
+
+} // namespace
+
+StreamReport apply_to_file(const Deformation& deformation, const std::string& input,
+                           const std::string& output, const ApplySettings& settings)
+{
+    return stream_file(deformation, {input, output}, settings, settings.overwrite,
+                       settings.stop,
+                       [&](double done)
+                       {
+                           if (settings.watch)
+                               settings.watch(done, input);
+                       });
+}
+
+std::vector<FileReport> apply_to_batch(const Deformation& deformation,
+                                       const std::vector<BatchFile>& files,
+                                       const std::string& manifest,
+                                       const ApplySettings& settings)
+{
+    return Batch(deformation, files, manifest, settings).run();
+}
+
+} // namespace cellwarp

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A saved deformation applied to files of any size, one or many. No printing.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "editor/session/deformation.h"
+#include "io/error.h"
+#include "io/stream.h"
+
+namespace cellwarp
+{
+
+struct ApplySettings
+{
+    std::string format; ///< empty: as the input's extension says
+    ReadOptions read;
+    Overwrite overwrite = Overwrite::No;
+    int threads = 0; ///< of all loops, 0: as many as there are cores; for memory only
+    int jobs = 1;    ///< files at once
+    bool resumes = false;    ///< leaves out what the manifest says is done
+    bool fails_fast = false; ///< the first failure ends the batch
+    std::stop_token stop = {};
+    /// Told the share that is done, in [0, 1], and the file; by any thread, one at a
+    /// time.
+    std::function<void(double done, const std::string& input)> watch = {};
+};
+
+/// Moves one file. Throws as stream_geometry() does.
+StreamReport apply_to_file(const Deformation& deformation, const std::string& input,
+                           const std::string& output, const ApplySettings& settings);
+
+/// A file of a batch.
+struct BatchFile
+{
+    std::string input, output;
+};
+
+enum class FileStatus
+{
+    Done,
+    Skipped, ///< the manifest says that it is done
+    Failed,
+    Left ///< not begun, because another one failed
+};
+
+struct FileReport
+{
+    FileStatus status = FileStatus::Left;
+    StreamReport stream;
+    double seconds = 0.0;
+    std::string message;        ///< of the failure
+    std::optional<Fault> fault; ///< of the failure; none: out of memory
+};
+
+/// Moves every file and keeps a manifest: one line when a file is begun and one when it
+/// has ended, with tabs between its columns, appended at once: input, status (started,
+/// done or failed), samples, seconds, bytes of the output, bytes of the input, time of
+/// the input's last change [ns], checksum of the field, message. Of one input the last
+/// line counts; a last line without its end was torn and does not.
+/// One that cannot be read or written fails alone. Throws Fault::File, before any work,
+/// if an output cannot be written (one that a resumed manifest names is replaced), or if
+/// the manifest cannot.
+std::vector<FileReport> apply_to_batch(const Deformation& deformation,
+                                       const std::vector<BatchFile>& files,
+                                       const std::string& manifest,
+                                       const ApplySettings& settings);
+
+} // namespace cellwarp

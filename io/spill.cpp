@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/spill.h"
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+[[noreturn]] void fail(const std::string& doing)
+{
+    throw Error(Fault::File, "a temporary file: " + doing + ": " + std::strerror(errno));
+}
+
+} // namespace
+
+SpillFile::SpillFile(const std::string& folder)
+{
+    file_ = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
+    if (file_ >= 0)
+        return;
+    // Not every file system has files without a name.
+    std::string name = folder + "/.cellwarp-spill-XXXXXX";
+    file_ = ::mkostemp(name.data(), O_CLOEXEC);
+    if (file_ < 0)
+        fail("cannot create it in " + folder);
+    ::unlink(name.c_str());
+}
+
+SpillFile::~SpillFile()
+{
+    if (file_ >= 0)
+        ::close(file_);
+}
+
+void SpillFile::append(const void* bytes, std::size_t count)
+{
+    const char* from = static_cast<const char*>(bytes);
+    while (count > 0)
+    {
+        const ssize_t put = ::pwrite(file_, from, count, static_cast<off_t>(size_));
+        if (put < 0 && errno == EINTR)
+            continue;
+        if (put < 0)
+            fail("cannot write");
+        from += put;
+        size_ += static_cast<std::uint64_t>(put);
+        count -= static_cast<std::size_t>(put);
+    }
+}
+
+void SpillFile::read(std::uint64_t start, void* bytes, std::size_t count) const
+{
+    char* to = static_cast<char*>(bytes);
+    while (count > 0)
+    {
+        const ssize_t got = ::pread(file_, to, count, static_cast<off_t>(start));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got <= 0)
+            fail("cannot read");
+        to += got;
+        start += static_cast<std::uint64_t>(got);
+        count -= static_cast<std::size_t>(got);
+    }
+}
+
+} // namespace cellwarp

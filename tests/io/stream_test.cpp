@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A file moved part by part is, byte by byte, the file moved whole, wherever it is cut.
+#include "io/stream.h"
+
+#include <cmath>
+#include <functional>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "io/stored_number.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::bytes_of;
+using support::contains;
+using support::error_of;
+using support::Folder;
+
+namespace
+{
+
+/// A bend about z whose angle grows along y; what it does hangs on the sample alone.
+Eigen::Vector3d bent(const Eigen::Vector3d& x)
+{
+    const double angle = 0.3 * x.y();
+    return {std::cos(angle) * x.x() - std::sin(angle) * x.z(), x.y() + 0.125,
+            std::sin(angle) * x.x() + std::cos(angle) * x.z()};
+}
+
+Eigen::Vector3d turned(const Eigen::Vector3d& x, const Eigen::Vector3d& direction)
+{
+    return bent(x + 1e-3 * direction) - bent(x - 1e-3 * direction);
+}
+
+void bend(const PartMotion& motion)
+{
+    for (std::size_t d = 0; d < motion.directions.size(); ++d)
+        motion.directions[d] =
+            turned(motion.samples[motion.direction_samples[d]], motion.directions[d]);
+    for (Eigen::Vector3d& x : motion.samples)
+        x = bent(x);
+}
+
+/// Moves samples beyond x = 0.5 only, so that some numbers keep their bytes.
+void bend_half(const PartMotion& motion)
+{
+    for (std::size_t d = 0; d < motion.directions.size(); ++d)
+        if (const Eigen::Vector3d& x = motion.samples[motion.direction_samples[d]];
+            x.x() > 0.5)
+            motion.directions[d] = turned(x, motion.directions[d]);
+    for (Eigen::Vector3d& x : motion.samples)
+        if (x.x() > 0.5)
+            x = bent(x);
+}
+
+using Move = std::function<void(const PartMotion&)>;
+
+StreamWork work_with(const Move& move)
+{
+    return {move,
+            [](std::size_t count, const std::function<void(std::size_t)>& job)
+            {
+                // Out of order, and not on this thread.
+                std::vector<std::jthread> threads;
+                for (std::size_t i = count; i-- > 0;)
+                    threads.emplace_back([&job, i] { job(i); });
+            },
+            {},
+            {}};
+}
+
+/// What the way through memory gives.
+std::string moved_whole(const std::string& name, const std::string& bytes,
+                        const Move& move, std::size_t* num_split = nullptr)
+{
+    const GeometryFile file = scan_geometry(name, bytes);
+    const std::vector<DirectionUse> uses = direction_uses(file.geometry);
+    Patch patch;
+    std::vector<std::uint32_t> points;
+    std::vector<Eigen::Vector3d> places = file.geometry.samples;
+    for (const DirectionUse& use : uses)
+    {
+        points.push_back(use.sample);
+        patch.directions.push_back(file.geometry.directions[use.direction]);
+    }
+    move({places, points, patch.directions});
+    patch.samples = places;
+    return patched(file, patch, num_split);
+}
+
+struct Streamed
+{
+    std::string bytes;
+    StreamReport report;
+};
+
+Streamed streamed(const Folder& folder, const std::string& name, const std::string& bytes,
+                  const Move& move, std::size_t part_bytes,
+                  std::size_t sort_records = std::size_t(1) << 16)
+{
+    StreamOptions options;
+    options.part_bytes = part_bytes;
+    options.parts_at_once = 3;
+    options.overwrite = Overwrite::Yes;
+    options.sort_records = sort_records;
+    const std::string out = folder / ("out-" + name);
+    Streamed result;
+    result.report =
+        stream_geometry(folder.write(name, bytes), out, options, work_with(move));
+    result.bytes = bytes_of(out);
+    return result;
+}
+
+void put(std::string& bytes, double value, Scalar type, bool big_endian)
+{
+    EXPECT_TRUE(store(value, type, big_endian, bytes));
+}
+
+std::string binary_ply(bool big_endian, bool has_lists)
+{
+    std::string bytes = std::string("ply\r\nformat binary_") +
+                        (big_endian ? "big" : "little") +
+                        "_endian 1.0\r\ncomment end_header is not here\r\n"
+                        "element vertex 5\r\nproperty double z\r\nproperty float x\r\n"
+                        "property short y\r\n";
+    bytes += has_lists ? "property list uchar int extra\r\n" : "";
+    bytes += "property float nx\r\nproperty float ny\r\nproperty float nz\r\n"
+             "element face 2\r\nproperty list uchar uint vertex_indices\r\n"
+             "property uchar flag\r\nelement rest 3\r\nproperty int a\r\nend_header\r\n";
+    for (int i = 0; i < 5; ++i)
+    {
+        put(bytes, 0.1 * i, Scalar::Float64, big_endian);
+        put(bytes, 0.3 * i, Scalar::Float32, big_endian);
+        put(bytes, i, Scalar::Int16, big_endian);
+        if (has_lists)
+        {
+            put(bytes, i, Scalar::UInt8, big_endian);
+            for (int k = 0; k < i; ++k)
+                put(bytes, 10 * k, Scalar::Int32, big_endian);
+        }
+        // The first has no normal, the second none that is finite.
+        for (const double n : {0.0, 0.6, 0.8})
+            put(bytes, i == 0 ? 0.0 : n, Scalar::Float32, big_endian);
+        if (i == 1)
+            bytes.replace(bytes.size() - 4, 4,
+                          big_endian ? std::string("\x7f\xc0\0\0", 4)
+                                     : std::string("\0\0\xc0\x7f", 4));
+    }
+    for (int f = 0; f < 2; ++f)
+    {
+        put(bytes, 3, Scalar::UInt8, big_endian);
+        for (int k = 0; k < 3; ++k)
+            put(bytes, f + k, Scalar::UInt32, big_endian);
+        put(bytes, 7, Scalar::UInt8, big_endian);
+    }
+    for (int i = 0; i < 3; ++i)
+        put(bytes, i, Scalar::Int32, big_endian);
+    return bytes + "tail";
+}
+
+std::string binary_stl()
+{
+    std::string bytes(80, 's');
+    put(bytes, 4, Scalar::UInt32, false);
+    for (int f = 0; f < 4; ++f)
+    {
+        for (const double n : {0.0, 0.0, f == 2 ? 0.0 : 1.0})
+            put(bytes, n, Scalar::Float32, false);
+        for (int k = 0; k < 9; ++k)
+            put(bytes, 0.25 * ((f * 7 + k * k) % 5), Scalar::Float32, false);
+        put(bytes, 3, Scalar::UInt16, false);
+    }
+    return bytes;
+}
+
+struct Sample
+{
+    const char* name;
+    std::string bytes;
+};
+
+/// Every format, each as awkward as it may be.
+std::vector<Sample> samples()
+{
+    return {
+        {"a.xyz", "# points\r\n1 2 3 0.5\r\n\r\n0.25 1e-3 -7 1\n  4 5 6 2\r1 1 1 1\n"
+                  "-0.5 0.25 1 0"},
+        {"n.xyz", "0 0 0 0 0 1\n1 2 3 0 0.6 0.8\n1 0 0 0 0 0\n1 1 1 nan 0 0\n"},
+        {"a.pts", "3\n1 2 3 9 10 20 30\n4 5 6 9 1 2 3\n7 8 9 9 1 2 3\n"},
+        {"a.csv", "time,x,y,z,\"a,b\"\n1,0.1,0.2,0.3,q\n2, 1.5 ,2,3,\"r,s\"\n3,1,2,3,t"},
+        {"a.off", "# first\nCOFF\n4 1 0 # counts\n0 0 0 255 0 0 1\n1 0 0 1 2 3 4\n\n"
+                  "1 1 0\n0 1 0.5 1 1 1 1\n4 0 1 2 3 7 7 7\n"},
+        {"n.off", "NOFF 3 1 0\n0 0\n0 0 0 1 1 0 0 0 0\n1 0 # and\n1 0 1 0 0 3 0 1 2"},
+        {"b.ply", binary_ply(false, false)},
+        {"c.ply", binary_ply(true, false)},
+        {"d.ply", binary_ply(true, true)},
+        {"a.ply", "ply\nformat ascii 1.0\ncomment x\nelement vertex 4\nproperty float x\n"
+                  "property float y\nproperty int z\nproperty list uchar int l\n"
+                  "property float nx\nproperty float ny\nproperty float nz\n"
+                  "element empty 0\nproperty int q\nelement face 1\n"
+                  "property list uchar int vertex_index\nend_header\n"
+                  "0 0 0 0 0 0 1\n\n1.5 0 1 2 7 8 0 1 0\r\n1 1 2 0 inf 0 0\n"
+                  "0.5 1 3 1 9 1 0 0\n4 0 1 2 3\nrest\n"},
+        {"m.ply", "ply\rformat ascii 1.0\relement vertex 2\rproperty float x\r"
+                  "property float y\rproperty float z\rend_header\r1 2 3\r4 5 6\r"},
+        {"a.stl", "solid one\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n"
+                  "  vertex 1 0 0\n  vertex 0 1 0\n endloop\nendfacet\n"
+                  "FACET NORMAL nan 0 0\n outer loop\n  vertex 1 0 1\n"
+                  "  vertex 1 2 0\n  vertex 0 1 0\n endloop\nendfacet\nendsolid one\n"
+                  "solid two\nendsolid two"},
+        {"b.stl", binary_stl()},
+        {"a.obj", "\xef\xbb\xbf# an obj\r\nv 0 0 0\r\nv 1 0 \\\r\n 0\r\nv 1 1 0 1 0 0\r\n"
+                  "vt 0 0\r\nvn 0 0 1\r\nf 1/1 2/1 3/1\r\nf -3 -2 4\r\ng a b\r\n"
+                  "v 0 1 0.25\r\nusemtl a/b/c\r\nfancy 3\r\n"},
+        {"n.obj", "f 1//1 2//1 3//2\nv 0 0 0\nv 0.4 0 0\nv 1 1 0\nvn 0 0 1\n"
+                  "vn 0 1 0\nvn 1 0 0\nv 1 2 3\nf 1/1/1 -1/1/-1 -2/1/+001\nvt 1 1\n"
+                  "f 4//1 3//1 1//1 2//2\nf 1 2 3//3"},
+        {"w.obj", "v 1 0 0\r\nv 2 5 0\r\nv 3 1 0\r\nvn 0 0 1\r\nf 1//1 2//1 3//1\r\n"},
+    };
+}
+
+} // namespace
+
+TEST(Stream, parts_of_any_size_give_the_bytes_of_the_whole)
+{
+    const Folder folder;
+    for (const Sample& sample : samples())
+        for (const Move& move : {Move(bend), Move(bend_half)})
+        {
+            SCOPED_TRACE(sample.name);
+            std::size_t num_split = 0;
+            const std::string whole =
+                moved_whole(sample.name, sample.bytes, move, &num_split);
+            const GeometryFile file = scan_geometry(sample.name, sample.bytes);
+            for (std::size_t part = 1; part <= sample.bytes.size() + 1;
+                 part += part < 24 ? 1 : 1 + part / 4)
+            {
+                const Streamed parts =
+                    streamed(folder, sample.name, sample.bytes, move, part, 2);
+                ASSERT_EQ(parts.bytes, whole) << "parts of " << part << " bytes";
+                ASSERT_EQ(parts.report.samples, file.geometry.samples.size());
+                ASSERT_EQ(parts.report.bytes, whole.size());
+                ASSERT_EQ(parts.report.num_split, num_split);
+                ASSERT_EQ(parts.report.warnings.size(), file.geometry.warnings.size());
+            }
+        }
+}
+
+TEST(Stream, a_file_that_is_cut_ends_as_it_does_whole)
+{
+    const Folder folder;
+    for (const Sample& sample : samples())
+        for (std::size_t length = 0; length < sample.bytes.size(); ++length)
+        {
+            SCOPED_TRACE(std::string(sample.name) + " cut at " + std::to_string(length));
+            const std::string cut = sample.bytes.substr(0, length);
+            std::string whole, message;
+            try
+            {
+                whole = moved_whole(folder / sample.name, cut, bend);
+            }
+            catch (const Error& error)
+            {
+                message = error.what();
+            }
+            if (message.empty())
+                ASSERT_EQ(streamed(folder, sample.name, cut, bend, 7).bytes, whole);
+            else
+            {
+                ASSERT_EQ(error_of(Fault::Malformed,
+                                   [&] { streamed(folder, sample.name, cut, bend, 7); }),
+                          message);
+                ASSERT_EQ(
+                    std::distance(std::filesystem::directory_iterator(folder.path()), {}),
+                    1);
+            }
+            std::filesystem::remove(folder / (std::string("out-") + sample.name));
+            std::filesystem::remove(folder / sample.name);
+        }
+}
+
+TEST(Stream, normals_of_a_large_mesh_are_split_as_in_memory)
+{
+    // A grid whose vn are shared by rows, so that many are split; corners at random.
+    std::mt19937 rng(3);
+    std::string text;
+    const int n = 40;
+    for (int i = 0; i < n * n; ++i)
+    {
+        text += "v " + std::to_string(0.05 * (i % n)) + " " +
+                std::to_string(0.05 * (i / n)) + " 0\n";
+        if (i % n == 0)
+            text += "vn 0.1 0 1\n";
+    }
+    for (int f = 0; f < 4000; ++f)
+    {
+        text += "f";
+        for (int k = 0; k < 3; ++k)
+            text += " " + std::to_string(1 + rng() % (n * n)) + "//" +
+                    std::to_string(1 + rng() % n);
+        text += "\n";
+    }
+    std::size_t num_split = 0;
+    const std::string whole = moved_whole("x.obj", text, bend, &num_split);
+    EXPECT_GT(num_split, 100u);
+    const Folder folder;
+    for (const std::size_t sort_records : {100, 1000000})
+    {
+        const Streamed parts = streamed(folder, "x.obj", text, bend, 5000, sort_records);
+        EXPECT_TRUE(parts.bytes == whole);
+        EXPECT_EQ(parts.report.num_split, num_split);
+    }
+}
+
+TEST(Stream, errors_tell_the_same_place_and_leave_the_old_output)
+{
+    std::string points, far;
+    for (int i = 0; i < 200; ++i)
+        points += std::to_string(i) + " 1 2\n";
+    far = points + "1e200 0 0\n" + points;
+    const std::string bad = points + "1 2 x\n" + points + "1 2\n";
+    const Folder folder;
+    const std::string out = folder.write("out-p.xyz", "old");
+    for (const std::string& text : {bad, far})
+    {
+        const std::string whole =
+            error_of(Fault::Malformed, [&] { scan_geometry(folder / "p.xyz", text); });
+        EXPECT_EQ(error_of(Fault::Malformed,
+                           [&] { streamed(folder, "p.xyz", text, bend, 100); }),
+                  whole);
+        EXPECT_EQ(bytes_of(out), "old");
+    }
+}
+
+TEST(Stream, a_record_that_never_ends_is_refused)
+{
+    const Folder folder;
+    const std::string text = "1 2 3\n# " + std::string(20000000, 'x');
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&]
+                                  { streamed(folder, "p.xyz", text, bend, 1 << 20); }),
+                         "longer than 16 MB"));
+}
+
+TEST(Stream, a_stop_leaves_no_output)
+{
+    const Folder folder;
+    std::string text;
+    for (int i = 0; i < 2000; ++i)
+        text += "1 2 3\n";
+    std::stop_source stop;
+    StreamWork work = work_with(bend);
+    work.stop = stop.get_token();
+    work.progress = [&](double done)
+    {
+        if (done > 0.3)
+            stop.request_stop();
+    };
+    StreamOptions options;
+    options.part_bytes = 500;
+    EXPECT_TRUE(
+        stream_geometry(folder.write("p.xyz", text), folder / "out.xyz", options, work)
+            .is_stopped);
+    EXPECT_FALSE(std::filesystem::exists(folder / "out.xyz"));
+}
+
+} // namespace cellwarp
