@@ -2,7 +2,10 @@
 #include "editor/session/work_frame.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <cstdlib>
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -18,6 +21,10 @@ namespace
 
 Eigen::Vector3d scaled(const Eigen::Vector3d& v, int exponent)
 {
+    // A factor that is an ordinary number gives the same bits, sooner.
+    if (std::abs(exponent) <= 1000)
+        return v *
+               std::bit_cast<double>(static_cast<std::uint64_t>(1023 + exponent) << 52);
     return {std::ldexp(v.x(), exponent), std::ldexp(v.y(), exponent),
             std::ldexp(v.z(), exponent)};
 }

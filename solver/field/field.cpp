@@ -80,7 +80,7 @@ public:
                     single_.push_back({influence.cell, influence.weight[l],
                                        influence.gradient.row(l).transpose().matrix()});
             FieldValue value = out.at(l);
-            field_.regions_.correct(x, single_, value);
+            field_.regions_.correct(x, single_, wants_gradient, scratch_, value);
             out.set(l, value);
         }
     }
@@ -156,6 +156,7 @@ private:
     int own_ = 0;
     LocalRbf::Shares shares_;
     std::vector<Influence> single_;
+    MovedRegions::Scratch scratch_;
     ValueOnPlaces outside_;
 };
 

@@ -16,6 +16,7 @@
 #include "solver/field/region_fade.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -230,45 +231,66 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
     return weight;
 }
 
+namespace
+{
+
+/// How much each of the nearest nodes counts, and how much their slopes do: as numbers,
+/// or with their gradients. \p distance: of each node, by its place among the nearest.
+template <class Number, class Distance>
+struct Shepard
+{
+    Number slope = Number(0.0);
+    std::array<Number, kNearest> shares;
+
+    Shepard(std::span<const PointTree::Neighbour> near, const Distance& distance,
+            double slope_radius, const Number& zero)
+        : slope(zero)
+    {
+        // Slopes fade faster than values: they would stiffen what is around the region.
+        const Number u = distance(0) / slope_radius;
+        if (std::sqrt(near.front().distance_squared) / slope_radius < 1.0)
+            slope = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0));
+        const Number far = distance(near.size() - 1);
+        Number sum = zero;
+        for (std::size_t i = 0; i < near.size(); ++i)
+        {
+            const bool is_node = near[i].distance_squared == 0.0;
+            const Number rest = is_node ? zero : Number(1.0 / distance(i) - 1.0 / far);
+            shares[i] = rest * rest;
+            sum += shares[i];
+        }
+        // At a node, and where all are equally far, the weights are none.
+        const bool has_weights = sum > 0 && near.front().distance_squared > 0;
+        for (std::size_t i = 0; i < near.size(); ++i)
+        {
+            const double alone = near.front().distance_squared > 0
+                                     ? 1.0 / static_cast<double>(near.size())
+                                     : (i == 0 ? 1.0 : 0.0);
+            shares[i] = has_weights ? Number(shares[i] / sum) : Number(zero + alone);
+        }
+    }
+};
+
+} // namespace
+
 void RegionFade::node_shares(const Eigen::Vector3d& x, NodeShares& out) const
 {
     std::vector<PointTree::Neighbour> near;
     tree_.nearest(x, kNearest, near);
     // The distance of a node as a number with its gradient.
-    const auto distance = [&](const PointTree::Neighbour& node)
+    const auto distance = [&](std::size_t i)
     {
-        const double d = std::sqrt(node.distance_squared);
-        return d > 0 ? Dual(d, (x - nodes()[node.index]) / d) : Dual(0.0, kNoSlope);
+        const double d = std::sqrt(near[i].distance_squared);
+        return d > 0 ? Dual(d, (x - nodes()[near[i].index]) / d) : Dual(0.0, kNoSlope);
     };
-    // Slopes fade faster than values: they would stiffen what is around the region.
-    const Dual u = distance(near.front()) / (radius_ * kSlopeShare);
-    const Dual slope = u.value() < 1.0
-                           ? Dual(1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0)))
-                           : Dual(0.0, kNoSlope);
-    out.slope = slope.value();
-    out.slope_gradient = slope.derivatives();
-    std::vector<Dual> shares;
-    const Dual far = distance(near.back());
-    Dual sum(0.0, kNoSlope);
-    for (const PointTree::Neighbour& node : near)
-    {
-        const bool is_node = node.distance_squared == 0.0;
-        const Dual rest =
-            is_node ? Dual(0.0, kNoSlope) : Dual(1.0 / distance(node) - 1.0 / far);
-        shares.push_back(rest * rest);
-        sum += shares.back();
-    }
-    // At a node, and where all are equally far, the weights are none.
-    const bool has_weights = sum.value() > 0 && near.front().distance_squared > 0;
+    const Shepard<Dual, decltype(distance)> found(near, distance, radius_ * kSlopeShare,
+                                                  Dual(0.0, kNoSlope));
+    out.slope = found.slope.value();
+    out.slope_gradient = found.slope.derivatives();
     out.nodes.clear();
     for (std::size_t i = 0; i < near.size(); ++i)
-    {
-        const double alone = near.front().distance_squared > 0
-                                 ? 1.0 / static_cast<double>(near.size())
-                                 : (i == 0 ? 1.0 : 0.0);
-        const Dual share = has_weights ? Dual(shares[i] / sum) : Dual(alone, kNoSlope);
-        out.nodes.push_back({near[i].index, share.value(), share.derivatives()});
-    }
+        out.nodes.push_back(
+            {near[i].index, found.shares[i].value(), found.shares[i].derivatives()});
 }
 
 FieldValue RegionFade::average(const Eigen::Vector3d& x,
@@ -286,6 +308,27 @@ FieldValue RegionFade::average(const Eigen::Vector3d& x,
         result.gradient += value * share.gradient.transpose() +
                            share.value * (shares.slope * known.gradient +
                                           step * shares.slope_gradient.transpose());
+    }
+    return result;
+}
+
+Eigen::Vector3d
+RegionFade::average_displacement(const Eigen::Vector3d& x,
+                                 std::span<const FieldValue> node_values,
+                                 std::vector<PointTree::Neighbour>& scratch) const
+{
+    tree_.nearest(x, kNearest, scratch);
+    const auto distance = [&](std::size_t i)
+    { return std::sqrt(scratch[i].distance_squared); };
+    const Shepard<double, decltype(distance)> found(scratch, distance,
+                                                    radius_ * kSlopeShare, 0.0);
+    Eigen::Vector3d result = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < scratch.size(); ++i)
+    {
+        const FieldValue& known = node_values[scratch[i].index];
+        const Eigen::Vector3d step = known.gradient * (x - nodes()[scratch[i].index]);
+        const Eigen::Vector3d value = known.displacement + found.slope * step;
+        result += found.shares[i] * value;
     }
     return result;
 }
@@ -309,7 +352,8 @@ void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> inf
     };
     out.node_of = -1;
     out.shares.clear();
-    std::vector<int> near;
+    std::vector<int>& near = out.near;
+    near.clear();
     for (const Influence& influence : influences)
     {
         const std::vector<int>& more =
@@ -378,20 +422,27 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
 }
 
 void MovedRegions::correct(const Eigen::Vector3d& x,
-                           std::span<const Influence> influences, FieldValue& value) const
+                           std::span<const Influence> influences, bool wants_gradient,
+                           Scratch& scratch, FieldValue& value) const
 {
-    RegionFades::Reach reach;
-    fades_.reach(x, influences, reach);
-    if (reach.node_of >= 0)
+    fades_.reach(x, influences, scratch.reach);
+    if (scratch.reach.node_of >= 0)
     {
-        const MovedRegion& region = regions_[static_cast<std::size_t>(reach.node_of)];
+        const MovedRegion& region =
+            regions_[static_cast<std::size_t>(scratch.reach.node_of)];
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
         return;
     }
-    for (const RegionFades::Share& share : reach.shares)
+    for (const RegionFades::Share& share : scratch.reach.shares)
     {
         const MovedRegion& region = regions_[static_cast<std::size_t>(share.region)];
+        if (!wants_gradient)
+        {
+            value.displacement += share.value * region.fade->average_displacement(
+                                                    x, region.misses, scratch.near);
+            continue;
+        }
         const FieldValue miss = region.fade->average(x, region.misses);
         value.displacement += share.value * miss.displacement;
         value.gradient +=

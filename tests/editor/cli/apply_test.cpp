@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/session/apply.h"
+#include "editor/session/deformation.h"
 #include "editor/session/manifest.h"
 #include "tests/support/fields.h"
 #include "tests/support/program.h"
@@ -94,16 +95,16 @@ TEST(Apply, moves_a_file_as_the_field_says)
     const Files files;
     const std::string input = files.folder.write("a.xyz", "1 0 0\n1 0 1\n0 2 -1 keep\n");
     const std::string csv = files.folder.write("a.csv", "1;0;0;a\n1;0;1;b\n");
-    const Result result = files.apply({files.folder.write("p.xyz", "1 0 0\n1 0 1\n"),
+    const Result result = files.apply({files.folder.write("p.xyz", "0.5 1 2\n3 1.5 0\n"),
                                        "-o", files.folder / "q.xyz", "--json"});
     ASSERT_EQ(result.code, 0) << result.err;
     const GeometryFile moved = read_geometry(files.folder / "q.xyz");
-    EXPECT_EQ(moved.geometry.samples[0], Eigen::Vector3d(1, 0, 0));
-    EXPECT_LT(
-        (moved.geometry.samples[1] - Eigen::Vector3d(std::cos(0.5), std::sin(0.5), 1))
-            .norm(),
-        1e-15);
-    EXPECT_TRUE(bytes_of(files.folder / "q.xyz").starts_with("1 0 0\n"));
+    std::vector<Eigen::Vector3d> wanted = {{0.5, 1, 2}, {3, 1.5, 0}};
+    Deformation(read_field(files.field), files.field).carry({wanted});
+    EXPECT_EQ(moved.geometry.samples, wanted);
+    // What is held keeps its bytes.
+    EXPECT_TRUE(bytes_of(files.folder / "q.xyz").starts_with("0.5 1 2\n"));
+    EXPECT_GT((moved.geometry.samples[1] - Eigen::Vector3d(3, 1.5, 0)).norm(), 0.1);
     const nlohmann::json json = nlohmann::json::parse(result.out);
     EXPECT_EQ(json["samples"], 2);
     EXPECT_EQ(json["chain_length"], 1);
