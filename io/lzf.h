@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// LZF, the compression of PCD files: runs of literal bytes, and references to what
-// stands at most 8 KB before.
+// LZF, the compression of PCD files, by liblzf: runs of literal bytes, and references to
+// what stands at most 8 KB before.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,11 @@ namespace cellwarp
 inline constexpr std::size_t kMaxLzfRatio = 88;
 
 /// \p packed as the \p size bytes that it must make; nothing where it does not.
+/// \pre both below 4 GB
 std::optional<std::string> lzf_unpacked(std::string_view packed, std::size_t size);
 
-/// \p bytes compressed: the same for the same bytes, always.
-std::string lzf_packed(std::string_view bytes);
+/// \p bytes compressed: the same for the same bytes, always. Nothing where that takes
+/// 4 GB or more. \pre below 4 GB
+std::optional<std::string> lzf_packed(std::string_view bytes);
 
 } // namespace cellwarp

@@ -551,16 +551,16 @@ std::string patched_pcd(const GeometryFile& file, const Patch& patch)
                       numbers_of(patch.directions), file.path, body);
     if (body == geometry.unpacked)
         return file.bytes;
-    const std::string packed = lzf_packed(body);
+    const std::optional<std::string> packed = lzf_packed(body);
+    if (!packed)
+        throw malformed({file.path, 0, ""}, "is too large to be compressed");
     const std::size_t start = static_cast<std::size_t>(geometry.packed_start);
     std::uint32_t old_size;
     std::memcpy(&old_size, file.bytes.data() + start, sizeof old_size);
-    if (packed.size() > 0xffffffffu)
-        throw malformed({file.path, 0, ""}, "is too large to be compressed");
     std::string out = file.bytes.substr(0, start);
-    store(static_cast<double>(packed.size()), Scalar::UInt32, false, out);
+    store(static_cast<double>(packed->size()), Scalar::UInt32, false, out);
     store(static_cast<double>(body.size()), Scalar::UInt32, false, out);
-    out += packed;
+    out += *packed;
     out += std::string_view(file.bytes).substr(start + kSizesBytes + old_size);
     return out;
 }

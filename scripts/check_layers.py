@@ -32,6 +32,7 @@ LIBRARIES = {
     "stb/": {"editor/picture"},
     "CLI/": {"editor/cli", "tests/bench"},
     "zlib.h": {"io/field_file.cpp"},
+    "lzf.h": {"io/lzf.cpp"},
     "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},

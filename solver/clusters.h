@@ -18,6 +18,8 @@ struct ClusterSize
     int core = 3;         ///< edge of the block whose cells form the core
     double support = 2.0; ///< from the core: where the weight ends
     double reach = 3.0;   ///< from the core: cells of weight 0 are members up to here
+
+    bool operator==(const ClusterSize&) const = default;
 };
 
 struct Cluster

@@ -86,16 +86,18 @@ std::vector<double> thresholds_of(const std::string& list)
     return numbers;
 }
 
-std::vector<FieldKind> fields_of(const std::string& list)
+std::vector<FieldChoice> fields_of(const std::string& list)
 {
-    std::vector<FieldKind> fields;
+    std::vector<FieldChoice> fields;
     for (const std::string& part : parts_of(list))
     {
-        const std::optional<FieldKind> field = field_of_name(part);
+        const std::optional<FieldChoice> field = field_of_name(part);
         if (!field)
             throw Error(Fault::Usage, "--interpolators: got " + in_quotes(part) +
-                                          ", need rbf, blend, closest4 or rbf-global, "
-                                          "with commas between");
+                                          ", need rbf, blend, closest4, rbf-global or "
+                                          "rbf:CORE:SUPPORT:REACH (1 <= CORE, 0 < "
+                                          "SUPPORT <= REACH <= 64), with commas "
+                                          "between");
         if (std::find(fields.begin(), fields.end(), *field) == fields.end())
             fields.push_back(*field);
     }
@@ -313,7 +315,10 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
                         "deepest levels of adaptive cells, up to --max-depth (default "
                         "that alone)");
     command->add_option("--interpolators", flags->interpolators,
-                        "of rbf, blend, closest4, rbf-global (default rbf,blend)");
+                        "of rbf, blend, closest4, rbf-global and rbf:CORE:SUPPORT:REACH, "
+                        "the local one with clusters of other sizes, in cells (rbf: "
+                        "3:2:2.5); each is also compared with the finest of them of the "
+                        "same poses, rbf-global or else rbf (default rbf,blend)");
     command->add_option("--iterations", flags->iterations,
                         "limits of one frame's iterations, each tried with all cells and "
                         "interpolators beside none (default none)");

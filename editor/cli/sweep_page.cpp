@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <tuple>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -116,6 +118,20 @@ double rms_of(const SweepRow& row)
     return row.error.rms;
 }
 
+/// 0, which no logarithmic axis shows, where the field is the finest itself.
+double field_largest_of(const SweepRow& row)
+{
+    return row.parts.of_field ? row.parts.of_field->largest : 0.0;
+}
+double field_rms_of(const SweepRow& row)
+{
+    return row.parts.of_field ? row.parts.of_field->rms : 0.0;
+}
+double field_seconds_of(const SweepRow& row)
+{
+    return row.seconds.field_fit + row.seconds.field_apply;
+}
+
 /// Rows that make one line of a plot.
 struct Group
 {
@@ -137,7 +153,7 @@ std::string line_name(const SweepCase& of)
 std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
 {
     std::vector<Group> groups;
-    std::map<FieldKind, const char*> colour_of_field;
+    std::map<std::string, const char*> colour_of_field;
     std::size_t num_colours = 0;
     const auto next_colour = [&]
     { return kPalette[num_colours++ % std::size(kPalette)]; };
@@ -153,10 +169,11 @@ std::vector<Group> groups_of(const std::vector<SweepRow>& rows)
             // A field has one colour; only its adaptive cells to other depths differ.
             const bool is_other =
                 row.of.kind == SweepKind::Adaptive && row.of.is_above_reference();
-            if (!is_other && !colour_of_field.contains(row.of.field))
-                colour_of_field[row.of.field] = next_colour();
+            const std::string field = field_name(row.of.field);
+            if (!is_other && !colour_of_field.contains(field))
+                colour_of_field[field] = next_colour();
             groups.push_back({name,
-                              is_other ? next_colour() : colour_of_field[row.of.field],
+                              is_other ? next_colour() : colour_of_field[field],
                               row.of.kind,
                               {}});
             found = groups.end() - 1;
@@ -281,6 +298,79 @@ std::string plots(const SweepReport& report)
            "cells are.</p>\n";
 }
 
+/// All that is told of the fields, those of the same cells side by side; stopped ones are
+/// left out.
+std::vector<const SweepRow*> rows_by_cells(const std::vector<SweepRow>& rows)
+{
+    std::vector<const SweepRow*> sorted;
+    for (const SweepRow& row : rows)
+        if (row.is_done() && !row.of.is_limited)
+            sorted.push_back(&row);
+    const auto cells = [](const SweepRow* row)
+    { return std::tuple(row->of.kind, row->of.depth, -row->of.threshold); };
+    std::stable_sort(sorted.begin(), sorted.end(),
+                     [&](const SweepRow* a, const SweepRow* b)
+                     { return cells(a) < cells(b); });
+    return sorted;
+}
+
+std::string deviation_fields(const std::optional<Deviation>& found)
+{
+    return found
+               ? fmt::format("<td>{:.3g}</td><td>{:.3g}</td>", found->largest, found->rms)
+               : "<td></td><td></td>";
+}
+
+std::string field_table(const std::vector<SweepRow>& rows)
+{
+    std::string page =
+        "<div class=\"wide\"><table>\n<thead><tr><th class=\"word\">cells</th>"
+        "<th class=\"word\">interpolator</th><th>largest error</th><th>RMS</th>"
+        "<th class=\"word\">finest</th><th>the cells' largest</th><th>RMS</th>"
+        "<th>the field's largest</th><th>RMS</th><th>fit s</th><th>apply s</th></tr>"
+        "</thead>\n<tbody>\n";
+    std::string last;
+    for (const SweepRow* const row : rows_by_cells(rows))
+    {
+        const std::string name = cells_name(row->of);
+        page += fmt::format(
+            "<tr{}><td class=\"word\">{}</td><td class=\"word\">{}</td>{}"
+            "<td class=\"word\">{}</td>{}{}<td>{:.3g}</td><td>{:.3g}</td>"
+            "</tr>\n",
+            name != last ? " class=\"begins\"" : "", name, field_name(row->of.field),
+            deviation_fields(row->error), field_name(row->parts.finest),
+            deviation_fields(row->parts.of_cells), deviation_fields(row->parts.of_field),
+            row->seconds.field_fit, row->seconds.field_apply);
+        last = name;
+    }
+    return page + "</tbody></table></div>\n";
+}
+
+/// Empty where no field has another to be compared with.
+std::string field_part(const SweepReport& report)
+{
+    const std::vector<SweepRow>& rows = report.result.rows;
+    if (std::none_of(rows.begin(), rows.end(),
+                     [](const SweepRow& row) { return row.parts.of_field.has_value(); }))
+        return "";
+    std::string page = "<h2>Fields of the same poses</h2>\n<div class=\"plots\">\n";
+    for (const auto& [title, y] :
+         {std::pair("Largest distance from the finest field over "
+                    "seconds of the field",
+                    &field_largest_of),
+          std::pair("RMS distance from the finest field over "
+                    "seconds of the field",
+                    &field_rms_of)})
+        page += figure(svg_of(
+            error_plot(rows, title, "seconds, fit and apply", field_seconds_of, y)));
+    return page +
+           "</div>\n<p class=\"soft\">Of the same cells and poses the finest field "
+           "is rbf-global where it was asked for and its memory allows, else rbf. "
+           "The cells' error is the finest field's distance from the reference, the "
+           "field's its own distance from the finest.</p>\n" +
+           field_table(rows);
+}
+
 std::string table(const SweepReport& report)
 {
     std::string page =
@@ -374,6 +464,7 @@ std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
     page += listed(sweep_sentences(report));
     page += pictures_part(pictures);
     page += plots(report);
+    page += field_part(report);
     page += table(report);
     page += conditions(report);
     if (!report.result.warnings.empty())

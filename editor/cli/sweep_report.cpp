@@ -33,10 +33,10 @@ std::string stop_of(const SweepRow& row)
     return row.is_done() ? stop_name(row.stop) : "failed";
 }
 
-std::vector<std::string> field_names(const std::vector<FieldKind>& fields)
+std::vector<std::string> field_names(const std::vector<FieldChoice>& fields)
 {
     std::vector<std::string> names;
-    for (const FieldKind field : fields)
+    for (const FieldChoice& field : fields)
         names.push_back(field_name(field));
     return names;
 }
@@ -65,6 +65,13 @@ Json settings_json(const SweepReport& report)
 Json deviation_json(const Deviation& found)
 {
     return {{"largest", found.largest}, {"rms", found.rms}};
+}
+
+Json parts_json(const ErrorParts& parts)
+{
+    return {{"finest", field_name(parts.finest)},
+            {"cells", deviation_json(parts.of_cells)},
+            {"field", parts.of_field ? deviation_json(*parts.of_field) : Json(nullptr)}};
 }
 
 Json frames_json(const SweepRow& row)
@@ -98,6 +105,7 @@ Json row_json(const SweepRow& row)
     }
     json["max_error"] = row.error.largest;
     json["rms_error"] = row.error.rms;
+    json["error_parts"] = parts_json(row.parts);
     json["from_coarser"] =
         row.from_coarser ? deviation_json(*row.from_coarser) : Json(nullptr);
     json["cells"] = row.cells;
@@ -166,11 +174,17 @@ std::string in_csv(const std::string& text)
 /// The part of a line that a row without a result leaves empty.
 std::vector<std::string> measured_fields(const SweepRow& row)
 {
-    constexpr std::size_t kFields = 14;
+    constexpr std::size_t kFields = 19;
     if (!row.is_done())
         return std::vector<std::string>(kFields);
+    const std::optional<Deviation>& of_field = row.parts.of_field;
     return {shortest(row.error.largest),
             shortest(row.error.rms),
+            field_name(row.parts.finest),
+            of_field ? shortest(of_field->largest) : "",
+            of_field ? shortest(of_field->rms) : "",
+            shortest(row.parts.of_cells.largest),
+            shortest(row.parts.of_cells.rms),
             fmt::to_string(row.cells),
             shortest(row.cell_edge),
             fmt::to_string(row.iterations),
@@ -227,6 +241,30 @@ std::string share_text(const std::optional<Share>& share)
         share->cells >= 1.0 || share->seconds >= 1.0 ? ", which does not pay" : "");
 }
 
+/// What each field adds to the error of the uniform cells of one depth; empty where
+/// there is nothing to compare.
+std::string field_sentence(const std::vector<SweepRow>& rows, int depth)
+{
+    std::string cells, fields;
+    for (const SweepRow& row : rows)
+    {
+        if (!row.is_done() || row.of.kind != SweepKind::Uniform || row.of.is_limited ||
+            row.of.depth != depth)
+            continue;
+        const ErrorParts& parts = row.parts;
+        if (cells.empty())
+            cells = fmt::format("Uniform depth {}: the cells' own error ({}) is at most "
+                                "{:.2g}, RMS {:.2g}",
+                                depth, field_name(parts.finest), parts.of_cells.largest,
+                                parts.of_cells.rms);
+        if (parts.of_field)
+            fields += fmt::format("; {} is off that by at most {:.2g}, RMS {:.2g}",
+                                  field_name(row.of.field), parts.of_field->largest,
+                                  parts.of_field->rms);
+    }
+    return fields.empty() ? "" : cells + fields + ".";
+}
+
 std::string saving_sentence(const Saving& saving)
 {
     return fmt::format(
@@ -272,9 +310,10 @@ Json sweep_json(const SweepReport& report)
 std::string sweep_csv(const SweepReport& report)
 {
     std::string csv =
-        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,cells,"
-        "cell_edge,iterations,seconds,load_seconds,cells_seconds,solve_seconds,"
-        "field_fit_seconds,field_apply_seconds,peak_mb,energy,gradient,stop,scene\n";
+        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,"
+        "finest_interpolator,field_max,field_rms,cells_max,cells_rms,cells,cell_edge,"
+        "iterations,seconds,load_seconds,cells_seconds,solve_seconds,field_fit_seconds,"
+        "field_apply_seconds,peak_mb,energy,gradient,stop,scene\n";
     for (const SweepRow& row : report.result.rows)
     {
         const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
@@ -296,6 +335,9 @@ std::vector<std::string> sweep_sentences(const SweepReport& report)
     std::vector<std::string> sentences;
     for (const Convergence& found : convergence_of(report.result.rows))
         sentences.push_back(order_sentence(found));
+    for (int depth = 0; depth < report.settings.max_depth; ++depth)
+        if (std::string text = field_sentence(report.result.rows, depth); !text.empty())
+            sentences.push_back(std::move(text));
     for (const Saving& saving : savings_of(report.result.rows))
         sentences.push_back(saving_sentence(saving));
     return sentences;

@@ -33,7 +33,8 @@ Json sweep_json(const SweepReport& report);
 /// is empty.
 std::string sweep_csv(const SweepReport& report);
 
-/// The orders of convergence and what adaptive cells save, one a sentence.
+/// The orders of convergence, what the fields add to the cells' own error, and what
+/// adaptive cells save, one a sentence.
 std::vector<std::string> sweep_sentences(const SweepReport& report);
 
 /// "fill solid, 32 cells across, ..."

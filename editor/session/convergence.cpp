@@ -19,15 +19,15 @@ constexpr double kWidestGap = 10.0;
 using Measure = double Deviation::*;
 using Points = std::vector<std::array<double, 2>>;
 
-bool is_told(const SweepRow& row, SweepKind kind, FieldKind field)
+bool is_told(const SweepRow& row, SweepKind kind, const FieldChoice& field)
 {
     return row.is_done() && !row.of.is_limited && row.of.kind == kind &&
            row.of.field == field;
 }
 
-std::vector<FieldKind> fields_of(std::span<const SweepRow> rows)
+std::vector<FieldChoice> fields_of(std::span<const SweepRow> rows)
 {
-    std::vector<FieldKind> fields;
+    std::vector<FieldChoice> fields;
     for (const SweepRow& row : rows)
         if (row.of.kind != SweepKind::Reference &&
             std::find(fields.begin(), fields.end(), row.of.field) == fields.end())
@@ -154,7 +154,7 @@ std::optional<Share> share_of(const SweepRow& uniform,
 std::vector<Convergence> convergence_of(std::span<const SweepRow> rows)
 {
     std::vector<Convergence> all;
-    for (const FieldKind field : fields_of(rows))
+    for (const FieldChoice& field : fields_of(rows))
     {
         std::vector<const SweepRow*> uniform;
         for (const SweepRow& row : rows)
@@ -169,7 +169,7 @@ std::vector<Convergence> convergence_of(std::span<const SweepRow> rows)
 std::vector<Saving> savings_of(std::span<const SweepRow> rows)
 {
     std::vector<Saving> all;
-    for (const FieldKind field : fields_of(rows))
+    for (const FieldChoice& field : fields_of(rows))
     {
         std::set<int> depths;
         for (const SweepRow& row : rows)

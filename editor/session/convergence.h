@@ -28,7 +28,7 @@ struct Orders
 
 struct Convergence
 {
-    FieldKind field = FieldKind::Rbf;
+    FieldChoice field = FieldKind::Rbf;
     Orders largest, rms;
 };
 
@@ -47,7 +47,7 @@ struct Share
 
 struct Saving
 {
-    FieldKind field = FieldKind::Rbf;
+    FieldChoice field = FieldKind::Rbf;
     int adaptive_depth = 0, uniform_depth = 0;
     Deviation error; ///< of the uniform cells
     /// For the same largest and RMS error; nothing where no adaptive cells reach it.

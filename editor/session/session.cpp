@@ -178,13 +178,14 @@ void Session::start_stage(std::size_t stage)
         warnings_.push_back(std::move(warning));
     const std::vector<std::string>& more = state_->rig.warnings();
     warnings_.insert(warnings_.end(), more.begin(), more.end());
-    if (settings_.field == FieldKind::RbfGlobal)
-        check_global_field();
+    check_memory_of(settings_.field);
     plan_frames(statements.frames);
 }
 
-void Session::check_global_field() const
+void Session::check_memory_of(const FieldChoice& field) const
 {
+    if (field.kind != FieldKind::RbfGlobal)
+        return;
     const Rig& rig = state_->rig;
     std::vector<int> all(rig.poses().size());
     std::iota(all.begin(), all.end(), 0);
@@ -511,35 +512,49 @@ void Session::solve_frame(FrameReport& report)
     report.max_pair_gap = s.rig.largest_gap();
 }
 
+/// Of the last frame.
+std::vector<MovedRegion> Session::moved_regions() const
+{
+    const StageState& s = *state_;
+    std::vector<MovedRegion> moved;
+    for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
+        if (s.rig.fade(r))
+            moved.push_back({s.rig.fade(r), s.paths[frame_ - 1][r].at(1.0),
+                             s.rig.regions()[r].role == Role::Pin});
+    return moved;
+}
+
+std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
+{
+    check_memory_of(field);
+    const Rig& rig = state_->rig;
+    std::vector<Eigen::Vector3d> samples = rest_.samples;
+    carry(fit_field(field, rig.body().cells, rig.poses(), rig.constraints(),
+                    moved_regions()),
+          rig.rest().frame, rig.rest().samples, rig.body().cell_of_sample, {samples});
+    return samples;
+}
+
 void Session::move_samples(FrameReport& report)
 {
     StageState& s = *state_;
     const WorkFrame& frame = s.rig.rest().frame;
     Clock::time_point start = Clock::now();
-    std::vector<MovedRegion> moved;
-    std::vector<Motion> motions;
-    for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
-    {
-        motions.push_back(s.paths[frame_ - 1][r].at(1.0));
-        if (!s.rig.fade(r))
-            continue;
-        moved.push_back(
-            {s.rig.fade(r), motions[r], s.rig.regions()[r].role == Role::Pin});
-    }
     if (!s.fitter)
         s.fitter.emplace(settings_.field, s.rig.body().cells, s.rig.constraints(),
                          frame_ < handles_.stages[stage_].frames.size());
     std::optional<Field> field =
-        s.fitter->fit(s.rig.poses(), std::move(moved), settings_.stop);
+        s.fitter->fit(s.rig.poses(), moved_regions(), settings_.stop);
     if (!field)
     {
         report.solve.stop = Stop::Stopped;
         return;
     }
     s.field = std::make_unique<Field>(std::move(*field));
-    ++(settings_.field == FieldKind::Rbf         ? parts_.rbf
-       : settings_.field == FieldKind::RbfGlobal ? parts_.rbf_global
-                                                 : parts_.blend);
+    const FieldKind kind = settings_.field.kind;
+    ++(kind == FieldKind::Rbf         ? parts_.rbf
+       : kind == FieldKind::RbfGlobal ? parts_.rbf_global
+                                      : parts_.blend);
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
@@ -556,16 +571,19 @@ void Session::move_samples(FrameReport& report)
 
     const double diagonal = frame.diagonal();
     for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
+    {
+        if (!s.rig.regions()[r].prescribes())
+            continue;
+        const Motion motion = s.paths[frame_ - 1][r].at(1.0);
         for (const std::uint32_t i : s.rig.regions()[r].samples)
         {
-            if (!s.rig.regions()[r].prescribes())
-                break;
             const Eigen::Vector3d& x = s.rig.rest().samples[i];
             const Eigen::Vector3d wanted =
-                (motions[r].R - Eigen::Matrix3d::Identity()) * x + motions[r].t;
+                (motion.R - Eigen::Matrix3d::Identity()) * x + motion.t;
             report.handle_residual = std::max(
                 report.handle_residual, (displacements[i] - wanted).norm() / diagonal);
         }
+    }
 }
 
 void Session::commit()

@@ -40,7 +40,7 @@ struct SessionSettings
     int max_iterations = 200; ///< of one frame, all its steps together
     double gradient_tolerance = 1e-6;
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
-    FieldKind field = FieldKind::Rbf;
+    FieldChoice field = FieldKind::Rbf;
     bool keeps_fields = false; ///< of commits, for field_file()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
@@ -99,6 +99,9 @@ public:
     const PartCounts& parts() const { return parts_; }
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
+    /// What patch().samples would be by another field of the same poses. Throws
+    /// Fault::Budget. \pre the last frame wanted samples
+    std::vector<Eigen::Vector3d> samples_by(const FieldChoice& field) const;
     /// The maps of all commits and of the last frame that wanted samples, as a chain.
     /// \pre keeps_fields, and there was such a frame
     FieldFile field_file() const;
@@ -112,7 +115,7 @@ private:
     struct StageState;
 
     void start_stage(std::size_t stage);
-    void check_global_field() const;
+    void check_memory_of(const FieldChoice& field) const;
     void plan_frames(const std::vector<FrameStatement>& frames);
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
     struct FrameSolve;
@@ -125,6 +128,7 @@ private:
     void recut(FrameSolve& frame, FrameReport& report);
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
+    std::vector<MovedRegion> moved_regions() const;
     void move_samples(FrameReport& report);
     void commit();
 

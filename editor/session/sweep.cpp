@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <chrono>
 #include <set>
+#include <string_view>
 
 #include <fmt/format.h>
 
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
+#include "io/number.h"
 
 namespace cellwarp
 {
@@ -28,6 +30,30 @@ double seconds_since(Clock::time_point start)
 constexpr int kReferenceIterations = 10000;
 
 constexpr double kSecondsPerMs = 1e-3;
+
+/// Before the size of other clusters than the release's, in the name of a field.
+constexpr std::string_view kClustersPrefix = "rbf:";
+
+/// Clusters that are larger are next to one RBF of all cells.
+constexpr double kMaxClusterLength = 64.0;
+
+/// "CORE:SUPPORT:REACH". Nothing if that is no size that clusters can have.
+std::optional<ClusterSize> clusters_of(std::string_view text)
+{
+    const std::size_t first = text.find(':');
+    const std::size_t second = text.find(':', first + 1);
+    if (first == text.npos || second == text.npos)
+        return std::nullopt;
+    const std::optional<std::int64_t> core = parse_integer(text.substr(0, first));
+    const std::optional<double> support =
+        parse_double(text.substr(first + 1, second - first - 1));
+    const std::optional<double> reach = parse_double(text.substr(second + 1));
+    if (!core || !support || !reach || *core < 1 ||
+        static_cast<double>(*core) > kMaxClusterLength || !(*support > 0) ||
+        !(*support <= *reach) || !(*reach <= kMaxClusterLength))
+        return std::nullopt;
+    return ClusterSize{static_cast<int>(*core), *support, *reach};
+}
 
 double median(std::vector<double> values)
 {
@@ -196,6 +222,33 @@ private:
         return session;
     }
 
+    ErrorParts parts_by(const FieldChoice& finest, const SweepCase& of,
+                        const Session& session) const
+    {
+        const std::vector<Eigen::Vector3d>& samples = session.patch().samples;
+        if (finest == of.field)
+            return {finest, deviation(samples, result_.reference, diagonal_), {}};
+        const std::vector<Eigen::Vector3d> best = session.samples_by(finest);
+        return {finest, deviation(best, result_.reference, diagonal_),
+                deviation(samples, best, diagonal_)};
+    }
+
+    ErrorParts parts_of(const SweepCase& of, const Session& session) const
+    {
+        const std::vector<FieldChoice>& fields = settings_.fields;
+        if (std::find(fields.begin(), fields.end(), FieldKind::RbfGlobal) != fields.end())
+            try
+            {
+                return parts_by(FieldKind::RbfGlobal, of, session);
+            }
+            catch (const Error& error)
+            {
+                if (error.fault() != Fault::Budget)
+                    throw;
+            }
+        return parts_by(FieldKind::Rbf, of, session);
+    }
+
     Played measured(std::size_t r)
     {
         const SweepCase& of = result_.rows[r].of;
@@ -220,6 +273,7 @@ private:
             result_.across = run.session.rig()->rest().across;
             diagonal_ = bounding_box(geometry.samples).size().norm();
             result_.reference = run.session.patch().samples;
+            row.parts = parts_of(row.of, run.session);
             describe(row, run.session);
             keep_warnings(row, run.session);
         }
@@ -277,6 +331,7 @@ private:
             describe(row, run.session);
             keep_warnings(row, run.session);
             row.error = deviation(samples, result_.reference, diagonal_);
+            row.parts = parts_of(row.of, run.session);
             compare_with_coarser(r, samples);
         }
         catch (const Error& error)
@@ -351,32 +406,41 @@ std::string kind_name(SweepKind kind)
     return {};
 }
 
-std::string field_name(FieldKind field)
+std::string field_name(const FieldChoice& field)
 {
-    switch (field)
+    switch (field.kind)
     {
     case FieldKind::Blend:
         return "blend";
     case FieldKind::Closest4:
         return "closest4";
     case FieldKind::Rbf:
-        return "rbf";
+        return field == FieldKind::Rbf
+                   ? "rbf"
+                   : fmt::format("{}{}:{}:{}", kClustersPrefix, field.clusters.core,
+                                 shortest(field.clusters.support),
+                                 shortest(field.clusters.reach));
     case FieldKind::RbfGlobal:
         return "rbf-global";
     }
     return {};
 }
 
-std::optional<FieldKind> field_of_name(const std::string& name)
+std::optional<FieldChoice> field_of_name(const std::string& name)
 {
     for (const FieldKind field :
          {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf, FieldKind::RbfGlobal})
         if (field_name(field) == name)
             return field;
-    return std::nullopt;
+    if (!name.starts_with(kClustersPrefix))
+        return std::nullopt;
+    const std::optional<ClusterSize> clusters =
+        clusters_of(std::string_view(name).substr(kClustersPrefix.size()));
+    return clusters ? std::optional(FieldChoice(FieldKind::Rbf, *clusters))
+                    : std::nullopt;
 }
 
-std::string case_name(const SweepCase& of)
+std::string cells_name(const SweepCase& of)
 {
     std::string name = kind_name(of.kind);
     if (of.kind == SweepKind::Uniform)
@@ -385,7 +449,12 @@ std::string case_name(const SweepCase& of)
         name += fmt::format(" {:g}", of.threshold);
     if (of.kind == SweepKind::Adaptive && of.is_above_reference())
         name += fmt::format(" to depth {}", of.depth);
-    name += fmt::format(", {}", field_name(of.field));
+    return name;
+}
+
+std::string case_name(const SweepCase& of)
+{
+    std::string name = fmt::format("{}, {}", cells_name(of), field_name(of.field));
     if (of.is_limited)
         name += fmt::format(", {} iterations", of.max_iterations);
     return name;
@@ -439,7 +508,7 @@ std::vector<SweepCase> sweep_cases(const SweepSettings& settings)
     for (const int limit : settings.iteration_limits)
         limits.emplace_back(limit, true);
     for (const auto& [limit, is_limited] : limits)
-        for (const FieldKind field : settings.fields)
+        for (const FieldChoice& field : settings.fields)
         {
             for (int depth = 0; depth <= deepest; ++depth)
                 cases.push_back({SweepKind::Uniform, depth, deepest, INFINITY, field,

@@ -28,10 +28,11 @@ enum class SweepKind
 /// "reference", "uniform" or "adaptive".
 std::string kind_name(SweepKind kind);
 
-/// "rbf", "blend", "closest4" or "rbf-global".
-std::string field_name(FieldKind field);
+/// "rbf", "blend", "closest4" or "rbf-global"; "rbf:2:2:3" of other clusters than the
+/// release's, by their core, support and reach.
+std::string field_name(const FieldChoice& field);
 /// Nothing if there is no such field.
-std::optional<FieldKind> field_of_name(const std::string& name);
+std::optional<FieldChoice> field_of_name(const std::string& name);
 
 /// What the reference is solved to; relative, as SessionSettings::gradient_tolerance.
 inline constexpr double kReferenceTolerance = 1e-10;
@@ -43,7 +44,7 @@ struct SweepCase
     int depth = 0;               ///< of the deepest cells that there may be
     int reference_depth = 0;     ///< of the deepest cells of the whole sweep
     double threshold = INFINITY; ///< [diagonal] infinity: not adaptive
-    FieldKind field = FieldKind::Rbf;
+    FieldChoice field = FieldKind::Rbf;
     int max_iterations = 0;  ///< of one frame
     bool is_limited = false; ///< stopped early on purpose: it need not converge
 
@@ -56,6 +57,8 @@ struct SweepCase
     bool is_above_reference() const { return depth < reference_depth; }
 };
 
+/// "uniform 1", "adaptive 0.001"; a depth that is not the reference's.
+std::string cells_name(const SweepCase& of);
 /// "uniform 1, blend", "adaptive 0.001, rbf"; a depth, a limit that is not the usual one.
 std::string case_name(const SweepCase& of);
 
@@ -75,7 +78,7 @@ struct SweepSettings
     std::vector<double> thresholds = {1e-1, 3e-2, 1e-2, 3e-3, 1e-3,
                                       3e-4, 1e-4, 3e-5, 1e-5}; ///< [diagonal]
     std::vector<int> depths; ///< of the adaptive cells; empty: max_depth
-    std::vector<FieldKind> fields = {FieldKind::Rbf, FieldKind::Blend};
+    std::vector<FieldChoice> fields = {FieldKind::Rbf, FieldKind::Blend};
     /// Of one frame. Each is tried with all cells and fields, beside no such limit.
     std::vector<int> iteration_limits;
     int runs = 3; ///< of each case but the reference; times and memory are medians
@@ -97,12 +100,23 @@ struct StageSeconds
     double total = 0.0; ///< from the files to the last frame's samples
 };
 
+/// What of an error is the field's, and what the cells': both of the same poses.
+struct ErrorParts
+{
+    /// rbf-global where the sweep has it and its memory allows, else rbf.
+    FieldChoice finest = FieldKind::Rbf;
+    Deviation of_cells; ///< of the finest field from the reference
+    /// Of the field from the finest; nothing if it is the finest itself.
+    std::optional<Deviation> of_field;
+};
+
 /// What one case took and reached.
 struct SweepRow
 {
     SweepCase of;
     std::string failure; ///< why there is no result; all below is empty then
     Deviation error;     ///< after the last frame, from the reference
+    ErrorParts parts;
     /// Of uniform cells: the distance from those one level coarser.
     std::optional<Deviation> from_coarser;
     std::size_t cells = 0; ///< of the last stage, as those below

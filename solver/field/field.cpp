@@ -15,19 +15,6 @@ namespace cellwarp
 namespace
 {
 
-/// Clusters of the release field, by their distance from the RBF through all cells:
-/// largest and RMS [1e-5 diagonal], and the largest difference of the gradient; time of a
-/// fit on one thread [ms]. Bar of 2,048 cells, turned by 135 degrees | sample creature,
-/// 1,900 cells | bunny in 4,400 cells of three sizes:
-///   2, 2, 2     12  2.8 0.03 29 |  87 5.6 0.2   54 | 490 18  2.4 140
-///   3, 2, 2      7  1.6 0.02 25 |  59 4.1 0.08  48 | 420 16  2.5 181
-///   3, 2, 2.5    7  1.6 0.02 25 |  59 4.1 0.08  48 | 260 11  0.6 347
-///   3, 2, 3      5  1.1 0.01 78 |  42 2.5 0.07 110 | 160 11  0.4 627
-///   4, 2, 2      8  1.4 0.02 23 |  42 3.0 0.2   54 | 240 14  1.7 150
-///   4, 2, 3      4  0.6 0.01 60 |  19 1.8 0.05 122 | 150  8  0.4 518
-/// (core, support, reach.) The largest are where the global one drags near parts along.
-constexpr ClusterSize kClusterSize = {3, 2.0, 2.5};
-
 /// Over how far outside its cell's box a point leaves the RBF for the cells' own rigid
 /// motions [edge].
 constexpr double kOutside = 1.0;
@@ -327,12 +314,12 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
         });
 }
 
-FieldFitter::FieldFitter(FieldKind kind, const Cells& cells,
+FieldFitter::FieldFitter(const FieldChoice& choice, const Cells& cells,
                          std::span<const Constraint> constraints, bool has_more_frames)
-    : kind_(kind), cells_(cells), constraints_(constraints)
+    : kind_(choice.kind), cells_(cells), constraints_(constraints)
 {
-    if (kind == FieldKind::Rbf)
-        local_.emplace(cells, constraints, kClusterSize, has_more_frames);
+    if (kind_ == FieldKind::Rbf)
+        local_.emplace(cells, constraints, choice.clusters, has_more_frames);
 }
 
 std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
@@ -492,10 +479,11 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
     return by_clusters;
 }
 
-Field fit_field(FieldKind kind, const Cells& cells, std::span<const Pose> poses,
-                std::span<const Constraint> constraints, std::vector<MovedRegion> regions)
+Field fit_field(const FieldChoice& choice, const Cells& cells,
+                std::span<const Pose> poses, std::span<const Constraint> constraints,
+                std::vector<MovedRegion> regions)
 {
-    return *FieldFitter(kind, cells, constraints, false).fit(poses, std::move(regions));
+    return *FieldFitter(choice, cells, constraints, false).fit(poses, std::move(regions));
 }
 
 } // namespace cellwarp

@@ -30,6 +30,34 @@ enum class FieldKind
     RbfGlobal ///< one dense triharmonic interpolant of all cells
 };
 
+/// Clusters of the release field, by their distance from the RBF through all cells:
+/// largest and RMS [1e-5 diagonal], and the largest difference of the gradient; time of a
+/// fit on one thread [ms]. Bar of 2,048 cells, turned by 135 degrees | sample creature,
+/// 1,900 cells | bunny in 4,400 cells of three sizes:
+///   2, 2, 2     12  2.8 0.03 29 |  87 5.6 0.2   54 | 490 18  2.4 140
+///   3, 2, 2      7  1.6 0.02 25 |  59 4.1 0.08  48 | 420 16  2.5 181
+///   3, 2, 2.5    7  1.6 0.02 25 |  59 4.1 0.08  48 | 260 11  0.6 347
+///   3, 2, 3      5  1.1 0.01 78 |  42 2.5 0.07 110 | 160 11  0.4 627
+///   4, 2, 2      8  1.4 0.02 23 |  42 3.0 0.2   54 | 240 14  1.7 150
+///   4, 2, 3      4  0.6 0.01 60 |  19 1.8 0.05 122 | 150  8  0.4 518
+/// (core, support, reach.) The largest are where the global one drags near parts along.
+inline constexpr ClusterSize kReleaseClusters = {3, 2.0, 2.5};
+
+/// A field by what it is made of; a kind alone is its usual one.
+struct FieldChoice
+{
+    // Implicit: most choose a kind and no more.
+    constexpr FieldChoice(FieldKind of, const ClusterSize& size = kReleaseClusters)
+        : kind(of), clusters(size)
+    {
+    }
+
+    FieldKind kind;
+    ClusterSize clusters; ///< of FieldKind::Rbf
+
+    bool operator==(const FieldChoice&) const = default;
+};
+
 /// All that a field is made of, beside the cells.
 struct FieldParts
 {
@@ -87,7 +115,7 @@ public:
     /// Keeps references to \p cells and \p constraints. Idle cells hold their material at
     /// rest, whatever the others do. \p has_more_frames: what a second fit can use is
     /// kept, the factors of FieldKind::Rbf.
-    FieldFitter(FieldKind kind, const Cells& cells,
+    FieldFitter(const FieldChoice& choice, const Cells& cells,
                 std::span<const Constraint> constraints, bool has_more_frames);
 
     /// \p regions: their misses are found here. Nothing if it was stopped.
@@ -115,8 +143,8 @@ private:
 };
 
 /// The field of one frame alone.
-Field fit_field(FieldKind kind, const Cells& cells, std::span<const Pose> poses,
-                std::span<const Constraint> constraints,
+Field fit_field(const FieldChoice& choice, const Cells& cells,
+                std::span<const Pose> poses, std::span<const Constraint> constraints,
                 std::vector<MovedRegion> regions);
 
 } // namespace cellwarp

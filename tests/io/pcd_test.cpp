@@ -93,7 +93,7 @@ std::string number(std::size_t value)
 
 std::string compressed(double first_x = 0.5)
 {
-    const std::string body = columns_body(first_x), packed = lzf_packed(body);
+    const std::string body = columns_body(first_x), packed = *lzf_packed(body);
     return header("binary_compressed") + number(packed.size()) + number(body.size()) +
            packed;
 }
@@ -246,7 +246,7 @@ TEST(Pcd, counts_beyond_the_file_are_seen_through)
     EXPECT_TRUE(contains(refused(bytes), "the file is too short for its count"));
     EXPECT_TRUE(contains(refused(text_cloud("0 0 0\n0 0 0\n", 3)),
                          "x.pcd:9: point 2: the file ends here (need 3 points)"));
-    const std::string body = columns_body(), packed = lzf_packed(body);
+    const std::string body = columns_body(), packed = *lzf_packed(body);
     const std::string head = header("binary_compressed");
     EXPECT_TRUE(contains(refused(head + number(packed.size()) + number(4000000000u)),
                          "sizes (byte " + std::to_string(head.size()) +

@@ -109,9 +109,10 @@ TEST(SweepCommand, csv_has_its_columns_and_a_line_for_every_run)
     ASSERT_EQ(result.code, 0) << result.err;
     const std::string csv = files.report("report.csv");
     EXPECT_TRUE(csv.starts_with(
-        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,cells,"
-        "cell_edge,iterations,seconds,load_seconds,cells_seconds,solve_seconds,"
-        "field_fit_seconds,field_apply_seconds,peak_mb,energy,gradient,stop,scene\n"));
+        "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,"
+        "finest_interpolator,field_max,field_rms,cells_max,cells_rms,cells,cell_edge,"
+        "iterations,seconds,load_seconds,cells_seconds,solve_seconds,field_fit_seconds,"
+        "field_apply_seconds,peak_mb,energy,gradient,stop,scene\n"));
     const auto rows = parsed_csv(csv);
     ASSERT_EQ(rows.size(), 1u + 2 * (2 + 2));
     for (auto row : rows)
@@ -120,9 +121,12 @@ TEST(SweepCommand, csv_has_its_columns_and_a_line_for_every_run)
         EXPECT_EQ(row["threshold"].empty(), row["kind"] != "adaptive");
         for (const char* column : {"max_depth", "cells", "iterations"})
             EXPECT_TRUE(parse_integer(row[column])) << column;
-        for (const char* column :
-             {"max_error", "rms_error", "seconds", "peak_mb", "energy"})
+        for (const char* column : {"max_error", "rms_error", "cells_max", "cells_rms",
+                                   "seconds", "peak_mb", "energy"})
             EXPECT_TRUE(parse_double(row[column])) << column;
+        EXPECT_EQ(row["finest_interpolator"], "rbf");
+        for (const char* column : {"field_max", "field_rms"})
+            EXPECT_EQ(row[column].empty(), row["interpolator"] == "rbf") << column;
         EXPECT_EQ(row["stop"], "converged");
         EXPECT_EQ(row["scene"], files.model);
     }
@@ -154,10 +158,14 @@ TEST(SweepCommand, json_has_every_key_and_goes_to_stdout_too)
         EXPECT_TRUE(json["machine"].contains(key)) << key;
     for (const char* key :
          {"kind", "threshold", "max_depth", "grid_depth", "interpolator", "max_error",
-          "rms_error", "cells", "cells_per_depth", "iterations", "energy", "gradient",
-          "stop", "frames", "seconds", "stage_seconds", "run_seconds", "peak_mb"})
+          "rms_error", "error_parts", "cells", "cells_per_depth", "iterations", "energy",
+          "gradient", "stop", "frames", "seconds", "stage_seconds", "run_seconds",
+          "peak_mb"})
         EXPECT_TRUE(json["rows"][2].contains(key)) << key;
     EXPECT_EQ(json["rows"][0]["frames"].size(), 2u);
+    EXPECT_EQ(json["rows"][1]["error_parts"]["cells"]["rms"],
+              json["rows"][1]["rms_error"]);
+    EXPECT_TRUE(json["rows"][1]["error_parts"]["field"].is_null());
     EXPECT_TRUE(json["rows"][0]["threshold"].is_null());
     EXPECT_EQ(json["rows"][3]["threshold"], 1e-2);
 }
@@ -193,10 +201,11 @@ TEST(SweepCommand, the_page_stands_alone_and_has_every_plot)
          {"Largest error over seconds", "RMS error over seconds",
           "Largest error over cells", "RMS error over cells",
           "Largest error over threshold", "Largest error over iterations",
-          "Seconds by stage", "Machine and settings", "All runs"})
+          "Seconds by stage", "RMS distance from the finest field",
+          "Machine and settings", "All runs"})
         EXPECT_TRUE(contains(page, std::string(title))) << title;
     const std::regex svg("<svg [^>]*viewBox");
-    EXPECT_EQ(std::distance(std::sregex_iterator(page.begin(), page.end(), svg), {}), 7);
+    EXPECT_EQ(std::distance(std::sregex_iterator(page.begin(), page.end(), svg), {}), 9);
     const std::size_t picture = page.find("data:image/png;base64,");
     if (picture != std::string::npos)
         page.erase(picture, page.find('"', picture) - picture);
@@ -204,6 +213,29 @@ TEST(SweepCommand, the_page_stands_alone_and_has_every_plot)
                                 "url(", " onload", "javascript"})
         EXPECT_FALSE(contains(page, outside)) << outside;
     EXPECT_FALSE(contains(page, "nan") || contains(page, "{}"));
+}
+
+TEST(SweepCommand, clusters_of_other_sizes_are_interpolators)
+{
+    const Files files;
+    const Result result =
+        files.sweep({"--no-pictures", "--interpolators", "rbf:1:1.5:1.5,rbf-global"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    auto rows = parsed_csv(files.report("report.csv"));
+    EXPECT_EQ(rows.at(1)["interpolator"], "rbf:1:1.5:1.5");
+    EXPECT_EQ(rows.at(1)["finest_interpolator"], "rbf-global");
+    EXPECT_GT(parse_double(rows.at(1)["field_max"]).value(), 0.0);
+    EXPECT_TRUE(contains(result.out, "Uniform depth 0: the cells' own error (rbf-global) "
+                                     "is at most "))
+        << result.out;
+    EXPECT_TRUE(contains(result.out, "; rbf:1:1.5:1.5 is off that by at most "));
+}
+
+TEST(SweepCommand, a_page_of_one_field_compares_none)
+{
+    const Files files;
+    ASSERT_EQ(files.sweep({"--no-pictures", "--interpolators", "rbf"}).code, 0);
+    EXPECT_FALSE(contains(files.report("report.html"), "finest field"));
 }
 
 TEST(SweepCommand, the_page_has_pictures_where_the_build_has)
@@ -295,6 +327,8 @@ TEST(SweepCommand, wrong_flags_exit_with_2)
                                                {"--iterations", "-1"},
                                                {"--interpolators", "spline"},
                                                {"--interpolators", "rbf,"},
+                                               {"--interpolators", "rbf:2:2"},
+                                               {"--interpolators", "rbf:2:3:2"},
                                                {"--runs", "0"},
                                                {"--runs", "many"},
                                                {"--max-depth", "-1"},

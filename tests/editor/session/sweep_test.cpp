@@ -46,7 +46,7 @@ struct SweptBar
 };
 
 const SweepRow& row_of(const SweepResult& result, SweepKind kind, int depth,
-                       FieldKind field = FieldKind::Rbf, bool is_limited = false)
+                       const FieldChoice& field = FieldKind::Rbf, bool is_limited = false)
 {
     const auto found =
         std::find_if(result.rows.begin(), result.rows.end(),
@@ -117,6 +117,60 @@ TEST(Sweep, a_smaller_threshold_never_has_fewer_cells_or_fewer_levels)
         last = &row;
     }
     EXPECT_TRUE(last);
+}
+
+TEST(Sweep, an_error_is_the_finest_fields_of_the_same_poses_and_a_distance_from_it)
+{
+    SweptBar bar;
+    const FieldChoice small(FieldKind::Rbf, {1, 1.5, 1.5});
+    bar.settings.max_depth = 1;
+    bar.settings.fields = {FieldKind::Blend, FieldKind::Closest4, small, FieldKind::Rbf,
+                           FieldKind::RbfGlobal};
+    const SweepResult result = bar.run();
+    for (const SweepRow& row : result.rows)
+    {
+        SCOPED_TRACE(case_name(row.of));
+        EXPECT_EQ(row.parts.finest, FieldKind::RbfGlobal);
+        EXPECT_EQ(row.parts.of_field.has_value(), row.of.field != FieldKind::RbfGlobal);
+        if (row.of.kind != SweepKind::Uniform || !row.parts.of_field)
+            continue;
+        const SweepRow& finest =
+            row_of(result, SweepKind::Uniform, row.of.depth, FieldKind::RbfGlobal);
+        EXPECT_EQ(row.parts.of_cells.largest, finest.error.largest);
+        EXPECT_EQ(row.parts.of_cells.rms, finest.error.rms);
+        EXPECT_GT(row.parts.of_field->rms, 0.0);
+        EXPECT_LE(row.error.rms, row.parts.of_cells.rms + row.parts.of_field->rms);
+    }
+    const auto field_rms = [&](const FieldChoice& field)
+    { return row_of(result, SweepKind::Uniform, 0, field).parts.of_field->rms; };
+    EXPECT_LT(field_rms(FieldKind::Rbf), field_rms(small));
+    EXPECT_LT(field_rms(small), field_rms(FieldKind::Blend));
+    EXPECT_LT(field_rms(FieldKind::Blend), field_rms(FieldKind::Closest4));
+}
+
+TEST(Sweep, without_the_global_field_the_local_one_is_the_finest)
+{
+    SweptBar bar;
+    bar.settings.max_depth = 1;
+    const SweepResult result = bar.run();
+    const SweepRow& blend = row_of(result, SweepKind::Uniform, 0, FieldKind::Blend);
+    const SweepRow& rbf = row_of(result, SweepKind::Uniform, 0);
+    EXPECT_EQ(blend.parts.finest, FieldKind::Rbf);
+    EXPECT_EQ(blend.parts.of_cells.rms, rbf.error.rms);
+    EXPECT_TRUE(blend.parts.of_field);
+    EXPECT_FALSE(rbf.parts.of_field);
+}
+
+TEST(Sweep, fields_have_names_that_read_back)
+{
+    for (const char* name : {"rbf", "blend", "closest4", "rbf-global", "rbf:2:2:2.5",
+                             "rbf:1:0.5:64", "rbf:3:2:3"})
+        EXPECT_EQ(field_name(field_of_name(name).value()), name);
+    EXPECT_EQ(field_of_name("rbf:3:2:2.5"), FieldKind::Rbf) << "the release's own";
+    for (const char* name : {"", "rbf:", "rbf:2", "rbf:2:2", "rbf:2:2:2:2", "rbf:0:2:2",
+                             "rbf:1.5:2:2", "rbf:2:0:2", "rbf:2:3:2", "rbf:2:nan:2",
+                             "rbf:2:2:inf", "rbf:65:2:2", "rbf:2:2:65", "blend:2:2:2"})
+        EXPECT_FALSE(field_of_name(name)) << name;
 }
 
 TEST(Sweep, distances_are_of_the_diagonal)
@@ -247,7 +301,7 @@ TEST(Sweep, a_reference_over_its_memory_names_a_depth_that_fits)
 TEST(Sweep, a_run_over_its_budget_gets_a_row_that_says_so)
 {
     SweptBar bar;
-    bar.settings.fields = {FieldKind::RbfGlobal};
+    bar.settings.fields = {FieldKind::RbfGlobal, FieldKind::Blend};
     bar.settings.session.cells.max_memory = 25e6;
     const SweepResult result = bar.run();
     EXPECT_FALSE(result.is_converged());
@@ -255,6 +309,10 @@ TEST(Sweep, a_run_over_its_budget_gets_a_row_that_says_so)
     EXPECT_FALSE(failed.is_done());
     EXPECT_TRUE(contains(failed.failure, "global")) << failed.failure;
     EXPECT_TRUE(row_of(result, SweepKind::Uniform, 1, FieldKind::RbfGlobal).is_done());
+    const auto finest = [&](int depth)
+    { return row_of(result, SweepKind::Uniform, depth, FieldKind::Blend).parts.finest; };
+    EXPECT_EQ(finest(1), FieldKind::RbfGlobal);
+    EXPECT_EQ(finest(2), FieldKind::Rbf);
     EXPECT_TRUE(std::any_of(result.warnings.begin(), result.warnings.end(),
                             [](const std::string& warning)
                             { return contains(warning, "uniform 2, rbf-global: "); }));
@@ -299,6 +357,19 @@ TEST(Sweep, a_case_played_again_ends_where_it_did)
     const SweepResult result = bar.run();
     const Session again = play_case(bar.input, bar.settings, result.rows.front().of);
     EXPECT_EQ(again.patch().samples, result.reference);
+}
+
+TEST(Sweep, a_sessions_samples_by_its_own_field_are_its_samples)
+{
+    SweptBar bar(kRegions + "frame 1\nmove head rotate 1 0 0 20\ncommit\n" + kRegions +
+                 "frame 2\nmove head rotate 0 0 1 20 about 0 0 0\n");
+    for (const FieldKind kind : {FieldKind::Rbf, FieldKind::Blend, FieldKind::RbfGlobal})
+    {
+        const SweepCase of{SweepKind::Uniform, 0, 0, INFINITY, kind, 50, false};
+        const Session session = play_case(bar.input, bar.settings, of);
+        EXPECT_EQ(session.samples_by(kind), session.patch().samples);
+        EXPECT_NE(session.samples_by(FieldKind::Closest4), session.patch().samples);
+    }
 }
 
 } // namespace cellwarp

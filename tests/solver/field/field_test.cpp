@@ -310,6 +310,34 @@ TEST(Field, turns_what_is_one_cell_thick_as_its_cells_turn)
     }
 }
 
+TEST(LocalRbf, is_nearer_to_the_global_interpolant_with_larger_clusters)
+{
+    const Built bar = support::bar(4, 4, 16);
+    const std::vector<Constraint> constraints(bar.cells.size());
+    const std::vector<Pose> poses = twisted(bar, 0.1);
+    const Field global =
+        fit_field(FieldKind::RbfGlobal, bar.cells, poses, constraints, {});
+    double last = INFINITY;
+    for (const ClusterSize& size :
+         {ClusterSize{1, 1.5, 1.5}, kReleaseClusters, ClusterSize{5, 3.0, 4.0}})
+    {
+        const Field local =
+            fit_field({FieldKind::Rbf, size}, bar.cells, poses, constraints, {});
+        std::mt19937 rng(10);
+        double largest = 0.0;
+        for (int trial = 0; trial < 500; ++trial)
+        {
+            const Eigen::Vector3d x = point_in(rng, 4, 4, 16);
+            const int own = own_cell(bar, x);
+            largest = std::max(largest, (local.value(x, own).displacement -
+                                         global.value(x, own).displacement)
+                                            .norm());
+        }
+        EXPECT_LT(largest, 0.7 * last);
+        last = largest;
+    }
+}
+
 TEST(LocalRbf, is_near_to_the_global_interpolant_and_as_smooth)
 {
     const Built bar = support::bar(6, 6, 24);
