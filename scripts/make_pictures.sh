@@ -32,3 +32,15 @@ pair soup stl --view 15 15
 pair scan xyz --view 25 15
 "$cellwarp" render "$here/samples/creature.json" --frame last --cells --size 900x640 \
     --view 25 15 -o "$folder/cells.png" --overwrite
+
+# One deformation for other data of the same space.
+"$here/scripts/make_large_samples.py" "$work/large"
+"$cellwarp" deform "$here/samples/creature.json" -o "$work/field.obj" \
+    --save-field "$work/creature.cwf"
+large() {  # sample, extension
+    "$cellwarp" apply "$work/creature.cwf" "$work/large/big-$1.$2" -o "$work/bent-$1.$2"
+    "$cellwarp" render "$work/bent-$1.$2" --compare "$work/large/big-$1.$2" --size 480x400 \
+        --view 25 15 -o "$folder/apply-$1.png" --overwrite
+}
+large scan ply
+large soup stl
