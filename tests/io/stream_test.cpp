@@ -38,11 +38,24 @@ Eigen::Vector3d turned(const Eigen::Vector3d& x, const Eigen::Vector3d& directio
     return bent(x + 1e-3 * direction) - bent(x - 1e-3 * direction);
 }
 
+/// No turn of the bend, but one that hangs on the sample as well.
+Eigen::Vector4d spun(const Eigen::Vector3d& x, const Eigen::Vector4d& rotation)
+{
+    return {rotation[0] - x.y() * rotation[1], rotation[1] + x.y() * rotation[0],
+            rotation[2] - x.z(), rotation[3]};
+}
+
 void bend(const PartMotion& motion)
 {
     for (std::size_t d = 0; d < motion.directions.size(); ++d)
         motion.directions[d] =
             turned(motion.samples[motion.direction_samples[d]], motion.directions[d]);
+    for (std::size_t t = 0; t < motion.tangents.size(); ++t)
+        motion.tangents[t] =
+            turned(motion.samples[motion.tangent_samples[t]], motion.tangents[t]);
+    for (std::size_t r = 0; r < motion.rotations.size(); ++r)
+        motion.rotations[r] =
+            spun(motion.samples[motion.rotation_samples[r]], motion.rotations[r]);
     for (Eigen::Vector3d& x : motion.samples)
         x = bent(x);
 }
@@ -54,6 +67,14 @@ void bend_half(const PartMotion& motion)
         if (const Eigen::Vector3d& x = motion.samples[motion.direction_samples[d]];
             x.x() > 0.5)
             motion.directions[d] = turned(x, motion.directions[d]);
+    for (std::size_t t = 0; t < motion.tangents.size(); ++t)
+        if (const Eigen::Vector3d& x = motion.samples[motion.tangent_samples[t]];
+            x.x() > 0.5)
+            motion.tangents[t] = turned(x, motion.tangents[t]);
+    for (std::size_t r = 0; r < motion.rotations.size(); ++r)
+        if (const Eigen::Vector3d& x = motion.samples[motion.rotation_samples[r]];
+            x.x() > 0.5)
+            motion.rotations[r] = spun(x, motion.rotations[r]);
     for (Eigen::Vector3d& x : motion.samples)
         if (x.x() > 0.5)
             x = bent(x);
@@ -75,11 +96,8 @@ StreamWork work_with(const Move& move)
             {}};
 }
 
-/// What the way through memory gives.
-std::string moved_whole(const std::string& name, const std::string& bytes,
-                        const Move& move, std::size_t* num_split = nullptr)
+Patch moved(const GeometryFile& file, const Move& move)
 {
-    const GeometryFile file = scan_geometry(name, bytes);
     const std::vector<DirectionUse> uses = direction_uses(file.geometry);
     Patch patch;
     std::vector<std::uint32_t> points;
@@ -89,9 +107,20 @@ std::string moved_whole(const std::string& name, const std::string& bytes,
         points.push_back(use.sample);
         patch.directions.push_back(file.geometry.directions[use.direction]);
     }
-    move({places, points, patch.directions});
-    patch.samples = places;
-    return patched(file, patch, num_split);
+    patch.tangents = file.geometry.tangents;
+    patch.rotations = file.geometry.rotations;
+    move({places, points, patch.directions, file.geometry.tangent_samples, patch.tangents,
+          file.geometry.rotation_samples, patch.rotations});
+    patch.samples = std::move(places);
+    return patch;
+}
+
+/// What the way through memory gives.
+std::string moved_whole(const std::string& name, const std::string& bytes,
+                        const Move& move, std::size_t* num_split = nullptr)
+{
+    const GeometryFile file = scan_geometry(name, bytes);
+    return patched(file, moved(file, move), num_split);
 }
 
 struct Streamed
@@ -117,8 +146,15 @@ Streamed streamed(const Folder& folder, const std::string& name, const std::stri
     return result;
 }
 
+/// Not a number is one of 32 bits.
 void put(std::string& bytes, double value, Scalar type, bool big_endian)
 {
+    if (std::isnan(value))
+    {
+        bytes +=
+            big_endian ? std::string("\x7f\xc0\0\0", 4) : std::string("\0\0\xc0\x7f", 4);
+        return;
+    }
     EXPECT_TRUE(store(value, type, big_endian, bytes));
 }
 
@@ -145,12 +181,8 @@ std::string binary_ply(bool big_endian, bool has_lists)
                 put(bytes, 10 * k, Scalar::Int32, big_endian);
         }
         // The first has no normal, the second none that is finite.
-        for (const double n : {0.0, 0.6, 0.8})
+        for (const double n : {0.0, 0.6, i == 1 ? std::nan("") : 0.8})
             put(bytes, i == 0 ? 0.0 : n, Scalar::Float32, big_endian);
-        if (i == 1)
-            bytes.replace(bytes.size() - 4, 4,
-                          big_endian ? std::string("\x7f\xc0\0\0", 4)
-                                     : std::string("\0\0\xc0\x7f", 4));
     }
     for (int f = 0; f < 2; ++f)
     {
@@ -177,6 +209,63 @@ std::string binary_stl()
         put(bytes, 3, Scalar::UInt16, false);
     }
     return bytes;
+}
+
+/// A Gaussian splat: the first rotation is none, the third not finite.
+std::string splat_ply(bool big_endian)
+{
+    std::string bytes = std::string("ply\nformat binary_") +
+                        (big_endian ? "big" : "little") +
+                        "_endian 1.0\nelement vertex 4\nproperty float x\n"
+                        "property float y\nproperty float z\nproperty uchar opacity\n";
+    for (const char* rotation : {"rot_3", "rot_0", "rot_1", "rot_2"})
+        bytes += std::string("property float ") + rotation + "\n";
+    bytes += "end_header\n";
+    for (int i = 0; i < 4; ++i)
+    {
+        for (const double x : {0.4 * i, 1.0, 0.5 * i})
+            put(bytes, x, Scalar::Float32, big_endian);
+        put(bytes, i, Scalar::UInt8, big_endian);
+        for (const double q : {0.1 * i, 1.0 * i, 0.0, -0.3 * i})
+            put(bytes, i == 2 ? std::nan("") : q, Scalar::Float32, big_endian);
+    }
+    return bytes;
+}
+
+std::string pcd_header(const std::string& data)
+{
+    return "# .PCD v0.7\nVERSION 0.7\nFIELDS label normal_z x _ y z rgb normal_x "
+           "normal_y\n"
+           "SIZE 1 4 4 1 2 8 4 4 4\nTYPE U F F U I F F F F\nCOUNT 2 1 1 3 1 1 1 1 1\n"
+           "WIDTH 3\nHEIGHT 2\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 6\nDATA " +
+           data + "\n";
+}
+
+/// The numbers of point \p i, field by field; the fourth normal is not finite, the fifth
+/// zero.
+std::vector<std::string> pcd_fields(int i)
+{
+    std::vector<std::string> fields(1, "ab");
+    const auto field = [&](double value, Scalar type)
+    { put(fields.emplace_back(), value, type, false); };
+    field(i == 3 ? std::nan("") : i == 4 ? 0 : 0.8, Scalar::Float32);
+    field(0.25 * i, Scalar::Float32);
+    fields.emplace_back("pad");
+    field(i, Scalar::Int16);
+    field(0.1 * i, Scalar::Float64);
+    fields.emplace_back(4, static_cast<char>(i));
+    field(0, Scalar::Float32);
+    field(i == 4 ? 0 : 0.6, Scalar::Float32);
+    return fields;
+}
+
+std::string binary_pcd()
+{
+    std::string bytes = pcd_header("binary");
+    for (int i = 0; i < 6; ++i)
+        for (const std::string& field : pcd_fields(i))
+            bytes += field;
+    return bytes + "tail";
 }
 
 struct Sample
@@ -207,6 +296,19 @@ std::vector<Sample> samples()
                   "property list uchar int vertex_index\nend_header\n"
                   "0 0 0 0 0 0 1\n\n1.5 0 1 2 7 8 0 1 0\r\n1 1 2 0 inf 0 0\n"
                   "0.5 1 3 1 9 1 0 0\n4 0 1 2 3\nrest\n"},
+        {"s.ply", splat_ply(false)},
+        {"t.ply", splat_ply(true)},
+        {"a.pcd", "\xef\xbb\xbf# .PCD\r\nVERSION .7\r\nFIELDS x i y z normal_x normal_y "
+                  "normal_z\r\nSIZE 4 1 8 4 4 4 4\r\nTYPE F U F F F F F\r\n"
+                  "COUNT 1 2 1 1 1 1 1\r\nWIDTH 5\r\nHEIGHT 1\r\nPOINTS 5\r\n"
+                  "DATA ascii\r\n0 1 2 0 0 0 0 1\r\n\r\nnan 1 2 nan nan 0 0 1\r\n"
+                  "1.50 3 4 0.10 2 0 0.6 0.8\n 1 9 9 1e0 -0.5 nan 0 0\r\n"
+                  "1 9 9 1 1 0 0 0\r\n \r\nrest\r\n"},
+        {"i.pcd", "FIELDS z x y\nSIZE 4 4 4\nTYPE F I F\nHEIGHT 2\nWIDTH 2\nDATA ascii\n"
+                  "0.5 1 2\n1 -2 3\n3 7 -3\n2 1 0.25"},
+        {"n.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nDATA ascii\n"
+                  "nan nan nan\n1 2 3\nNaN nan nan"},
+        {"b.pcd", binary_pcd()},
         {"m.ply", "ply\rformat ascii 1.0\relement vertex 2\rproperty float x\r"
                   "property float y\rproperty float z\rend_header\r1 2 3\r4 5 6\r"},
         {"a.stl", "solid one\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n"
