@@ -142,6 +142,23 @@ std::size_t InputFile::read(char* bytes, std::size_t count)
     return filled;
 }
 
+void InputFile::read_at(std::uint64_t start, char* bytes, std::size_t count) const
+{
+    while (count > 0)
+    {
+        const ssize_t got = ::pread(file_, bytes, count, static_cast<off_t>(start));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            throw file_error(path_, "cannot read: " + reason());
+        if (got == 0)
+            throw file_error(path_, "changed while it was read");
+        bytes += got;
+        start += static_cast<std::uint64_t>(got);
+        count -= static_cast<std::size_t>(got);
+    }
+}
+
 void InputFile::rewind()
 {
     if (::lseek(file_, 0, SEEK_SET) != 0)

@@ -29,6 +29,10 @@ public:
     std::uint64_t size() const { return size_; } ///< [bytes] kUnknownBytes of stdin
     /// Fills \p bytes; fewer only at the end. Throws Fault::File.
     std::size_t read(char* bytes, std::size_t count);
+    /// Fills \p bytes from byte \p start on, whatever was read before; not for stdin. May
+    /// be called by several threads at once. Throws Fault::File, also where the file has
+    /// become too short.
+    void read_at(std::uint64_t start, char* bytes, std::size_t count) const;
     /// To the beginning again; not for stdin.
     void rewind();
     /// Throws Fault::File if the file, which was read to its end, is another one than

@@ -10,6 +10,8 @@
 
 #include <gtest/gtest.h>
 
+#include "io/lzf.h"
+#include "io/lzf_unpacker.h"
 #include "io/stored_number.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -268,6 +270,19 @@ std::string binary_pcd()
     return bytes + "tail";
 }
 
+std::string packed_pcd()
+{
+    std::string body;
+    for (std::size_t f = 0; f < pcd_fields(0).size(); ++f)
+        for (int i = 0; i < 6; ++i)
+            body += pcd_fields(i)[f];
+    const std::string packed = lzf_packed(body);
+    std::string bytes = pcd_header("binary_compressed");
+    put(bytes, static_cast<double>(packed.size()), Scalar::UInt32, false);
+    put(bytes, static_cast<double>(body.size()), Scalar::UInt32, false);
+    return bytes + packed + "tail";
+}
+
 struct Sample
 {
     const char* name;
@@ -309,6 +324,7 @@ std::vector<Sample> samples()
         {"n.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nDATA ascii\n"
                   "nan nan nan\n1 2 3\nNaN nan nan"},
         {"b.pcd", binary_pcd()},
+        {"c.pcd", packed_pcd()},
         {"m.ply", "ply\rformat ascii 1.0\relement vertex 2\rproperty float x\r"
                   "property float y\rproperty float z\rend_header\r1 2 3\r4 5 6\r"},
         {"a.stl", "solid one\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n"
@@ -469,6 +485,62 @@ TEST(Stream, a_stop_leaves_no_output)
         stream_geometry(folder.write("p.xyz", text), folder / "out.xyz", options, work)
             .is_stopped);
     EXPECT_FALSE(std::filesystem::exists(folder / "out.xyz"));
+}
+
+TEST(Stream, a_compressed_cloud_of_many_blocks_is_the_one_of_memory)
+{
+    // Two blocks and a half, some of it noise; every third point is missing.
+    std::mt19937 rng(5);
+    std::string x, y, z;
+    const int n = 220000;
+    for (int i = 0; i < n; ++i)
+    {
+        put(x, i % 3 == 0 ? std::nan("") : 0.01 * (i % 1000), Scalar::Float32, false);
+        put(y, i % 3 == 0 ? std::nan("") : 1e-6 * (rng() % 1000000), Scalar::Float32,
+            false);
+        put(z, i % 3 == 0 ? std::nan("") : 0.5, Scalar::Float32, false);
+    }
+    const std::string packed = lzf_packed(x + y + z);
+    std::string bytes = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " +
+                        std::to_string(n) + "\nDATA binary_compressed\n";
+    put(bytes, static_cast<double>(packed.size()), Scalar::UInt32, false);
+    put(bytes, 12.0 * n, Scalar::UInt32, false);
+    bytes += packed;
+    const Folder folder;
+    EXPECT_TRUE(streamed(folder, "p.pcd", bytes, bend, 1 << 17).bytes ==
+                moved_whole("p.pcd", bytes, bend));
+    // What does not move keeps the packing it came with.
+    EXPECT_TRUE(streamed(
+                    folder, "p.pcd", bytes, [](const PartMotion&) {}, 1 << 17)
+                    .bytes == bytes);
+}
+
+TEST(Stream, compressed_data_are_unpacked_wherever_they_are_cut)
+{
+    std::mt19937 rng(7);
+    std::string bytes;
+    while (bytes.size() < 30000)
+        bytes += rng() % 3 ? bytes.substr(rng() % (bytes.size() + 1), rng() % 700)
+                           : std::string(1 + rng() % 9, static_cast<char>(rng() % 256));
+    const std::string packed = lzf_packed(bytes);
+    for (const std::size_t size : {1, 2, 3, 5, 64, 4096, 1 << 20})
+    {
+        LzfUnpacker unpacker(bytes.size());
+        std::string all, made;
+        for (std::size_t first = 0; first < packed.size(); first += size)
+        {
+            EXPECT_FALSE(unpacker.is_complete());
+            ASSERT_TRUE(unpacker.take(packed.substr(first, size), made));
+            all += made;
+        }
+        EXPECT_TRUE(unpacker.is_complete());
+        EXPECT_TRUE(all == bytes) << "pieces of " << size;
+    }
+    std::string made;
+    // Too long for what it must make; a reference to before the beginning.
+    EXPECT_FALSE(LzfUnpacker(bytes.size() - 1).take(packed, made));
+    EXPECT_FALSE(LzfUnpacker(9).take(std::string("\0a\x20\x01", 4), made));
+    EXPECT_TRUE(LzfUnpacker(9).take(std::string("\0a\x20\0", 4), made));
 }
 
 } // namespace cellwarp
