@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "io/error.h"
+#include "io/gltf_stream.h"
 #include "io/obj_stream.h"
 #include "io/part_reader.h"
 #include "io/pcd.h"
@@ -254,6 +255,8 @@ StreamReport stream_geometry(const std::string& input, const std::string& output
                              const StreamOptions& options, const StreamWork& work)
 {
     const std::string format = format_of(input, options);
+    if (format == "gltf" || format == "glb")
+        return stream_gltf(input, output, format, options, work);
     if (format == "pcd" && input != "-" && is_packed_pcd(InputFile(input)))
         return stream_packed_pcd(input, output, options, work);
     return Stream(input, output, options, work).run();

@@ -288,7 +288,7 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code)
         ->required();
     command->add_option("INPUT", flags->inputs,
                         "geometry files; -: stdin, where one pass is enough (not an OBJ "
-                        "whose faces use normals)");
+                        "whose faces use normals, a compressed PCD or a glTF)");
     command
         ->add_option("-o,--output", flags->output,
                      "result, in the input's format; -: stdout; a folder: files of the "

@@ -9,7 +9,10 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "io/base64.h"
+#include "io/gltf.h"
 #include "io/lzf.h"
 #include "io/lzf_unpacker.h"
 #include "io/stored_number.h"
@@ -541,6 +544,198 @@ TEST(Stream, compressed_data_are_unpacked_wherever_they_are_cut)
     EXPECT_FALSE(LzfUnpacker(bytes.size() - 1).take(packed, made));
     EXPECT_FALSE(LzfUnpacker(9).take(std::string("\0a\x20\x01", 4), made));
     EXPECT_TRUE(LzfUnpacker(9).take(std::string("\0a\x20\0", 4), made));
+}
+
+namespace
+{
+
+constexpr int kGltfVertices = 60;
+
+/// Positions and normals in turns, tangents, indices; the second normal is zero, the
+/// third not finite.
+std::string gltf_body()
+{
+    std::string bytes, tangents;
+    for (int i = 0; i < kGltfVertices; ++i)
+    {
+        for (const double x : {0.02 * i, 0.1 * (i % 7), 1.0 - 0.01 * i})
+            put(bytes, x, Scalar::Float32, false);
+        for (const double n : {0.0, 0.6, i == 2 ? std::nan("") : 0.8})
+            put(bytes, i == 1 ? 0.0 : n, Scalar::Float32, false);
+        for (const double t : {1.0, 0.0, 0.0, -1.0})
+            put(tangents, t, Scalar::Float32, false);
+    }
+    bytes += tangents;
+    for (int i = 0; i < kGltfVertices; ++i)
+        put(bytes, i, Scalar::UInt16, false);
+    return bytes;
+}
+
+/// A turned and scaled node, and one in place with a part of the same body in a buffer of
+/// its own. An empty URI: the buffer is the chunk.
+nlohmann::ordered_json gltf_json(const std::string& first_uri,
+                                 const std::string& second_uri)
+{
+    const std::string n = std::to_string(kGltfVertices);
+    const auto accessor = [&](const std::string& view, int start, const std::string& type,
+                              int component = 5126)
+    {
+        return R"({"bufferView":)" + view + R"(,"byteOffset":)" + std::to_string(start) +
+               R"(,"componentType":)" + std::to_string(component) + R"(,"count":)" + n +
+               R"(,"type":")" + type + R"("})";
+    };
+    const int size = static_cast<int>(gltf_body().size()), ends = 24 * kGltfVertices;
+    nlohmann::ordered_json json = nlohmann::ordered_json::parse(
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+        "nodes":[{"mesh":0,"translation":[0.1,0.2,0],"scale":[2,-3,1],
+        "rotation":[0.17364817766693033,0,0,0.984807753012208]},{"mesh":1}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":2},
+        "indices":3},{"attributes":{"POSITION":0},"mode":0}]},
+        {"primitives":[{"attributes":{"POSITION":4,"NORMAL":5}}]}],"accessors":[)" +
+        accessor("0", 0, "VEC3") + "," + accessor("0", 12, "VEC3") + "," +
+        accessor("1", 0, "VEC4") + "," + accessor("2", 0, "SCALAR", 5123) + "," +
+        accessor("3", 0, "VEC3") + "," + accessor("3", 12, "VEC3") +
+        R"(],"bufferViews":[{"buffer":0,"byteLength":)" + std::to_string(ends) +
+        R"(,"byteStride":24},{"buffer":0,"byteOffset":)" + std::to_string(ends) +
+        R"(,"byteLength":)" + std::to_string(16 * kGltfVertices) +
+        R"(},{"buffer":0,"byteOffset":)" + std::to_string(ends + 16 * kGltfVertices) +
+        R"(,"byteLength":)" + std::to_string(2 * kGltfVertices) +
+        R"(},{"buffer":1,"byteLength":)" + std::to_string(ends) +
+        R"(,"byteStride":24}],"buffers":[{"byteLength":)" + std::to_string(size) +
+        R"(},{"byteLength":)" + std::to_string(size) + "}]}");
+    for (const int i : {0, 4})
+    {
+        json["accessors"][i]["min"] = {0, 0.0, 0.5};
+        json["accessors"][i]["max"] = {1.5, 0.6, 1};
+    }
+    if (!first_uri.empty())
+        json["buffers"][0]["uri"] = first_uri;
+    json["buffers"][1]["uri"] = second_uri;
+    return json;
+}
+
+std::string glb_of(std::string json, const std::string& body)
+{
+    std::string bytes = "glTF";
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    const auto word = [&](std::size_t value)
+    { put(bytes, static_cast<double>(value), Scalar::UInt32, false); };
+    word(2);
+    word(12 + 8 + json.size() + 8 + body.size());
+    word(json.size());
+    bytes += "JSON" + json;
+    word(body.size());
+    return bytes + std::string("BIN\0", 4) + body + "tail";
+}
+
+std::string data_uri_of(const std::string& body)
+{
+    const std::string zeros(body.size(), '\0');
+    std::string text((body.size() + 2) / 3 * 4, 'A');
+    for (std::size_t i = 0; i < (3 - body.size() % 3) % 3; ++i)
+        text[text.size() - 1 - i] = '=';
+    return "data:application/octet-stream;base64," + base64_patched(text, zeros, body);
+}
+
+} // namespace
+
+TEST(Stream, a_gltf_in_ranges_is_the_one_of_memory_and_so_is_what_stands_beside_it)
+{
+    const Folder folder;
+    const std::string body = gltf_body();
+    folder.write("one.bin", body + "rest");
+    folder.write("t wo.bin", body);
+    const std::string inside = data_uri_of(body);
+    const std::vector<Sample> files = {
+        {"a.gltf", gltf_json("one.bin", "t%20wo.bin").dump(1)},
+        {"b.gltf", gltf_json("one.bin", inside).dump()},
+        {"c.gltf", gltf_json(inside, inside).dump()},
+        {"d.glb", glb_of(gltf_json("", "t%20wo.bin").dump(), body)},
+        {"e.glb", glb_of(gltf_json("", inside).dump(), body)},
+        {"f.glb", glb_of(gltf_json(inside, inside).dump(), body)},
+    };
+    for (const Sample& sample : files)
+        for (const Move& move :
+             {Move(bend), Move(bend_half), Move([](const PartMotion&) {})})
+        {
+            SCOPED_TRACE(sample.name);
+            const GeometryFile file = scan_geometry(folder / sample.name, sample.bytes);
+            const PatchedGltf whole = patched_gltf(
+                file, moved(file, move), folder / (std::string("out-") + sample.name));
+            for (const std::size_t part : {1, 100, 1000, 100000})
+            {
+                const Streamed parts =
+                    streamed(folder, sample.name, sample.bytes, move, part);
+                ASSERT_TRUE(parts.bytes == whole.bytes)
+                    << "parts of " << part << " bytes";
+                for (const Companion& companion : whole.companions)
+                {
+                    ASSERT_TRUE(bytes_of(companion.path) == companion.bytes);
+                    std::filesystem::remove(companion.path);
+                }
+                ASSERT_EQ(parts.report.samples, 2u * kGltfVertices);
+                ASSERT_EQ(parts.report.bytes, whole.bytes.size());
+                ASSERT_EQ(parts.report.warnings, file.geometry.warnings);
+            }
+        }
+}
+
+TEST(Stream, a_gltf_is_refused_as_in_memory)
+{
+    const Folder folder;
+    const std::string body = gltf_body(), inside = data_uri_of(body);
+    const std::string whole = glb_of(gltf_json("", inside).dump(), body);
+    std::string far = body, gone = body, index = body;
+    far.replace(24 * 50, 4, std::string("\x60\xec\x78\x7f", 4));
+    gone.replace(24 * 40 + 8, 4, std::string("\0\0\xc0\x7f", 4));
+    index.replace(index.size() - 2, 2, std::string("\xff\0", 2));
+    nlohmann::ordered_json huge = gltf_json("", inside);
+    // Float coordinates stay below 1e150; the node takes them there.
+    huge["nodes"][0]["scale"] = {1e120, 1e120, 1e120};
+    std::vector<std::string> files = {glb_of(gltf_json("", inside).dump(), gone),
+                                      glb_of(gltf_json("", inside).dump(), index),
+                                      glb_of(huge.dump(), far)};
+    for (std::size_t length = 0; length < whole.size(); length += length < 50 ? 1 : 97)
+        files.push_back(whole.substr(0, length));
+    for (std::size_t i = 0; i < files.size(); ++i)
+    {
+        SCOPED_TRACE(i);
+        const std::string message = error_of(
+            Fault::Malformed, [&] { scan_geometry(folder / "x.glb", files[i]); });
+        EXPECT_EQ(error_of(Fault::Malformed,
+                           [&] { streamed(folder, "x.glb", files[i], bend, 300); }),
+                  message);
+        EXPECT_FALSE(std::filesystem::exists(folder / "out-x.glb"));
+    }
+    nlohmann::ordered_json twice = gltf_json("", inside);
+    twice["nodes"][1]["mesh"] = 0;
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&]
+                 { streamed(folder, "x.glb", glb_of(twice.dump(), body), bend, 300); }),
+        "cannot be written: nodes[0]: its mesh has several instances"));
+}
+
+TEST(Stream, what_cannot_be_streamed_says_why)
+{
+    const Folder folder;
+    StreamOptions options;
+    const auto refused = [&](const std::string& input, const std::string& output)
+    {
+        return error_of(Fault::Usage, [&]
+                        { stream_geometry(input, output, options, work_with(bend)); });
+    };
+    options.format = "glb";
+    EXPECT_TRUE(contains(refused("-", folder / "x.glb"), "need a file, not stdin"));
+    options.format = {};
+    // 300 MB of JSON that take no place on the disk.
+    const std::string long_json = folder.write("x.glb", glb_of("{}", "").substr(0, 12) +
+                                                            std::string("\0\0\0\x12", 4));
+    std::filesystem::resize_file(long_json, 310000000);
+    EXPECT_TRUE(contains(refused(long_json, folder / "y.glb"), "longer than 256 MB"));
+    folder.write("one.bin", gltf_body());
+    const std::string beside =
+        folder.write("x.gltf", gltf_json("one.bin", data_uri_of(gltf_body())).dump());
+    EXPECT_TRUE(contains(refused(beside, "-"), "buffers in files of their own"));
 }
 
 } // namespace cellwarp
