@@ -216,17 +216,18 @@ std::string binary_stl()
     return bytes;
 }
 
-/// A Gaussian splat: the first rotation is none, the third not finite.
+/// A Gaussian splat: the first rotation is none, the third not finite. More records than
+/// the stream has parts at work, so that their memory is used again.
 std::string splat_ply(bool big_endian)
 {
     std::string bytes = std::string("ply\nformat binary_") +
                         (big_endian ? "big" : "little") +
-                        "_endian 1.0\nelement vertex 4\nproperty float x\n"
+                        "_endian 1.0\nelement vertex 14\nproperty float x\n"
                         "property float y\nproperty float z\nproperty uchar opacity\n";
     for (const char* rotation : {"rot_3", "rot_0", "rot_1", "rot_2"})
         bytes += std::string("property float ") + rotation + "\n";
     bytes += "end_header\n";
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 14; ++i)
     {
         for (const double x : {0.4 * i, 1.0, 0.5 * i})
             put(bytes, x, Scalar::Float32, big_endian);
@@ -242,7 +243,7 @@ std::string pcd_header(const std::string& data)
     return "# .PCD v0.7\nVERSION 0.7\nFIELDS label normal_z x _ y z rgb normal_x "
            "normal_y\n"
            "SIZE 1 4 4 1 2 8 4 4 4\nTYPE U F F U I F F F F\nCOUNT 2 1 1 3 1 1 1 1 1\n"
-           "WIDTH 3\nHEIGHT 2\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 6\nDATA " +
+           "WIDTH 3\nHEIGHT 4\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 12\nDATA " +
            data + "\n";
 }
 
@@ -267,7 +268,7 @@ std::vector<std::string> pcd_fields(int i)
 std::string binary_pcd()
 {
     std::string bytes = pcd_header("binary");
-    for (int i = 0; i < 6; ++i)
+    for (int i = 0; i < 12; ++i)
         for (const std::string& field : pcd_fields(i))
             bytes += field;
     return bytes + "tail";
@@ -277,7 +278,7 @@ std::string packed_pcd()
 {
     std::string body;
     for (std::size_t f = 0; f < pcd_fields(0).size(); ++f)
-        for (int i = 0; i < 6; ++i)
+        for (int i = 0; i < 12; ++i)
             body += pcd_fields(i)[f];
     const std::string packed = lzf_packed(body);
     std::string bytes = pcd_header("binary_compressed");
