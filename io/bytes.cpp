@@ -142,6 +142,23 @@ std::size_t InputFile::read(char* bytes, std::size_t count)
     return filled;
 }
 
+void InputFile::read_at(std::uint64_t start, char* bytes, std::size_t count) const
+{
+    while (count > 0)
+    {
+        const ssize_t got = ::pread(file_, bytes, count, static_cast<off_t>(start));
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            throw file_error(path_, "cannot read: " + reason());
+        if (got == 0)
+            throw file_error(path_, "changed while it was read");
+        bytes += got;
+        start += static_cast<std::uint64_t>(got);
+        count -= static_cast<std::size_t>(got);
+    }
+}
+
 void InputFile::rewind()
 {
     if (::lseek(file_, 0, SEEK_SET) != 0)
@@ -157,7 +174,8 @@ void InputFile::check_unchanged() const
     {
     };
     ::fstat(file_, &now);
-    if (num_read_ != size_ || size_ != static_cast<std::uint64_t>(now.st_size) ||
+    if ((num_read_ > 0 && num_read_ != size_) ||
+        size_ != static_cast<std::uint64_t>(now.st_size) ||
         seconds_ != now.st_mtim.tv_sec || nanoseconds_ != now.st_mtim.tv_nsec)
         throw file_error(path_, "changed while it was read");
 }
@@ -314,6 +332,40 @@ void AtomicFile::commit()
     const Descriptor folder{::open(folder_of(target_).c_str(), O_RDONLY | O_CLOEXEC)};
     if (folder.value >= 0)
         ::fsync(folder.value);
+}
+
+RangeFile::RangeFile(const std::string& path, std::string name) : name_(std::move(name))
+{
+    file_ = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+    if (file_ < 0)
+        throw file_error(name_, "cannot open: " + reason());
+}
+
+RangeFile::~RangeFile()
+{
+    if (file_ >= 0)
+        ::close(file_);
+}
+
+void RangeFile::write_at(std::uint64_t start, std::string_view bytes)
+{
+    while (!bytes.empty())
+    {
+        const ssize_t done =
+            ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(start));
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            throw file_error(name_, "cannot write: " + reason());
+        bytes.remove_prefix(static_cast<std::size_t>(done));
+        start += static_cast<std::uint64_t>(done);
+    }
+}
+
+void RangeFile::sync()
+{
+    if (::fsync(file_) != 0)
+        throw file_error(name_, "cannot write: " + reason());
 }
 
 OutputFile::OutputFile(const std::string& path, Overwrite overwrite)

@@ -29,10 +29,14 @@ public:
     std::uint64_t size() const { return size_; } ///< [bytes] kUnknownBytes of stdin
     /// Fills \p bytes; fewer only at the end. Throws Fault::File.
     std::size_t read(char* bytes, std::size_t count);
+    /// Fills \p bytes from byte \p start on, whatever was read before; not for stdin. May
+    /// be called by several threads at once. Throws Fault::File, also where the file has
+    /// become too short.
+    void read_at(std::uint64_t start, char* bytes, std::size_t count) const;
     /// To the beginning again; not for stdin.
     void rewind();
-    /// Throws Fault::File if the file, which was read to its end, is another one than
-    /// when it was opened.
+    /// Throws Fault::File if the file, which was read to its end or by read_at() alone,
+    /// is another one than when it was opened.
     void check_unchanged() const;
 
 private:
@@ -71,6 +75,8 @@ public:
     AtomicFile& operator=(const AtomicFile&) = delete;
 
     void write(std::string_view bytes);
+    /// The name until it is committed, for other processes that write into it.
+    const std::string& temporary() const { return temporary_; }
     /// Flush, sync, close, rename, sync the folder. Throws Fault::File.
     void commit();
 
@@ -97,6 +103,25 @@ public:
 
 private:
     std::optional<AtomicFile> file_;
+};
+
+/// A file that is there, written at any place, also by other processes.
+class RangeFile
+{
+public:
+    /// \p name is what messages call it. Throws Fault::File.
+    RangeFile(const std::string& path, std::string name);
+    ~RangeFile();
+    RangeFile(const RangeFile&) = delete;
+    RangeFile& operator=(const RangeFile&) = delete;
+
+    void write_at(std::uint64_t start, std::string_view bytes);
+    /// What was written is on the disk.
+    void sync();
+
+private:
+    std::string name_;
+    int file_ = -1;
 };
 
 /// The folder that a file stands or will stand in.

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <type_traits>
 
 #include <zlib.h>
@@ -28,8 +29,14 @@ constexpr std::size_t kAlignment = 8;
 /// Stages and regions beyond these are no field of ours.
 constexpr std::uint32_t kMaxStages = 100000, kMaxRegions = 1000000;
 
+/// Scales by more than this power of two are no session's: coordinates end at 1e150.
+constexpr std::int32_t kMaxExponent = 1100;
+
 /// Voxels of a field at the most: what a session makes.
 constexpr double kMaxVoxels = 4e9;
+
+/// By how much rotations may be off, and sizes.
+constexpr double kSlack = 1e-6;
 
 template <class Number>
 constexpr std::uint32_t type_of()
@@ -270,7 +277,6 @@ bool are_ascending(const std::vector<std::int32_t>& numbers)
 /// Orthonormal, no mirror: rows of a motion, a pose or axes.
 bool is_rotation(const double* rows)
 {
-    constexpr double kSlack = 1e-6;
     double determinant = 0.0;
     for (int i = 0; i < 3; ++i)
     {
@@ -298,10 +304,15 @@ void check_grid(const Reader& reader, const StoredField& stage)
                        "the box has a negative size");
         voxels *= stage.coarsest[static_cast<std::size_t>(axis)];
     }
+    reader.require(std::abs(stage.exponent) <= kMaxExponent, "the scale is none");
     reader.require(stage.edge > 0 && stage.max_depth >= 0 && stage.max_depth <= 20 &&
                        stage.voxels_per_leaf >= 1 && stage.voxels_per_leaf <= 1 << 20,
                    "the grid is none");
-    voxels *= std::pow(std::ldexp(stage.voxels_per_leaf, stage.max_depth), 3);
+    const double a_leaf = std::ldexp(stage.voxels_per_leaf, stage.max_depth);
+    for (const std::int32_t leaves : stage.coarsest)
+        reader.require(leaves * a_leaf <= std::numeric_limits<std::int32_t>::max(),
+                       "the grid is too large");
+    voxels *= std::pow(a_leaf, 3);
     reader.require(voxels <= 64.0 * kMaxVoxels, "the grid is too large");
     std::uint64_t covered = 0;
     for (const std::uint32_t length : stage.run_lengths)
@@ -322,8 +333,15 @@ void check_stage(const Reader& reader, const StoredField& stage)
                        stage.centres.size() == 3 * cells &&
                        stage.poses.size() == 12 * cells && stage.is_idle.size() == cells,
                    "the cells' lists differ in length");
+    // Cells are boxes of the octree: else a search for near ones might find all.
+    const double finest = std::ldexp(stage.edge, -stage.max_depth);
     for (const double edge : stage.edges)
-        reader.require(edge > 0, "a cell has no size");
+        reader.require(edge >= (1 - kSlack) * finest && edge <= (1 + kSlack) * stage.edge,
+                       "a cell is not of a size that the octree has");
+    for (std::size_t i = 0; i < stage.box_centres.size(); ++i)
+        reader.require(stage.box_centres[i] >= -stage.edge &&
+                           stage.box_centres[i] <= stage.size[i % 3] + stage.edge,
+                       "a cell lies outside of the box");
     reader.require(is_rotation(stage.axes.data()), "the axes are no rotation");
     for (std::size_t c = 0; c < cells; ++c)
         reader.require(is_rotation(&stage.poses[12 * c]), "a pose is no rotation");

@@ -5,7 +5,7 @@
 //   8 bytes   "cwfield\n"
 //   uint32    version, 1
 //   uint32    stages: maps that follow each other, one for each commit and the last
-//   sections, in the order of FieldStage below, stage after stage; then one named "end"
+//   sections, in the order of StoredField below, stage after stage; then one named "end"
 //   that holds the CRC-32 (as in zip files) of all bytes before it, as uint32
 //
 // A section:

@@ -131,7 +131,13 @@ std::string decoded_percents(const std::string& uri)
 class GltfReader
 {
 public:
-    explicit GltfReader(GeometryFile& file) : file_(file), out_(file.geometry) {}
+    /// With a plan it takes no numbers, and \p input gives what the file's bytes lack.
+    explicit GltfReader(GeometryFile& file, GltfPlan* plan = nullptr,
+                        const InputFile* input = nullptr)
+        : file_(file), out_(file.geometry), plan_(plan), input_(input),
+          file_bytes_(input ? input->size() : file.bytes.size())
+    {
+    }
 
     void read()
     {
@@ -254,7 +260,10 @@ private:
     std::uint32_t word(std::size_t at) const
     {
         std::uint32_t value;
-        std::memcpy(&value, file_.bytes.data() + at, sizeof value);
+        if (at + sizeof value <= file_.bytes.size())
+            std::memcpy(&value, file_.bytes.data() + at, sizeof value);
+        else
+            input_->read_at(at, reinterpret_cast<char*>(&value), sizeof value);
         return value;
     }
     void find_container()
@@ -265,18 +274,18 @@ private:
             return;
         constexpr std::uint32_t kJsonChunk = 0x4e4f534a, kBinaryChunk = 0x004e4942;
         constexpr std::size_t kHeaderBytes = 12, kChunkHeaderBytes = 8;
-        if (bytes.size() < kHeaderBytes + kChunkHeaderBytes || !bytes.starts_with("glTF"))
+        if (file_bytes_ < kHeaderBytes + kChunkHeaderBytes || !bytes.starts_with("glTF"))
             fail("header", "is no binary glTF (need its magic word)");
         if (word(4) != 2)
             fail("header (byte 4)",
                  "version: got " + std::to_string(word(4)) + ", need 2");
         const std::size_t length = word(8);
-        if (length > bytes.size() || length < kHeaderBytes + kChunkHeaderBytes)
+        if (length > file_bytes_ || length < kHeaderBytes + kChunkHeaderBytes)
             fail("header (byte 8)", "length: got " + std::to_string(length) +
-                                        ", the file has " + std::to_string(bytes.size()));
-        if (length < bytes.size())
+                                        ", the file has " + std::to_string(file_bytes_));
+        if (length < file_bytes_)
             out_.warnings.push_back(
-                at({file_.path, 0, ""}, std::to_string(bytes.size() - length) +
+                at({file_.path, 0, ""}, std::to_string(file_bytes_ - length) +
                                             " bytes after the end pass through"));
         for (std::size_t at = kHeaderBytes, chunk = 0; at < length; ++chunk)
         {
@@ -371,7 +380,10 @@ private:
         if (error || end_of_home != home.end())
             fail(where + ".uri",
                  "got " + in_quotes(uri) + ", which leads out of the file's folder");
-        return read_file(buffer.path);
+        if (!plan_)
+            return read_file(buffer.path);
+        plan_->sources.back().file = std::make_unique<InputFile>(buffer.path);
+        return {};
     }
     void read_buffers()
     {
@@ -381,8 +393,10 @@ private:
             const std::string where = element("buffers", i);
             const std::uint64_t size = count_of(buffers[i], "byteLength", where);
             GltfLayout::Buffer buffer;
-            buffer.start = out_.unpacked.size();
+            buffer.start = body_bytes_;
             std::string data;
+            if (plan_)
+                plan_->sources.emplace_back();
             if (buffers[i].contains("uri"))
             {
                 buffer.uri = text_of(buffers[i], "uri", where);
@@ -403,18 +417,25 @@ private:
                 {
                     buffer.kind = GltfLayout::Buffer::Kind::Beside;
                     data = beside(buffer.uri, where, buffer);
+                    buffer.size = plan_ ? plan_->sources.back().file->size() : 0;
                 }
             }
             else if (i == 0 && layout_.chunk_start > 0)
             {
                 buffer.kind = GltfLayout::Buffer::Kind::Chunk;
-                data = file_.bytes.substr(layout_.chunk_start, chunk_size_);
+                buffer.size = chunk_size_;
+                if (!plan_)
+                    data = file_.bytes.substr(layout_.chunk_start, chunk_size_);
             }
-            if (buffer.kind != GltfLayout::Buffer::Kind::Absent && size > data.size())
+            buffer.size = std::max<std::uint64_t>(buffer.size, data.size());
+            if (buffer.kind != GltfLayout::Buffer::Kind::Absent && size > buffer.size)
                 fail(where, "byteLength: got " + std::to_string(size) +
-                                ", its data has " + std::to_string(data.size()));
-            buffer.size = data.size();
-            out_.unpacked += data;
+                                ", its data has " + std::to_string(buffer.size));
+            body_bytes_ += buffer.size;
+            if (plan_)
+                plan_->sources.back().inside = std::move(data);
+            else
+                out_.unpacked += data;
             declared_.push_back(size);
             layout_.buffers.push_back(std::move(buffer));
         }
@@ -887,7 +908,7 @@ private:
         for (std::size_t i = 0; i < values.size(); ++i)
         {
             // One that is none stays as it is: it takes no part.
-            const Eigen::Vector3d vector = mapped(map, values[i]);
+            const Eigen::Vector3d vector = turned_to_world(map, values[i]);
             if (!vector.allFinite() || vector.isZero(0))
             {
                 num_bad_vectors_ += values[i].allFinite() ? 0 : 1;
@@ -900,46 +921,49 @@ private:
         }
         note_data(number);
     }
-    static Eigen::Vector3d mapped(const Eigen::Matrix3d& map,
-                                  const Eigen::Vector3d& vector)
+    GltfLayout::Data data_of(std::size_t number) const
     {
-        if (map.isIdentity(0))
-            return vector;
-        const Eigen::Vector3d turned = map * vector;
-        const double length = turned.norm();
-        return length > 0 ? Eigen::Vector3d(turned * (vector.norm() / length)) : vector;
+        const Accessor& accessor = accessors_[number];
+        return {number, accessor.start, accessor.stride, accessor.count, accessor.length};
     }
     void note_data(std::size_t number)
     {
-        const Accessor& accessor = accessors_[number];
-        if (accessor.is_plain())
-            layout_.data.push_back({number, accessor.start, accessor.stride,
-                                    accessor.count, accessor.length});
+        if (accessors_[number].is_plain())
+            layout_.data.push_back(data_of(number));
     }
-    std::size_t add_samples(std::size_t number, const Eigen::Affine3d& to_world,
-                            bool is_in_place)
+    /// The first of them; with a plan, the run that they are.
+    std::size_t add_samples(std::size_t number, const GltfLayout::Part& part)
     {
-        const std::size_t first = out_.samples.size();
+        const std::size_t first = static_cast<std::size_t>(num_samples_);
         const Accessor& accessor = accessors_[number];
         if (accessor.count > kMaxInstanced - first && nodes_with_mesh_ > 1)
             fail("nodes", "more than 100000000 samples");
+        num_samples_ += accessor.count;
+        if (plan_)
+        {
+            plan_->runs.push_back({data_of(number), {}, {}, layout_.parts.size()});
+            note_data(number);
+            return plan_->runs.size() - 1;
+        }
         const std::vector<Eigen::Vector3d> values = values_of(number);
         for (std::size_t i = 0; i < values.size(); ++i)
         {
             const Eigen::Vector3d world =
-                is_in_place ? values[i] : Eigen::Vector3d(to_world * values[i]);
+                part.is_in_place() ? values[i]
+                                   : Eigen::Vector3d(part.to_world * values[i]);
             if (!world.allFinite())
-                fail("accessors[" + std::to_string(number) + "]: vertex " +
-                         std::to_string(i) + " (byte " +
-                         std::to_string(accessor.start + i * accessor.stride) +
-                         " of the buffers)",
-                     "is not finite");
+                throw vertex_not_finite(file_.path, data_of(number), i);
             out_.samples.push_back(world);
             if (accessor.is_plain())
                 add_places(accessor, i, out_.sample_places);
         }
         note_data(number);
         return first;
+    }
+    void add_to_run(std::size_t number, std::vector<GltfLayout::Data>& list)
+    {
+        list.push_back(data_of(number));
+        note_data(number);
     }
     void instance(std::size_t node, const Eigen::Affine3d& node_to_world)
     {
@@ -950,14 +974,12 @@ private:
         // A skin places its mesh by its joints alone: what is stored is the bind pose.
         const Eigen::Affine3d to_world =
             object.contains("skin") ? Eigen::Affine3d::Identity() : node_to_world;
-        part.linear = to_world.linear();
-        part.shift = to_world.translation();
-        check_writable(node, mesh, part.linear);
-        const Eigen::FullPivLU<Eigen::Matrix3d> inverse(part.linear);
-        const Eigen::Matrix3d of_normals =
-            part.linear.isIdentity(0) || !inverse.isInvertible()
-                ? Eigen::Matrix3d(Eigen::Matrix3d::Identity())
-                : Eigen::Matrix3d(inverse.inverse().transpose());
+        part.to_world = to_world;
+        const Eigen::Matrix3d linear = to_world.linear();
+        check_writable(node, mesh, linear);
+        const Eigen::FullPivLU<Eigen::Matrix3d> inverse(linear);
+        if (!linear.isIdentity(0) && inverse.isInvertible())
+            part.of_normals = inverse.inverse().transpose();
         part.first[0] = out_.samples.size();
         part.first[1] = out_.directions.size();
         part.first[2] = out_.tangents.size();
@@ -969,16 +991,23 @@ private:
             const auto [samples, is_new] =
                 first_samples.try_emplace(primitive.position, 0);
             if (is_new)
-                samples->second =
-                    add_samples(primitive.position, to_world, part.is_in_place());
-            if (primitive.normal &&
-                known.emplace(primitive.position, *primitive.normal).second)
-                add_vectors(*primitive.normal, samples->second, of_normals,
+                samples->second = add_samples(primitive.position, part);
+            const bool has_normals =
+                primitive.normal &&
+                known.emplace(primitive.position, *primitive.normal).second;
+            const bool has_tangents =
+                primitive.tangent &&
+                known.emplace(primitive.position, *primitive.tangent).second;
+            if (has_normals && plan_)
+                add_to_run(*primitive.normal, plan_->runs[samples->second].directions);
+            else if (has_normals)
+                add_vectors(*primitive.normal, samples->second, part.of_normals,
                             out_.directions, out_.direction_samples,
                             out_.direction_places);
-            if (primitive.tangent &&
-                known.emplace(primitive.position, *primitive.tangent).second)
-                add_vectors(*primitive.tangent, samples->second, part.linear,
+            if (has_tangents && plan_)
+                add_to_run(*primitive.tangent, plan_->runs[samples->second].tangents);
+            else if (has_tangents)
+                add_vectors(*primitive.tangent, samples->second, part.to_world.linear(),
                             out_.tangents, out_.tangent_samples, out_.tangent_places);
             add_faces(primitive, samples->second);
         }
@@ -993,24 +1022,29 @@ private:
         const std::uint64_t count =
             primitive.indices ? accessors_[*primitive.indices].count : samples;
         std::vector<Eigen::Vector3d> indices;
-        if (primitive.indices)
+        if (primitive.indices && !plan_)
         {
             indices = values_of(*primitive.indices);
             for (std::size_t i = 0; i < indices.size(); ++i)
                 if (indices[i].x() >= static_cast<double>(samples))
-                    fail(primitive.where + ".indices",
-                         "index " + std::to_string(i) + " is out of range (got " +
-                             shortest(indices[i].x()) + ", need 0 to " +
-                             std::to_string(samples - 1) + ")");
+                    throw index_out_of_range(file_.path, primitive.where, i,
+                                             indices[i].x(), samples);
         }
+        if (primitive.indices && plan_)
+            plan_->indices.push_back({data_of(*primitive.indices),
+                                      accessors_[*primitive.indices].type, samples,
+                                      primitive.where});
         if (primitive.mode < 4)
             return;
         if (primitive.mode == 4 ? count % 3 != 0 : count < 3)
             fail(primitive.where + ".indices",
                  "got " + std::to_string(count) + " corners, need " +
                      (primitive.mode == 4 ? "a multiple of 3" : "at least 3"));
-        if (out_.corners.size() + count > 3 * kMaxInstanced && nodes_with_mesh_ > 1)
+        if (num_corners_ + count > 3 * kMaxInstanced && nodes_with_mesh_ > 1)
             fail("nodes", "more than 100000000 faces");
+        num_corners_ += primitive.mode == 4 ? count : 3 * (count - 2);
+        if (plan_)
+            return;
         const auto corner = [&](std::uint64_t i)
         {
             const std::size_t at = static_cast<std::size_t>(i);
@@ -1075,7 +1109,7 @@ private:
     }
     void finish()
     {
-        if (out_.samples.empty())
+        if (num_samples_ == 0)
             fail("", "no vertices in its scene");
         out_.sample_places.scalars.fill(Scalar::Float32);
         out_.direction_places.scalars.fill(Scalar::Float32);
@@ -1094,15 +1128,14 @@ private:
                  {&out_.sample_places, &out_.direction_places, &out_.tangent_places})
                 places->starts.clear();
         out_.attributes.assign(attribute_names_.begin(), attribute_names_.end());
-        if (num_bad_vectors_ > 0)
-            out_.warnings.push_back(at({file_.path, 0, ""},
-                                       std::to_string(num_bad_vectors_) +
-                                           " normals or tangents are not finite and stay "
-                                           "as they are"));
+        warn_of_bad_vectors(file_.path, num_bad_vectors_, out_);
     }
 
     GeometryFile& file_;
     Geometry& out_;
+    GltfPlan* plan_;
+    const InputFile* input_;
+    std::uint64_t file_bytes_;
     GltfLayout layout_;
     std::size_t chunk_size_ = 0;
     Json json_;
@@ -1118,13 +1151,60 @@ private:
     std::set<std::string> attribute_names_;
     std::size_t nodes_with_mesh_ = 0;
     std::uint64_t num_bad_vectors_ = 0;
+    std::uint64_t body_bytes_ = 0; ///< of all buffers up to here
+    std::uint64_t num_samples_ = 0, num_corners_ = 0;
 };
 
 } // namespace
 
+Eigen::Vector3d turned_to_world(const Eigen::Matrix3d& map, const Eigen::Vector3d& vector)
+{
+    if (map.isIdentity(0))
+        return vector;
+    const Eigen::Vector3d turned = map * vector;
+    const double length = turned.norm();
+    return length > 0 ? Eigen::Vector3d(turned * (vector.norm() / length)) : vector;
+}
+
+Error vertex_not_finite(const std::string& path, const GltfLayout::Data& data,
+                        std::uint64_t i)
+{
+    return malformed({path, 0,
+                      element("accessors", data.accessor) + ": vertex " +
+                          std::to_string(i) + " (byte " +
+                          std::to_string(data.start + i * data.stride) +
+                          " of the buffers)"},
+                     "is not finite");
+}
+
+Error index_out_of_range(const std::string& path, const std::string& primitive,
+                         std::uint64_t i, double index, std::uint64_t samples)
+{
+    return malformed({path, 0, primitive + ".indices"},
+                     "index " + std::to_string(i) + " is out of range (got " +
+                         shortest(index) + ", need 0 to " + std::to_string(samples - 1) +
+                         ")");
+}
+
+void warn_of_bad_vectors(const std::string& path, std::uint64_t count, Geometry& out)
+{
+    if (count > 0)
+        out.warnings.push_back(
+            at({path, 0, ""}, std::to_string(count) +
+                                  " normals or tangents are not finite and stay as "
+                                  "they are"));
+}
+
 void scan_gltf(GeometryFile& file)
 {
     GltfReader(file).read();
+}
+
+GltfPlan plan_gltf(GeometryFile& file, const InputFile& input)
+{
+    GltfPlan plan;
+    GltfReader(file, &plan, &input).read();
+    return plan;
 }
 
 } // namespace cellwarp

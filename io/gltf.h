@@ -4,13 +4,17 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
+#include "io/bytes.h"
+#include "io/error.h"
 #include "io/geometry.h"
 #include "io/json_text.h"
 
@@ -43,14 +47,14 @@ struct GltfLayout
         std::string path; ///< of the file beside
     };
     /// Samples, directions and tangents of one node: [first, end) of each, and its map
-    /// from its own space to the world's, x -> linear x + shift.
+    /// from its own space to the world's.
     struct Part
     {
         std::size_t first[3] = {}, end[3] = {};
-        Eigen::Matrix3d linear = Eigen::Matrix3d::Identity();
-        Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+        Eigen::Affine3d to_world = Eigen::Affine3d::Identity();
+        Eigen::Matrix3d of_normals = Eigen::Matrix3d::Identity(); ///< to the world
 
-        bool is_in_place() const { return linear.isIdentity(0) && shift.isZero(0); }
+        bool is_in_place() const { return to_world.matrix().isIdentity(0); }
     };
     /// An accessor whose numbers may change: real ones of 4 bytes.
     struct Data
@@ -66,6 +70,50 @@ struct GltfLayout
     std::vector<Part> parts;
     std::vector<Data> data;
 };
+
+/// What of a glTF is moved, without its numbers: for files larger than the memory.
+struct GltfPlan
+{
+    /// Positions, and what hangs on them element by element.
+    struct Run
+    {
+        GltfLayout::Data samples;
+        std::vector<GltfLayout::Data> directions, tangents;
+        std::size_t part = 0; ///< of the layout
+    };
+    /// Indices of a primitive, which are still to be checked.
+    struct Indices
+    {
+        GltfLayout::Data data;
+        Scalar type = Scalar::UInt32;
+        std::uint64_t samples = 0; ///< each index is below
+        std::string where;
+    };
+    /// Where a buffer's bytes come from: the text, a file beside, or (with neither) the
+    /// file itself.
+    struct Source
+    {
+        std::string inside;
+        std::unique_ptr<InputFile> file;
+    };
+    std::vector<Run> runs;
+    std::vector<Indices> indices;
+    std::vector<Source> sources; ///< of each buffer
+};
+
+/// A plan of \p input. \p file holds its beginning, up to the end of the JSON, and gets
+/// all that scan_gltf() finds but what numbers tell.
+GltfPlan plan_gltf(GeometryFile& file, const InputFile& input);
+
+/// A normal or tangent of a node in the world, as long as it was; \p map takes it there.
+Eigen::Vector3d turned_to_world(const Eigen::Matrix3d& map,
+                                const Eigen::Vector3d& vector);
+
+Error vertex_not_finite(const std::string& path, const GltfLayout::Data& data,
+                        std::uint64_t i);
+Error index_out_of_range(const std::string& path, const std::string& primitive,
+                         std::uint64_t i, double index, std::uint64_t samples);
+void warn_of_bad_vectors(const std::string& path, std::uint64_t count, Geometry& out);
 
 /// Reads all of \p file.bytes; buffers beside it are read from its folder.
 void scan_gltf(GeometryFile& file);
@@ -83,6 +131,54 @@ struct PatchedGltf
 /// Throws Fault::Malformed if the file is not writable and something moves.
 PatchedGltf patched_gltf(const GeometryFile& file, const Patch& patch,
                          const std::string& output);
+
+// --- what a glTF in memory and one in ranges have in common
+// -----------------------------
+
+/// The inverse of a node's map: vectors of the world as the node has them.
+class GltfToNode
+{
+public:
+    explicit GltfToNode(const GltfLayout::Part& part);
+    Eigen::Vector3d sample(const Eigen::Vector3d& x) const;
+    Eigen::Vector3d direction(const Eigen::Vector3d& n) const;
+    Eigen::Vector3d tangent(const Eigen::Vector3d& t) const;
+
+private:
+    bool is_in_place_;
+    Eigen::Matrix3d linear_, inverse_;
+    Eigen::Vector3d shift_;
+};
+
+/// The smallest and largest of each number of an accessor's elements.
+class GltfBounds
+{
+public:
+    explicit GltfBounds(const GltfLayout::Data& data);
+    void add(const char* element);
+    std::size_t accessor() const { return accessor_; }
+    std::vector<double> least() const { return least_; }
+    std::vector<double> most() const;
+
+private:
+    std::size_t accessor_;
+    std::vector<double> least_, minus_most_;
+};
+
+/// The JSON with other bounds, and with other URIs of the buffers where they differ. One
+/// whose length has changed is padded for a binary container.
+std::string patched_json(std::string_view json, const GltfLayout& layout,
+                         const std::vector<GltfBounds>& bounds,
+                         const std::vector<std::string>& uris, bool is_binary);
+
+/// The beginning of a binary container, up to its JSON, for a JSON of another length.
+std::string glb_head(std::string_view bytes, TextRange old_json, std::size_t json_bytes);
+
+/// A file's URI in a glTF beside it.
+std::string uri_of(const std::string& path);
+/// A data URI with other bytes.
+std::string patched_data_uri(const std::string& uri, std::string_view before,
+                             std::string_view after);
 
 /// The paths of those companions.
 std::vector<std::string> companion_paths(const GltfLayout& layout,

@@ -45,12 +45,12 @@ std::vector<Eigen::Vector3d> stored_vectors(const Places& places, const std::str
     return vectors;
 }
 
-/// Puts the vectors of a list that change into the body: \p to_local takes a vector of
+/// Puts the vectors of a list that change into the body: \p to_node takes a vector of
 /// the world into the space of its part.
-template <class ToLocal>
+template <class ToNode>
 void patch_vectors(const GeometryFile& file, int list, const Places& places,
                    const std::vector<Eigen::Vector3d>& before,
-                   const std::vector<Eigen::Vector3d>& after, ToLocal&& to_local,
+                   const std::vector<Eigen::Vector3d>& after, ToNode&& to_node,
                    std::string& body)
 {
     if (after.empty())
@@ -59,11 +59,10 @@ void patch_vectors(const GeometryFile& file, int list, const Places& places,
     std::vector<Eigen::Vector3d> local = stored;
     for (const GltfLayout::Part& part : file.gltf->parts)
     {
-        const Eigen::Matrix3d inverse = part.linear.inverse();
+        const GltfToNode map(part);
         for (std::size_t i = part.first[list]; i < part.end[list]; ++i)
             if (after[i] != before[i])
-                local[i] =
-                    part.is_in_place() ? after[i] : to_local(part, inverse, after[i]);
+                local[i] = to_node(map, after[i]);
     }
     overwrite_changed(places, numbers_of(stored), numbers_of(local), file.path, body);
 }
@@ -78,38 +77,18 @@ Eigen::Vector3d with_length_of(const Eigen::Vector3d& vector,
 void patch_body(const GeometryFile& file, const Patch& patch, std::string& body)
 {
     const Geometry& geometry = file.geometry;
-    using Part = GltfLayout::Part;
     patch_vectors(
         file, 0, geometry.sample_places, geometry.samples, patch.samples,
-        [](const Part& part, const Eigen::Matrix3d& inverse, const Eigen::Vector3d& x)
-        { return Eigen::Vector3d(inverse * (x - part.shift)); },
+        [](const GltfToNode& map, const Eigen::Vector3d& x) { return map.sample(x); },
         body);
     patch_vectors(
         file, 1, geometry.direction_places, geometry.directions, patch.directions,
-        [](const Part& part, const Eigen::Matrix3d&, const Eigen::Vector3d& n)
-        { return with_length_of(part.linear.transpose() * n, n); },
+        [](const GltfToNode& map, const Eigen::Vector3d& n) { return map.direction(n); },
         body);
     patch_vectors(
         file, 2, geometry.tangent_places, geometry.tangents, patch.tangents,
-        [](const Part&, const Eigen::Matrix3d& inverse, const Eigen::Vector3d& t)
-        { return with_length_of(inverse * t, t); },
+        [](const GltfToNode& map, const Eigen::Vector3d& t) { return map.tangent(t); },
         body);
-}
-
-/// The smallest (sign 1) or largest (-1) of each number of an accessor's elements.
-std::vector<double> bounds_of(const GltfLayout::Data& data, const std::string& body,
-                              double sign)
-{
-    std::vector<double> bounds(data.length, std::numeric_limits<double>::infinity());
-    for (std::uint64_t i = 0; i < data.count; ++i)
-        for (std::size_t k = 0; k < data.length; ++k)
-            bounds[k] = std::min(bounds[k], sign * load_stored(body.data() + data.start +
-                                                                   i * data.stride +
-                                                                   k * sizeof(float),
-                                                               Scalar::Float32, false));
-    for (double& bound : bounds)
-        bound *= sign;
-    return bounds;
 }
 
 /// Whether some element of an accessor has changed.
@@ -126,17 +105,16 @@ bool has_changed(const GltfLayout::Data& data, std::string_view before,
     return false;
 }
 
-void replace_bounds(std::string_view json, TextRange accessor,
-                    const GltfLayout::Data& data, const std::string& body,
+void replace_bounds(std::string_view json, TextRange accessor, const GltfBounds& found,
                     std::vector<Replacement>& out)
 {
-    for (const auto& [key, sign] : {std::pair("min", 1.0), std::pair("max", -1.0)})
+    for (const auto& [key, bounds] :
+         {std::pair("min", found.least()), std::pair("max", found.most())})
     {
         const std::optional<TextRange> array = json_member(json, accessor, key);
         if (!array)
             continue;
         const std::vector<TextRange> items = json_items(json, *array);
-        const std::vector<double> bounds = bounds_of(data, body, sign);
         for (std::size_t k = 0; k < std::min(items.size(), bounds.size()); ++k)
         {
             const std::optional<double> old =
@@ -177,43 +155,15 @@ std::size_t num_beside(const GltfLayout& layout)
         [](const GltfLayout::Buffer& buffer) { return buffer.kind == Kind::Beside; }));
 }
 
-/// The file with replacements in its JSON and \p body in its binary chunk.
-std::string assembled(const GeometryFile& file, std::vector<Replacement> replacements,
+/// The file with another JSON, and \p body in its binary chunk.
+std::string assembled(const GeometryFile& file, const std::string& json,
                       const std::string& body)
 {
-    const GltfLayout& layout = *file.gltf;
-    const std::string_view bytes = file.bytes;
-    const std::string_view old =
-        bytes.substr(layout.json.begin, layout.json.end - layout.json.begin);
-    std::sort(replacements.begin(), replacements.end(),
-              [](const Replacement& a, const Replacement& b)
-              { return a.range.begin < b.range.begin; });
-    std::string json;
-    std::size_t copied = 0;
-    for (const Replacement& replacement : replacements)
-    {
-        json += old.substr(copied, replacement.range.begin - copied);
-        json += replacement.text;
-        copied = replacement.range.end;
-    }
-    json += old.substr(copied);
     if (file.geometry.format != "glb")
         return json;
-    // Chunks are padded to whole words; lengths stand before the chunk and the file.
-    if (json.size() != old.size())
-        json.resize((json.size() + 3) / 4 * 4, ' ');
-    const auto word = [](std::size_t value)
-    {
-        std::string text;
-        store(static_cast<double>(value), Scalar::UInt32, false, text);
-        return text;
-    };
-    std::uint32_t length;
-    std::memcpy(&length, bytes.data() + 8, sizeof length);
-    std::string out(bytes.substr(0, 8));
-    out += word(length - old.size() + json.size());
-    out += word(json.size());
-    out += bytes.substr(16, layout.json.begin - 16);
+    const GltfLayout& layout = *file.gltf;
+    const std::string_view bytes = file.bytes;
+    std::string out = glb_head(bytes, layout.json, json.size());
     out += json;
     const std::size_t chunk = out.size() + layout.chunk_start - layout.json.end;
     out += bytes.substr(layout.json.end);
@@ -225,6 +175,118 @@ std::string assembled(const GeometryFile& file, std::vector<Replacement> replace
 }
 
 } // namespace
+
+GltfToNode::GltfToNode(const GltfLayout::Part& part)
+    : is_in_place_(part.is_in_place()), linear_(part.to_world.linear()),
+      inverse_(linear_.inverse()), shift_(part.to_world.translation())
+{
+}
+
+Eigen::Vector3d GltfToNode::sample(const Eigen::Vector3d& x) const
+{
+    return is_in_place_ ? x : Eigen::Vector3d(inverse_ * (x - shift_));
+}
+
+Eigen::Vector3d GltfToNode::direction(const Eigen::Vector3d& n) const
+{
+    return is_in_place_ ? n : with_length_of(linear_.transpose() * n, n);
+}
+
+Eigen::Vector3d GltfToNode::tangent(const Eigen::Vector3d& t) const
+{
+    return is_in_place_ ? t : with_length_of(inverse_ * t, t);
+}
+
+GltfBounds::GltfBounds(const GltfLayout::Data& data)
+    : accessor_(data.accessor),
+      least_(data.length, std::numeric_limits<double>::infinity()), minus_most_(least_)
+{
+}
+
+void GltfBounds::add(const char* element)
+{
+    for (std::size_t k = 0; k < least_.size(); ++k)
+    {
+        const double value =
+            load_stored(element + k * sizeof(float), Scalar::Float32, false);
+        least_[k] = std::min(least_[k], value);
+        minus_most_[k] = std::min(minus_most_[k], -value);
+    }
+}
+
+std::vector<double> GltfBounds::most() const
+{
+    std::vector<double> most = minus_most_;
+    for (double& bound : most)
+        bound = -bound;
+    return most;
+}
+
+std::string patched_json(std::string_view json, const GltfLayout& layout,
+                         const std::vector<GltfBounds>& bounds,
+                         const std::vector<std::string>& uris, bool is_binary)
+{
+    const TextRange root = json_root(json);
+    const auto items = [&](const char* key)
+    {
+        const std::optional<TextRange> array = json_member(json, root, key);
+        return array ? json_items(json, *array) : std::vector<TextRange>();
+    };
+    std::vector<Replacement> replacements;
+    const std::vector<TextRange> accessors = items("accessors"),
+                                 buffers = items("buffers");
+    for (const GltfBounds& found : bounds)
+        replace_bounds(json, accessors[found.accessor()], found, replacements);
+    for (std::size_t i = 0; i < layout.buffers.size(); ++i)
+        if (uris[i] != layout.buffers[i].uri)
+            replacements.push_back(
+                {*json_member(json, buffers[i], "uri"), "\"" + uris[i] + "\""});
+    std::sort(replacements.begin(), replacements.end(),
+              [](const Replacement& a, const Replacement& b)
+              { return a.range.begin < b.range.begin; });
+    std::string out;
+    std::size_t copied = 0;
+    for (const Replacement& replacement : replacements)
+    {
+        out += json.substr(copied, replacement.range.begin - copied);
+        out += replacement.text;
+        copied = replacement.range.end;
+    }
+    out += json.substr(copied);
+    // Chunks are padded to whole words.
+    if (is_binary && out.size() != json.size())
+        out.resize((out.size() + 3) / 4 * 4, ' ');
+    return out;
+}
+
+std::string glb_head(std::string_view bytes, TextRange old_json, std::size_t json_bytes)
+{
+    const auto word = [](std::size_t value)
+    {
+        std::string text;
+        store(static_cast<double>(value), Scalar::UInt32, false, text);
+        return text;
+    };
+    std::uint32_t length;
+    std::memcpy(&length, bytes.data() + 8, sizeof length);
+    std::string out(bytes.substr(0, 8));
+    out += word(length - (old_json.end - old_json.begin) + json_bytes);
+    out += word(json_bytes);
+    out += bytes.substr(16, old_json.begin - 16);
+    return out;
+}
+
+std::string uri_of(const std::string& path)
+{
+    return percent_encoded(fs::path(path).filename().string());
+}
+
+std::string patched_data_uri(const std::string& uri, std::string_view before,
+                             std::string_view after)
+{
+    const std::size_t data = uri.find(',') + 1;
+    return uri.substr(0, data) + base64_patched(uri.substr(data), before, after);
+}
 
 std::vector<std::string> companion_paths(const GltfLayout& layout,
                                          const std::string& output)
@@ -256,50 +318,40 @@ PatchedGltf patched_gltf(const GeometryFile& file, const Patch& patch,
     if (body == geometry.unpacked && !has_names)
         return {file.bytes, {}};
 
-    const std::string_view json =
-        std::string_view(file.bytes)
-            .substr(layout.json.begin, layout.json.end - layout.json.begin);
-    const TextRange root = json_root(json);
-    std::vector<Replacement> replacements;
-    const auto items = [&](const char* key)
-    {
-        const std::optional<TextRange> array = json_member(json, root, key);
-        return array ? json_items(json, *array) : std::vector<TextRange>();
-    };
-    const std::vector<TextRange> accessors = items("accessors");
+    std::vector<GltfBounds> bounds;
     for (const GltfLayout::Data& data : layout.data)
         if (has_changed(data, geometry.unpacked, body))
-            replace_bounds(json, accessors[data.accessor], data, body, replacements);
+        {
+            GltfBounds& found = bounds.emplace_back(data);
+            for (std::uint64_t i = 0; i < data.count; ++i)
+                found.add(body.data() + data.start + i * data.stride);
+        }
 
     PatchedGltf result;
     const std::vector<std::string> paths =
         has_names ? companion_paths(layout, output) : std::vector<std::string>();
-    const std::vector<TextRange> buffers = items("buffers");
-    for (std::size_t i = 0; i < layout.buffers.size(); ++i)
+    std::vector<std::string> uris;
+    for (const GltfLayout::Buffer& buffer : layout.buffers)
     {
-        const GltfLayout::Buffer& buffer = layout.buffers[i];
         const std::string_view before =
             std::string_view(geometry.unpacked).substr(buffer.start, buffer.size);
         const std::string_view after =
             std::string_view(body).substr(buffer.start, buffer.size);
-        std::string uri = buffer.uri;
+        uris.push_back(buffer.uri);
         if (buffer.kind == Kind::Inside && before != after)
-        {
-            const std::size_t data = uri.find(',') + 1;
-            uri.replace(data, std::string::npos,
-                        base64_patched(uri.substr(data), before, after));
-        }
+            uris.back() = patched_data_uri(buffer.uri, before, after);
         if (buffer.kind == Kind::Beside && has_names)
         {
             const std::string& path = paths[result.companions.size()];
-            uri = percent_encoded(fs::path(path).filename().string());
+            uris.back() = uri_of(path);
             result.companions.push_back({path, std::string(after)});
         }
-        if (uri != buffer.uri)
-            replacements.push_back(
-                {*json_member(json, buffers[i], "uri"), "\"" + uri + "\""});
     }
-    result.bytes = assembled(file, std::move(replacements), body);
+    const std::string json =
+        patched_json(std::string_view(file.bytes)
+                         .substr(layout.json.begin, layout.json.end - layout.json.begin),
+                     layout, bounds, uris, geometry.format == "glb");
+    result.bytes = assembled(file, json, body);
     return result;
 }
 

@@ -2,7 +2,6 @@
 #include "io/packed.h"
 
 #include "io/number.h"
-#include "io/stored_number.h"
 
 namespace cellwarp
 {
@@ -11,17 +10,9 @@ void overwrite_changed(const Places& places, std::span<const double> before,
                        std::span<const double> after, const std::string& file,
                        std::string& body)
 {
-    std::string stored;
-    for (std::size_t i = 0; i < after.size(); ++i)
-    {
-        if (before[i] == after[i])
-            continue;
-        stored.clear();
-        if (!store(after[i], places.scalars[i % places.length], places.big_endian,
-                   stored))
-            throw does_not_fit(file, places.starts[i], after[i]);
-        body.replace(places.starts[i], stored.size(), stored);
-    }
+    for_each_change(places, before, after, file,
+                    [&](std::uint64_t start, const std::string& stored)
+                    { body.replace(start, stored.size(), stored); });
 }
 
 Error does_not_fit(const std::string& file, std::uint64_t start, double value)

@@ -10,6 +10,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/stored_number.h"
 
 namespace cellwarp
 {
@@ -22,13 +23,32 @@ std::span<const double> numbers_of(const Vectors& vectors)
             vectors.size() * sizeof(*vectors.data()) / sizeof(double)};
 }
 
+/// The error for a number that its type cannot hold.
+Error does_not_fit(const std::string& file, std::uint64_t start, double value);
+
+/// Calls put(start, bytes) for every number that changes, with its place and how it is
+/// stored. Throws Fault::Malformed, naming \p file, if one does not fit its stored type.
+template <class Put>
+void for_each_change(const Places& places, std::span<const double> before,
+                     std::span<const double> after, const std::string& file, Put&& put)
+{
+    std::string stored;
+    for (std::size_t i = 0; i < after.size(); ++i)
+    {
+        if (before[i] == after[i])
+            continue;
+        stored.clear();
+        if (!store(after[i], places.scalars[i % places.length], places.big_endian,
+                   stored))
+            throw does_not_fit(file, places.starts[i], after[i]);
+        put(places.starts[i], stored);
+    }
+}
+
 /// Overwrites the numbers that change, at their places in \p body.
 /// Throws Fault::Malformed, naming \p file, if one does not fit its stored type.
 void overwrite_changed(const Places& places, std::span<const double> before,
                        std::span<const double> after, const std::string& file,
                        std::string& body);
-
-/// The error for a number that its type cannot hold.
-Error does_not_fit(const std::string& file, std::uint64_t start, double value);
 
 } // namespace cellwarp

@@ -27,9 +27,6 @@ constexpr std::int64_t kMaxCount = std::int64_t(1) << 28;
 constexpr std::string_view kRoles[6] = {"x",        "y",        "z",
                                         "normal_x", "normal_y", "normal_z"};
 
-/// The two sizes before the compressed data, each 4 bytes.
-constexpr std::size_t kSizesBytes = 8;
-
 std::uint32_t as_colour(double value, char kind)
 {
     if (kind == 'F')
@@ -388,6 +385,20 @@ void PcdScanner::text_point(std::string_view line, std::uint64_t start, Geometry
     keep(point, out);
 }
 
+void PcdScanner::load(const char* bytes, std::uint64_t start, int role, Scalar type,
+                      Point& point)
+{
+    if (role == 6)
+    {
+        std::uint32_t packed;
+        std::memcpy(&packed, bytes, sizeof packed);
+        point.colour = packed & 0xffffffu;
+        return;
+    }
+    point.values[role] = load_stored(bytes, type, false);
+    point.starts[role] = start;
+}
+
 void PcdScanner::binary_point(std::string_view bytes, std::uint64_t start, Geometry& out)
 {
     Point point;
@@ -399,56 +410,102 @@ void PcdScanner::binary_point(std::string_view bytes, std::uint64_t start, Geome
             encoding_ == Encoding::Binary
                 ? field.offset
                 : field.offset * num_points_ + point_ * field.size;
-        if (field.role == 6)
-        {
-            std::uint32_t packed;
-            std::memcpy(&packed, bytes.data() + offset, sizeof packed);
-            point.colour = packed & 0xffffffu;
-            continue;
-        }
-        point.values[field.role] =
-            load_stored(bytes.data() + offset, field.type().value(), false);
-        point.starts[field.role] = start + offset;
+        load(bytes.data() + offset, start + offset, field.role,
+             field.type().value_or(Scalar::UInt32), point);
     }
     keep(point, out);
 }
 
-std::size_t PcdScanner::unpack(std::string_view part, std::uint64_t start, bool is_last,
-                               Geometry& out)
+std::vector<PcdScanner::Column> PcdScanner::columns() const
 {
-    if (part.size() < kSizesBytes)
+    std::vector<Column> columns;
+    for (const Field& field : fields_)
+        if (field.role >= 0)
+            columns.push_back({field.offset * num_points_, field.size, field.role});
+    return columns;
+}
+
+void PcdScanner::scan_columns(std::uint64_t first, std::uint64_t count,
+                              const std::vector<std::string>& numbers, Geometry& out)
+{
+    for (point_ = first; point_ < first + count; ++point_)
     {
-        if (is_last)
-            throw malformed({file_, 0, "byte " + std::to_string(start)},
-                            "the file ends here (need the sizes of the packed data)");
-        return 0;
+        Point point;
+        std::size_t column = 0;
+        for (const Field& field : fields_)
+        {
+            if (field.role < 0)
+                continue;
+            load(numbers[column++].data() + (point_ - first) * field.size,
+                 field.offset * num_points_ + point_ * field.size, field.role,
+                 field.type().value_or(Scalar::UInt32), point);
+        }
+        keep(point, out);
     }
-    std::uint32_t packed_size, size;
-    std::memcpy(&packed_size, part.data(), 4);
-    std::memcpy(&size, part.data() + 4, 4);
+}
+
+void PcdScanner::end_columns(std::uint64_t trailing)
+{
+    point_ = num_points_;
+    trailing_ = trailing;
+}
+
+PcdScanner::PackedSizes PcdScanner::packed_sizes(std::string_view part,
+                                                 std::uint64_t start) const
+{
+    if (part.size() < kPackedSizesBytes)
+        throw malformed({file_, 0, "byte " + std::to_string(start)},
+                        "the file ends here (need the sizes of the packed data)");
+    PackedSizes sizes;
+    std::memcpy(&sizes.packed, part.data(), 4);
+    std::memcpy(&sizes.unpacked, part.data() + 4, 4);
+    const std::uint64_t packed = sizes.packed, size = sizes.unpacked;
     const Where where{file_, 0, "sizes (byte " + std::to_string(start) + ")"};
     if (num_points_ > size / point_bytes_ || size != num_points_ * point_bytes_)
         throw malformed(where, "got " + std::to_string(size) + " bytes, need " +
                                    std::to_string(num_points_) + " points of " +
                                    std::to_string(point_bytes_) + " bytes");
-    if (size / kMaxLzfRatio > packed_size)
-        throw malformed(where, "got " + std::to_string(packed_size) +
+    if (size / kMaxLzfRatio > packed)
+        throw malformed(where, "got " + std::to_string(packed) +
                                    " packed bytes, too few for " + std::to_string(size));
-    if (packed_size > file_bytes_ - start - kSizesBytes)
+    if (packed > file_bytes_ - start - kPackedSizesBytes)
         throw malformed(where, "the file is too short for its packed data (got " +
-                                   std::to_string(packed_size) + " bytes)");
-    if (part.size() - kSizesBytes < packed_size)
+                                   std::to_string(packed) + " bytes)");
+    return sizes;
+}
+
+std::size_t PcdScanner::unpack(std::string_view part, std::uint64_t start, bool is_last,
+                               Geometry& out)
+{
+    // It would have to be in memory whole, or be read twice.
+    if (file_bytes_ == kUnknownBytes)
+        throw Error(Fault::Usage,
+                    at({file_, 0, ""}, "a compressed PCD is unpacked into a temporary "
+                                       "file (need a file, not stdin)"));
+    if (part.size() < kPackedSizesBytes && !is_last)
+        return 0;
+    const PackedSizes sizes = packed_sizes(part, start);
+    if (part.size() - kPackedSizesBytes < sizes.packed)
         return 0;
     std::optional<std::string> body =
-        lzf_unpacked(part.substr(kSizesBytes, packed_size), size);
+        lzf_unpacked(part.substr(kPackedSizesBytes, sizes.packed), sizes.unpacked);
     if (!body)
-        throw malformed({file_, 0, "byte " + std::to_string(start + kSizesBytes)},
+        throw malformed({file_, 0, "byte " + std::to_string(start + kPackedSizesBytes)},
                         "the packed data cannot be unpacked");
     out.unpacked = std::move(*body);
     out.packed_start = start;
     for (; point_ < num_points_; ++point_)
         binary_point(out.unpacked, 0, out);
-    return kSizesBytes + packed_size;
+    return kPackedSizesBytes + sizes.packed;
+}
+
+std::size_t PcdScanner::read_header(std::string_view part, Geometry& out)
+{
+    const std::size_t length = header(part);
+    check_header();
+    assign_roles(out);
+    has_header_ = true;
+    return length;
 }
 
 std::size_t PcdScanner::skip(std::string_view part)
@@ -480,10 +537,7 @@ std::size_t PcdScanner::scan(std::string_view part, std::uint64_t start, bool is
     {
         if (!is_last && is_header_open(part))
             return 0;
-        done = header(part);
-        check_header();
-        assign_roles(out);
-        has_header_ = true;
+        done = read_header(part, out);
     }
     if (encoding_ == Encoding::Text)
     {
@@ -541,6 +595,28 @@ void PcdScanner::finish(Geometry& out)
     warn(trailing_, " bytes after the last point pass through");
 }
 
+bool is_packed_pcd(const InputFile& file)
+{
+    std::string head(
+        static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxHeaderBytes)),
+        '\0');
+    file.read_at(0, head.data(), head.size());
+    LineReader lines(head, 0, true);
+    for (std::string_view line; lines.next(line);)
+    {
+        Tokens tokens(line, 0);
+        Token word;
+        if (tokens.next(word) && word.text == "DATA")
+            return tokens.next(word) && word.text == "binary_compressed";
+    }
+    return false;
+}
+
+Error too_large_to_pack(const std::string& path)
+{
+    return malformed({path, 0, ""}, "is too large to be compressed");
+}
+
 std::string patched_pcd(const GeometryFile& file, const Patch& patch)
 {
     const Geometry& geometry = file.geometry;
@@ -551,17 +627,19 @@ std::string patched_pcd(const GeometryFile& file, const Patch& patch)
                       numbers_of(patch.directions), file.path, body);
     if (body == geometry.unpacked)
         return file.bytes;
-    const std::optional<std::string> packed = lzf_packed(body);
-    if (!packed)
-        throw malformed({file.path, 0, ""}, "is too large to be compressed");
+    std::string packed;
+    for (std::size_t first = 0; first < body.size(); first += kPackedBlockBytes)
+        packed += *lzf_packed(std::string_view(body).substr(first, kPackedBlockBytes));
     const std::size_t start = static_cast<std::size_t>(geometry.packed_start);
     std::uint32_t old_size;
     std::memcpy(&old_size, file.bytes.data() + start, sizeof old_size);
+    if (packed.size() > 0xffffffffu)
+        throw too_large_to_pack(file.path);
     std::string out = file.bytes.substr(0, start);
-    store(static_cast<double>(packed->size()), Scalar::UInt32, false, out);
+    store(static_cast<double>(packed.size()), Scalar::UInt32, false, out);
     store(static_cast<double>(body.size()), Scalar::UInt32, false, out);
-    out += *packed;
-    out += std::string_view(file.bytes).substr(start + kSizesBytes + old_size);
+    out += packed;
+    out += std::string_view(file.bytes).substr(start + kPackedSizesBytes + old_size);
     return out;
 }
 

@@ -16,8 +16,8 @@ namespace cellwarp
 {
 
 /// Reads a PCD part by part: the header in the first part, then whole points; of a
-/// compressed one all points at once. A point whose x, y and z are all NaN is one that
-/// the sensor did not see: it is no sample, and its bytes stay.
+/// compressed one all points at once, from a file. A point whose x, y and z are all NaN
+/// is one that the sensor did not see: it is no sample, and its bytes stay.
 class PcdScanner
 {
 public:
@@ -31,6 +31,33 @@ public:
                      Geometry& out);
     std::size_t skip(std::string_view part);
     void finish(Geometry& out);
+
+    // A compressed file may also be read without being unpacked into memory: its header,
+    // the sizes, then any points from the columns that they stand in.
+
+    /// A field of all points in the unpacked data: number i stands at start + i size.
+    struct Column
+    {
+        std::uint64_t start = 0, size = 0; ///< [byte], [bytes]
+        int role = -1;                     ///< see Field
+    };
+    /// Of the packed data that follow the sizes, and of what they are unpacked to.
+    struct PackedSizes
+    {
+        std::uint32_t packed = 0, unpacked = 0; ///< [bytes]
+    };
+    /// Reads the header, which \p part must hold whole; its length [bytes].
+    std::size_t read_header(std::string_view part, Geometry& out);
+    /// The sizes at the beginning of \p part, byte \p start of the file, checked.
+    PackedSizes packed_sizes(std::string_view part, std::uint64_t start) const;
+    std::uint64_t num_points() const { return num_points_; }
+    /// The fields that the geometry comes from.
+    std::vector<Column> columns() const;
+    /// Points [first, first + count) from their numbers, one string a column.
+    void scan_columns(std::uint64_t first, std::uint64_t count,
+                      const std::vector<std::string>& numbers, Geometry& out);
+    /// All points are read, and \p trailing bytes follow the packed data.
+    void end_columns(std::uint64_t trailing);
 
 private:
     enum class Encoding
@@ -62,6 +89,9 @@ private:
     void check_header();
     void assign_roles(Geometry& out);
     void text_point(std::string_view line, std::uint64_t start, Geometry& out);
+    /// A number of the field, which stands at byte \p start.
+    static void load(const char* bytes, std::uint64_t start, int role, Scalar type,
+                     Point& point);
     /// Of points that stand one after the other from \p bytes on (binary), or field by
     /// field (compressed).
     void binary_point(std::string_view bytes, std::uint64_t start, Geometry& out);
@@ -86,6 +116,18 @@ private:
     std::uint64_t last_byte_ = 0; ///< of what was read
     std::uint64_t trailing_ = 0;  ///< [bytes] after the last point
 };
+
+/// The two sizes before the packed data, each 4 bytes.
+inline constexpr std::size_t kPackedSizesBytes = 8;
+/// What is compressed at a time: a reference reaches no further back than the beginning
+/// of its block, so that blocks may be packed in any order and without the others.
+inline constexpr std::size_t kPackedBlockBytes = std::size_t(1) << 20;
+
+/// Whether the file begins as a compressed PCD does.
+bool is_packed_pcd(const InputFile& file);
+
+/// The error for a compressed PCD whose packed data are too many for their size.
+Error too_large_to_pack(const std::string& path);
 
 /// The bytes of a compressed PCD with \p patch in place, compressed again. Where nothing
 /// changes they are the file's.

@@ -563,6 +563,44 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
     return part.size();
 }
 
+std::optional<PlyScanner::Vertices> PlyScanner::find_vertices(std::string_view part,
+                                                              Geometry& out)
+{
+    Vertices vertices;
+    vertices.start = header(part);
+    assign_roles(out);
+    has_header_ = true;
+    for (const Element& element : elements_)
+    {
+        const bool has_lists =
+            std::any_of(element.properties.begin(), element.properties.end(),
+                        [](const Property& property) { return property.is_list; });
+        if (encoding_ == Encoding::Ascii || (has_lists && element.count > 0))
+            return std::nullopt;
+        vertices.bytes = element.min_bytes;
+        vertices.count = element.count;
+        if (element.name == "vertex")
+            break;
+        vertices.start += element.count * element.min_bytes;
+    }
+    if (vertices.bytes == 0)
+        return std::nullopt;
+    if (vertices.start > file_bytes_ ||
+        vertices.count > (file_bytes_ - vertices.start) / vertices.bytes)
+        throw malformed({file_, 0, "element vertex"},
+                        "the file ends in its vertices (got " +
+                            std::to_string(file_bytes_) + " bytes)");
+    return vertices;
+}
+
+void PlyScanner::seek_vertex(std::uint64_t i)
+{
+    element_ = 0;
+    while (elements_[element_].name != "vertex")
+        ++element_;
+    record_ = i;
+}
+
 void PlyScanner::finish(Geometry& out)
 {
     if (next_element())

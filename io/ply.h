@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -28,6 +29,17 @@ public:
                      Geometry& out);
     std::size_t skip(std::string_view part);
     void finish(Geometry& out);
+
+    /// The vertices of a binary file: number i stands at start + i bytes.
+    struct Vertices
+    {
+        std::uint64_t start = 0, bytes = 0, count = 0;
+    };
+    /// Reads the header, which \p part must hold whole. Nothing where vertices cannot be
+    /// found without reading what stands before them.
+    std::optional<Vertices> find_vertices(std::string_view part, Geometry& out);
+    /// The next record to be scanned is vertex \p i.
+    void seek_vertex(std::uint64_t i);
 
 private:
     enum class Encoding

@@ -44,16 +44,22 @@ SpillFile::~SpillFile()
 
 void SpillFile::append(const void* bytes, std::size_t count)
 {
+    overwrite(size_, bytes, count);
+    size_ += count;
+}
+
+void SpillFile::overwrite(std::uint64_t start, const void* bytes, std::size_t count) const
+{
     const char* from = static_cast<const char*>(bytes);
     while (count > 0)
     {
-        const ssize_t put = ::pwrite(file_, from, count, static_cast<off_t>(size_));
+        const ssize_t put = ::pwrite(file_, from, count, static_cast<off_t>(start));
         if (put < 0 && errno == EINTR)
             continue;
         if (put < 0)
             fail("cannot write");
         from += put;
-        size_ += static_cast<std::uint64_t>(put);
+        start += static_cast<std::uint64_t>(put);
         count -= static_cast<std::size_t>(put);
     }
 }

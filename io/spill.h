@@ -26,6 +26,8 @@ public:
 
     std::uint64_t size() const { return size_; } ///< [bytes]
     void append(const void* bytes, std::size_t count);
+    /// Over what is there; other ranges may be read and written at the same time.
+    void overwrite(std::uint64_t start, const void* bytes, std::size_t count) const;
     void read(std::uint64_t start, void* bytes, std::size_t count) const;
 
 private:

@@ -140,7 +140,7 @@ bool store(double value, Scalar type, bool big_endian, std::string& out)
         append_shortest(value, out);
         return std::isfinite(value);
     case Scalar::TextInt:
-        append_shortest(std::nearbyint(value), out);
+        append_shortest(std::nearbyint(value) + 0.0, out); // no -0
         return std::isfinite(value);
     case Scalar::Int8:
         return append_rounded<std::int8_t>(value, big_endian, out);

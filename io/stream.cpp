@@ -11,9 +11,13 @@
 #include <utility>
 
 #include "io/error.h"
+#include "io/gltf_stream.h"
 #include "io/obj_stream.h"
 #include "io/part_reader.h"
+#include "io/pcd.h"
+#include "io/pcd_stream.h"
 #include "io/stl.h"
+#include "io/stream_ranges.h"
 
 namespace cellwarp
 {
@@ -84,10 +88,7 @@ Stream::Stream(const std::string& input, const std::string& output,
 {
     if (format_ == "obj" && input != "-" && may_use_normals(input_))
     {
-        const std::string folder = output == "-"
-                                       ? std::filesystem::temp_directory_path().string()
-                                       : folder_of(output);
-        plan_.emplace(input_, path_, folder, options, work);
+        plan_.emplace(input_, path_, spill_folder(output), options, work);
         report_.num_split = plan_->num_split();
         input_.rewind();
     }
@@ -244,9 +245,20 @@ StreamReport Stream::stopped()
 
 } // namespace
 
+std::string spill_folder(const std::string& output)
+{
+    return output == "-" ? std::filesystem::temp_directory_path().string()
+                         : folder_of(output);
+}
+
 StreamReport stream_geometry(const std::string& input, const std::string& output,
                              const StreamOptions& options, const StreamWork& work)
 {
+    const std::string format = format_of(input, options);
+    if (format == "gltf" || format == "glb")
+        return stream_gltf(input, output, format, options, work);
+    if (format == "pcd" && input != "-" && is_packed_pcd(InputFile(input)))
+        return stream_packed_pcd(input, output, options, work);
     return Stream(input, output, options, work).run();
 }
 

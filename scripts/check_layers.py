@@ -19,6 +19,7 @@ ROOMS = {
     "editor/picture": {"editor/picture", "editor/session", "io", "octree", "solver",
                        "solver/field"},
     "editor/cli": {"editor/cli", "editor/picture", "editor/session", "io", "octree", "solver"},
+    "editor/mpi": {"editor/mpi", "editor/session", "io", "octree"},
     "tests": None,
 }
 # Third-party header -> the files or rooms that may include it.
@@ -30,7 +31,8 @@ LIBRARIES = {
     "assimp/": {"io/import/import.cpp"},
     "embree3/": {"editor/picture"},
     "stb/": {"editor/picture"},
-    "CLI/": {"editor/cli", "tests/bench"},
+    "CLI/": {"editor/cli", "editor/mpi", "tests/bench"},
+    "mpi.h": {"editor/mpi"},
     "zlib.h": {"io/field_file.cpp"},
     "lzf.h": {"io/lzf.cpp"},
     "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "tests"},

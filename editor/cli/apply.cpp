@@ -87,6 +87,10 @@ std::vector<BatchFile> files_in(const std::string& folder,
                                           ": another input has this name, and "
                                           "both would become " +
                                           (fs::path(folder) / name).string());
+        std::error_code none;
+        if (fs::equivalent(inputs[i], fs::path(folder) / name, none))
+            throw Error(Fault::Usage,
+                        inputs[i] + ": its output would be the file itself");
         if (i % shard.count == shard.index - 1)
             files.push_back({inputs[i], (fs::path(folder) / name).string()});
     }
@@ -180,12 +184,12 @@ int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& r
             continue;
         ++failed;
         are_file_errors = are_file_errors && report.fault == Fault::File;
-        fmt::print(stderr, "error: {}\n", report.message);
+        say(fmt::format("error: {}\n", report.message));
     }
     if (failed == 0)
         return 0;
-    fmt::print(stderr, "error: {} of {} files failed{}\n", failed, files.size(),
-               left > 0 ? fmt::format(", {} were not begun", left) : "");
+    say(fmt::format("error: {} of {} files failed{}\n", failed, files.size(),
+                    left > 0 ? fmt::format(", {} were not begun", left) : ""));
     return static_cast<int>(are_file_errors ? Fault::File : Fault::Malformed);
 }
 
@@ -193,6 +197,7 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
 {
     const Shard shard = parse_shard(flags.shard);
     const std::vector<BatchFile> files = files_in(flags.output, flags.inputs, shard);
+    const Deformation deformation(read_field(flags.field), flags.field);
     std::error_code failed;
     fs::create_directories(flags.output, failed);
     if (failed)
@@ -201,7 +206,6 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
         flags.shard.empty()
             ? "cellwarp-manifest.tsv"
             : fmt::format("cellwarp-manifest-{}-of-{}.tsv", shard.index, shard.count);
-    const Deformation deformation(read_field(flags.field), flags.field);
     Progress progress(common);
     settings.watch = [&](double done, const std::string& input)
     { progress.show(done, input); };
@@ -232,7 +236,7 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
     print_warnings(warnings, common);
     const int exit_code = sum_up(files, reports);
     if (exit_code == 0 && !common.is_quiet)
-        fmt::print(stderr, "{} files done, {} skipped\n", done, skipped);
+        say(fmt::format("{} files done, {} skipped\n", done, skipped));
     if (common.is_json && exit_code == 0)
         write_file("-",
                    Json{{"field", flags.field},
@@ -288,7 +292,7 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code)
         ->required();
     command->add_option("INPUT", flags->inputs,
                         "geometry files; -: stdin, where one pass is enough (not an OBJ "
-                        "whose faces use normals)");
+                        "whose faces use normals, a compressed PCD or a glTF)");
     command
         ->add_option("-o,--output", flags->output,
                      "result, in the input's format; -: stdout; a folder: files of the "

@@ -201,11 +201,16 @@ SessionRequest read_request(const SessionFlags& flags)
     return request;
 }
 
+void say(const std::string& text)
+{
+    std::fputs(text.c_str(), stderr);
+}
+
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common)
 {
     if (!common.is_quiet)
         for (const std::string& warning : warnings)
-            fmt::print(stderr, "warning: {}\n", warning);
+            say(fmt::format("warning: {}\n", warning));
 }
 
 Progress::Progress(const CommonFlags& common, std::size_t frames)
@@ -221,7 +226,7 @@ Progress::~Progress()
 void Progress::end()
 {
     if (is_shown_)
-        fmt::print(stderr, "\r\x1b[K");
+        say("\r\x1b[K");
 }
 
 void Progress::show(const FrameProgress& now)
@@ -246,8 +251,8 @@ void Progress::show(double done, const std::string& what)
         return;
     last_ = time;
     const std::size_t full = static_cast<std::size_t>(kWidth * std::min(1.0, done));
-    fmt::print(stderr, "\r[{}{}] {}\x1b[K", std::string(full, '#'),
-               std::string(kWidth - full, ' '), what);
+    say(fmt::format("\r[{}{}] {}\x1b[K", std::string(full, '#'),
+                    std::string(kWidth - full, ' '), what));
     std::fflush(stderr);
 }
 

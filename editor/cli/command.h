@@ -90,6 +90,9 @@ void add_columns(CLI::App& app, std::string& columns);
 /// "warning: ..." on stderr, unless quiet.
 void print_warnings(const std::vector<std::string>& warnings, const CommonFlags& common);
 
+/// Onto stderr; that it cannot be written there is no failure.
+void say(const std::string& text);
+
 /// Draws a bar on stderr, only where that is a terminal and not quiet; at most ten times
 /// a second.
 class Progress

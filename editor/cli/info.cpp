@@ -78,7 +78,7 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             // The others are still told; alone, or in JSON, there is nothing to tell.
             if (flags.files.size() == 1 || common.is_json)
                 throw;
-            fmt::print(stderr, "error: {}\n", error.what());
+            say(fmt::format("error: {}\n", error.what()));
             exit_code = static_cast<int>(error.fault());
         }
     if (common.is_json)

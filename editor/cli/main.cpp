@@ -99,7 +99,7 @@ int run(int argc, char** argv)
             write_file("-", text.str(), Overwrite::No);
             return 0;
         }
-        fmt::print(stderr, "error: {}\n", error.what());
+        say(fmt::format("error: {}\n", error.what()));
         return static_cast<int>(Fault::Usage);
     }
     return exit_code;
@@ -116,17 +116,17 @@ int main(int argc, char** argv)
     }
     catch (const Error& error)
     {
-        fmt::print(stderr, "error: {}\n", error.what());
+        say(fmt::format("error: {}\n", error.what()));
         return static_cast<int>(error.fault());
     }
     catch (const std::bad_alloc&)
     {
-        fmt::print(stderr, "error: out of memory\n");
+        say("error: out of memory\n");
         return static_cast<int>(Fault::Budget);
     }
     catch (const std::exception& error)
     {
-        fmt::print(stderr, "error: internal error: {}\n", error.what());
+        say(fmt::format("error: internal error: {}\n", error.what()));
         return 1;
     }
 }

@@ -90,8 +90,9 @@ private:
 Batch::Batch(const Deformation& deformation, const std::vector<BatchFile>& files,
              const std::string& manifest, const ApplySettings& settings)
     : deformation_(deformation), files_(files), settings_(settings),
-      field_(fmt::format("{:08x}", deformation.checksum())), reports_(files.size()),
-      done_(files.size(), 0.0)
+      field_(fmt::format("{:08x} {} {}", deformation.checksum(), settings.format,
+                         settings.read.columns)),
+      reports_(files.size()), done_(files.size(), 0.0)
 {
     manifest_.emplace(manifest);
     for (std::size_t i = 0; i < files.size(); ++i)

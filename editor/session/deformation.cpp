@@ -7,6 +7,7 @@
 #include <deque>
 
 #include "io/error.h"
+#include "io/number.h"
 #include "octree/distance_transform.h"
 #include "octree/parallel.h"
 
@@ -15,6 +16,9 @@ namespace cellwarp
 
 namespace
 {
+
+/// Points farther from the box than this have squares beyond all numbers [work].
+constexpr double kFarthest = 1e100;
 
 template <class Matrix>
 void append(const Matrix& matrix, std::vector<double>& numbers)
@@ -174,10 +178,20 @@ WorkFrame frame_of(const StoredField& stored)
     return frame;
 }
 
-GridShape grid_of(const StoredField& stored)
+/// Before anything as large as the grid is made.
+GridShape checked_grid(const StoredField& stored, const std::string& path)
 {
-    return {Eigen::Vector3d(stored.size.data()), Eigen::Vector3i(stored.coarsest.data()),
-            stored.edge, stored.max_depth, stored.voxels_per_leaf};
+    const GridShape shape = {Eigen::Vector3d(stored.size.data()),
+                             Eigen::Vector3i(stored.coarsest.data()), stored.edge,
+                             stored.max_depth, stored.voxels_per_leaf};
+    double voxels = 0.0;
+    for (const std::uint32_t length : stored.run_lengths)
+        voxels += length;
+    if (voxels != num_voxels(shape))
+        throw malformed({path, 0, "section 'runs'"},
+                        "the material does not fill the grid (got " + shortest(voxels) +
+                            " voxels, need " + shortest(num_voxels(shape)) + ")");
+    return shape;
 }
 
 std::shared_ptr<const RbfField> fit_at(const StoredField& stored, std::size_t i)
@@ -195,7 +209,7 @@ std::shared_ptr<const RbfField> fit_at(const StoredField& stored, std::size_t i)
 } // namespace
 
 Deformation::Map::Map(const StoredField& stored, const std::string& path)
-    : frame(frame_of(stored)), grid(grid_of(stored))
+    : frame(frame_of(stored)), grid(checked_grid(stored, path))
 {
     read_material(stored, path);
     read_cells(stored);
@@ -207,11 +221,6 @@ void Deformation::Map::read_material(const StoredField& stored, const std::strin
     for (std::size_t run = 0; run < stored.run_lengths.size(); ++run)
         piece_of_voxel.insert(piece_of_voxel.end(), stored.run_lengths[run],
                               stored.run_pieces[run]);
-    if (piece_of_voxel.size() != grid.size())
-        throw malformed({path, 0, "section 'runs'"},
-                        "the material does not fill the grid (got " +
-                            std::to_string(piece_of_voxel.size()) + " voxels, need " +
-                            std::to_string(grid.size()) + ")");
     spread_labels(piece_of_voxel, grid.counts());
     if (piece_of_voxel.front() < 0)
         throw malformed({path, 0, "section 'run pieces'"}, "there is no material");
@@ -287,6 +296,10 @@ void Deformation::Map::carry(const Carried& carried) const
                         for (std::size_t i = begin; i < end; ++i)
                         {
                             work[i] = frame.to_work(carried.places[i]);
+                            if (!(work[i].cwiseAbs().maxCoeff() <= kFarthest))
+                                throw Error(Fault::Malformed,
+                                            "a point is too far from the field's box "
+                                            "(more than 1e100 of its size)");
                             own[i] = piece_of_voxel[grid.index(grid.locate(work[i]))];
                         }
                     });

@@ -84,12 +84,13 @@ private:
             blend(near, parts.poses, field_.cells_, places, wants_gradient, out);
         else
         {
+            const PlaceVectors kept = without_far_ones(places);
             if (parts.local && wants_gradient)
-                parts.local->value(places, near, shares_, out);
+                parts.local->value(kept, near, shares_, out);
             else if (parts.local)
-                parts.local->displacement(places, near, shares_, out.displacement);
+                parts.local->displacement(kept, near, shares_, out.displacement);
             else
-                parts.global->value(places, out);
+                parts.global->value(kept, out);
             fade_outside(places, near, wants_gradient, out);
         }
     }
@@ -102,6 +103,22 @@ private:
             field_.closest4_->influences(x, single_);
             out.set(l, blended(single_, field_.parts_.poses, field_.cells_, x));
         }
+    }
+
+    /// Where the RBF does not count its numbers might not even be finite: such places are
+    /// put onto the box.
+    PlaceVectors without_far_ones(const PlaceVectors& places) const
+    {
+        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        PlaceVectors kept = places;
+        for (int l = 0; l < kPlaces; ++l)
+        {
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
+            const Eigen::Vector3d nearest = nearest_in_box(cell.box_centre, cell.edge, x);
+            if ((x - nearest).norm() >= kOutside * cell.edge)
+                kept.row(l) = nearest.transpose().array();
+        }
+        return kept;
     }
 
     /// An RBF grows without bound: beside its material it gives way to the rigid motions
@@ -124,7 +141,12 @@ private:
                 blend(near, field_.parts_.poses, field_.cells_, places, wants_gradient,
                       outside_);
             has_outside = true;
-            const double u = std::min(1.0, distance / width);
+            if (distance >= width)
+            {
+                out.set(l, outside_.at(l));
+                continue;
+            }
+            const double u = distance / width;
             const double share = u * u * u * (10.0 + u * (6.0 * u - 15.0));
             const double slope =
                 30.0 * u * u * (1.0 - u) * (1.0 - u) / (width * distance);

@@ -145,7 +145,10 @@ TEST(FieldFile, whose_parts_contradict_each_other_is_refused)
     expect_refused([](StoredField& f) { f.first_neighbour[1] = 3; }, "neighbours");
     expect_refused([](StoredField& f) { f.run_pieces[0] = 7; }, "belongs to no cell");
     expect_refused([](StoredField& f) { f.edges.push_back(1); }, "differ in length");
-    expect_refused([](StoredField& f) { f.edges[0] = 0; }, "no size");
+    expect_refused([](StoredField& f) { f.edges[0] = 0; }, "not of a size");
+    expect_refused([](StoredField& f) { f.edges[0] = 1e308; }, "not of a size");
+    expect_refused([](StoredField& f) { f.box_centres[1] = 1e9; }, "outside of the box");
+    expect_refused([](StoredField& f) { f.exponent = 5000; }, "scale");
     expect_refused([](StoredField& f) { f.poses[0] = 2; }, "pose");
     expect_refused([](StoredField& f) { f.axes[0] = -1; }, "axes");
     expect_refused([](StoredField& f) { f.kind = 5; }, "kind");

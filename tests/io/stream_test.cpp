@@ -9,7 +9,12 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include "io/base64.h"
+#include "io/gltf.h"
+#include "io/lzf.h"
+#include "io/lzf_unpacker.h"
 #include "io/stored_number.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -38,11 +43,24 @@ Eigen::Vector3d turned(const Eigen::Vector3d& x, const Eigen::Vector3d& directio
     return bent(x + 1e-3 * direction) - bent(x - 1e-3 * direction);
 }
 
+/// No turn of the bend, but one that hangs on the sample as well.
+Eigen::Vector4d spun(const Eigen::Vector3d& x, const Eigen::Vector4d& rotation)
+{
+    return {rotation[0] - x.y() * rotation[1], rotation[1] + x.y() * rotation[0],
+            rotation[2] - x.z(), rotation[3]};
+}
+
 void bend(const PartMotion& motion)
 {
     for (std::size_t d = 0; d < motion.directions.size(); ++d)
         motion.directions[d] =
             turned(motion.samples[motion.direction_samples[d]], motion.directions[d]);
+    for (std::size_t t = 0; t < motion.tangents.size(); ++t)
+        motion.tangents[t] =
+            turned(motion.samples[motion.tangent_samples[t]], motion.tangents[t]);
+    for (std::size_t r = 0; r < motion.rotations.size(); ++r)
+        motion.rotations[r] =
+            spun(motion.samples[motion.rotation_samples[r]], motion.rotations[r]);
     for (Eigen::Vector3d& x : motion.samples)
         x = bent(x);
 }
@@ -54,6 +72,14 @@ void bend_half(const PartMotion& motion)
         if (const Eigen::Vector3d& x = motion.samples[motion.direction_samples[d]];
             x.x() > 0.5)
             motion.directions[d] = turned(x, motion.directions[d]);
+    for (std::size_t t = 0; t < motion.tangents.size(); ++t)
+        if (const Eigen::Vector3d& x = motion.samples[motion.tangent_samples[t]];
+            x.x() > 0.5)
+            motion.tangents[t] = turned(x, motion.tangents[t]);
+    for (std::size_t r = 0; r < motion.rotations.size(); ++r)
+        if (const Eigen::Vector3d& x = motion.samples[motion.rotation_samples[r]];
+            x.x() > 0.5)
+            motion.rotations[r] = spun(x, motion.rotations[r]);
     for (Eigen::Vector3d& x : motion.samples)
         if (x.x() > 0.5)
             x = bent(x);
@@ -75,11 +101,8 @@ StreamWork work_with(const Move& move)
             {}};
 }
 
-/// What the way through memory gives.
-std::string moved_whole(const std::string& name, const std::string& bytes,
-                        const Move& move, std::size_t* num_split = nullptr)
+Patch moved(const GeometryFile& file, const Move& move)
 {
-    const GeometryFile file = scan_geometry(name, bytes);
     const std::vector<DirectionUse> uses = direction_uses(file.geometry);
     Patch patch;
     std::vector<std::uint32_t> points;
@@ -89,9 +112,20 @@ std::string moved_whole(const std::string& name, const std::string& bytes,
         points.push_back(use.sample);
         patch.directions.push_back(file.geometry.directions[use.direction]);
     }
-    move({places, points, patch.directions});
-    patch.samples = places;
-    return patched(file, patch, num_split);
+    patch.tangents = file.geometry.tangents;
+    patch.rotations = file.geometry.rotations;
+    move({places, points, patch.directions, file.geometry.tangent_samples, patch.tangents,
+          file.geometry.rotation_samples, patch.rotations});
+    patch.samples = std::move(places);
+    return patch;
+}
+
+/// What the way through memory gives.
+std::string moved_whole(const std::string& name, const std::string& bytes,
+                        const Move& move, std::size_t* num_split = nullptr)
+{
+    const GeometryFile file = scan_geometry(name, bytes);
+    return patched(file, moved(file, move), num_split);
 }
 
 struct Streamed
@@ -117,8 +151,15 @@ Streamed streamed(const Folder& folder, const std::string& name, const std::stri
     return result;
 }
 
+/// Not a number is one of 32 bits.
 void put(std::string& bytes, double value, Scalar type, bool big_endian)
 {
+    if (std::isnan(value))
+    {
+        bytes +=
+            big_endian ? std::string("\x7f\xc0\0\0", 4) : std::string("\0\0\xc0\x7f", 4);
+        return;
+    }
     EXPECT_TRUE(store(value, type, big_endian, bytes));
 }
 
@@ -145,12 +186,8 @@ std::string binary_ply(bool big_endian, bool has_lists)
                 put(bytes, 10 * k, Scalar::Int32, big_endian);
         }
         // The first has no normal, the second none that is finite.
-        for (const double n : {0.0, 0.6, 0.8})
+        for (const double n : {0.0, 0.6, i == 1 ? std::nan("") : 0.8})
             put(bytes, i == 0 ? 0.0 : n, Scalar::Float32, big_endian);
-        if (i == 1)
-            bytes.replace(bytes.size() - 4, 4,
-                          big_endian ? std::string("\x7f\xc0\0\0", 4)
-                                     : std::string("\0\0\xc0\x7f", 4));
     }
     for (int f = 0; f < 2; ++f)
     {
@@ -177,6 +214,77 @@ std::string binary_stl()
         put(bytes, 3, Scalar::UInt16, false);
     }
     return bytes;
+}
+
+/// A Gaussian splat: the first rotation is none, the third not finite. More records than
+/// the stream has parts at work, so that their memory is used again.
+std::string splat_ply(bool big_endian)
+{
+    std::string bytes = std::string("ply\nformat binary_") +
+                        (big_endian ? "big" : "little") +
+                        "_endian 1.0\nelement vertex 14\nproperty float x\n"
+                        "property float y\nproperty float z\nproperty uchar opacity\n";
+    for (const char* rotation : {"rot_3", "rot_0", "rot_1", "rot_2"})
+        bytes += std::string("property float ") + rotation + "\n";
+    bytes += "end_header\n";
+    for (int i = 0; i < 14; ++i)
+    {
+        for (const double x : {0.4 * i, 1.0, 0.5 * i})
+            put(bytes, x, Scalar::Float32, big_endian);
+        put(bytes, i, Scalar::UInt8, big_endian);
+        for (const double q : {0.1 * i, 1.0 * i, 0.0, -0.3 * i})
+            put(bytes, i == 2 ? std::nan("") : q, Scalar::Float32, big_endian);
+    }
+    return bytes;
+}
+
+std::string pcd_header(const std::string& data)
+{
+    return "# .PCD v0.7\nVERSION 0.7\nFIELDS label normal_z x _ y z rgb normal_x "
+           "normal_y\n"
+           "SIZE 1 4 4 1 2 8 4 4 4\nTYPE U F F U I F F F F\nCOUNT 2 1 1 3 1 1 1 1 1\n"
+           "WIDTH 3\nHEIGHT 4\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 12\nDATA " +
+           data + "\n";
+}
+
+/// The numbers of point \p i, field by field; the fourth normal is not finite, the fifth
+/// zero.
+std::vector<std::string> pcd_fields(int i)
+{
+    std::vector<std::string> fields(1, "ab");
+    const auto field = [&](double value, Scalar type)
+    { put(fields.emplace_back(), value, type, false); };
+    field(i == 3 ? std::nan("") : i == 4 ? 0 : 0.8, Scalar::Float32);
+    field(0.25 * i, Scalar::Float32);
+    fields.emplace_back("pad");
+    field(i, Scalar::Int16);
+    field(0.1 * i, Scalar::Float64);
+    fields.emplace_back(4, static_cast<char>(i));
+    field(0, Scalar::Float32);
+    field(i == 4 ? 0 : 0.6, Scalar::Float32);
+    return fields;
+}
+
+std::string binary_pcd()
+{
+    std::string bytes = pcd_header("binary");
+    for (int i = 0; i < 12; ++i)
+        for (const std::string& field : pcd_fields(i))
+            bytes += field;
+    return bytes + "tail";
+}
+
+std::string packed_pcd()
+{
+    std::string body;
+    for (std::size_t f = 0; f < pcd_fields(0).size(); ++f)
+        for (int i = 0; i < 12; ++i)
+            body += pcd_fields(i)[f];
+    const std::string packed = *lzf_packed(body);
+    std::string bytes = pcd_header("binary_compressed");
+    put(bytes, static_cast<double>(packed.size()), Scalar::UInt32, false);
+    put(bytes, static_cast<double>(body.size()), Scalar::UInt32, false);
+    return bytes + packed + "tail";
 }
 
 struct Sample
@@ -207,6 +315,20 @@ std::vector<Sample> samples()
                   "property list uchar int vertex_index\nend_header\n"
                   "0 0 0 0 0 0 1\n\n1.5 0 1 2 7 8 0 1 0\r\n1 1 2 0 inf 0 0\n"
                   "0.5 1 3 1 9 1 0 0\n4 0 1 2 3\nrest\n"},
+        {"s.ply", splat_ply(false)},
+        {"t.ply", splat_ply(true)},
+        {"a.pcd", "\xef\xbb\xbf# .PCD\r\nVERSION .7\r\nFIELDS x i y z normal_x normal_y "
+                  "normal_z\r\nSIZE 4 1 8 4 4 4 4\r\nTYPE F U F F F F F\r\n"
+                  "COUNT 1 2 1 1 1 1 1\r\nWIDTH 5\r\nHEIGHT 1\r\nPOINTS 5\r\n"
+                  "DATA ascii\r\n0 1 2 0 0 0 0 1\r\n\r\nnan 1 2 nan nan 0 0 1\r\n"
+                  "1.50 3 4 0.10 2 0 0.6 0.8\n 1 9 9 1e0 -0.5 nan 0 0\r\n"
+                  "1 9 9 1 1 0 0 0\r\n \r\nrest\r\n"},
+        {"i.pcd", "FIELDS z x y\nSIZE 4 4 4\nTYPE F I F\nHEIGHT 2\nWIDTH 2\nDATA ascii\n"
+                  "0.5 1 2\n1 -2 3\n3 7 -3\n2 1 0.25"},
+        {"n.pcd", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nDATA ascii\n"
+                  "nan nan nan\n1 2 3\nNaN nan nan"},
+        {"b.pcd", binary_pcd()},
+        {"c.pcd", packed_pcd()},
         {"m.ply", "ply\rformat ascii 1.0\relement vertex 2\rproperty float x\r"
                   "property float y\rproperty float z\rend_header\r1 2 3\r4 5 6\r"},
         {"a.stl", "solid one\nfacet normal 0 0 1\n outer loop\n  vertex 0 0 0\n"
@@ -367,6 +489,254 @@ TEST(Stream, a_stop_leaves_no_output)
         stream_geometry(folder.write("p.xyz", text), folder / "out.xyz", options, work)
             .is_stopped);
     EXPECT_FALSE(std::filesystem::exists(folder / "out.xyz"));
+}
+
+TEST(Stream, a_compressed_cloud_of_many_blocks_is_the_one_of_memory)
+{
+    // Two blocks and a half, some of it noise; every third point is missing.
+    std::mt19937 rng(5);
+    std::string x, y, z;
+    const int n = 220000;
+    for (int i = 0; i < n; ++i)
+    {
+        put(x, i % 3 == 0 ? std::nan("") : 0.01 * (i % 1000), Scalar::Float32, false);
+        put(y, i % 3 == 0 ? std::nan("") : 1e-6 * (rng() % 1000000), Scalar::Float32,
+            false);
+        put(z, i % 3 == 0 ? std::nan("") : 0.5, Scalar::Float32, false);
+    }
+    const std::string packed = *lzf_packed(x + y + z);
+    std::string bytes = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " +
+                        std::to_string(n) + "\nDATA binary_compressed\n";
+    put(bytes, static_cast<double>(packed.size()), Scalar::UInt32, false);
+    put(bytes, 12.0 * n, Scalar::UInt32, false);
+    bytes += packed;
+    const Folder folder;
+    EXPECT_TRUE(streamed(folder, "p.pcd", bytes, bend, 1 << 17).bytes ==
+                moved_whole("p.pcd", bytes, bend));
+    // What does not move keeps the packing it came with.
+    EXPECT_TRUE(streamed(
+                    folder, "p.pcd", bytes, [](const PartMotion&) {}, 1 << 17)
+                    .bytes == bytes);
+}
+
+TEST(Stream, compressed_data_are_unpacked_wherever_they_are_cut)
+{
+    std::mt19937 rng(7);
+    std::string bytes;
+    while (bytes.size() < 30000)
+        bytes += rng() % 3 ? bytes.substr(rng() % (bytes.size() + 1), rng() % 700)
+                           : std::string(1 + rng() % 9, static_cast<char>(rng() % 256));
+    const std::string packed = *lzf_packed(bytes);
+    for (const std::size_t size : {1, 2, 3, 5, 64, 4096, 1 << 20})
+    {
+        LzfUnpacker unpacker(bytes.size());
+        std::string all, made;
+        for (std::size_t first = 0; first < packed.size(); first += size)
+        {
+            EXPECT_FALSE(unpacker.is_complete());
+            ASSERT_TRUE(unpacker.take(packed.substr(first, size), made));
+            all += made;
+        }
+        EXPECT_TRUE(unpacker.is_complete());
+        EXPECT_TRUE(all == bytes) << "pieces of " << size;
+    }
+    std::string made;
+    // Too long for what it must make; a reference to before the beginning.
+    EXPECT_FALSE(LzfUnpacker(bytes.size() - 1).take(packed, made));
+    EXPECT_FALSE(LzfUnpacker(9).take(std::string("\0a\x20\x01", 4), made));
+    EXPECT_TRUE(LzfUnpacker(9).take(std::string("\0a\x20\0", 4), made));
+}
+
+namespace
+{
+
+constexpr int kGltfVertices = 60;
+
+/// Positions and normals in turns, tangents, indices; the second normal is zero, the
+/// third not finite.
+std::string gltf_body()
+{
+    std::string bytes, tangents;
+    for (int i = 0; i < kGltfVertices; ++i)
+    {
+        for (const double x : {0.02 * i, 0.1 * (i % 7), 1.0 - 0.01 * i})
+            put(bytes, x, Scalar::Float32, false);
+        for (const double n : {0.0, 0.6, i == 2 ? std::nan("") : 0.8})
+            put(bytes, i == 1 ? 0.0 : n, Scalar::Float32, false);
+        for (const double t : {1.0, 0.0, 0.0, -1.0})
+            put(tangents, t, Scalar::Float32, false);
+    }
+    bytes += tangents;
+    for (int i = 0; i < kGltfVertices; ++i)
+        put(bytes, i, Scalar::UInt16, false);
+    return bytes;
+}
+
+/// A turned and scaled node, and one in place with a part of the same body in a buffer of
+/// its own. An empty URI: the buffer is the chunk.
+nlohmann::ordered_json gltf_json(const std::string& first_uri,
+                                 const std::string& second_uri)
+{
+    const std::string n = std::to_string(kGltfVertices);
+    const auto accessor = [&](const std::string& view, int start, const std::string& type,
+                              int component = 5126)
+    {
+        return R"({"bufferView":)" + view + R"(,"byteOffset":)" + std::to_string(start) +
+               R"(,"componentType":)" + std::to_string(component) + R"(,"count":)" + n +
+               R"(,"type":")" + type + R"("})";
+    };
+    const int size = static_cast<int>(gltf_body().size()), ends = 24 * kGltfVertices;
+    nlohmann::ordered_json json = nlohmann::ordered_json::parse(
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+        "nodes":[{"mesh":0,"translation":[0.1,0.2,0],"scale":[2,-3,1],
+        "rotation":[0.17364817766693033,0,0,0.984807753012208]},{"mesh":1}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":2},
+        "indices":3},{"attributes":{"POSITION":0},"mode":0}]},
+        {"primitives":[{"attributes":{"POSITION":4,"NORMAL":5}}]}],"accessors":[)" +
+        accessor("0", 0, "VEC3") + "," + accessor("0", 12, "VEC3") + "," +
+        accessor("1", 0, "VEC4") + "," + accessor("2", 0, "SCALAR", 5123) + "," +
+        accessor("3", 0, "VEC3") + "," + accessor("3", 12, "VEC3") +
+        R"(],"bufferViews":[{"buffer":0,"byteLength":)" + std::to_string(ends) +
+        R"(,"byteStride":24},{"buffer":0,"byteOffset":)" + std::to_string(ends) +
+        R"(,"byteLength":)" + std::to_string(16 * kGltfVertices) +
+        R"(},{"buffer":0,"byteOffset":)" + std::to_string(ends + 16 * kGltfVertices) +
+        R"(,"byteLength":)" + std::to_string(2 * kGltfVertices) +
+        R"(},{"buffer":1,"byteLength":)" + std::to_string(ends) +
+        R"(,"byteStride":24}],"buffers":[{"byteLength":)" + std::to_string(size) +
+        R"(},{"byteLength":)" + std::to_string(size) + "}]}");
+    for (const int i : {0, 4})
+    {
+        json["accessors"][i]["min"] = {0, 0.0, 0.5};
+        json["accessors"][i]["max"] = {1.5, 0.6, 1};
+    }
+    if (!first_uri.empty())
+        json["buffers"][0]["uri"] = first_uri;
+    json["buffers"][1]["uri"] = second_uri;
+    return json;
+}
+
+std::string glb_of(std::string json, const std::string& body)
+{
+    std::string bytes = "glTF";
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    const auto word = [&](std::size_t value)
+    { put(bytes, static_cast<double>(value), Scalar::UInt32, false); };
+    word(2);
+    word(12 + 8 + json.size() + 8 + body.size());
+    word(json.size());
+    bytes += "JSON" + json;
+    word(body.size());
+    return bytes + std::string("BIN\0", 4) + body + "tail";
+}
+
+std::string data_uri_of(const std::string& body)
+{
+    const std::string zeros(body.size(), '\0');
+    std::string text((body.size() + 2) / 3 * 4, 'A');
+    for (std::size_t i = 0; i < (3 - body.size() % 3) % 3; ++i)
+        text[text.size() - 1 - i] = '=';
+    return "data:application/octet-stream;base64," + base64_patched(text, zeros, body);
+}
+
+} // namespace
+
+TEST(Stream, a_gltf_in_ranges_is_the_one_of_memory_and_so_is_what_stands_beside_it)
+{
+    const Folder folder;
+    const std::string body = gltf_body();
+    folder.write("one.bin", body + "rest");
+    folder.write("t wo.bin", body);
+    const std::string inside = data_uri_of(body);
+    const std::vector<Sample> files = {
+        {"a.gltf", gltf_json("one.bin", "t%20wo.bin").dump(1)},
+        {"b.gltf", gltf_json("one.bin", inside).dump()},
+        {"c.gltf", gltf_json(inside, inside).dump()},
+        {"d.glb", glb_of(gltf_json("", "t%20wo.bin").dump(), body)},
+        {"e.glb", glb_of(gltf_json("", inside).dump(), body)},
+        {"f.glb", glb_of(gltf_json(inside, inside).dump(), body)},
+    };
+    for (const Sample& sample : files)
+        for (const Move& move :
+             {Move(bend), Move(bend_half), Move([](const PartMotion&) {})})
+        {
+            SCOPED_TRACE(sample.name);
+            const GeometryFile file = scan_geometry(folder / sample.name, sample.bytes);
+            const PatchedGltf whole = patched_gltf(
+                file, moved(file, move), folder / (std::string("out-") + sample.name));
+            for (const std::size_t part : {1, 100, 1000, 100000})
+            {
+                const Streamed parts =
+                    streamed(folder, sample.name, sample.bytes, move, part);
+                ASSERT_TRUE(parts.bytes == whole.bytes)
+                    << "parts of " << part << " bytes";
+                for (const Companion& companion : whole.companions)
+                {
+                    ASSERT_TRUE(bytes_of(companion.path) == companion.bytes);
+                    std::filesystem::remove(companion.path);
+                }
+                ASSERT_EQ(parts.report.samples, 2u * kGltfVertices);
+                ASSERT_EQ(parts.report.bytes, whole.bytes.size());
+                ASSERT_EQ(parts.report.warnings, file.geometry.warnings);
+            }
+        }
+}
+
+TEST(Stream, a_gltf_is_refused_as_in_memory)
+{
+    const Folder folder;
+    const std::string body = gltf_body(), inside = data_uri_of(body);
+    const std::string whole = glb_of(gltf_json("", inside).dump(), body);
+    std::string far = body, gone = body, index = body;
+    far.replace(24 * 50, 4, std::string("\x60\xec\x78\x7f", 4));
+    gone.replace(24 * 40 + 8, 4, std::string("\0\0\xc0\x7f", 4));
+    index.replace(index.size() - 2, 2, std::string("\xff\0", 2));
+    nlohmann::ordered_json huge = gltf_json("", inside);
+    // Float coordinates stay below 1e150; the node takes them there.
+    huge["nodes"][0]["scale"] = {1e120, 1e120, 1e120};
+    std::vector<std::string> files = {glb_of(gltf_json("", inside).dump(), gone),
+                                      glb_of(gltf_json("", inside).dump(), index),
+                                      glb_of(huge.dump(), far)};
+    for (std::size_t length = 0; length < whole.size(); length += length < 50 ? 1 : 97)
+        files.push_back(whole.substr(0, length));
+    for (std::size_t i = 0; i < files.size(); ++i)
+    {
+        SCOPED_TRACE(i);
+        const std::string message = error_of(
+            Fault::Malformed, [&] { scan_geometry(folder / "x.glb", files[i]); });
+        EXPECT_EQ(error_of(Fault::Malformed,
+                           [&] { streamed(folder, "x.glb", files[i], bend, 300); }),
+                  message);
+        EXPECT_FALSE(std::filesystem::exists(folder / "out-x.glb"));
+    }
+    nlohmann::ordered_json twice = gltf_json("", inside);
+    twice["nodes"][1]["mesh"] = 0;
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&]
+                 { streamed(folder, "x.glb", glb_of(twice.dump(), body), bend, 300); }),
+        "cannot be written: nodes[0]: its mesh has several instances"));
+}
+
+TEST(Stream, what_cannot_be_streamed_says_why)
+{
+    const Folder folder;
+    StreamOptions options;
+    const auto refused = [&](const std::string& input, const std::string& output)
+    {
+        return error_of(Fault::Usage, [&]
+                        { stream_geometry(input, output, options, work_with(bend)); });
+    };
+    options.format = "glb";
+    EXPECT_TRUE(contains(refused("-", folder / "x.glb"), "need a file, not stdin"));
+    options.format = {};
+    // 300 MB of JSON that take no place on the disk.
+    const std::string long_json = folder.write("x.glb", glb_of("{}", "").substr(0, 12) +
+                                                            std::string("\0\0\0\x12", 4));
+    std::filesystem::resize_file(long_json, 310000000);
+    EXPECT_TRUE(contains(refused(long_json, folder / "y.glb"), "longer than 256 MB"));
+    folder.write("one.bin", gltf_body());
+    const std::string beside =
+        folder.write("x.gltf", gltf_json("one.bin", data_uri_of(gltf_body())).dump());
+    EXPECT_TRUE(contains(refused(beside, "-"), "buffers in files of their own"));
 }
 
 } // namespace cellwarp

@@ -15,6 +15,7 @@
 #include "editor/session/apply.h"
 #include "editor/session/deformation.h"
 #include "editor/session/manifest.h"
+#include "io/lzf.h"
 #include "tests/support/fields.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
@@ -70,18 +71,60 @@ std::size_t num_lines(const std::string& text)
     return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
 }
 
-/// A binary PLY or an XYZ of a flat lattice.
-void write_points(const std::string& path, std::size_t count, bool is_binary)
+std::string word(std::size_t value)
+{
+    const std::uint32_t word = static_cast<std::uint32_t>(value);
+    return std::string(reinterpret_cast<const char*>(&word), sizeof word);
+}
+
+/// What stands before the numbers of a binary file.
+std::string head_of(const std::string& format, std::size_t count)
+{
+    const std::string n = std::to_string(count);
+    if (format == "ply")
+        return "ply\nformat binary_little_endian 1.0\nelement vertex " + n +
+               "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    if (format == "pcd")
+        return "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH " + n +
+               "\nDATA binary_compressed\n";
+    const std::string bytes = std::to_string(12 * count);
+    std::string json =
+        R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0},"mode":0}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","count":)" +
+        n + R"(}],"bufferViews":[{"buffer":0,"byteLength":)" + bytes +
+        R"(}],"buffers":[{"byteLength":)" + bytes + "}]}";
+    json.resize((json.size() + 3) / 4 * 4, ' ');
+    return "glTF" + word(2) + word(28 + json.size() + 12 * count) + word(json.size()) +
+           "JSON" + json + word(12 * count) + std::string("BIN\0", 4);
+}
+
+/// A flat lattice: text (xyz), a PLY, a compressed PCD or a GLB.
+void write_points(const std::string& path, std::size_t count, const std::string& format)
 {
     std::ofstream file(path, std::ios::binary);
-    if (is_binary)
-        file << "ply\nformat binary_little_endian 1.0\nelement vertex " << count
-             << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    const auto place = [](std::size_t i, std::size_t k)
+    { return k == 2 ? 0.5f : static_cast<float>(k == 0 ? i % 1000 : i / 1000) * 0.001f; };
+    if (format != "xyz")
+        file << head_of(format, count);
+    if (format == "pcd")
+    {
+        std::string packed;
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            std::vector<float> column;
+            for (std::size_t i = 0; i < count; ++i)
+                column.push_back(place(i, k));
+            packed +=
+                *lzf_packed({reinterpret_cast<const char*>(column.data()), 4 * count});
+        }
+        file << word(packed.size()) << word(12 * count) << packed;
+        return;
+    }
     for (std::size_t i = 0; i < count; ++i)
     {
-        const float x[3] = {static_cast<float>(i % 1000) * 0.001f,
-                            static_cast<float>(i / 1000) * 0.001f, 0.5f};
-        if (is_binary)
+        const float x[3] = {place(i, 0), place(i, 1), place(i, 2)};
+        if (format != "xyz")
             file.write(reinterpret_cast<const char*>(x), sizeof x);
         else
             file << x[0] << ' ' << x[1] << ' ' << x[2] << '\n';
@@ -327,13 +370,13 @@ TEST(Apply, memory_does_not_grow_with_the_input)
     GTEST_SKIP() << "a sanitizer keeps memory that was given back";
 #endif
     const Files files;
-    for (const bool is_binary : {true, false})
+    for (const std::string format : {"ply", "xyz", "pcd", "glb"})
     {
-        const std::string name = is_binary ? "p.ply" : "p.xyz";
+        const std::string name = "p." + format;
         double peaks[2];
         for (const std::size_t half_millions : {1, 4})
         {
-            write_points(files.folder / name, 500000 * half_millions, is_binary);
+            write_points(files.folder / name, 500000 * half_millions, format);
             const Result result =
                 files.apply({files.folder / name, "-o", files.folder / ("o" + name),
                              "--json", "--overwrite", "--threads", "2"});
@@ -350,7 +393,7 @@ TEST(Apply, memory_does_not_grow_with_the_input)
 TEST(Apply, an_interrupt_ends_at_once_and_leaves_nothing)
 {
     const Files files;
-    write_points(files.folder / "p.xyz", 3000000, false);
+    write_points(files.folder / "p.xyz", 3000000, "xyz");
     for (const auto& [signal, code] : {std::pair(SIGINT, 130), {SIGTERM, 143}})
     {
         const pid_t child = support::start(

@@ -167,6 +167,23 @@ TEST(Deformation, takes_points_far_outside_along_with_the_nearest_cell)
     EXPECT_NEAR((now[0] - now[1]).norm(), (a - b).norm(), 1e-9);
 }
 
+TEST(Deformation, takes_points_at_any_distance_or_says_that_they_are_too_far)
+{
+    const Played played(FieldKind::Rbf);
+    const Deformation deformation = played.deformation();
+    // The second map turns by 25 degrees, the first by 60: no length changes.
+    const std::vector<Eigen::Vector3d> now =
+        moved(deformation, {{0, 0, 1e10}, {0, 0, 1e90}});
+    EXPECT_NEAR(now[0].norm(), 1e10, 10.0);
+    EXPECT_NEAR(now[1].norm() / 1e90, 1.0, 1e-9);
+    EXPECT_TRUE(
+        support::contains(support::error_of(Fault::Malformed,
+                                            [&] {
+                                                moved(deformation, {{0, 0, 1e120}});
+                                            }),
+                          "too far"));
+}
+
 TEST(Deformation, is_refused_where_its_material_does_not_fill_its_grid)
 {
     const Played played(FieldKind::Blend);

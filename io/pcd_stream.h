@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A compressed PCD from disk to disk: its fields stand one after the other, so that it
+// is unpacked into a temporary file, moved there, and packed again.
+#pragma once
+
+#include <string>
+
+#include "io/stream.h"
+
+namespace cellwarp
+{
+
+/// As stream_geometry(), for a file that is_packed_pcd().
+StreamReport stream_packed_pcd(const std::string& input, const std::string& output,
+                               const StreamOptions& options, const StreamWork& work);
+
+} // namespace cellwarp
