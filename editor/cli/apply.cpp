@@ -102,6 +102,20 @@ double per_second(std::uint64_t samples, double seconds)
     return seconds > 0 ? static_cast<double>(samples) / seconds : 0.0;
 }
 
+/// What one file and many have in common, after their own \p json.
+void print_report(Json json, std::uint64_t samples, double seconds,
+                  const Deformation& deformation,
+                  const std::vector<std::string>& warnings)
+{
+    json["samples"] = samples;
+    json["seconds"] = seconds;
+    json["points_per_second"] = per_second(samples, seconds);
+    json["chain_length"] = deformation.num_maps();
+    json["peak_rss_mb"] = peak_memory_mb();
+    json["warnings"] = warnings;
+    write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+}
+
 std::vector<std::string> warnings_of(const StreamReport& report,
                                      const std::string& output)
 {
@@ -156,19 +170,8 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
     const std::vector<std::string> warnings = warnings_of(report, flags.output);
     print_warnings(warnings, common);
     if (common.is_json)
-        write_file("-",
-                   Json{{"field", flags.field},
-                        {"input", input},
-                        {"output", flags.output},
-                        {"samples", report.samples},
-                        {"seconds", seconds},
-                        {"points_per_second", per_second(report.samples, seconds)},
-                        {"chain_length", deformation.num_maps()},
-                        {"peak_rss_mb", peak_memory_mb()},
-                        {"warnings", warnings}}
-                           .dump(2) +
-                       "\n",
-                   Overwrite::Yes);
+        print_report({{"field", flags.field}, {"input", input}, {"output", flags.output}},
+                     report.samples, seconds, deformation, warnings);
     return 0;
 }
 
@@ -238,19 +241,8 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
     if (exit_code == 0 && !common.is_quiet)
         say(fmt::format("{} files done, {} skipped\n", done, skipped));
     if (common.is_json && exit_code == 0)
-        write_file("-",
-                   Json{{"field", flags.field},
-                        {"output", flags.output},
-                        {"files", each},
-                        {"samples", samples},
-                        {"seconds", seconds},
-                        {"points_per_second", per_second(samples, seconds)},
-                        {"chain_length", deformation.num_maps()},
-                        {"peak_rss_mb", peak_memory_mb()},
-                        {"warnings", warnings}}
-                           .dump(2) +
-                       "\n",
-                   Overwrite::Yes);
+        print_report({{"field", flags.field}, {"output", flags.output}, {"files", each}},
+                     samples, seconds, deformation, warnings);
     return exit_code;
 }
 

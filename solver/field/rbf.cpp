@@ -96,13 +96,6 @@ double RbfSystem::memory_estimate(std::size_t num_centres)
     return 8.0 * n * (n + 40.0);
 }
 
-std::size_t RbfSystem::bytes() const
-{
-    return sizeof(double) *
-           (packed_.size() + static_cast<std::size_t>(dense_.size() + centres_.size() +
-                                                      Q_.size() + R_.size()));
-}
-
 RbfSystem::RbfSystem(std::span<const Eigen::Vector3d> centres)
 {
     for (const Eigen::Vector3d& c : centres)

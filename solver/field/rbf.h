@@ -65,7 +65,6 @@ public:
     Fit fit(std::span<const Eigen::Vector3d> displacements) const;
 
     std::size_t num_centres() const { return kept_.size(); }
-    std::size_t bytes() const; ///< that it holds
 
     /// What building needs, beforehand [byte].
     static double memory_estimate(std::size_t num_centres);
