@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A model and what the user has done to it, edit by edit. What is kept is the edits, in a
+// journal on the disk; all else follows from them. No window, no thread, no solving.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/document/edit.h"
+#include "editor/document/history.h"
+#include "editor/document/selection.h"
+#include "editor/session/work_frame.h"
+#include "io/geometry.h"
+#include "io/handle_file.h"
+
+namespace cellwarp
+{
+
+/// Where a region has been moved to from its rest shape: turned about the centre of its
+/// rest samples' box, then shifted.
+struct Placement
+{
+    Eigen::Vector3d axis = Eigen::Vector3d::UnitX();       ///< unit
+    double degrees = 0.0;                                  ///< any number of turns
+    Eigen::Vector3d translation = Eigen::Vector3d::Zero(); ///< [model unit]
+
+    bool operator==(const Placement&) const = default;
+};
+
+/// A region of the current stage as panels and tools see it.
+struct EditedRegion
+{
+    std::string name;
+    Role role = Role::Fixed;
+    double factor = 1.0;                ///< of a stiff region
+    std::vector<std::uint32_t> samples; ///< ascending
+    Eigen::Vector3d centre =
+        Eigen::Vector3d::Zero(); ///< of the rest samples' box [model]
+    Placement placement;         ///< at the current edit
+
+    bool moves() const { return role == Role::Handle || role == Role::Pin; }
+};
+
+class Document
+{
+public:
+    /// Opens a model or a scene (*.json). Its journal goes into \p journal_folder (empty:
+    /// nothing is kept on the disk). Throws Error; Fault::File "in use by PID" if
+    /// another process edits it.
+    Document(const std::string& path, const std::string& journal_folder);
+    ~Document();
+    Document(Document&&) noexcept;
+    Document& operator=(Document&&) noexcept;
+
+    /// How many edits of an earlier run, which did not end well, can be recovered for
+    /// this file; 0: none.
+    std::size_t num_recoverable() const;
+    /// Does them again, as far as they are whole; or drops them. Warnings tell what was
+    /// cut.
+    std::vector<std::string> recover();
+    void drop_recoverable();
+
+    const std::string& path() const; ///< the model or scene as it was opened
+    const std::string&
+    scene_path() const; ///< where save() writes to; empty: not yet known
+    std::shared_ptr<const GeometryFile> model() const;
+    const ModelBox& box() const; ///< of the model's samples [model unit]
+    const std::vector<std::string>& warnings() const;
+
+    // What the edits amount to.
+    const HandleFile& handles() const;
+    const EditSettings& settings() const;
+    const Selection& selection() const;
+    const std::vector<EditedRegion>& regions() const;          ///< of the current stage
+    const EditedRegion* region(const std::string& name) const; ///< null: none
+    /// The region that holds a sample, the first declared; -1: none.
+    int region_of(std::size_t sample) const;
+    /// Rises with everything that changes any of these.
+    std::uint64_t revision() const;
+    /// Rises with what changes the result: not with the selection.
+    std::uint64_t result_revision() const;
+
+    // Commands: each is one edit, or none where it changes nothing. Throw Error
+    // (Fault::Usage) with the reason where they cannot be.
+    void select(const Selection& selection, const std::string& name);
+    /// Makes a region of the selection; what other regions hold of it they lose. Gives
+    /// its name: \p name, or one of the role if empty.
+    std::string add_region(Role role, const std::string& name = "");
+    /// Replaces a region's samples by the selection.
+    void set_samples(const std::string& region);
+    void remove_region(const std::string& region);
+    void rename_region(const std::string& region, const std::string& name);
+    void set_role(const std::string& region, Role role, double factor = 1.0);
+    /// Adds a frame.
+    void move_region(const std::string& region, const Placement& placement);
+    void change_settings(const EditSettings& settings);
+
+    // Undo and redo, without limit.
+    const History& history() const;
+    bool can_undo() const;
+    bool can_redo() const;
+    void undo();
+    void redo();
+    /// To after the first \p position edits.
+    void go_to(std::size_t position);
+
+    bool is_saved() const; ///< since the last change that a file would hold
+    /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
+    /// replays to the same result. Throws Error.
+    void save(const std::string& scene_path);
+    /// Ends the journal: nothing is left to recover.
+    void close();
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What there is to see: plain arrays that a view can draw as they are, made by the
+// threads behind the document and never changed afterwards.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/pose.h"
+
+namespace cellwarp
+{
+
+/// In which order the samples stand, and what joins them there. Lasts while the cells do.
+struct ShapeLayout
+{
+    std::vector<std::uint32_t> order;    ///< sample at each place
+    std::vector<std::uint32_t> place_of; ///< place of each sample
+    /// Triangles as places, three each; empty for a cloud.
+    std::vector<std::uint32_t> triangles;
+};
+
+/// The samples at one moment, three numbers each, in the order of the layout.
+struct ShownShape
+{
+    std::shared_ptr<const ShapeLayout> layout;
+    std::vector<float> positions; ///< [work]
+    std::vector<float> normals;   ///< unit or zero; empty for a cloud
+    Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity(); ///< from work to view space
+    /// Rises whenever anything of it changes.
+    std::uint64_t version = 0;
+};
+
+/// A cell's box at rest, and what it is.
+struct ShownCell
+{
+    std::array<Eigen::Vector3f, 8> corners; ///< [work], where the cell is now
+    int depth = 0;                          ///< below the coarsest
+    int region = -1;                        ///< which one moves it; -1: none
+    float gap = 0.0f; ///< largest to a neighbour, through the glue [diagonal]
+};
+
+struct ShownCells
+{
+    std::vector<ShownCell> cells;
+    Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity();
+    std::uint64_t version = 0;
+};
+
+} // namespace cellwarp

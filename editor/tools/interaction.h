@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the user's hand means: pointer and key events become selections, drags and camera
+// moves. No window; a window sends events in and draws what is told here.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/document/editing.h"
+#include "editor/tools/camera.h"
+
+namespace cellwarp
+{
+
+enum class Button
+{
+    Left,
+    Middle,
+    Right
+};
+
+struct Modifiers
+{
+    bool shift = false, control = false, alt = false;
+};
+
+/// Keys by what stands on them; letters and digits as their character, in lower case.
+enum class Key
+{
+    Character,
+    Enter,
+    Escape,
+    Tab,
+    Backspace,
+    Delete,
+    Home,
+    Space,
+    Left,
+    Right,
+    Up,
+    Down
+};
+
+struct KeyEvent
+{
+    Key key = Key::Character;
+    char character = 0; ///< of Key::Character: 'g', '7', '.', '-', '?'
+    bool is_keypad = false;
+    Modifiers modifiers;
+};
+
+enum class Tool
+{
+    Click,
+    Box,
+    Lasso,
+    Brush,
+    Move, ///< the gizmo; what it shows depends on the region
+    Rotate
+};
+
+enum class Navigation
+{
+    Blender, ///< middle button: orbit; with Shift: pan; with Control: zoom
+    Maya     ///< Alt with left, middle, right button: orbit, pan, zoom
+};
+
+/// How a gizmo's part looks now, for whoever draws it: lines in view space.
+struct GizmoPart
+{
+    enum class Kind
+    {
+        Axis,   ///< an arrow
+        Plane,  ///< a small square
+        Screen, ///< a circle around the centre, facing the viewer
+        Ring    ///< a circle about an axis
+    };
+    Kind kind = Kind::Axis;
+    int axis = 0;                      ///< 0, 1, 2; of a plane the one that stands on it
+    std::vector<Eigen::Vector3d> line; ///< [view]
+    bool is_closed = false;
+    bool is_hot = false; ///< under the pointer, or in the hand
+};
+
+/// What a click would pick.
+struct Hover
+{
+    std::uint32_t sample = 0;
+    Eigen::Vector3d point = Eigen::Vector3d::Zero(); ///< [view]
+    int region = -1;
+};
+
+class Interaction
+{
+public:
+    /// \p editing must outlive it.
+    explicit Interaction(Editing& editing);
+    ~Interaction();
+
+    // Events. Places in pixels of the view, from its upper left corner. What is not
+    // finite is left out. Several moves between two updates count as the last.
+    void resize(double width, double height);
+    void pointer_moved(const Eigen::Vector2d& pixel, const Modifiers& modifiers);
+    void button(Button button, bool is_pressed, const Modifiers& modifiers);
+    void wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers);
+    void key(const KeyEvent& event);
+    /// The pointer left, or the window lost the keyboard: gestures end as by Escape.
+    void focus_lost();
+    /// Once a drawn frame: does what the events since the last one amount to.
+    void update();
+
+    // Settings of the hand.
+    Tool tool() const;
+    void set_tool(Tool tool);
+    Navigation navigation() const;
+    void set_navigation(Navigation navigation);
+    bool selects_through() const; ///< also what is hidden
+    void set_selects_through(bool through);
+    double brush_radius() const; ///< [pixel]
+    void set_brush_radius(double pixels);
+    /// Which region the gizmo is on; empty: none.
+    const std::string& active_region() const;
+    void set_active_region(const std::string& region);
+    void frame_selection(); ///< or all, where nothing is selected
+
+    // What is to be drawn.
+    const Camera& camera() const;
+    std::vector<GizmoPart> gizmo() const; ///< empty: none
+    /// Of the selection gesture under way [pixel].
+    std::vector<Eigen::Vector2d> outline() const;
+    std::optional<Hover> hover() const;
+    /// What the gesture under way does: "Move X 0.23 (Enter: done, Esc: back)".
+    std::string status() const;
+    /// What the user may do next, in the first minutes; empty when there is nothing to
+    /// say.
+    std::string hint() const;
+    /// Of the last command that could not be; gone after a few seconds or the next one.
+    std::string complaint() const;
+    bool is_busy() const; ///< a gesture is under way
+
+private:
+    struct State;
+    std::unique_ptr<State> state_;
+};
+
+} // namespace cellwarp
