@@ -21,14 +21,18 @@ public:
     /// \p samples: rest places, in the order of \p geometry.
     Neighbours(const Geometry& geometry, std::span<const Eigen::Vector3d> samples);
 
+    /// Of a sample that others share the place of: all samples there too, itself
+    /// included.
     std::span<const std::uint32_t> of(std::size_t sample) const
     {
+        const std::uint32_t spot = spots_[sample];
         return std::span(neighbours_)
-            .subspan(first_[sample], first_[sample + 1] - first_[sample]);
+            .subspan(first_[spot], first_[spot + 1] - first_[spot]);
     }
 
 private:
-    std::vector<std::uint64_t> first_; ///< samples + 1
+    std::vector<std::uint32_t> spots_; ///< of each sample; samples at one place share it
+    std::vector<std::uint64_t> first_; ///< of each spot, and the end
     std::vector<std::uint32_t> neighbours_;
 };
 

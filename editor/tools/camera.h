@@ -43,7 +43,7 @@ public:
     /// Towards what is under \p pixel, at \p depth_point where something is there.
     void zoom(double steps, const Eigen::Vector2d& pixel,
               const std::optional<Eigen::Vector3d>& depth_point);
-    void look_from(View view);
+    void look_from(View view); ///< the target stays
     void toggle_perspective() { is_perspective_ = !is_perspective_; }
     bool is_perspective() const { return is_perspective_; }
     /// Shows a box whole, from where it looks now.
@@ -54,13 +54,17 @@ public:
     Eigen::Vector3d right() const, up() const, forward() const; ///< unit
     Eigen::Matrix4d view_matrix() const;
     Eigen::Matrix4d projection_matrix() const; ///< OpenGL clip space
-    /// Pixel, and depth along the view direction [view]; none behind the eye.
+    /// Pixel, and depth along the view direction [view]; none behind the eye. In parallel
+    /// projection nothing is behind it.
     std::optional<Eigen::Vector3d> project(const Eigen::Vector3d& point) const;
     Ray ray(const Eigen::Vector2d& pixel) const;
     /// Length of a pixel at a point [view].
     double pixel_size(const Eigen::Vector3d& point) const;
 
 private:
+    double focal() const; ///< eye to the plane of the pixels [pixel]
+    void move_target(const Eigen::Vector3d& target);
+
     int up_axis_ = 1;
     double width_ = 1.0, height_ = 1.0;
     Eigen::Vector3d target_ = Eigen::Vector3d::Zero();

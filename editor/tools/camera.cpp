@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A turntable: the up axis stays upright on the screen, and at the poles the azimuth
+// still says where the right hand is, so nothing ever flips. The opening angle is that
+// of the shorter side of the view; parallel projection shows the target's depth as large
+// as perspective does.
+#include "editor/tools/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr double kPi = std::numbers::pi;
+constexpr double kOpening = 40.0 * kPi / 180.0; ///< of the shorter side [rad]
+constexpr double kOrbitRate = 0.007;            ///< [rad/pixel]
+constexpr double kZoomStep = 1.15;              ///< a notch of the wheel
+/// The model has a longest side of 1 at the most.
+constexpr double kNearest = 1e-5, kFarthest = 100.0; ///< eye to target [view]
+/// How far from the origin a shape that was dragged about may be [view].
+constexpr double kReach = 20.0;
+constexpr double kMargin = 0.85; ///< of the view, that a framed box fills
+/// A single sample is framed with something of what is around it.
+constexpr double kFramedNearest = 0.05; ///< [view]
+/// Before this there is nothing to see, relative to the target's distance.
+constexpr double kNearPlane = 0.01;
+/// What is closer to the eye counts as behind it [view].
+constexpr double kBehind = 1e-9;
+
+/// Where a viewer from the front stands.
+Eigen::Vector3d front_of(int up)
+{
+    if (up == 2)
+        return -Eigen::Vector3d::UnitY();
+    return Eigen::Vector3d::Unit((up + 1) % 3);
+}
+
+/// No view is smaller than a pixel.
+double at_least_one(double pixels)
+{
+    return std::max(1.0, pixels);
+}
+
+} // namespace
+
+Camera::Camera(int up) : up_axis_(up) {}
+
+void Camera::resize(double width, double height)
+{
+    if (!(width >= 0) || !(height >= 0) || !std::isfinite(width + height))
+        return;
+    width_ = width;
+    height_ = height;
+}
+
+double Camera::focal() const
+{
+    return 0.5 * at_least_one(std::min(width_, height_)) / std::tan(0.5 * kOpening);
+}
+
+Eigen::Vector3d Camera::right() const
+{
+    const Eigen::Vector3d front = front_of(up_axis_);
+    const Eigen::Vector3d side = Eigen::Vector3d::Unit(up_axis_).cross(front);
+    return std::cos(azimuth_) * side - std::sin(azimuth_) * front;
+}
+
+Eigen::Vector3d Camera::forward() const
+{
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(up_axis_);
+    const Eigen::Vector3d level = right().cross(axis); // towards the viewer
+    return -(std::cos(elevation_) * level + std::sin(elevation_) * axis);
+}
+
+Eigen::Vector3d Camera::up() const
+{
+    return right().cross(forward());
+}
+
+Eigen::Vector3d Camera::eye() const
+{
+    return target_ - distance_ * forward();
+}
+
+void Camera::orbit(const Eigen::Vector2d& pixels)
+{
+    if (!pixels.allFinite())
+        return;
+    azimuth_ = std::remainder(azimuth_ - kOrbitRate * pixels.x(), 2.0 * kPi);
+    elevation_ = std::clamp(elevation_ + kOrbitRate * pixels.y(), -0.5 * kPi, 0.5 * kPi);
+}
+
+void Camera::pan(const Eigen::Vector2d& pixels)
+{
+    if (!pixels.allFinite())
+        return;
+    const double unit = distance_ / focal();
+    move_target(target_ + unit * (pixels.y() * up() - pixels.x() * right()));
+}
+
+void Camera::zoom(double steps, const Eigen::Vector2d& pixel,
+                  const std::optional<Eigen::Vector3d>& depth_point)
+{
+    if (!std::isfinite(steps) || !pixel.allFinite())
+        return;
+    const double old = distance_;
+    distance_ = std::clamp(old * std::pow(kZoomStep, -steps), kNearest, kFarthest);
+    // Everything shrinks towards one point, so that this one stays where it is seen.
+    Eigen::Vector3d fixed;
+    if (depth_point && depth_point->allFinite())
+        fixed = *depth_point;
+    else
+    {
+        const double unit = old / focal();
+        fixed = target_ + unit * ((pixel.x() - 0.5 * width_) * right() -
+                                  (pixel.y() - 0.5 * height_) * up());
+    }
+    move_target(fixed + distance_ / old * (target_ - fixed));
+}
+
+void Camera::look_from(View view)
+{
+    azimuth_ = elevation_ = 0.0;
+    switch (view)
+    {
+    case View::Front:
+        break;
+    case View::Back:
+        azimuth_ = kPi;
+        break;
+    case View::Right:
+        azimuth_ = 0.5 * kPi;
+        break;
+    case View::Left:
+        azimuth_ = -0.5 * kPi;
+        break;
+    case View::Top:
+        elevation_ = 0.5 * kPi;
+        break;
+    case View::Bottom:
+        elevation_ = -0.5 * kPi;
+        break;
+    }
+}
+
+void Camera::frame(const Eigen::Vector3d& low, const Eigen::Vector3d& high)
+{
+    if (!low.allFinite() || !high.allFinite())
+        return;
+    move_target(0.5 * (low + high));
+    const Eigen::Vector3d across = right(), upwards = up(), ahead = forward();
+    // What of the distance a corner may be off the axis [view/view].
+    const double x_reach = kMargin * 0.5 * at_least_one(width_) / focal();
+    const double y_reach = kMargin * 0.5 * at_least_one(height_) / focal();
+    double distance = kFramedNearest;
+    for (int corner = 0; corner < 8; ++corner)
+    {
+        Eigen::Vector3d x = low;
+        for (int k = 0; k < 3; ++k)
+            if (corner >> k & 1)
+                x[k] = high[k];
+        x -= target_;
+        const double nearer = is_perspective_ ? -ahead.dot(x) : 0.0;
+        distance = std::max({distance, nearer + std::abs(across.dot(x)) / x_reach,
+                             nearer + std::abs(upwards.dot(x)) / y_reach});
+    }
+    distance_ = std::min(distance, kFarthest);
+}
+
+void Camera::move_target(const Eigen::Vector3d& target)
+{
+    target_ = target.cwiseMax(-kFarthest).cwiseMin(kFarthest);
+}
+
+Eigen::Matrix4d Camera::view_matrix() const
+{
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+    matrix.block<1, 3>(0, 0) = right().transpose();
+    matrix.block<1, 3>(1, 0) = up().transpose();
+    matrix.block<1, 3>(2, 0) = -forward().transpose();
+    matrix.block<3, 1>(0, 3) = -matrix.block<3, 3>(0, 0) * eye();
+    return matrix;
+}
+
+Eigen::Matrix4d Camera::projection_matrix() const
+{
+    const double scale = is_perspective_ ? focal() : focal() / distance_;
+    const double far = distance_ + target_.norm() + kReach;
+    const double near = is_perspective_ ? kNearPlane * distance_ : -far;
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
+    matrix(0, 0) = 2.0 * scale / at_least_one(width_);
+    matrix(1, 1) = 2.0 * scale / at_least_one(height_);
+    if (is_perspective_)
+    {
+        matrix(2, 2) = -(far + near) / (far - near);
+        matrix(2, 3) = -2.0 * far * near / (far - near);
+        matrix(3, 2) = -1.0;
+    }
+    else
+    {
+        matrix(2, 2) = -2.0 / (far - near);
+        matrix(2, 3) = -(far + near) / (far - near);
+        matrix(3, 3) = 1.0;
+    }
+    return matrix;
+}
+
+std::optional<Eigen::Vector3d> Camera::project(const Eigen::Vector3d& point) const
+{
+    const Eigen::Vector3d x = point - eye();
+    const double depth = forward().dot(x);
+    if (!std::isfinite(depth) || (is_perspective_ && !(depth > kBehind)))
+        return std::nullopt;
+    const double scale = focal() / (is_perspective_ ? depth : distance_);
+    return Eigen::Vector3d(0.5 * width_ + scale * right().dot(x),
+                           0.5 * height_ - scale * up().dot(x), depth);
+}
+
+Ray Camera::ray(const Eigen::Vector2d& pixel) const
+{
+    const double x = (pixel.x() - 0.5 * width_) / focal();
+    const double y = (0.5 * height_ - pixel.y()) / focal();
+    if (is_perspective_)
+        return {eye(), (forward() + x * right() + y * up()).normalized()};
+    // From before anything that may be there.
+    return {eye() + distance_ * (x * right() + y * up()) -
+                (kReach + target_.norm()) * forward(),
+            forward()};
+}
+
+double Camera::pixel_size(const Eigen::Vector3d& point) const
+{
+    const double depth = is_perspective_ ? forward().dot(point - eye()) : distance_;
+    return std::max(depth, kNearPlane * distance_) / focal();
+}
+
+} // namespace cellwarp
