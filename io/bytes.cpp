@@ -92,6 +92,21 @@ std::string folder_of(const std::string& path)
     return folder.empty() ? "." : folder;
 }
 
+int open_unnamed(const std::string& folder)
+{
+    const int file = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
+    if (file >= 0)
+        return file;
+    // Not every file system has files without a name.
+    std::string name = folder + "/.cellwarp-spill-XXXXXX";
+    const int named = ::mkostemp(name.data(), O_CLOEXEC);
+    if (named < 0)
+        throw file_error("a temporary file",
+                         "cannot create it in " + folder + ": " + reason());
+    ::unlink(name.c_str());
+    return named;
+}
+
 InputFile::InputFile(const std::string& path) : path_(path)
 {
     if (path == "-")

@@ -124,6 +124,10 @@ private:
     int file_ = -1;
 };
 
+/// A new file without a name in that folder, which vanishes with the process however it
+/// ends; a descriptor to read and write. Throws Fault::File.
+int open_unnamed(const std::string& folder);
+
 /// The folder that a file stands or will stand in.
 std::string folder_of(const std::string& path);
 

@@ -7,9 +7,8 @@
 #include <limits>
 #include <type_traits>
 
-#include <zlib.h>
-
 #include "io/bytes.h"
+#include "io/checksum.h"
 #include "io/error.h"
 
 namespace cellwarp
@@ -52,12 +51,6 @@ constexpr std::uint32_t type_of()
         static_assert(std::is_same_v<Number, std::uint8_t>);
         return 4;
     }
-}
-
-std::uint32_t checksum_of(std::string_view bytes)
-{
-    return static_cast<std::uint32_t>(
-        crc32_z(0, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size()));
 }
 
 class Writer

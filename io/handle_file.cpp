@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 
+#include "io/beside.h"
 #include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/number.h"
@@ -18,15 +18,14 @@ namespace cellwarp
 namespace
 {
 
-namespace fs = std::filesystem;
+constexpr std::string_view kKeyword = "cellwarp-handles";
 
 /// Factors of stiff regions: squares of forces neither vanish nor overflow.
 constexpr double kMinFactor = 1e-100, kMaxFactor = 1e100;
 
-std::string beside(const std::string& file, const std::string& name)
+bool is_end_of_word(char c)
 {
-    const fs::path path(name);
-    return path.is_absolute() ? name : (fs::path(file).parent_path() / path).string();
+    return is_blank(c) || c == '#';
 }
 
 /// The words of one statement; a word in double quotes may hold blanks and #.
@@ -53,7 +52,7 @@ public:
             else
             {
                 std::size_t end = i;
-                while (end < text.size() && !is_blank(text[end]) && text[end] != '#')
+                while (end < text.size() && !is_end_of_word(text[end]))
                     ++end;
                 words_.emplace_back(text.substr(i, end - i));
                 i = end;
@@ -161,7 +160,7 @@ Selector parse_selector(Statement& words, const std::string& file)
                 words.fail("index", "got " + in_quotes(text) +
                                         ", need a sample index or a range like 3-7");
             selector.ranges.emplace_back(*first, *last);
-        } while (!words.is_done());
+        } while (!words.is_done() && words.peek() != "factor");
     }
     else if (kind == "labels")
     {
@@ -190,10 +189,12 @@ RegionStatement parse_region(Role role, Statement& words, const std::string& fil
     region.line = line;
     region.name = words.word("region name");
     region.selector = parse_selector(words, file);
-    if (role == Role::Stiff && region.selector.kind == Selector::Kind::Indices)
-        words.fail("selector", "indices cannot carry the factor of a stiff region");
     if (role == Role::Stiff)
     {
+        // A bare number there would be one more index.
+        if (region.selector.kind == Selector::Kind::Indices &&
+            (words.is_done() || words.word("factor") != "factor"))
+            words.fail("factor", "is missing (need 'factor' and a number after indices)");
         region.factor = words.number("factor");
         if (!(region.factor >= kMinFactor && region.factor <= kMaxFactor))
             words.fail("factor", "got " + shortest(region.factor) + ", need " +
@@ -259,7 +260,7 @@ public:
         const std::string keyword = words.word("statement");
         if (!has_header_)
         {
-            if (keyword != "cellwarp-handles" || words.integer("version") != 1)
+            if (keyword != kKeyword || words.integer("version") != 1)
                 words.fail("", "the first statement is wrong (got " + in_quotes(text) +
                                    ", need 'cellwarp-handles 1')");
             has_header_ = true;
@@ -478,7 +479,10 @@ std::string role_name(Role role)
 
 HandleFile parse_handles(const std::string& path, std::string_view text)
 {
-    if (const std::string guess = foreign_content(text); !guess.empty())
+    // What begins like a handle file is one, also with names that look like markup.
+    const bool is_ours = text.starts_with(kKeyword);
+    if (const std::string guess = is_ours ? foreign_bytes(text) : foreign_content(text);
+        !guess.empty())
         throw malformed({path, 0, ""},
                         "this looks like " + guess + ", need a handle file");
     Parser parser(path);

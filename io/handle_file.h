@@ -110,6 +110,19 @@ HandleFile read_handles(const std::string& path);
 /// The same for text in memory.
 HandleFile parse_handles(const std::string& path, std::string_view text);
 
+/// Whether a handle file can say this name of a region, group or label file: it may hold
+/// no line break and no NUL; with a double quote in it, it may neither begin with one nor
+/// hold a blank or #.
+bool is_handle_name(std::string_view name);
+
+/// The file's text, for \p file.path: parse_handles() gives the same numbers to the bit
+/// and the same names. Long lists of indices become several statements of their region;
+/// label files are named relative to the folder of the path where they can be. Throws
+/// Fault::Usage for a name that is_handle_name() refuses.
+/// \pre All else is as parse_handles() accepts it: what must be finite is, each stage but
+/// the last has a frame, each move an operation.
+std::string handle_text(const HandleFile& file);
+
 /// The deformation survey's pair as a handle file: labels 0 fixed, 1 free,
 /// 2 handle of \p sel, and the one matrix of \p def, as frame 1.
 HandleFile read_survey_pair(const std::string& sel, const std::string& def);

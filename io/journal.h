@@ -30,15 +30,16 @@ public:
     /// "in use by PID" where another process holds it.
     static Journal create(const std::string& path, std::string_view header);
     /// One that is there, to go on with. A tail that is no whole record is dropped with a
-    /// warning; a record that was altered is Fault::Malformed with its number; a newer
-    /// version is Fault::Malformed "made by version N".
+    /// warning: one that is too short, or that ends in zeros of blocks that were never
+    /// written. A record that was altered, the last one too, is Fault::Malformed with its
+    /// number from 1; a newer version is Fault::Malformed "made by version N".
     static Journal open(const std::string& path, JournalContents& contents);
     ~Journal();
     Journal(Journal&&) noexcept;
     Journal& operator=(Journal&&) noexcept;
 
-    /// One write; gives the record's start. Synced to the disk at most every 200 ms, and
-    /// by sync(). Throws Fault::File; then the record is not in it.
+    /// One write; gives the record's start. Synced to the disk at most every 200 ms, by
+    /// sync() and at its end. Throws Fault::File; then the record is not in it.
     std::uint64_t append(std::string_view payload);
     void sync();
     /// Of the record that starts there. Throws Fault::Malformed, Fault::File.

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include <nlohmann/json.hpp>
 
+#include "io/beside.h"
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/number.h"
@@ -187,14 +187,8 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     root.text("handles", handles);
     if (!model || model->empty())
         root.fail("model", "is missing");
-    const auto beside = [&](const std::string& name)
-    {
-        const std::filesystem::path p(name);
-        return p.is_absolute() ? name
-                               : (std::filesystem::path(path).parent_path() / p).string();
-    };
-    scene.model = beside(*model);
-    scene.handles = handles ? beside(*handles) : "";
+    scene.model = beside(path, *model);
+    scene.handles = handles ? beside(path, *handles) : "";
     if (const Json* cells = root.find("cells"))
     {
         Object object(*cells, scene, "cells.");
@@ -221,6 +215,41 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
                 at({path, 0, later}, "is not supported by this version, ignored"));
     root.warn_of_the_rest();
     return scene;
+}
+
+std::string scene_text(const SceneFile& scene)
+{
+    using Ordered = nlohmann::ordered_json;
+    Ordered json = {{"cellwarp", 1}, {"model", name_beside(scene.path, scene.model)}};
+    if (!scene.handles.empty())
+        json["handles"] = name_beside(scene.path, scene.handles);
+    const auto put = [&](const char* part, const char* key, const auto& value)
+    {
+        if (value)
+            json[part][key] = *value;
+    };
+    put("cells", "fill", scene.fill);
+    put("cells", "across", scene.across);
+    put("cells", "max_depth", scene.max_depth);
+    put("cells", "threshold", scene.threshold);
+    put("cells", "gap", scene.gap);
+    put("cells", "max_cells", scene.max_cells);
+    if (scene.frame)
+        json["cells"]["frame"] = {{"origin", scene.frame->origin},
+                                  {"axes", scene.frame->axes},
+                                  {"size", scene.frame->size}};
+    put("field", "drag", scene.drag);
+    put("field", "release", scene.release);
+    try
+    {
+        return json.dump(2) + "\n";
+    }
+    catch (const Ordered::type_error&)
+    {
+        throw Error(Fault::Usage,
+                    at({scene.path, 0, ""},
+                       "cannot name its model or handles: a name is no UTF-8 text"));
+    }
 }
 
 SceneFile read_scene(const std::string& path)

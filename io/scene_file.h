@@ -42,4 +42,10 @@ struct SceneFile
 SceneFile read_scene(const std::string& path);
 SceneFile parse_scene(const std::string& path, const std::string& text);
 
+/// The scene's text, for \p scene.path: parse_scene() gives the same values to the bit.
+/// Model and handles are named relative to its folder where they can be. Throws
+/// Fault::Usage for a file name that is no UTF-8 text. \pre All values are as
+/// parse_scene() accepts them; what that left out with a warning is not written.
+std::string scene_text(const SceneFile& scene);
+
 } // namespace cellwarp

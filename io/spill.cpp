@@ -2,12 +2,11 @@
 #include "io/spill.h"
 
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 
-#include <fcntl.h>
 #include <unistd.h>
 
+#include "io/bytes.h"
 #include "io/error.h"
 
 namespace cellwarp
@@ -23,18 +22,7 @@ namespace
 
 } // namespace
 
-SpillFile::SpillFile(const std::string& folder)
-{
-    file_ = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
-    if (file_ >= 0)
-        return;
-    // Not every file system has files without a name.
-    std::string name = folder + "/.cellwarp-spill-XXXXXX";
-    file_ = ::mkostemp(name.data(), O_CLOEXEC);
-    if (file_ < 0)
-        fail("cannot create it in " + folder);
-    ::unlink(name.c_str());
-}
+SpillFile::SpillFile(const std::string& folder) : file_(open_unnamed(folder)) {}
 
 SpillFile::~SpillFile()
 {

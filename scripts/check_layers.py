@@ -42,7 +42,7 @@ LIBRARIES = {
     "imgui": {"editor/window"},
     "GL/": {"editor/window"},
     "mpi.h": {"editor/mpi"},
-    "zlib.h": {"io/field_file.cpp"},
+    "zlib.h": {"io/checksum.cpp"},
     "lzf.h": {"io/lzf.cpp"},
     "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "editor/document/edit.cpp",
                   "editor/window", "tests"},

@@ -64,6 +64,17 @@ const Multigrid& Minimizer::multigrid() const
     return preconditioner_->multigrid();
 }
 
+void Minimizer::forget(std::span<const Pose> poses, bool is_refreshed)
+{
+    solver_->forget();
+    is_refreshed_ |= is_refreshed;
+    if (!is_refreshed_)
+        return;
+    energy_->set_poses(poses);
+    energy_->linearise(kGaussNewton);
+    preconditioner_->refresh();
+}
+
 void Minimizer::set_held_points(std::span<const Constraint> constraints)
 {
     energy_->set_held_points(constraints);
@@ -81,6 +92,7 @@ SolveReport Minimizer::minimize(std::vector<Pose>& poses, const SolveOptions& op
     energy_->set_poses(poses);
     const SolveReport report = solver_->minimize(options);
     std::copy(energy_->poses().begin(), energy_->poses().end(), poses.begin());
+    is_refreshed_ |= report.refreshes > 0;
     return report;
 }
 

@@ -46,6 +46,12 @@ public:
         return num_unknown_cells() > 0 ? solver_->factor_bytes() : 0.0;
     }
 
+    /// Whether a solve has made the preconditioner anew, for the poses of that moment.
+    bool is_refreshed() const { return is_refreshed_; }
+    /// What solves have left behind no longer counts: the preconditioner is that of
+    /// \p poses if \p is_refreshed or one was made anew, and else that of the rest.
+    void forget(std::span<const Pose> poses, bool is_refreshed);
+
     /// Where the held points of pinned cells are to be from now on.
     void set_held_points(std::span<const Constraint> constraints);
 
@@ -62,6 +68,7 @@ private:
     std::unique_ptr<CellPreconditioner> preconditioner_;
     std::unique_ptr<NewtonSolver> solver_;
     Eigen::VectorXd gradient_;
+    bool is_refreshed_ = false;
 };
 
 } // namespace cellwarp

@@ -328,8 +328,8 @@ SolveReport NewtonSolver::Run::operator()()
         if (Clock::now() > deadline_)
             return finish(Stop::TimeLimit);
         if (options_.watch)
-            options_.watch(report_.iterations,
-                           scale_ > 0 ? gradient_norm_ / scale_ : 0.0);
+            options_.watch(report_.iterations, scale_ > 0 ? gradient_norm_ / scale_ : 0.0,
+                           value_);
         if (!find_step())
             return finish(Stop::NotPositiveDefinite);
         const Clock::time_point search_start = Clock::now();

@@ -54,8 +54,8 @@ struct SolveOptions
     /// Makes the preconditioner anew where it serves badly; that allocates.
     bool may_refresh = true;
     std::stop_token stop = {};
-    /// Called before every iteration with its number and the relative gradient.
-    std::function<void(int, double)> watch = {};
+    /// Called before every iteration with its number, the relative gradient, the energy.
+    std::function<void(int, double, double)> watch = {};
 };
 
 /// Where the time of a solve went [ms].
@@ -97,6 +97,9 @@ public:
     /// found. Never throws but for memory, never prints.
     /// \post energy_after <= energy_before, up to rounding
     SolveReport minimize(const SolveOptions& options);
+
+    /// What earlier solves have shown of the preconditioner no longer counts.
+    void forget() { is_slow_ = false; }
 
     /// Memory of the direct method's factor [byte]; analyses the structure.
     double factor_bytes();

@@ -190,6 +190,14 @@ void Rig::set_state(std::span<const Pose> poses, std::span<const Motion> motions
     last_motions_ = motions_;
 }
 
+void Rig::set_state(const RigState& state)
+{
+    move_regions(state.motions);
+    last_motions_ = motions_;
+    poses_ = state.poses; // also of pinned cells, whose places would be found anew
+    minimizer_->forget(poses_, state.is_refreshed);
+}
+
 void Rig::move_regions(std::span<const Motion> motions)
 {
     last_motions_.swap(motions_);

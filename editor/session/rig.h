@@ -24,6 +24,15 @@ struct RigSettings
     Method method = Method::Newton;
 };
 
+/// Where the cells of a rig are.
+struct RigState
+{
+    std::vector<Pose> poses;
+    std::vector<Motion> motions; ///< of the regions
+    /// Whether the preconditioner is no longer that of the rest.
+    bool is_refreshed = false;
+};
+
 class Rig
 {
 public:
@@ -66,6 +75,12 @@ public:
     SolveReport solve(const SolveOptions& options);
     /// Starts from other poses, at which the regions have made \p motions.
     void set_state(std::span<const Pose> poses, std::span<const Motion> motions);
+    /// All that the next solve depends on.
+    RigState state() const { return {poses_, motions_, minimizer_->is_refreshed()}; }
+    /// Goes on from a state of a rig in the same cells, to the same bits as from there.
+    void set_state(const RigState& state);
+    /// From here on a solve depends on state() alone, not on the way to it.
+    void forget_way() { minimizer_->forget(poses_, false); }
 
     double energy() const { return glue_energy(glue_, poses_); }
     /// Between glued cells [diagonal].

@@ -6,6 +6,7 @@
 #include "editor/session/session.h"
 
 #include <algorithm>
+#include <cassert>
 #include <chrono>
 #include <cmath>
 #include <map>
@@ -100,18 +101,19 @@ bool is_closed(const Geometry& geometry)
 /// Everything that belongs to one stage.
 struct Session::StageState
 {
-    StageState(Recutting of_rest, Units in_units)
-        : recutting(std::move(of_rest)), rig(recutting.first()), units(in_units)
+    StageState(std::shared_ptr<const StageStart> of_stage, Rig in_cells)
+        : start(std::move(of_stage)), recutting(start->recutting),
+          rig(std::move(in_cells)), steps(rig.regions().size())
     {
     }
 
+    std::shared_ptr<const StageStart> start;
     Recutting recutting;
     Rig rig;
-    Units units;
+    std::vector<std::vector<Step>>
+        steps;      ///< of the regions, at the end of the last frame
+    FramePlan plan; ///< of the frame that is solved
     SolveReport last_solve;
-    /// Frames as motions: paths[frame][region].
-    std::vector<std::vector<Path>> paths;
-    std::vector<int> num_parts;
     std::optional<FieldFitter> fitter; ///< of the rig's cells
     std::unique_ptr<Field> field;
 };
@@ -131,19 +133,32 @@ const Rig* Session::rig() const
 }
 
 Session::Session(GeometryFile model, HandleFile handles, SessionSettings settings)
-    : model_(std::move(model)), handles_(std::move(handles)),
-      settings_(std::move(settings))
+    : Session(std::make_shared<const GeometryFile>(std::move(model)), std::move(handles),
+              std::move(settings))
 {
-    const Geometry& geometry = model_.geometry;
-    rest_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
+}
+
+Session::Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
+                 SessionSettings settings)
+    : model_(std::move(model)), settings_(std::move(settings))
+{
+    assert(!settings_.keeps_states || !settings_.keeps_fields);
+    const Geometry& geometry = model_->geometry;
+    patch_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
     for (const DirectionUse& use : direction_uses(geometry))
     {
-        rest_.directions.push_back(geometry.directions[use.direction]);
+        patch_.directions.push_back(geometry.directions[use.direction]);
         use_samples_.push_back(use.sample);
     }
-    patch_ = rest_;
     parts_.faces = geometry.num_faces() > 0;
     warnings_ = geometry.warnings;
+    if (settings_.keeps_states)
+    {
+        take(std::move(handles), settings_.stop);
+        return;
+    }
+    handles_ = std::move(handles);
+    chain_ = StatementChain(handles_);
     const bool has_frames =
         std::any_of(handles_.stages.begin(), handles_.stages.end(),
                     [](const Stage& stage) { return !stage.frames.empty(); });
@@ -153,33 +168,145 @@ Session::Session(GeometryFile model, HandleFile handles, SessionSettings setting
         stage_ = handles_.stages.size();
         return;
     }
-    start_stage(0);
+    start_stage(make_rest(0, patch_));
 }
 
-void Session::start_stage(std::size_t stage)
+std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage, Patch samples)
 {
-    stage_ = stage;
+    auto rest = std::make_shared<StageRest>();
+    rest->stage = stage;
+    rest->print = chain_.before(stage);
+    rest->samples = std::move(samples);
+    rest->shape =
+        build_rest_shape(model_->geometry, rest->samples.samples, settings_.cells);
+    parts_.interior += rest->shape->material.method != InsideMethod::None;
+    return rest;
+}
+
+void Session::start_stage(std::shared_ptr<const StageRest> rest)
+{
+    state_.reset();
+    rest_ = std::move(rest);
+    stage_ = rest_->stage;
     frame_ = 0;
-    const Stage& statements = handles_.stages[stage];
-    const auto rest = build_rest_shape(model_.geometry, rest_.samples, settings_.cells);
-    parts_.interior += rest->material.method != InsideMethod::None;
-    warnings_.insert(warnings_.end(), rest->warnings.begin(), rest->warnings.end());
-    const Units units{rest->frame, handles_.is_relative, bounding_box(rest_.samples)};
+    const RestShape& shape = *rest_->shape;
+    const std::vector<Eigen::Vector3d>& samples = rest_->samples.samples;
+    warnings_.insert(warnings_.end(), shape.warnings.begin(), shape.warnings.end());
+    const Units units{shape.frame, handles_.is_relative, bounding_box(samples)};
     const auto regions = std::make_shared<const RegionSet>(
-        rest,
-        resolve_regions(statements.regions, model_.geometry, rest_.samples, units,
+        rest_->shape,
+        resolve_regions(handles_.stages[stage_].regions, model_->geometry, samples, units,
                         handles_.path),
         handles_.path);
-    state_ = std::make_unique<StageState>(
-        Recutting(rest, regions, settings_.cells,
-                  {settings_.cells.max_memory, settings_.method}),
-        units);
-    for (std::string& warning : state_->recutting.take_warnings())
+    const auto start = std::make_shared<StageStart>(
+        StageStart{rest_, regions, units,
+                   Recutting(rest_->shape, regions, settings_.cells,
+                             {settings_.cells.max_memory, settings_.method})});
+    Rig rig = start->recutting.first();
+    for (std::string& warning : start->recutting.take_warnings())
         warnings_.push_back(std::move(warning));
-    const std::vector<std::string>& more = state_->rig.warnings();
-    warnings_.insert(warnings_.end(), more.begin(), more.end());
+    warnings_.insert(warnings_.end(), rig.warnings().begin(), rig.warnings().end());
+    state_ = std::make_unique<StageState>(start, std::move(rig));
     check_memory_of(settings_.field);
-    plan_frames(statements.frames);
+    check_frames();
+    patch_ = rest_->samples;
+    is_patch_current_ = true;
+    keep_state();
+}
+
+void Session::take(HandleFile handles, std::stop_token stop)
+{
+    assert(settings_.keeps_states);
+    settings_.stop = std::move(stop);
+    StatementChain chain(handles);
+    const ScriptPlace here{stage_, frame_};
+    const bool goes_on =
+        state_ && chain.has(here) && chain.up_to(here) == chain_.up_to(here);
+    handles_ = std::move(handles);
+    chain_ = std::move(chain);
+    try
+    {
+        if (goes_on)
+            check_frames();
+        else
+            go_back();
+        if (!upcoming_frame())
+            commit_to_end();
+        if (!upcoming_frame() && !is_patch_current_)
+            update_samples();
+    }
+    catch (...)
+    {
+        state_.reset();
+        throw;
+    }
+}
+
+/// To the last state that the statements pass through: the end of a frame, or the start
+/// of a stage whose rest shape is there.
+void Session::go_back()
+{
+    if (!first_rest_)
+        first_rest_ = make_rest(0, patch_);
+    const bool has_last = last_rest_ && last_rest_->stage < chain_.num_stages() &&
+                          chain_.before(last_rest_->stage) == last_rest_->print;
+    const std::shared_ptr<const StageRest>& rest = has_last ? last_rest_ : first_rest_;
+    const KeptState* const kept = kept_.latest_on(chain_);
+    if (kept && kept->place.stage >= rest->stage)
+    {
+        go_to(*kept);
+        return;
+    }
+    warnings_ = model_->geometry.warnings;
+    reports_.clear();
+    frames_done_ = 0;
+    for (std::size_t s = 0; s < rest->stage; ++s)
+        frames_done_ += handles_.stages[s].frames.size();
+    start_stage(rest);
+}
+
+void Session::go_to(const KeptState& kept)
+{
+    const KeptState state = kept; // what is kept may change on the way
+    rest_ = state.start->rest;
+    stage_ = state.place.stage;
+    frame_ = state.place.frame;
+    state_ = std::make_unique<StageState>(
+        state.start,
+        Rig(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
+            state.start->regions, {settings_.cells.max_memory, settings_.method}));
+    state_->rig.set_state(state.rig);
+    state_->steps = state.steps;
+    state_->last_solve = state.last_solve;
+    warnings_ = state.warnings;
+    reports_.clear();
+    if (state.report)
+        reports_.push_back(*state.report);
+    frames_done_ = state.frames_done;
+    check_frames();
+    is_patch_current_ = frame_ == 0;
+    if (is_patch_current_)
+        patch_ = rest_->samples;
+}
+
+void Session::keep_state()
+{
+    if (!settings_.keeps_states)
+        return;
+    const StageState& s = *state_;
+    KeptState kept{chain_.up_to({stage_, frame_}),
+                   {stage_, frame_},
+                   s.start,
+                   s.rig.body().octree,
+                   s.rig.state(),
+                   s.steps,
+                   s.last_solve,
+                   std::nullopt,
+                   warnings_,
+                   frames_done_};
+    if (frame_ > 0)
+        kept.report = reports_.back();
+    kept_.add(std::move(kept));
 }
 
 void Session::check_memory_of(const FieldChoice& field) const
@@ -201,62 +328,66 @@ void Session::check_memory_of(const FieldChoice& field) const
                                 in_bytes(settings_.cells.max_memory)));
 }
 
-/// All frames as paths, so that a wrong one fails before the first is solved.
-void Session::plan_frames(const std::vector<FrameStatement>& frames)
+/// The way from where \p steps have the regions; they are those of the frame afterwards.
+Session::FramePlan Session::plan(const FrameStatement& frame,
+                                 std::vector<std::vector<Step>>& steps,
+                                 std::vector<std::string>& warnings) const
 {
-    StageState& s = *state_;
-    std::vector<std::vector<Step>> now(s.rig.regions().size());
-    for (const FrameStatement& frame : frames)
+    const StageState& s = *state_;
+    const RegionSet& regions = s.rig.regions();
+    const double diagonal = s.rig.rest().frame.diagonal();
+    std::map<std::string, const Move*> moves;
+    for (const Move& move : frame.moves)
+        moves[move.region] = &move;
+    FramePlan plan;
+    std::vector<Motion> motions;
+    for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        std::vector<Path>& paths = s.paths.emplace_back();
-        std::vector<Motion> motions;
-        std::map<std::string, const Move*> moves;
-        for (const Move& move : frame.moves)
-            moves[move.region] = &move;
-        int parts = 1;
-        for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
+        const ModelBox& box = regions.box(r);
+        std::vector<Step> next = steps[r];
+        if (const auto found = moves.find(regions[r].name); found != moves.end())
         {
-            const auto found = moves.find(s.rig.regions()[r].name);
-            const Move* move = found == moves.end() ? nullptr : found->second;
-            std::vector<Step> next = now[r];
-            if (move)
-            {
-                const Eigen::Vector3d centre = s.rig.regions().box(r).centre();
-                const bool is_placed = std::any_of(
-                    move->operations.begin(), move->operations.end(),
-                    [](const Operation& o) { return o.kind == Operation::Kind::To; });
-                if (is_placed && s.rig.regions().box(r).size().norm() >
-                                     1e-9 * s.rig.rest().frame.diagonal())
-                    throw malformed(
-                        {handles_.path, move->line, move->region},
-                        "'to' needs a pin of one place; this one has " +
-                            std::to_string(s.rig.regions()[r].samples.size()) +
-                            " samples, use translate");
-                next = steps_of(*move, s.units, centre, s.rig.regions().box(r).low,
-                                handles_.path, warnings_);
-            }
-            const Path path = paths.emplace_back(now[r], next);
-            now[r] = std::move(next);
-            motions.push_back(path.at(1.0));
-            if (s.rig.regions()[r].prescribes())
-            {
-                parts = std::max(parts, path.num_parts(s.rig.regions().box(r).low,
-                                                       s.rig.regions().box(r).high,
-                                                       s.rig.rest().frame.diagonal()));
-                const Eigen::Vector3d centre = s.rig.regions().box(r).centre();
-                if (s.rig.rest().frame.diagonal() > 0 &&
-                    (motions.back()(centre) - centre).norm() >
-                        kExtremeMove * s.rig.rest().frame.diagonal())
-                    warnings_.push_back(fmt::format("frame {}: {} moves by more than {} "
-                                                    "diagonals: the shape is stretched "
-                                                    "to an extreme",
-                                                    frame.number, s.rig.regions()[r].name,
-                                                    kExtremeMove));
-            }
+            const Move& move = *found->second;
+            const bool is_placed = std::any_of(
+                move.operations.begin(), move.operations.end(),
+                [](const Operation& o) { return o.kind == Operation::Kind::To; });
+            if (is_placed && box.size().norm() > 1e-9 * diagonal)
+                throw malformed({handles_.path, move.line, move.region},
+                                "'to' needs a pin of one place; this one has " +
+                                    std::to_string(regions[r].samples.size()) +
+                                    " samples, use translate");
+            next = steps_of(move, s.start->units, box.centre(), box.low, handles_.path,
+                            warnings);
         }
-        s.num_parts.push_back(parts);
-        check_overlaps(motions, frame.line);
+        const Path& path = plan.paths.emplace_back(steps[r], next);
+        steps[r] = std::move(next);
+        motions.push_back(path.at(1.0));
+        if (!regions[r].prescribes())
+            continue;
+        plan.num_parts =
+            std::max(plan.num_parts, path.num_parts(box.low, box.high, diagonal));
+        if (diagonal > 0 && (motions.back()(box.centre()) - box.centre()).norm() >
+                                kExtremeMove * diagonal)
+            warnings.push_back(fmt::format("frame {}: {} moves by more than {} "
+                                           "diagonals: the shape is stretched "
+                                           "to an extreme",
+                                           frame.number, regions[r].name, kExtremeMove));
     }
+    check_overlaps(motions, frame.line);
+    return plan;
+}
+
+/// All frames of the stage that are left, so that a wrong one fails before the next is
+/// solved. Where frames may still be taken back their warnings come with their solution.
+void Session::check_frames()
+{
+    std::vector<std::string> of_frames;
+    std::vector<std::vector<Step>> steps = state_->steps;
+    const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
+    for (std::size_t f = frame_; f < frames.size(); ++f)
+        plan(frames[f], steps, of_frames);
+    if (!settings_.keeps_states)
+        warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
 
 void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const
@@ -293,6 +424,14 @@ std::optional<std::int64_t> Session::upcoming_frame() const
     return handles_.stages[stage].frames[frame].number;
 }
 
+std::size_t Session::num_upcoming() const
+{
+    std::size_t count = 0;
+    for (std::size_t s = stage_; s < handles_.stages.size(); ++s)
+        count += handles_.stages[s].frames.size();
+    return count - std::min(count, frame_);
+}
+
 bool Session::next_frame(bool wants_samples)
 {
     if (!upcoming_frame())
@@ -302,22 +441,46 @@ bool Session::next_frame(bool wants_samples)
     {
         const Clock::time_point start = Clock::now();
         commit();
-        start_stage(stage_ + 1);
         cells_ms += ms_since(start);
     }
-    const Stage& stage = handles_.stages[stage_];
+    FrameStatement& statement = handles_.stages[stage_].frames[frame_];
+    std::vector<std::string> told_before;
+    state_->plan =
+        plan(statement, state_->steps, settings_.keeps_states ? warnings_ : told_before);
+    if (settings_.keeps_states)
+    {
+        statement.moves = {}; // not needed again: the next take() brings its own
+        reports_.clear();
+    }
     FrameReport& report = reports_.emplace_back();
-    report.frame = stage.frames[frame_].number;
+    report.frame = statement.number;
     report.cells_ms = cells_ms;
     const Clock::time_point start = Clock::now();
     solve_frame(report);
     report.solve_ms = ms_since(start) - (report.cells_ms - cells_ms);
+    end_frame(report, wants_samples);
+    return true;
+}
+
+void Session::end_frame(FrameReport& report, bool wants_samples)
+{
     ++frame_;
-    const bool is_committed =
-        frame_ == stage.frames.size() && stage_ + 1 < handles_.stages.size();
+    ++frames_done_;
+    is_patch_current_ = false;
+    const bool is_committed = frame_ == handles_.stages[stage_].frames.size() &&
+                              stage_ + 1 < handles_.stages.size();
     if (wants_samples || is_committed)
         move_samples(report);
-    return true;
+    if (!settings_.keeps_states)
+        return;
+    if (report.solve.stop == Stop::Stopped)
+        state_.reset(); // somewhere on the way
+    else
+    {
+        keep_state();
+        if (!upcoming_frame())
+            commit_to_end();
+    }
 }
 
 /// Whether no region moves, and the last solution stands: it is not polished to other
@@ -325,8 +488,8 @@ bool Session::next_frame(bool wants_samples)
 bool Session::stands() const
 {
     const StageState& s = *state_;
-    return frame_ > 0 && s.last_solve.stop == Stop::Converged &&
-           std::all_of(s.paths[frame_].begin(), s.paths[frame_].end(),
+    return s.last_solve.stop == Stop::Converged &&
+           std::all_of(s.plan.paths.begin(), s.plan.paths.end(),
                        [](const Path& path)
                        {
                            const Motion from = path.at(0.0), to = path.at(1.0);
@@ -338,7 +501,7 @@ bool Session::stands() const
 void Session::move_regions(double t)
 {
     std::vector<Motion> motions;
-    for (const Path& path : state_->paths[frame_])
+    for (const Path& path : state_->plan.paths)
         motions.push_back(path.at(t));
     state_->rig.move_regions(motions);
 }
@@ -378,10 +541,10 @@ void Session::solve_on(FrameSolve& frame, bool is_last)
         options.time_budget =
             std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(frame.start));
     if (settings_.watch)
-        options.watch = [&, done](int iteration, double gradient)
+        options.watch = [&, done](int iteration, double gradient, double energy)
         {
-            settings_.watch({reports_.size() - 1, reports_.back().frame, frame.part,
-                             frame.parts, done + iteration, gradient});
+            settings_.watch({frames_done_, reports_.back().frame, frame.part, frame.parts,
+                             done + iteration, gradient, energy});
         };
     SolveReport solve = s.rig.solve(options);
     solve.add_earlier(frame.total);
@@ -392,7 +555,7 @@ void Session::solve_on(FrameSolve& frame, bool is_last)
 void Session::travel(FrameSolve& frame, int& steps)
 {
     StageState& s = *state_;
-    frame.parts = s.num_parts[frame_];
+    frame.parts = s.plan.num_parts;
     for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
     {
         // Out of time on the way: straight to the end.
@@ -453,7 +616,7 @@ void Session::part_regions(FrameReport& report)
 {
     StageState& s = *state_;
     std::vector<Motion> motions;
-    for (const Path& path : s.paths[frame_])
+    for (const Path& path : s.plan.paths)
         motions.push_back(path.at(1.0));
     const Clock::time_point start = Clock::now();
     while (std::optional<Rig> next = s.recutting.parted(s.rig, motions))
@@ -480,6 +643,7 @@ void Session::solve_frame(FrameReport& report)
     else
     {
         s.field.reset(); // it is of the last frame's cells
+        s.rig.forget_way();
         part_regions(report);
         FrameSolve frame;
         travel(frame, report.steps);
@@ -519,7 +683,7 @@ std::vector<MovedRegion> Session::moved_regions() const
     std::vector<MovedRegion> moved;
     for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
         if (s.rig.fade(r))
-            moved.push_back({s.rig.fade(r), s.paths[frame_ - 1][r].at(1.0),
+            moved.push_back({s.rig.fade(r), s.rig.motions()[r],
                              s.rig.regions()[r].role == Role::Pin});
     return moved;
 }
@@ -528,7 +692,7 @@ std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
 {
     check_memory_of(field);
     const Rig& rig = state_->rig;
-    std::vector<Eigen::Vector3d> samples = rest_.samples;
+    std::vector<Eigen::Vector3d> samples = rest_->samples.samples;
     carry(fit_field(field, rig.body().cells, rig.poses(), rig.constraints(),
                     moved_regions()),
           rig.rest().frame, rig.rest().samples, rig.body().cell_of_sample, {samples});
@@ -558,23 +722,25 @@ void Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
-    patch_ = rest_;
+    patch_ = rest_->samples;
     const std::vector<Eigen::Vector3d> displacements =
         carry(*s.field, frame, s.rig.rest().samples, s.rig.body().cell_of_sample,
               {patch_.samples,
                {use_samples_, patch_.directions},
-               {model_.geometry.tangent_samples, patch_.tangents},
-               {model_.geometry.rotation_samples, patch_.rotations}});
-    parts_.normals +=
-        !rest_.directions.empty() || !rest_.tangents.empty() || !rest_.rotations.empty();
+               {model_->geometry.tangent_samples, patch_.tangents},
+               {model_->geometry.rotation_samples, patch_.rotations}});
+    parts_.normals += !rest_->samples.directions.empty() ||
+                      !rest_->samples.tangents.empty() ||
+                      !rest_->samples.rotations.empty();
     report.apply_ms = ms_since(start);
+    is_patch_current_ = true;
 
     const double diagonal = frame.diagonal();
     for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
     {
         if (!s.rig.regions()[r].prescribes())
             continue;
-        const Motion motion = s.paths[frame_ - 1][r].at(1.0);
+        const Motion motion = s.rig.motions()[r];
         for (const std::uint32_t i : s.rig.regions()[r].samples)
         {
             const Eigen::Vector3d& x = s.rig.rest().samples[i];
@@ -586,11 +752,31 @@ void Session::move_samples(FrameReport& report)
     }
 }
 
+void Session::update_samples()
+{
+    if (frame_ == 0)
+        patch_ = rest_->samples;
+    else
+        move_samples(reports_.back());
+    is_patch_current_ = true;
+}
+
+/// What the samples are now is the rest of the next stage.
 void Session::commit()
 {
+    if (!is_patch_current_)
+        update_samples();
     if (settings_.keeps_fields)
         committed_fields_.push_back(stored_field(state_->rig, *state_->field));
-    rest_ = patch_;
+    last_rest_ = make_rest(stage_ + 1, patch_);
+    start_stage(last_rest_);
+}
+
+/// Through commits that no frame follows.
+void Session::commit_to_end()
+{
+    while (stage_ + 1 < handles_.stages.size())
+        commit();
 }
 
 FieldFile Session::field_file() const
@@ -602,10 +788,10 @@ FieldFile Session::field_file() const
 
 std::optional<Volume> Session::volume() const
 {
-    if (!is_closed(model_.geometry))
+    if (!is_closed(model_->geometry))
         return std::nullopt;
-    return Volume{enclosed_volume(model_.geometry, model_.geometry.samples),
-                  enclosed_volume(model_.geometry, patch_.samples)};
+    return Volume{enclosed_volume(model_->geometry, model_->geometry.samples),
+                  enclosed_volume(model_->geometry, patch_.samples)};
 }
 
 } // namespace cellwarp

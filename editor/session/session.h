@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A scripted edit session: a model, its cells, and the frames of a handle file. The
-// result is a function of the files and settings alone. No window, no printing.
+// An edit session: a model, its cells, and the frames of a handle file, which may change
+// under way. The result is a function of the files and settings alone. No window, no
+// printing.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +14,11 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/frame_report.h"
+#include "editor/session/kept_states.h"
 #include "editor/session/recutting.h"
 #include "editor/session/rig.h"
+#include "editor/session/statement_chain.h"
 #include "io/field_file.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -31,6 +35,7 @@ struct FrameProgress
     int step = 0, steps = 1; ///< of its way
     int iteration = 0;
     double gradient = 1.0; ///< relative; 1 where it is not known yet
+    double energy = 0.0;
 };
 
 struct SessionSettings
@@ -42,23 +47,10 @@ struct SessionSettings
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldChoice field = FieldKind::Rbf;
     bool keeps_fields = false; ///< of commits, for field_file()
+    bool keeps_states = false; ///< to go back to, for take()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};
-};
-
-/// What one frame took and reached. Lengths are relative to the diagonal.
-struct FrameReport
-{
-    std::int64_t frame = 0;
-    SolveReport solve; ///< of the last step; iterations of all
-    int steps = 0;
-    int recuts = 0; ///< times that other cells were made
-    std::size_t cells = 0;
-    int cells_at_limit = 0; ///< above the threshold, but at the deepest level
-    double handle_residual = 0.0;
-    double max_pair_gap = 0.0;
-    double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
 };
 
 /// What parts were built, counted where they are built.
@@ -81,6 +73,8 @@ public:
     /// the model, so that what cannot be done fails before anything is. A later stage
     /// is checked when its commit has made its rest shape. Throws Error.
     Session(GeometryFile model, HandleFile handles, SessionSettings settings);
+    Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
+            SessionSettings settings);
     ~Session();
     Session(Session&&) noexcept;
     Session& operator=(Session&&) noexcept;
@@ -91,9 +85,22 @@ public:
     /// The number of the frame that next_frame() would solve.
     std::optional<std::int64_t> upcoming_frame() const;
 
-    const GeometryFile& model() const { return model_; }
+    /// Has other statements from now on. What the same statements did stays done; where
+    /// the old ones differ it goes back to a state before that. The rest is left for
+    /// next_frame(), whose results are those of a new session with these statements, to
+    /// the bit. With no frame left, the session stands in the last stage, its samples
+    /// moved. \p stop ends the solve of a frame from another thread. Throws what the
+    /// constructor throws; then, and after a frame that was stopped, rig() is null until
+    /// another take().
+    /// \pre keeps_states
+    void take(HandleFile handles, std::stop_token stop = {});
+    /// How many frames are left.
+    std::size_t num_upcoming() const;
+
+    const GeometryFile& model() const { return *model_; }
     /// The samples and directions after the last frame that wanted them.
     const Patch& patch() const { return patch_; }
+    /// Of the last frame alone where states are kept.
     const std::vector<FrameReport>& frames() const { return reports_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
     const PartCounts& parts() const { return parts_; }
@@ -113,10 +120,24 @@ public:
 
 private:
     struct StageState;
+    /// The way of each region in one frame.
+    struct FramePlan
+    {
+        std::vector<Path> paths;
+        int num_parts = 1;
+    };
 
-    void start_stage(std::size_t stage);
+    std::shared_ptr<const StageRest> make_rest(std::size_t stage, Patch samples);
+    void start_stage(std::shared_ptr<const StageRest> rest);
+    void go_to(const KeptState& state);
+    void go_back();
+    void keep_state();
+    void commit();
+    void commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
-    void plan_frames(const std::vector<FrameStatement>& frames);
+    FramePlan plan(const FrameStatement& frame, std::vector<std::vector<Step>>& steps,
+                   std::vector<std::string>& warnings) const;
+    void check_frames();
     void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
     struct FrameSolve;
 
@@ -129,17 +150,23 @@ private:
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;
+    void end_frame(FrameReport& report, bool wants_samples);
     void move_samples(FrameReport& report);
-    void commit();
+    void update_samples();
 
-    GeometryFile model_;
+    std::shared_ptr<const GeometryFile> model_;
     HandleFile handles_;
     SessionSettings settings_;
+    StatementChain chain_; ///< of the handles
     std::size_t stage_ = 0, frame_ = 0;
-    Patch rest_;                             ///< of this stage
-    std::vector<std::uint32_t> use_samples_; ///< of the direction uses
+    std::vector<std::uint32_t> use_samples_;                  ///< of the direction uses
+    std::shared_ptr<const StageRest> rest_;                   ///< of this stage
+    std::shared_ptr<const StageRest> first_rest_, last_rest_; ///< to start stages from
     Patch patch_;
+    bool is_patch_current_ = true; ///< of the last frame
     std::vector<FrameReport> reports_;
+    std::size_t frames_done_ = 0;
+    KeptStates kept_;
     std::vector<std::string> warnings_;
     PartCounts parts_;
     std::vector<StoredField> committed_fields_;

@@ -12,6 +12,7 @@
 
 #include "editor/document/editing.h"
 #include "editor/tools/camera.h"
+#include "editor/tools/gizmo.h"
 
 namespace cellwarp
 {
@@ -67,23 +68,6 @@ enum class Navigation
 {
     Blender, ///< middle button: orbit; with Shift: pan; with Control: zoom
     Maya     ///< Alt with left, middle, right button: orbit, pan, zoom
-};
-
-/// How a gizmo's part looks now, for whoever draws it: lines in view space.
-struct GizmoPart
-{
-    enum class Kind
-    {
-        Axis,   ///< an arrow
-        Plane,  ///< a small square
-        Screen, ///< a circle around the centre, facing the viewer
-        Ring    ///< a circle about an axis
-    };
-    Kind kind = Kind::Axis;
-    int axis = 0;                      ///< 0, 1, 2; of a plane the one that stands on it
-    std::vector<Eigen::Vector3d> line; ///< [view]
-    bool is_closed = false;
-    bool is_hot = false; ///< under the pointer, or in the hand
 };
 
 /// What a click would pick.

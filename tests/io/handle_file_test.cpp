@@ -33,13 +33,16 @@ TEST(HandleFile, reads_every_statement)
         "pin tip indices 17 20-22\nstiff plate capsule 0 0 0 1 1 1 0.1 20\n"
         "fixed base halfspace 0 1 0 0.5\nhandle head labels \"a b.sel\" 2\n"
         "fixed rest group \"left arm\"\nfixed every all\n"
+        "stiff ring indices 3 5-9 factor 0.5\n"
         "frame 1\nmove head rotate 0 1 0 45 about 1 2 3 translate 0 0.2 0\n"
         "move tip to 0.1 0.2 0.3\nframe 7\ncommit\nhandle other all\nframe 9\n"
         "move other matrix 1 0 0 0  0 1 0 0.2  0 0 1 0  0 0 0 1\n");
     EXPECT_TRUE(file.is_relative);
     ASSERT_EQ(file.stages.size(), 2u);
     const Stage& stage = file.stages[0];
-    ASSERT_EQ(stage.regions.size(), 8u);
+    ASSERT_EQ(stage.regions.size(), 9u);
+    EXPECT_EQ(stage.regions[8].selector.ranges.size(), 2u);
+    EXPECT_EQ(stage.regions[8].factor, 0.5);
     EXPECT_EQ(stage.regions[2].selector.ranges[1].second, 22);
     EXPECT_EQ(stage.regions[3].factor, 20.0);
     EXPECT_EQ(stage.regions[5].selector.name, "dir/a b.sel");
@@ -72,13 +75,16 @@ TEST(HandleFile, names_line_and_field_of_what_is_wrong)
                              "h.handles:2: factor"))
             << factor;
     EXPECT_TRUE(contains(refused(kHead + "stiff a indices 0 20\n"),
-                         "h.handles:2: selector: indices cannot carry"));
+                         "h.handles:2: factor: is missing"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a all\nhandle a all\n"), "line 2"));
     EXPECT_TRUE(contains(refused(kHead + "grab a all\n"), "unknown statement"));
     EXPECT_TRUE(contains(refused(kHead + "fixed \"a all\n"), "double quote"));
     EXPECT_TRUE(contains(refused(kHead + "fixed a all\nunits relative\n"), "units"));
     EXPECT_TRUE(contains(refused(kHead + "units metres\n"),
                          "h.handles:2: units: got 'metres', need relative"));
+    EXPECT_TRUE(contains(refused(kHead + "fixed a indices 0 factor 2\n"), "too many"));
+    EXPECT_TRUE(contains(refused(kHead + "stiff a indices factor 2\n"), "index"));
+    EXPECT_TRUE(contains(refused("# <html>\n"), "looks like an HTML"));
     EXPECT_TRUE(
         contains(refused("PK\x03\x04zip"), "h.handles: this looks like a ZIP archive"));
 }

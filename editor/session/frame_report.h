@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "solver/newton.h"
+
+namespace cellwarp
+{
+
+/// What one frame took and reached. Lengths are relative to the diagonal.
+struct FrameReport
+{
+    std::int64_t frame = 0;
+    SolveReport solve; ///< of the last step; iterations of all
+    int steps = 0;
+    int recuts = 0; ///< times that other cells were made
+    std::size_t cells = 0;
+    int cells_at_limit = 0; ///< above the threshold, but at the deepest level
+    double handle_residual = 0.0;
+    double max_pair_gap = 0.0;
+    double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
+};
+
+} // namespace cellwarp

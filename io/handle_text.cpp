@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Handle files the other way: values as text that reads back the same.
+#include <algorithm>
+
+#include "io/beside.h"
+#include "io/handle_file.h"
+#include "io/number.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+bool is_end_of_word(char c)
+{
+    return is_blank(c) || c == '#';
+}
+
+/// Indices of a region go on in a further statement before a line is longer than this
+/// [bytes]: lines that editors and people can still read.
+constexpr std::size_t kLongLine = 500;
+
+/// Writes the statements of a file one by one.
+class Printer
+{
+public:
+    explicit Printer(const std::string& path) : path_(path) {}
+
+    void region(const RegionStatement& region)
+    {
+        begin(region);
+        const Selector& selector = region.selector;
+        switch (selector.kind)
+        {
+        case Selector::Kind::Box:
+            word("box");
+            break;
+        case Selector::Kind::Sphere:
+            word("sphere");
+            break;
+        case Selector::Kind::Capsule:
+            word("capsule");
+            break;
+        case Selector::Kind::Halfspace:
+            word("halfspace");
+            break;
+        case Selector::Kind::Indices:
+            ranges(region);
+            break;
+        case Selector::Kind::Labels:
+            word("labels");
+            name(name_beside(path_, selector.name));
+            word(std::to_string(selector.label));
+            break;
+        case Selector::Kind::Group:
+            word("group");
+            name(selector.name);
+            break;
+        case Selector::Kind::All:
+            word("all");
+            break;
+        }
+        for (const double value : selector.numbers)
+            number(value);
+        factor(region);
+        end();
+    }
+    void move(const Move& move)
+    {
+        word("move");
+        name(move.region);
+        for (const Operation& operation : move.operations)
+            this->operation(operation);
+        end();
+    }
+    void word(std::string_view text)
+    {
+        text_ += is_line_begun_ ? " " : "";
+        text_ += text;
+        is_line_begun_ = true;
+    }
+    void end()
+    {
+        text_ += '\n';
+        line_start_ = text_.size();
+        is_line_begun_ = false;
+    }
+    std::string take() { return std::move(text_); }
+
+private:
+    void begin(const RegionStatement& region)
+    {
+        word(role_name(region.role));
+        name(region.name);
+    }
+    void ranges(const RegionStatement& region)
+    {
+        word("indices");
+        for (const auto& [first, last] : region.selector.ranges)
+        {
+            if (text_.size() - line_start_ > kLongLine)
+            {
+                factor(region);
+                end();
+                begin(region);
+                word("indices");
+            }
+            word(std::to_string(first) +
+                 (last > first ? "-" + std::to_string(last) : ""));
+        }
+    }
+    void factor(const RegionStatement& region)
+    {
+        if (region.role != Role::Stiff)
+            return;
+        if (region.selector.kind == Selector::Kind::Indices)
+            word("factor");
+        number(region.factor);
+    }
+    void operation(const Operation& operation)
+    {
+        switch (operation.kind)
+        {
+        case Operation::Kind::Translate:
+            word("translate");
+            vector(operation.vector);
+            break;
+        case Operation::Kind::To:
+            word("to");
+            vector(operation.vector);
+            break;
+        case Operation::Kind::Rotate:
+            word("rotate");
+            vector(operation.vector);
+            number(operation.degrees);
+            if (operation.about)
+            {
+                word("about");
+                vector(*operation.about);
+            }
+            break;
+        case Operation::Kind::Matrix:
+            word("matrix");
+            for (Eigen::Index row = 0; row < 4; ++row)
+                for (Eigen::Index column = 0; column < 4; ++column)
+                    number(operation.matrix(row, column));
+            break;
+        }
+    }
+    void name(const std::string& text)
+    {
+        if (!is_handle_name(text))
+            throw Error(Fault::Usage, at({path_, 0, ""},
+                                         "cannot hold the name " + in_quotes(text) +
+                                             ": it has a line break or a double quote"));
+        const bool is_plain = !text.empty() && text.front() != '"' &&
+                              std::none_of(text.begin(), text.end(), is_end_of_word);
+        word(is_plain ? text : '"' + text + '"');
+    }
+    void number(double value) { word(shortest(value)); }
+    void vector(const Eigen::Vector3d& v)
+    {
+        for (const double value : v)
+            number(value);
+    }
+
+    const std::string& path_;
+    std::string text_;
+    std::size_t line_start_ = 0;
+    bool is_line_begun_ = false;
+};
+
+} // namespace
+
+bool is_handle_name(std::string_view name)
+{
+    const bool is_quoted =
+        name.starts_with('"') || std::any_of(name.begin(), name.end(), is_end_of_word);
+    return name.find_first_of(std::string_view("\n\r\0", 3)) == std::string_view::npos &&
+           !(is_quoted && name.find('"') != std::string_view::npos);
+}
+
+std::string handle_text(const HandleFile& file)
+{
+    Printer printer(file.path);
+    printer.word("cellwarp-handles 1");
+    printer.end();
+    if (file.is_relative)
+    {
+        printer.word("units relative");
+        printer.end();
+    }
+    for (std::size_t s = 0; s < file.stages.size(); ++s)
+    {
+        if (s > 0)
+        {
+            printer.word("commit");
+            printer.end();
+        }
+        for (const RegionStatement& region : file.stages[s].regions)
+            printer.region(region);
+        for (const FrameStatement& frame : file.stages[s].frames)
+        {
+            printer.word("frame");
+            printer.word(std::to_string(frame.number));
+            printer.end();
+            for (const Move& move : frame.moves)
+                printer.move(move);
+        }
+    }
+    return printer.take();
+}
+
+} // namespace cellwarp

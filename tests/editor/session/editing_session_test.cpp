@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A session whose statements change under way gives what a new one gives, to the bit.
+#include <algorithm>
+#include <random>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "editor/session/kept_states.h"
+#include "editor/session/session.h"
+#include "editor/session/statement_chain.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+const std::string kRegions = "fixed back box -1 -1 -1 0.500001 2 5\n"
+                             "handle knob box 1.74 -1 2.99 3 2 3.51\n";
+const std::string kPinned = "fixed back box -1 -1 -1 0.500001 2 5\n"
+                            "pin knob box 1.74 -1 2.99 3 2 3.51\n"
+                            "stiff plate box 0.6 -1 0 1.2 2 1.5 20\n";
+const std::string kCommit = "commit\nfixed low box -5 -5 -5 5 5 1.01\n"
+                            "handle top box -5 -5 3.4 5 5 9\n";
+
+/// Frames that need other cells, and some that come back.
+std::string frame(int number)
+{
+    const char* const moves[] = {"translate 0.3 0.1 0.1", "translate 0.3 0.1 0.5",
+                                 "rotate 0 1 0 40 translate 0.2 0 0",
+                                 "rotate 0 1 0 110 translate 0.2 0 0",
+                                 "translate 0.05 0 0"};
+    return "frame " + std::to_string(number) + "\nmove knob " +
+           moves[static_cast<std::size_t>(number) % 5] + "\n";
+}
+
+std::string frames(int first, int last)
+{
+    std::string text;
+    for (int n = first; n <= last; ++n)
+        text += frame(n);
+    return text;
+}
+
+std::string top_frame(int number, double angle)
+{
+    return "frame " + std::to_string(number) + "\nmove top rotate 1 0 0 " +
+           std::to_string(angle) + "\n";
+}
+
+GeometryFile block()
+{
+    return scan_geometry("model.obj",
+                         support::obj_text(support::box_shape({0, 0, 0}, {2, 1, 4}, 8)));
+}
+
+HandleFile handles(const std::string& text)
+{
+    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
+}
+
+SessionSettings settings(bool keeps_states)
+{
+    SessionSettings s;
+    s.cells.across = 8;
+    s.cells.max_depth = 2;
+    s.cells.threshold = 4e-3;
+    s.cells.gap = 0.03;
+    s.keeps_states = keeps_states;
+    return s;
+}
+
+void play(Session& session)
+{
+    while (session.next_frame(session.num_upcoming() == 1))
+        ;
+}
+
+/// What a command line would make of it.
+Session replayed(const std::string& text)
+{
+    Session session(block(), handles(text), settings(false));
+    play(session);
+    return session;
+}
+
+void expect_same(const Session& edited, const std::string& text)
+{
+    SCOPED_TRACE(text);
+    const Session fresh = replayed(text);
+    ASSERT_EQ(edited.patch().samples.size(), fresh.patch().samples.size());
+    EXPECT_TRUE(edited.patch().samples == fresh.patch().samples);
+    EXPECT_EQ(edited.warnings(), fresh.warnings());
+    EXPECT_EQ(edited.frames().back().cells, fresh.frames().back().cells);
+    EXPECT_EQ(edited.frames().back().solve.energy_after,
+              fresh.frames().back().solve.energy_after);
+}
+
+/// The end of a frame of this script, in no cells.
+KeptState state_at(const StatementChain& chain, std::size_t frame)
+{
+    return {chain.up_to({0, frame}),
+            {0, frame},
+            nullptr,
+            Octree(GridShape{}, [](const Leaf&) { return false; }),
+            {},
+            {},
+            {},
+            {},
+            {},
+            frame};
+}
+
+} // namespace
+
+TEST(EditingSession, frames_added_one_by_one_end_where_a_replay_ends)
+{
+    Session session(block(), handles(kRegions), settings(true));
+    ASSERT_NE(session.rig(), nullptr);
+    EXPECT_EQ(session.patch().samples, session.model().geometry.samples);
+    int recuts = 0;
+    for (int last = 1; last <= 4; ++last)
+    {
+        session.take(handles(kRegions + frames(1, last)));
+        EXPECT_EQ(session.num_upcoming(), 1u);
+        play(session);
+        recuts += session.frames().back().recuts;
+        expect_same(session, kRegions + frames(1, last));
+    }
+    EXPECT_GT(recuts, 2);
+}
+
+TEST(EditingSession, pins_and_stiff_parts_go_on_from_a_kept_state_to_the_same_bits)
+{
+    Session session(block(), handles(kPinned + frames(5, 5) + frames(6, 6)),
+                    settings(true));
+    play(session);
+    session.take(handles(kPinned + frames(5, 5)));
+    const std::string other = kPinned + frames(5, 5) + frames(10, 11);
+    session.take(handles(other));
+    play(session);
+    expect_same(session, other);
+}
+
+TEST(EditingSession, what_a_hard_frame_left_in_the_solver_does_not_count)
+{
+    // Squashed so that the preconditioner is made anew under way, in cells that stay.
+    const std::string regions = "fixed foot box -1 -1 -1 3 2 0.500001\n"
+                                "handle head box -1 -1 3.4999 3 2 5\n";
+    const std::string squashed = regions + "frame 1\nmove head translate 0 0 -3.3\n";
+    const std::string text = squashed + "frame 2\nmove head translate 0.3 0 -3\n";
+    SessionSettings uniform = settings(true);
+    uniform.cells.across = 16;
+    uniform.cells.max_depth = 0;
+    Session session(block(), handles(text), uniform);
+    int refreshes = 0;
+    while (session.next_frame(session.num_upcoming() == 1))
+        refreshes += session.frames().back().solve.refreshes;
+    ASSERT_GT(refreshes, 0);
+    const std::vector<Eigen::Vector3d> wrung = session.patch().samples;
+    session.take(handles(squashed));
+    session.take(handles(text));
+    play(session);
+    EXPECT_TRUE(session.patch().samples == wrung);
+}
+
+TEST(EditingSession, goes_back_by_any_number_of_frames_and_on_in_another_way)
+{
+    Session session(block(), handles(kRegions + frames(1, 6)), settings(true));
+    play(session);
+    for (const int last : {5, 2, 4, 1})
+    {
+        session.take(handles(kRegions + frames(1, last)));
+        play(session);
+        expect_same(session, kRegions + frames(1, last));
+        const std::string other = kRegions + frames(1, last) + frames(12, 13);
+        session.take(handles(other));
+        play(session);
+        expect_same(session, other);
+    }
+    session.take(handles(kRegions));
+    EXPECT_EQ(session.patch().samples, session.model().geometry.samples);
+}
+
+TEST(EditingSession, commits_are_passed_and_taken_back)
+{
+    const std::string before = kRegions + frames(1, 2);
+    Session session(block(), handles(before), settings(true));
+    play(session);
+    session.take(handles(before + kCommit));
+    EXPECT_EQ(session.rig()->regions()[1].name, "top");
+    const std::string bent = before + kCommit + top_frame(3, 30.0);
+    session.take(handles(bent));
+    play(session);
+    expect_same(session, bent);
+    session.take(handles(before));
+    EXPECT_EQ(session.rig()->regions()[1].name, "knob");
+    expect_same(session, before);
+    session.take(handles(before + kCommit + top_frame(3, -20.0)));
+    play(session);
+    expect_same(session, before + kCommit + top_frame(3, -20.0));
+}
+
+TEST(EditingSession, other_regions_at_rest_keep_the_material)
+{
+    Session session(block(), handles(kRegions), settings(true));
+    const RestShape* const material = &session.rig()->rest();
+    session.take(handles(kPinned));
+    EXPECT_EQ(&session.rig()->rest(), material);
+    EXPECT_EQ(session.rig()->regions().size(), 3u);
+}
+
+TEST(EditingSession, statements_that_cannot_be_leave_what_the_next_ones_need)
+{
+    const std::string good = kRegions + frames(1, 2);
+    Session session(block(), handles(good), settings(true));
+    play(session);
+    support::error_of(
+        Fault::Malformed, [&]
+        { session.take(handles(good + kCommit + "fixed far box 90 90 90 99 99 99\n")); });
+    EXPECT_EQ(session.rig(), nullptr);
+    session.take(handles(good + frames(3, 3)));
+    EXPECT_EQ(session.num_upcoming(), 1u);
+    play(session);
+    expect_same(session, good + frames(3, 3));
+}
+
+TEST(EditingSession, a_stopped_frame_is_done_again)
+{
+    const std::string text = kRegions + frames(1, 2);
+    std::stop_source source;
+    Session session(block(), handles(kRegions + frames(1, 1)), settings(true));
+    play(session);
+    session.take(handles(text), source.get_token());
+    source.request_stop();
+    play(session);
+    EXPECT_EQ(session.rig(), nullptr);
+    session.take(handles(text));
+    EXPECT_EQ(session.num_upcoming(), 1u);
+    play(session);
+    expect_same(session, text);
+}
+
+TEST(StatementChain, tells_where_two_files_part)
+{
+    const StatementChain a(handles(kRegions + frames(1, 3)));
+    const StatementChain b(
+        handles("# moved down\n\n" + kRegions + frames(1, 2) + frames(8, 8)));
+    EXPECT_EQ(a.up_to({0, 2}), b.up_to({0, 2}));
+    EXPECT_NE(a.up_to({0, 3}), b.up_to({0, 3}));
+    EXPECT_FALSE(a.has({0, 4}));
+    EXPECT_FALSE(a.has({1, 0}));
+    const StatementChain other(handles(kPinned + frame(5)));
+    EXPECT_EQ(a.before(0), other.before(0));
+    EXPECT_NE(a.up_to({0, 0}), other.up_to({0, 0}));
+}
+
+TEST(KeptStates, are_few_and_the_way_from_them_is_no_longer_than_the_way_back)
+{
+    constexpr std::size_t kFrames = 2000;
+    const StatementChain all(handles(kRegions + frames(1, kFrames)));
+    KeptStates kept;
+    for (std::size_t n = 0; n <= kFrames; ++n)
+        kept.add(state_at(all, n));
+    EXPECT_LE(kept.size(), 16u);
+    for (const std::size_t back : {1u, 2u, 5u, 10u, 50u, 300u, 1000u})
+    {
+        SCOPED_TRACE(back);
+        const KeptState* const state = kept.latest_on(StatementChain(
+            handles(kRegions + frames(1, static_cast<int>(kFrames - back)))));
+        ASSERT_NE(state, nullptr);
+        EXPECT_LE(kFrames - back - state->place.frame, 2 * back);
+    }
+}
+
+} // namespace cellwarp
