@@ -12,63 +12,12 @@
 
 #include "editor/document/editing.h"
 #include "editor/tools/camera.h"
+#include "editor/tools/events.h"
 #include "editor/tools/gizmo.h"
+#include "editor/tools/keys.h"
 
 namespace cellwarp
 {
-
-enum class Button
-{
-    Left,
-    Middle,
-    Right
-};
-
-struct Modifiers
-{
-    bool shift = false, control = false, alt = false;
-};
-
-/// Keys by what stands on them; letters and digits as their character, in lower case.
-enum class Key
-{
-    Character,
-    Enter,
-    Escape,
-    Tab,
-    Backspace,
-    Delete,
-    Home,
-    Space,
-    Left,
-    Right,
-    Up,
-    Down
-};
-
-struct KeyEvent
-{
-    Key key = Key::Character;
-    char character = 0; ///< of Key::Character: 'g', '7', '.', '-', '?'
-    bool is_keypad = false;
-    Modifiers modifiers;
-};
-
-enum class Tool
-{
-    Click,
-    Box,
-    Lasso,
-    Brush,
-    Move, ///< the gizmo; what it shows depends on the region
-    Rotate
-};
-
-enum class Navigation
-{
-    Blender, ///< middle button: orbit; with Shift: pan; with Control: zoom
-    Maya     ///< Alt with left, middle, right button: orbit, pan, zoom
-};
 
 /// What a click would pick.
 struct Hover
@@ -94,8 +43,11 @@ public:
     void key(const KeyEvent& event);
     /// The pointer left, or the window lost the keyboard: gestures end as by Escape.
     void focus_lost();
-    /// Once a drawn frame: does what the events since the last one amount to.
+    /// Once a drawn frame, after Editing::update(): does what the events since the last
+    /// one amount to.
     void update();
+    /// Until what goes on in the background is done. For tests and scripts.
+    void wait();
 
     // Settings of the hand.
     Tool tool() const;
@@ -117,6 +69,8 @@ public:
     /// Of the selection gesture under way [pixel].
     std::vector<Eigen::Vector2d> outline() const;
     std::optional<Hover> hover() const;
+    /// The document's, or what the brush at work would make of it.
+    const Selection& shown_selection() const;
     /// What the gesture under way does: "Move X 0.23 (Enter: done, Esc: back)".
     std::string status() const;
     /// What the user may do next, in the first minutes; empty when there is nothing to

@@ -137,7 +137,8 @@ TEST(Gizmo, leaves_out_what_is_seen_end_on_or_edge_on)
 {
     Camera camera;
     camera.resize(800, 600);
-    camera.look_from(Camera::View::Front); // along z
+    camera.look_from(Camera::View::Front); // along z, nearly
+    camera.orbit({3, 4});
     const auto parts = move_gizmo({0, 0, 0}, camera);
     EXPECT_TRUE(has(parts, Kind::Axis, 0));
     EXPECT_TRUE(has(parts, Kind::Axis, 1));
@@ -145,6 +146,18 @@ TEST(Gizmo, leaves_out_what_is_seen_end_on_or_edge_on)
     EXPECT_FALSE(has(parts, Kind::Plane, 0));
     EXPECT_FALSE(has(parts, Kind::Plane, 1));
     EXPECT_TRUE(has(parts, Kind::Plane, 2));
+}
+
+TEST(Gizmo, where_an_arrow_passes_over_the_middle_the_middle_is_hit)
+{
+    Camera camera;
+    camera.resize(800, 600);
+    camera.look_from(Camera::View::Front);
+    camera.orbit({25, 25});
+    const auto parts = move_gizmo({0, 0, 0}, camera);
+    const Eigen::Vector3d z = camera.pixel_size({0, 0, 0}) * Eigen::Vector3d::UnitZ();
+    EXPECT_EQ(name_at(parts, camera, pixel_of(camera, 25 * z)), "screen 0");
+    EXPECT_EQ(name_at(parts, camera, pixel_of(camera, 93 * z)), "axis 2");
 }
 
 TEST(Gizmo, is_not_there_behind_the_eye)

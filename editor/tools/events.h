@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the user's hands do, as plain values that any window can make.
+#pragma once
+
+namespace cellwarp
+{
+
+enum class Button
+{
+    Left,
+    Middle,
+    Right
+};
+
+struct Modifiers
+{
+    bool shift = false, control = false, alt = false;
+
+    bool operator==(const Modifiers&) const = default;
+};
+
+/// Keys by what stands on them; letters and digits as their character, in lower case.
+enum class Key
+{
+    Character,
+    Enter,
+    Escape,
+    Tab,
+    Backspace,
+    Delete,
+    Home,
+    Space,
+    Left,
+    Right,
+    Up,
+    Down
+};
+
+struct KeyEvent
+{
+    Key key = Key::Character;
+    char character = 0; ///< of Key::Character: 'g', '7', '.', '-', '?'
+    bool is_keypad = false;
+    Modifiers modifiers;
+};
+
+enum class Tool
+{
+    Click,
+    Box,
+    Lasso,
+    Brush,
+    Move, ///< the gizmo; what it shows depends on the region
+    Rotate
+};
+
+enum class Navigation
+{
+    Blender, ///< middle button: orbit; with Shift: pan; with Control: zoom
+    Maya     ///< Alt with left, middle, right button: orbit, pan, zoom
+};
+
+} // namespace cellwarp

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/tools/hints.h"
+
+#include <algorithm>
+
+namespace cellwarp
+{
+
+std::string next_step(const Document& document, const Progress& progress)
+{
+    const bool is_bent =
+        std::any_of(document.handles().stages.begin(), document.handles().stages.end(),
+                    [](const Stage& stage) { return !stage.frames.empty(); });
+    if (progress.is_dragging && !progress.has_dragged && !is_bent)
+        return "Let go where it should be; Ctrl+Z undoes";
+    if (progress.has_dragged || is_bent)
+        return "";
+    const auto has = [&](auto&& is)
+    { return std::any_of(document.regions().begin(), document.regions().end(), is); };
+    if (!has([](const EditedRegion& region) { return region.role == Role::Fixed; }))
+        return document.selection().empty()
+                   ? "Paint or box-select the part that stays; press J to fix it"
+                   : "Press J to fix what is selected";
+    if (!has([](const EditedRegion& region) { return region.moves(); }))
+        return "Select the part to grab; press H";
+    return "Drag the arrows, or press G";
+}
+
+} // namespace cellwarp

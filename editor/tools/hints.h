@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a newcomer does next.
+#pragma once
+
+#include <string>
+
+#include "editor/document/document.h"
+
+namespace cellwarp
+{
+
+/// How far a user has come with a document.
+struct Progress
+{
+    bool is_dragging = false;
+    bool has_dragged = false; ///< once, in this session
+};
+
+/// Empty for who has bent a shape before, or opened one that is bent.
+std::string next_step(const Document& document, const Progress& progress);
+
+} // namespace cellwarp

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/tools/interaction.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "editor/tools/hints.h"
+#include "editor/tools/interaction_state.h"
+
+namespace cellwarp
+{
+
+Interaction::Interaction(Editing& editing) : state_(std::make_unique<State>(editing)) {}
+Interaction::~Interaction() = default;
+
+void Interaction::resize(double width, double height)
+{
+    state_->camera.resize(width, height);
+}
+
+void Interaction::pointer_moved(const Eigen::Vector2d& pixel, const Modifiers& modifiers)
+{
+    State& s = *state_;
+    if (!pixel.allFinite())
+        return;
+    s.pixel = pixel;
+    s.modifiers = modifiers;
+    s.is_inside = s.has_moved = true;
+    if (State::Choice* const choice = s.current<State::Choice>();
+        choice && !choice->is_released)
+        choice->gesture.move_to(pixel);
+}
+
+void Interaction::button(Button button, bool is_pressed, const Modifiers& modifiers)
+{
+    State& s = *state_;
+    s.follow_pointer();
+    s.modifiers = modifiers;
+    if (is_pressed)
+        s.press(button, modifiers);
+    else
+        s.release(button);
+}
+
+void Interaction::wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers)
+{
+    State& s = *state_;
+    if (!steps.allFinite() || s.current<State::Grasp>() || s.current<State::Choice>())
+        return;
+    s.follow_pointer();
+    if (s.tool == Tool::Brush && !modifiers.control)
+        return set_brush_radius(s.brush_radius * std::pow(State::kBrushStep, steps.y()));
+    const auto picked = s.picker.pick(s.camera.ray(s.pixel));
+    s.camera.zoom(steps.y(), s.pixel,
+                  picked ? std::optional(picked->point) : std::nullopt);
+}
+
+void Interaction::key(const KeyEvent& event)
+{
+    state_->key(event);
+}
+
+void Interaction::focus_lost()
+{
+    state_->cancel();
+    state_->is_inside = false;
+}
+
+void Interaction::update()
+{
+    State& s = *state_;
+    if (!s.has_framed && s.camera.width() >= 1 && s.camera.height() >= 1 &&
+        !s.editing.shape().positions.empty())
+    {
+        s.frame(Selection());
+        s.has_framed = true;
+    }
+    // Somebody else may have ended the drag, or removed the region.
+    if (s.current<State::Grasp>() && !s.editing.dragged())
+        s.gesture = {};
+    if (!s.active_region())
+        s.active.clear();
+    s.follow_pointer();
+    if (!s.current<State::Grasp>()) // nothing is picked meanwhile
+        s.picker.update(s.editing.shape());
+    s.update_choice();
+    if (s.spread)
+        if (const Neighbours* const around = s.neighbours.get())
+            s.attempt([&] { s.run_spread(*around); });
+    s.find_hover();
+    if (std::chrono::steady_clock::now() > s.complaint_ends)
+        s.complaint.clear();
+}
+
+void Interaction::wait()
+{
+    State& s = *state_;
+    s.picker.wait();
+    s.picker.update(s.editing.shape());
+    s.picker.wait();
+    while (s.spread ||
+           (s.current<State::Choice>() && s.current<State::Choice>()->is_released))
+    {
+        s.neighbours.wait();
+        update();
+    }
+}
+
+Tool Interaction::tool() const
+{
+    return state_->tool;
+}
+
+void Interaction::set_tool(Tool tool)
+{
+    state_->cancel();
+    state_->tool = tool;
+}
+
+Navigation Interaction::navigation() const
+{
+    return state_->navigation;
+}
+
+void Interaction::set_navigation(Navigation navigation)
+{
+    state_->navigation = navigation;
+}
+
+bool Interaction::selects_through() const
+{
+    return state_->is_through;
+}
+
+void Interaction::set_selects_through(bool through)
+{
+    state_->is_through = through;
+}
+
+double Interaction::brush_radius() const
+{
+    return state_->brush_radius;
+}
+
+void Interaction::set_brush_radius(double pixels)
+{
+    if (std::isfinite(pixels))
+        state_->brush_radius =
+            std::clamp(pixels, State::kBrushSmallest, State::kBrushLargest);
+}
+
+const std::string& Interaction::active_region() const
+{
+    return state_->active;
+}
+
+void Interaction::set_active_region(const std::string& region)
+{
+    if (region == state_->active)
+        return;
+    state_->cancel();
+    state_->active = region;
+}
+
+void Interaction::frame_selection()
+{
+    state_->frame(state_->document().selection());
+}
+
+const Camera& Interaction::camera() const
+{
+    return state_->camera;
+}
+
+std::vector<GizmoPart> Interaction::gizmo() const
+{
+    return state_->gizmo();
+}
+
+std::vector<Eigen::Vector2d> Interaction::outline() const
+{
+    const State& s = *state_;
+    if (const State::Choice* const choice = s.current<State::Choice>();
+        choice && !choice->is_released)
+        return choice->gesture.outline();
+    if (s.tool != Tool::Brush || !s.is_inside || !s.is_idle())
+        return {};
+    const SelectGesture brush({SelectGesture::Kind::Brush, true, s.brush_radius},
+                              s.camera, ShownShape{}, s.pixel);
+    return brush.outline();
+}
+
+std::optional<Hover> Interaction::hover() const
+{
+    return state_->hover;
+}
+
+const Selection& Interaction::shown_selection() const
+{
+    return state_->preview ? *state_->preview : state_->document().selection();
+}
+
+std::string Interaction::status() const
+{
+    const State& s = *state_;
+    if (const State::Grasp* const grasp = s.current<State::Grasp>())
+        return grasp->drag.status() + (grasp->is_by_key
+                                           ? " (Enter or click: done, Esc: back)"
+                                           : " (let go: done, Esc: back)");
+    if (const State::Choice* const choice = s.current<State::Choice>())
+        return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
+    if (const State::Look* const look = s.current<State::Look>())
+        return look->motion == CameraMotion::Orbit ? "Orbit"
+               : look->motion == CameraMotion::Pan ? "Pan"
+                                                   : "Zoom";
+    return s.spread ? "Finding what lies next to each other ..." : "";
+}
+
+std::string Interaction::hint() const
+{
+    return next_step(state_->document(),
+                     {state_->current<State::Grasp>() != nullptr, state_->has_dragged});
+}
+
+std::string Interaction::complaint() const
+{
+    return state_->complaint;
+}
+
+bool Interaction::is_busy() const
+{
+    return !state_->is_idle();
+}
+
+} // namespace cellwarp

@@ -1,0 +1,314 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <cmath>
+
+#include "editor/tools/interaction_state.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// What moves less between press and release is a click [pixel].
+constexpr double kClickReach = 4.0;
+constexpr std::chrono::seconds kComplaintLasts{6};
+
+std::string verb_of(SelectMode mode)
+{
+    return mode == SelectMode::Add        ? "Add"
+           : mode == SelectMode::Subtract ? "Subtract"
+                                          : "Select";
+}
+
+std::string word_of(SelectGesture::Kind kind)
+{
+    return kind == SelectGesture::Kind::Box     ? "box"
+           : kind == SelectGesture::Kind::Lasso ? "lasso"
+                                                : "brush";
+}
+
+SelectMode mode_of(const Modifiers& modifiers)
+{
+    return modifiers.control ? SelectMode::Subtract
+           : modifiers.shift ? SelectMode::Add
+                             : SelectMode::Replace;
+}
+
+DragWay way_of(const GizmoPart& part, bool turns)
+{
+    switch (part.kind)
+    {
+    case GizmoPart::Kind::Axis:
+        return {DragWay::Kind::MoveAxis, part.axis};
+    case GizmoPart::Kind::Plane:
+        return {DragWay::Kind::MovePlane, part.axis};
+    case GizmoPart::Kind::Screen:
+        return {turns ? DragWay::Kind::TurnFree : DragWay::Kind::MoveScreen, 0};
+    case GizmoPart::Kind::Ring:
+        return part.axis == 3 ? DragWay{DragWay::Kind::TurnView, 0}
+                              : DragWay{DragWay::Kind::TurnAxis, part.axis};
+    }
+    return {};
+}
+
+} // namespace
+
+std::string Interaction::State::Choice::name() const
+{
+    return verb_of(mode) + " by " + word_of(gesture.kind());
+}
+
+void Interaction::State::complain(const std::string& what)
+{
+    complaint = what;
+    complaint_ends = std::chrono::steady_clock::now() + kComplaintLasts;
+}
+
+Eigen::Vector3d Interaction::State::centre_of(const EditedRegion& region) const
+{
+    return editing.view_frame().to_work(region.centre + region.placement.translation);
+}
+
+const EditedRegion*
+Interaction::State::region_at(const std::optional<Picked>& picked) const
+{
+    const int index = picked ? document().region_of(picked->sample) : -1;
+    return index < 0 ? nullptr : &document().regions()[static_cast<std::size_t>(index)];
+}
+
+std::vector<GizmoPart> Interaction::State::gizmo() const
+{
+    const EditedRegion* const region = active_region();
+    if (!region || !region->moves() ||
+        (tool != Tool::Move && tool != Tool::Rotate && !current<Grasp>()))
+        return {};
+    const Grasp* const grasp = current<Grasp>();
+    const Eigen::Vector3d centre = grasp ? grasp->drag.centre() : centre_of(*region);
+    const bool turns = (grasp ? grasp->drag.way().turns() : tool == Tool::Rotate) &&
+                       region->role != Role::Pin;
+    std::vector<GizmoPart> parts =
+        turns ? turn_gizmo(centre, camera) : move_gizmo(centre, camera);
+    const std::optional<GizmoPart>& marked = grasp ? grasp->part : hot;
+    for (GizmoPart& part : parts)
+        part.is_hot = marked && part.is_same(*marked);
+    return parts;
+}
+
+std::optional<GizmoPart> Interaction::State::part_at(const Eigen::Vector2d& where) const
+{
+    const std::vector<GizmoPart> parts = gizmo();
+    const auto index = gizmo_part_at(parts, camera, where);
+    return index ? std::optional(parts[*index]) : std::nullopt;
+}
+
+void Interaction::State::take(const std::string& name, const Grip& grip)
+{
+    complaint.clear();
+    const EditedRegion* const region = document().region(name);
+    if (!region)
+        return complain("no region is active: select samples and press H");
+    if (grip.way.turns() && region->role == Role::Pin)
+        return complain(name + " is a pin: it turns as it likes");
+    std::string why;
+    if (!editing.begin_drag(name, &why))
+        return complain(why);
+    active = name;
+    const double view_per_model = std::ldexp(1.0, editing.view_frame().exponent);
+    const double longest = document().box().size().maxCoeff();
+    gesture = Grasp{RegionDrag(*region, {view_per_model, snap_step(longest)}, camera,
+                               centre_of(*region), grip.grabbed, grip.way, grip.pixel),
+                    grip.is_by_key, grip.part};
+}
+
+void Interaction::State::let_go()
+{
+    editing.drag_to(current<Grasp>()->drag.placement());
+    gesture = {};
+    has_dragged = true;
+    attempt([&] { editing.end_drag(); });
+}
+
+void Interaction::State::start_choice(SelectGesture::Kind kind, const Press& press)
+{
+    complaint.clear();
+    preview.reset();
+    gesture = Choice{SelectGesture({kind, is_through, brush_radius}, camera,
+                                   editing.shape(), press.pixel),
+                     mode_of(press.modifiers)};
+}
+
+/// Looks at what the gesture came over: while a brush paints, and after any release.
+void Interaction::State::update_choice()
+{
+    Choice* const choice = current<Choice>();
+    if (!choice ||
+        (!choice->is_released && choice->gesture.kind() != SelectGesture::Kind::Brush))
+        return;
+    if (!choice->is_released)
+        choice->gesture.collect(editing.shape());
+    const bool is_done = choice->gesture.look(picker, kLooksAtOnce);
+    if (is_done && choice->is_released)
+        return end_choice();
+    preview = combined(document().selection(), choice->gesture.chosen(), choice->mode);
+}
+
+void Interaction::State::end_choice()
+{
+    const Choice& choice = *current<Choice>();
+    const Selection selection =
+        combined(document().selection(), choice.gesture.chosen(), choice.mode);
+    const std::string name = choice.name();
+    gesture = {};
+    preview.reset();
+    attempt([&] { document().select(selection, name); });
+}
+
+void Interaction::State::click(const Press& press)
+{
+    if (tool == Tool::Move || tool == Tool::Rotate)
+    {
+        if (const EditedRegion* const region = region_at(press.picked))
+            active = region->name;
+        return;
+    }
+    if (!picker.is_ready())
+        return;
+    Selection chosen(document().selection().num_samples());
+    if (press.picked)
+        chosen.add(press.picked->sample);
+    const SelectMode mode = mode_of(press.modifiers);
+    attempt(
+        [&]
+        {
+            document().select(combined(document().selection(), chosen, mode),
+                              press.picked ? verb_of(mode) + " by click"
+                                           : "Select nothing");
+        });
+}
+
+void Interaction::State::press(Button button, const Modifiers& with)
+{
+    if (Grasp* const grasp = current<Grasp>())
+    {
+        if (button == Button::Right)
+            return cancel();
+        if (button == Button::Left && grasp->is_by_key)
+        {
+            grasp->drag.move_to(pixel, with.control);
+            let_go();
+        }
+        return;
+    }
+    if (!is_idle())
+        return;
+    const std::optional<Picked> picked = picker.pick(camera.ray(pixel));
+    const auto depth =
+        picked ? std::optional(picked->point) : std::optional<Eigen::Vector3d>();
+    if (const auto motion = camera_motion(navigation, button, with))
+    {
+        gesture = Look{*motion, button, pixel, pixel, depth};
+        return;
+    }
+    if (button != Button::Left)
+        return;
+    const Press press{pixel, with, picked};
+    if (const auto part = part_at(pixel))
+        take(active, {way_of(*part, tool == Tool::Rotate), pixel, false, {}, part});
+    else if (tool == Tool::Box)
+        start_choice(SelectGesture::Kind::Box, press);
+    else if (tool == Tool::Lasso)
+        start_choice(SelectGesture::Kind::Lasso, press);
+    else if (tool == Tool::Brush)
+        start_choice(SelectGesture::Kind::Brush, press);
+    else
+        gesture = press;
+}
+
+void Interaction::State::release(Button button)
+{
+    if (const Look* const look = current<Look>(); look && look->button == button)
+        gesture = {};
+    if (button != Button::Left)
+        return;
+    if (Grasp* const grasp = current<Grasp>(); grasp && !grasp->is_by_key)
+        let_go();
+    else if (const Press* const press = current<Press>())
+    {
+        const Press clicked = *press;
+        gesture = {};
+        click(clicked);
+    }
+    else if (Choice* const choice = current<Choice>())
+    {
+        choice->is_released = true;
+        choice->gesture.collect(editing.shape());
+        update_choice();
+    }
+}
+
+void Interaction::State::begin_pull(const Press& press)
+{
+    if (tool == Tool::Click)
+        return start_choice(SelectGesture::Kind::Box, press);
+    const EditedRegion* const region = region_at(press.picked);
+    if (!region)
+    {
+        gesture = Look{CameraMotion::Orbit, Button::Left, press.pixel, press.pixel, {}};
+        return;
+    }
+    const bool turns = tool == Tool::Rotate && region->role != Role::Pin;
+    const std::string name = region->name;
+    gesture = {};
+    take(name, {{turns ? DragWay::Kind::TurnFree : DragWay::Kind::MoveScreen, 0},
+                press.pixel,
+                false,
+                press.picked->point});
+}
+
+void Interaction::State::follow_pointer()
+{
+    if (!has_moved)
+        return;
+    has_moved = false;
+    if (const Press* const press = current<Press>();
+        press && (pixel - press->pixel).norm() > kClickReach)
+        begin_pull(Press(*press));
+    if (Look* const look = current<Look>())
+    {
+        move_camera(camera, look->motion, look->last, pixel, look->start,
+                    look->depth_point);
+        look->last = pixel;
+    }
+    else if (Choice* const choice = current<Choice>(); choice && !choice->is_released)
+        choice->gesture.move_to(pixel);
+    else if (Grasp* const grasp = current<Grasp>())
+    {
+        grasp->drag.move_to(pixel, modifiers.control);
+        editing.drag_to(grasp->drag.placement());
+    }
+}
+
+void Interaction::State::find_hover()
+{
+    hover.reset();
+    hot.reset();
+    if (!is_idle() || !is_inside)
+        return;
+    hot = part_at(pixel);
+    if (hot)
+        return;
+    if (const auto picked = picker.pick(camera.ray(pixel)))
+        hover =
+            Hover{picked->sample, picked->point, document().region_of(picked->sample)};
+}
+
+void Interaction::State::cancel()
+{
+    if (current<Grasp>())
+        editing.cancel_drag();
+    gesture = {};
+    preview.reset();
+    spread.reset();
+}
+
+} // namespace cellwarp

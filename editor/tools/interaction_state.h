@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What an Interaction keeps. Only its own sources include this: the gestures are in
+// interaction_gestures.cpp, what keys do in interaction_commands.cpp.
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "editor/tools/gizmo_drag.h"
+#include "editor/tools/interaction.h"
+#include "editor/tools/lazy_neighbours.h"
+#include "editor/tools/navigation.h"
+#include "editor/tools/picker.h"
+#include "editor/tools/region_drag.h"
+#include "editor/tools/selecting.h"
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+/// One gesture at a time. Buttons and keys act at once; where the pointer is counts when
+/// the frame is made, but for lassos and brushes, which need its whole way.
+struct Interaction::State
+{
+    /// Samples whose visibility is looked up in a frame: some 30 ms.
+    static constexpr std::size_t kLooksAtOnce = 40'000;
+    static constexpr double kBrushSmallest = 2.0, kBrushLargest = 500.0; ///< [pixel]
+    static constexpr double kBrushStep = 1.15;
+
+    /// A press that is not yet a click or a drag.
+    struct Press
+    {
+        Eigen::Vector2d pixel;
+        Modifiers modifiers;
+        std::optional<Picked> picked; ///< under the pointer
+    };
+    /// A drag of the view.
+    struct Look
+    {
+        CameraMotion motion;
+        Button button;
+        Eigen::Vector2d start, last;
+        std::optional<Eigen::Vector3d> depth_point;
+    };
+    struct Choice
+    {
+        SelectGesture gesture;
+        SelectMode mode;
+        bool is_released = false; ///< only the rest has to be looked at
+
+        std::string name() const; ///< "Select by box"
+    };
+    /// A region in the hand.
+    struct Grasp
+    {
+        RegionDrag drag;
+        bool is_by_key; ///< no button is pressed
+        std::optional<GizmoPart> part = {};
+    };
+    /// How a region is taken into the hand.
+    struct Grip
+    {
+        DragWay way;
+        Eigen::Vector2d pixel;
+        bool is_by_key = false;
+        std::optional<Eigen::Vector3d> grabbed = {}; ///< point of the shape [view]
+        std::optional<GizmoPart> part = {};
+    };
+    /// A command that waits for the neighbours of samples.
+    struct Spread
+    {
+        Command command;
+        std::optional<std::uint32_t> sample; ///< under the pointer
+    };
+
+    Editing& editing;
+    Camera camera;
+    Picker picker;
+    LazyNeighbours neighbours;
+
+    Tool tool = Tool::Box;
+    Navigation navigation = Navigation::Blender;
+    bool is_through = false, has_framed = false, has_dragged = false;
+    double brush_radius = 30.0; ///< [pixel]
+    std::string active;
+
+    Eigen::Vector2d pixel = Eigen::Vector2d::Zero(); ///< of the pointer
+    Modifiers modifiers;
+    bool is_inside = false; ///< the pointer has been in the view
+    bool has_moved = false; ///< since the last update
+    std::variant<std::monostate, Press, Look, Choice, Grasp> gesture;
+    std::optional<Spread> spread;
+    std::optional<Selection> preview; ///< of a brush
+    std::optional<Hover> hover;
+    std::optional<GizmoPart> hot;
+    std::string complaint;
+    std::chrono::steady_clock::time_point complaint_ends;
+
+    explicit State(Editing& of) : editing(of), neighbours(of.document().model()) {}
+
+    Document& document() { return editing.document(); }
+    const Document& document() const { return std::as_const(editing).document(); }
+
+    template <class Type>
+    Type* current()
+    {
+        return std::get_if<Type>(&gesture);
+    }
+    template <class Type>
+    const Type* current() const
+    {
+        return std::get_if<Type>(&gesture);
+    }
+    bool is_idle() const { return std::holds_alternative<std::monostate>(gesture); }
+
+    void complain(const std::string& what);
+    /// Does a command; what cannot be is said.
+    template <class Do>
+    void attempt(Do&& what)
+    {
+        complaint.clear();
+        try
+        {
+            what();
+        }
+        catch (const Error& error)
+        {
+            complain(error.what());
+        }
+    }
+
+    // Regions.
+    const EditedRegion* active_region() const { return document().region(active); }
+    const EditedRegion* region_at(const std::optional<Picked>& picked) const;
+    Eigen::Vector3d centre_of(const EditedRegion& region) const; ///< now [view]
+    std::vector<GizmoPart> gizmo() const;
+    std::optional<GizmoPart> part_at(const Eigen::Vector2d& where) const;
+    void take(const std::string& name, const Grip& grip);
+    void let_go();
+
+    // Choosing.
+    void start_choice(SelectGesture::Kind kind, const Press& press);
+    void update_choice();
+    void end_choice();
+    void click(const Press& press);
+
+    // Buttons and the pointer.
+    void press(Button button, const Modifiers& with);
+    void release(Button button);
+    /// A press whose pointer has gone too far for a click.
+    void begin_pull(const Press& press);
+    /// What the pointer's last place means for the gesture.
+    void follow_pointer();
+    void find_hover();
+    void cancel();
+
+    // Keys.
+    void key(const KeyEvent& event);
+    void run(Command command);
+    void run_spread(const Neighbours& around);
+    void make_region(Role role);
+    void remove_region();
+    void next_region();
+    /// Shows the samples of a set, or all.
+    void frame(const Selection& selection);
+};
+
+} // namespace cellwarp
