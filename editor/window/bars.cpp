@@ -53,16 +53,14 @@ void draw_icon(ImDrawList& list, Tool tool, ImVec2 c, float r, ImU32 ink)
 {
     const float width = std::max(1.0f, 0.17f * r);
     constexpr auto kPi = std::numbers::pi_v<float>;
-    const auto at = [&](float x, float y)
-    { return ImVec2(c.x + x * r, c.y + y * r); };
+    const auto at = [&](float x, float y) { return ImVec2(c.x + x * r, c.y + y * r); };
     switch (tool)
     {
     case Tool::Click:
     {
-        const std::array<ImVec2, 7> outline = {at(-0.5f, -0.9f), at(-0.5f, 0.62f),
-                                               at(-0.12f, 0.3f),  at(0.14f, 0.9f),
-                                               at(0.42f, 0.78f),  at(0.16f, 0.2f),
-                                               at(0.62f, 0.14f)};
+        const std::array<ImVec2, 7> outline = {
+            at(-0.5f, -0.9f), at(-0.5f, 0.62f), at(-0.12f, 0.3f), at(0.14f, 0.9f),
+            at(0.42f, 0.78f), at(0.16f, 0.2f),  at(0.62f, 0.14f)};
         list.AddPolyline(outline.data(), static_cast<int>(outline.size()), ink,
                          ImDrawFlags_Closed, width);
         break;
@@ -86,8 +84,7 @@ void draw_icon(ImDrawList& list, Tool tool, ImVec2 c, float r, ImU32 ink)
         list.AddCircleFilled(c, 0.26f * r, ink, 12);
         break;
     case Tool::Move:
-        for (const ImVec2 to :
-             {at(0.78f, 0), at(-0.78f, 0), at(0, 0.78f), at(0, -0.78f)})
+        for (const ImVec2 to : {at(0.78f, 0), at(-0.78f, 0), at(0, 0.78f), at(0, -0.78f)})
             draw_arrow(list, c, to, width, ink);
         break;
     case Tool::Rotate:
@@ -214,7 +211,7 @@ void show_view_toggles(Desk& desk)
     tip("The shape before it was bent, as a ghost");
     ImGui::SameLine();
     if (toggle(names[3], view.cells != CellsShown::No))
-        view.cells = view.cells == CellsShown::No     ? CellsShown::Glass
+        view.cells = view.cells == CellsShown::No      ? CellsShown::Glass
                      : view.cells == CellsShown::Glass ? CellsShown::Wire
                                                        : CellsShown::No;
     tip("The cells as glass, as wire, not at all");

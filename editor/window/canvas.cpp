@@ -31,7 +31,10 @@ constexpr std::size_t kSpacingProbes = 48;
 constexpr double kPointOverlap = 1.5;
 constexpr double kFloorReach = 3.0; ///< half side [view]
 
-Eigen::Matrix4f as_float(const Eigen::Matrix4d& matrix) { return matrix.cast<float>(); }
+Eigen::Matrix4f as_float(const Eigen::Matrix4d& matrix)
+{
+    return matrix.cast<float>();
+}
 
 void set_colour(const ShaderProgram& program, const char* name, const Colour& colour)
 {
@@ -71,7 +74,8 @@ class DrawnShape
 public:
     void upload(const ShownShape& shape)
     {
-        if (shape.layout == nullptr || (version_ == shape.version && layout_ == shape.layout))
+        if (shape.layout == nullptr ||
+            (version_ == shape.version && layout_ == shape.layout))
             return;
         positions_.fill(shape.positions.data(), shape.positions.size() * sizeof(float));
         normals_.fill(shape.normals.data(), shape.normals.size() * sizeof(float));
@@ -241,12 +245,15 @@ struct Canvas::State
     ShaderProgram boxes{shaders::kCellVertex, shaders::kCellFragment};
     ShaderProgram floor{shaders::kFloorVertex, shaders::kFloorFragment};
     VertexArray nothing; ///< for shaders that need no attribute
+    SmoothTarget smooth;
+    bool is_smooth = false; ///< the frame that is being drawn
     std::optional<DrawnShape> shape, rest;
     DrawnCells cells;
     std::optional<ColoursOf> colours_of;
     std::optional<CellsOf> cells_of;
 
     void begin(const ViewRect& rect, int window_height, const ViewOptions& options);
+    void end(const ViewRect& rect, int window_height);
     void set_up(const ShaderProgram& program, const CanvasScene& scene,
                 const Eigen::Matrix4d& to_view) const;
     void draw_shape(const CanvasScene& scene, const ViewOptions& options,
@@ -258,7 +265,10 @@ struct Canvas::State
     void draw_floor(const CanvasScene& scene, const ViewOptions& options);
 };
 
-Canvas::Canvas() : state_(std::make_unique<State>()) { clear(); }
+Canvas::Canvas() : state_(std::make_unique<State>())
+{
+    clear();
+}
 Canvas::~Canvas() = default;
 
 void Canvas::clear()
@@ -269,7 +279,10 @@ void Canvas::clear()
     state_->cells_of.reset();
 }
 
-CellScale Canvas::scale_of_cells() const { return state_->cells.scale(); }
+CellScale Canvas::scale_of_cells() const
+{
+    return state_->cells.scale();
+}
 
 double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
 {
@@ -302,9 +315,12 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
 void Canvas::State::begin(const ViewRect& rect, int window_height,
                           const ViewOptions& options)
 {
-    glViewport(rect.x, window_height - rect.y - rect.height, rect.width, rect.height);
+    is_smooth = options.is_smooth && smooth.begin(rect.width, rect.height);
+    const int x = is_smooth ? 0 : rect.x;
+    const int y = is_smooth ? 0 : window_height - rect.y - rect.height;
+    glViewport(x, y, rect.width, rect.height);
     glEnable(GL_SCISSOR_TEST);
-    glScissor(rect.x, window_height - rect.y - rect.height, rect.width, rect.height);
+    glScissor(x, y, rect.width, rect.height);
     glDepthMask(GL_TRUE);
     glClear(GL_DEPTH_BUFFER_BIT);
     glDisable(GL_DEPTH_TEST);
@@ -327,6 +343,14 @@ void Canvas::State::begin(const ViewRect& rect, int window_height,
     glEnable(GL_DEPTH_TEST);
     glDepthFunc(GL_LEQUAL);
     glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+}
+
+void Canvas::State::end(const ViewRect& rect, int window_height)
+{
+    glDisable(GL_DEPTH_TEST);
+    glDisable(GL_SCISSOR_TEST);
+    if (is_smooth)
+        smooth.end(rect.x, window_height - rect.y - rect.height);
 }
 
 void Canvas::State::set_up(const ShaderProgram& program, const CanvasScene& scene,
@@ -448,9 +472,9 @@ void Canvas::State::draw_floor(const CanvasScene& scene, const ViewOptions& opti
     centre[up] = static_cast<float>(-half[up]);
     side_u[u] = side_v[v] = static_cast<float>(kFloorReach);
     floor.use();
-    floor.set_matrix("to_clip", as_float(scene.camera.projection_matrix() *
-                                         scene.camera.view_matrix())
-                                    .data());
+    floor.set_matrix(
+        "to_clip",
+        as_float(scene.camera.projection_matrix() * scene.camera.view_matrix()).data());
     floor.set("centre", centre.x(), centre.y(), centre.z(), 1.0f);
     floor.set("side_u", side_u.x(), side_u.y(), side_u.z(), side_u.w());
     floor.set("side_v", side_v.x(), side_v.y(), side_v.z(), 0.0f);
@@ -474,7 +498,7 @@ void Canvas::draw_empty(const ViewOptions& options, const ViewRect& rect,
     if (rect.width < 1 || rect.height < 1)
         return;
     state_->begin(rect, window_height, options);
-    glDisable(GL_SCISSOR_TEST);
+    state_->end(rect, window_height);
 }
 
 void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
@@ -490,8 +514,7 @@ void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
         state_->draw_ghost(scene, rect);
     if (options.cells != CellsShown::No)
         state_->draw_cells(scene, options);
-    glDisable(GL_DEPTH_TEST);
-    glDisable(GL_SCISSOR_TEST);
+    state_->end(rect, window_height);
 }
 
 } // namespace cellwarp

@@ -29,6 +29,8 @@ struct ViewOptions
     bool shows_regions = true; ///< in their colours
     bool shows_ghost = false;  ///< the rest shape as glass
     bool shows_floor = true;
+    bool is_smooth =
+        true; ///< edges without steps; slower where there is no graphics card
     CellsShown cells = CellsShown::No;
     CellColours cell_colours = CellColours::Gap;
 };

@@ -37,8 +37,14 @@ Colour role_colour(Role role)
     return free_colour();
 }
 
-Colour free_colour() { return {104, 152, 214, 0}; }
-Colour selected_colour() { return {244, 122, 44, 255}; }
+Colour free_colour()
+{
+    return {104, 152, 214, 0};
+}
+Colour selected_colour()
+{
+    return {244, 122, 44, 255};
+}
 
 std::vector<Colour> sample_colours(const Document& document, const ShapeLayout& layout,
                                    bool shows_regions)
@@ -102,8 +108,8 @@ Colour scale_colour(double t)
     const double share = at - static_cast<double>(stop);
     Colour colour{};
     for (std::size_t c = 0; c < 3; ++c)
-        colour[c] = static_cast<std::uint8_t>(std::lround(
-            kStops[stop][c] * (1.0 - share) + kStops[stop + 1][c] * share));
+        colour[c] = static_cast<std::uint8_t>(
+            std::lround(kStops[stop][c] * (1.0 - share) + kStops[stop + 1][c] * share));
     return colour;
 }
 

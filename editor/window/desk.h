@@ -98,12 +98,15 @@ public:
     OpenedDocument* opened() { return opened_.get(); }
     Document& document() { return opened_->editing.document(); }
 
+    /// Ends the document's journal, saved or not.
+    void close();
+
     /// Runs a command; an error becomes a notice at \p place. False: it did not happen.
     bool attempt(Place place, const std::function<void()>& command);
     void say(Place place, const std::string& text, bool is_error = false);
     const Notice* notice(Place place) const; ///< null: none
 
-    void save();       ///< or asks where to
+    void save(); ///< or asks where to
     void undo();
     void redo();
     std::string title() const;
@@ -121,7 +124,6 @@ public:
     bool leaves_when_saved = false;
 
 private:
-    void close();
     void take_document(Document document);
 
     std::string journal_folder_;

@@ -79,9 +79,8 @@ void FileDialog::begin(Desk& desk, Choosing choosing)
         const Document& document = opened->editing.document();
         const std::string& scene = document.scene_path();
         const fs::path model = fs::absolute(document.model()->path, failure);
-        folder_ = (scene.empty() ? model : fs::absolute(scene, failure))
-                      .parent_path()
-                      .string();
+        folder_ =
+            (scene.empty() ? model : fs::absolute(scene, failure)).parent_path().string();
         if (choosing == Choosing::SaveAs)
             name_ = scene.empty() ? model.stem().string() + "-edit.json"
                                   : fs::path(scene).filename().string();
@@ -107,16 +106,15 @@ void FileDialog::list_folder()
         const std::string name = entry->path().filename().string();
         std::error_code none;
         const bool is_folder = entry->is_directory(none);
-        if (name.front() != '.' && (is_folder || shown_ != Choosing::Open ||
-                                    can_be_opened(name)))
+        if (name.front() != '.' &&
+            (is_folder || shown_ != Choosing::Open || can_be_opened(name)))
             entries_.push_back({name, is_folder});
     }
     if (failure)
         failure_ = "This folder cannot be read: " + failure.message();
     std::sort(entries_.begin(), entries_.end(),
-              [](const Entry& a, const Entry& b) {
-                  return a.is_folder != b.is_folder ? a.is_folder : a.name < b.name;
-              });
+              [](const Entry& a, const Entry& b)
+              { return a.is_folder != b.is_folder ? a.is_folder : a.name < b.name; });
 }
 
 std::string FileDialog::chosen() const
@@ -160,19 +158,18 @@ void FileDialog::take(Desk& desk, Choosing choosing)
     if (choosing == Choosing::Open)
         desk.ask_to_open(path);
     else
-        is_done = desk.attempt(
-            Place::Window,
-            [&]
-            {
-                Editing& editing = desk.opened()->editing;
-                // The button said "Replace" where there is a file.
-                if (choosing == Choosing::SaveAs)
-                    desk.document().save(path);
-                else if (choosing == Choosing::ExportModel)
-                    editing.export_model(path, true);
-                else
-                    editing.export_field(path, true);
-            });
+        is_done = desk.attempt(Place::Window,
+                               [&]
+                               {
+                                   Editing& editing = desk.opened()->editing;
+                                   // The button said "Replace" where there is a file.
+                                   if (choosing == Choosing::SaveAs)
+                                       desk.document().save(path);
+                                   else if (choosing == Choosing::ExportModel)
+                                       editing.export_model(path, true);
+                                   else
+                                       editing.export_field(path, true);
+                               });
     if (!is_done)
         return;
     if (choosing != Choosing::Open)
@@ -237,8 +234,7 @@ void FileDialog::show(Desk& desk)
     }
     ImGui::SameLine();
     ImGui::BeginDisabled(name_.empty());
-    const bool is_pressed =
-        ImGui::Button(replaces ? "Replace" : verb_of(choosing), size);
+    const bool is_pressed = ImGui::Button(replaces ? "Replace" : verb_of(choosing), size);
     ImGui::EndDisabled();
     if ((is_pressed || is_entered || is_taken_) && !name_.empty() && desk.choosing)
     {
@@ -317,8 +313,8 @@ void ask_to_recover(Desk& desk)
                      [&]
                      {
                          const auto warnings = desk.document().recover();
-                         desk.say(Place::Window, warnings.empty() ? "Recovered"
-                                                                  : warnings.front());
+                         desk.say(Place::Window,
+                                  warnings.empty() ? "Recovered" : warnings.front());
                      });
         ImGui::CloseCurrentPopup();
     }

@@ -28,7 +28,8 @@ void show_document_panel(Desk& desk)
                                  "faces");
     faint_text(counts);
     const Eigen::Vector3d size = desk.document().box().size();
-    faint_text(rounded(size.x()) + " × " + rounded(size.y()) + " × " + rounded(size.z()));
+    faint_text("Size " + rounded(size.x()) + " × " + rounded(size.y()) + " × " +
+               rounded(size.z()));
     if (!geometry.not_writable.empty())
         warning_text("Cannot be exported: " + geometry.not_writable);
     for (const std::string& warning : desk.document().warnings())
@@ -94,8 +95,8 @@ void show_view_panel(Desk& desk)
     ViewOptions& view = desk.view;
     Interaction& hand = desk.opened()->hand;
     const float column = ImGui::GetContentRegionAvail().x / 2;
-    const auto pair = [&](const char* left, bool& is_left, const char* right,
-                          bool& is_right)
+    const auto pair =
+        [&](const char* left, bool& is_left, const char* right, bool& is_right)
     {
         ImGui::Checkbox(left, &is_left);
         ImGui::SameLine(column);

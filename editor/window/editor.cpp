@@ -27,6 +27,8 @@ constexpr double kBusyWait = 0.004;
 constexpr double kIdleWait = 0.25;
 /// Progress and messages are drawn anew this often [s].
 constexpr double kProgressStep = 0.1;
+/// A median frame that takes longer is slow [ms].
+constexpr double kSlowFrame = 20.0;
 /// ImGui needs another frame or two after an event to settle.
 constexpr int kFramesAfterEvent = 3;
 
@@ -35,7 +37,10 @@ double ms_since(Clock::time_point start)
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-std::uint32_t bit_of(Button button) { return 1u << static_cast<unsigned>(button); }
+std::uint32_t bit_of(Button button)
+{
+    return 1u << static_cast<unsigned>(button);
+}
 
 bool is_pointer(const InputEvent& event)
 {
@@ -66,15 +71,16 @@ void Editor::lay_out()
     const float status = 3.2f * letter;
     view_.x = 0;
     view_.y = static_cast<int>(menu_height_ + tools);
-    view_.width = std::max(0, static_cast<int>(static_cast<float>(window_.width()) - panel));
+    view_.width =
+        std::max(0, static_cast<int>(static_cast<float>(window_.width()) - panel));
     view_.height = std::max(
         0, static_cast<int>(static_cast<float>(window_.height() - view_.y) - status));
 }
 
 bool Editor::panels_have(const InputEvent& event) const
 {
-    const bool has_popup =
-        ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel);
+    const bool has_popup = ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId |
+                                                      ImGuiPopupFlags_AnyPopupLevel);
     if (has_popup || desk_.choosing || desk_.leaving != Leaving::No ||
         desk_.asks_to_recover || desk_.shows_keys)
         return true;
@@ -158,8 +164,7 @@ void Editor::handle(const InputEvent& event)
         return;
     }
     // A press that began in the view ends there, whatever has opened meanwhile.
-    const bool is_held =
-        event.kind == InputEvent::Kind::Release && held_in_view_ != 0;
+    const bool is_held = event.kind == InputEvent::Kind::Release && held_in_view_ != 0;
     if (panels_have(event) && !is_held)
         return;
     if (handle_shortcut(event))
@@ -186,8 +191,8 @@ void Editor::handle(const InputEvent& event)
              (event.key.key != Key::Character || event.key.character != 0))
         opened->hand.key(event.key);
     else if (event.kind == InputEvent::Kind::Text && event.modifiers.shift &&
-             event.character < 128 && std::isalpha(static_cast<int>(event.character)) == 0 &&
-             event.character > 32)
+             event.character < 128 &&
+             std::isalpha(static_cast<int>(event.character)) == 0 && event.character > 32)
     {
         // What Shift makes of a key: told by its text, see window.cpp.
         KeyEvent key;
@@ -227,9 +232,9 @@ void Editor::show_panels()
         ImGui::Begin("panels", nullptr, flags & ~ImGuiWindowFlags_NoScrollbar);
         show_document_panel(desk_);
         show_regions_panel(desk_, panels_);
-        show_cells_panel(desk_, panels_);
         show_solver_panel(desk_);
         show_history_panel(desk_, panels_);
+        show_cells_panel(desk_, panels_);
         show_field_panel(desk_);
         show_view_panel(desk_);
         ImGui::End();
@@ -264,16 +269,20 @@ double Editor::draw_canvas()
         return 0.0;
     }
     Editing& editing = opened->editing;
-    const double longest = editing.document().box().size().maxCoeff();
     const WorkFrame& frame = editing.view_frame();
-    const CanvasScene scene{editing.document(),  editing.shape(),
-                            editing.rest_shape(), editing.cells(),
-                            opened->hand.camera(),
-                            editing.document().box().size() *
-                                std::ldexp(1.0, frame.exponent)};
-    (void)longest;
+    const CanvasScene scene{
+        editing.document(),
+        editing.shape(),
+        editing.rest_shape(),
+        editing.cells(),
+        opened->hand.camera(),
+        editing.document().box().size() * std::ldexp(1.0, frame.exponent)};
     const double upload_ms = canvas_.upload(scene, desk_.view);
-    canvas_.draw(scene, desk_.view, view_, window_.height());
+    ViewOptions options = desk_.view;
+    // Where drawing is slow, edges are made smooth when the hand rests.
+    options.is_smooth = options.is_smooth && !(opened->hand.is_busy() &&
+                                               desk_.frame_times.median() > kSlowFrame);
+    canvas_.draw(scene, options, view_, window_.height());
     return upload_ms;
 }
 

@@ -57,8 +57,9 @@ private:
     FileDialog file_dialog_;
     ViewRect view_;
     float menu_height_ = 0.0f;
-    std::uint32_t held_in_view_ = 0; ///< buttons that were pressed in the view, a bit each
-    bool is_dark_ = true;            ///< as it is drawn now
+    std::uint32_t held_in_view_ =
+        0;                ///< buttons that were pressed in the view, a bit each
+    bool is_dark_ = true; ///< as it is drawn now
     std::string title_;
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
 };

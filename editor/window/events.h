@@ -31,9 +31,9 @@ struct InputEvent
     Button button = Button::Left;
     Modifiers modifiers = {};
     int code = 0;           ///< GLFW's number of the key; 0: it has none
-    KeyEvent key = {};         ///< character 0: the key writes nothing that is known
+    KeyEvent key = {};      ///< character 0: the key writes nothing that is known
     unsigned character = 0; ///< of Text
-    std::vector<std::string> paths = {};///< of Drop
+    std::vector<std::string> paths = {}; ///< of Drop
 };
 
 } // namespace cellwarp

@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/window/gl.h"
 
+#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 namespace cellwarp
 {
 
 namespace
 {
+
+constexpr GLint kSamples = 4; ///< a pixel
 
 GLuint compiled(GLenum kind, const char* text)
 {
@@ -49,7 +53,10 @@ ShaderProgram::ShaderProgram(const char* vertex, const char* fragment)
     }
 }
 
-ShaderProgram::~ShaderProgram() { glDeleteProgram(id_); }
+ShaderProgram::~ShaderProgram()
+{
+    glDeleteProgram(id_);
+}
 
 void ShaderProgram::set(const char* name, float value) const
 {
@@ -115,6 +122,58 @@ void VertexArray::constant(GLuint index) const
 {
     bind();
     glDisableVertexAttribArray(index);
+}
+
+SmoothTarget::SmoothTarget()
+{
+    GLint most = 0;
+    glGetIntegerv(GL_MAX_SAMPLES, &most);
+    samples_ = std::min(most, kSamples);
+    glGenFramebuffers(1, &frame_);
+    glGenRenderbuffers(1, &colour_);
+    glGenRenderbuffers(1, &depth_);
+}
+
+SmoothTarget::~SmoothTarget()
+{
+    glDeleteFramebuffers(1, &frame_);
+    glDeleteRenderbuffers(1, &colour_);
+    glDeleteRenderbuffers(1, &depth_);
+}
+
+bool SmoothTarget::begin(int width, int height)
+{
+    if (samples_ < 2)
+        return false;
+    glBindFramebuffer(GL_FRAMEBUFFER, frame_);
+    if (width != width_ || height != height_)
+    {
+        width_ = width;
+        height_ = height;
+        for (const auto& [buffer, format, place] :
+             {std::tuple(colour_, GL_RGBA8, GL_COLOR_ATTACHMENT0),
+              std::tuple(depth_, GL_DEPTH_COMPONENT24, GL_DEPTH_ATTACHMENT)})
+        {
+            glBindRenderbuffer(GL_RENDERBUFFER, buffer);
+            glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples_, format, width,
+                                             height);
+            glFramebufferRenderbuffer(GL_FRAMEBUFFER, place, GL_RENDERBUFFER, buffer);
+        }
+        if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+            samples_ = 0;
+    }
+    if (samples_ == 0)
+        glBindFramebuffer(GL_FRAMEBUFFER, 0);
+    return samples_ > 0;
+}
+
+void SmoothTarget::end(int x, int y)
+{
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, frame_);
+    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
+    glBlitFramebuffer(0, 0, width_, height_, x, y, x + width_, y + height_,
+                      GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    glBindFramebuffer(GL_FRAMEBUFFER, 0);
 }
 
 } // namespace cellwarp

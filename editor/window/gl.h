@@ -79,4 +79,23 @@ private:
     GLuint id_ = 0;
 };
 
+/// A picture with several samples a pixel, whatever the window has.
+class SmoothTarget
+{
+public:
+    SmoothTarget();
+    ~SmoothTarget();
+    SmoothTarget(const SmoothTarget&) = delete;
+    SmoothTarget& operator=(const SmoothTarget&) = delete;
+
+    /// Drawing goes there from now on; false where the driver cannot.
+    bool begin(int width, int height);
+    /// Into the window's picture, its lower left corner at (\p x, \p y).
+    void end(int x, int y);
+
+private:
+    GLuint frame_ = 0, colour_ = 0, depth_ = 0;
+    int samples_ = 0, width_ = 0, height_ = 0;
+};
+
 } // namespace cellwarp

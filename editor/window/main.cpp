@@ -7,7 +7,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "editor/window/editor.h"
+#include "editor/window/playback.h"
 #include "io/error.h"
 #include "octree/parallel.h"
 
@@ -18,11 +18,26 @@ using namespace cellwarp;
 
 struct EditorFlags
 {
-    std::string model;
+    std::string model, script, report;
     int threads = 0;
     double scale = 0.0;
     bool is_light = false;
 };
+
+void play_script(const EditorFlags& flags, WindowOptions options)
+{
+    const std::vector<Statement> statements = read_statements(flags.script);
+    options.is_played = true;
+    Editor editor(options, true);
+    if (!flags.model.empty())
+    {
+        editor.desk().open(flags.model);
+        editor.desk().finish_opening();
+    }
+    const PlaybackReport report = play(editor, flags.script, statements);
+    if (!flags.report.empty())
+        write_file(flags.report, report_text(report), Overwrite::Yes);
+}
 
 int run(int argc, char** argv)
 {
@@ -33,7 +48,8 @@ int run(int argc, char** argv)
                  "cellwarp-editor");
     app.set_version_flag("--version", "cellwarp-editor " CELLWARP_VERSION);
     EditorFlags flags;
-    app.add_option("model", flags.model, "a model or a scene (*.json); none: a page to choose")
+    app.add_option("model", flags.model,
+                   "a model or a scene (*.json); none: a page to choose")
         ->option_text("[MODEL|SCENE]");
     app.add_option("--threads", flags.threads,
                    "threads, 0: all; the result is the same for every number")
@@ -42,6 +58,11 @@ int run(int argc, char** argv)
                    "pixels of the screen for one of the editor's, 0: as the display says")
         ->check(CLI::Range(0.0, 8.0));
     app.add_flag("--light", flags.is_light, "dark on light");
+    CLI::Option* play_option = app.add_option(
+        "--play", flags.script, "a file of events to play instead of yours, see below");
+    app.add_option("--report", flags.report, "times of the played drags as JSON")
+        ->needs(play_option);
+    app.footer(statement_help());
     try
     {
         app.parse(argc, argv);
@@ -57,6 +78,11 @@ int run(int argc, char** argv)
     WindowOptions options;
     options.scale = flags.scale;
     options.is_dark = !flags.is_light;
+    if (!flags.script.empty())
+    {
+        play_script(flags, options);
+        return 0;
+    }
     Editor editor(options, true);
     if (!flags.model.empty())
         editor.desk().open(flags.model);

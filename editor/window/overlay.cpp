@@ -110,8 +110,8 @@ void draw_outline(const Overlay& overlay, const Interaction& hand)
     const ImU32 ink = IM_COL32(orange[0], orange[1], orange[2], 255);
     const int count = static_cast<int>(line.size());
     if (hand.tool() != Tool::Lasso) // which need not be convex
-        overlay.list().AddConvexPolyFilled(
-            line.data(), count, IM_COL32(orange[0], orange[1], orange[2], 34));
+        overlay.list().AddConvexPolyFilled(line.data(), count,
+                                           IM_COL32(orange[0], orange[1], orange[2], 34));
     overlay.list().AddPolyline(line.data(), count, ink, ImDrawFlags_Closed,
                                overlay.px(1.5f));
 }
@@ -134,8 +134,7 @@ void draw_pill(const Overlay& overlay, const std::string& text, ImVec2 bottom)
     const float room = static_cast<float>(overlay.view().width) - letters(6);
     const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, room);
     const ImVec2 pad = {letters(1.5f), letters(0.7f)};
-    const ImVec2 corner = {bottom.x - size.x / 2 - pad.x,
-                           bottom.y - size.y - 2 * pad.y};
+    const ImVec2 corner = {bottom.x - size.x / 2 - pad.x, bottom.y - size.y - 2 * pad.y};
     overlay.list().AddRectFilled(
         corner, {corner.x + size.x + 2 * pad.x, corner.y + size.y + 2 * pad.y},
         packed(palette().pill), letters(1.0f));
@@ -159,7 +158,8 @@ std::string scale_end(double value, CellColours by)
     return by == CellColours::Gap ? rounded(100.0 * value) + " %" : rounded(value);
 }
 
-void draw_scale(const Overlay& overlay, const ViewOptions& options, const CellScale& cells)
+void draw_scale(const Overlay& overlay, const ViewOptions& options,
+                const CellScale& cells)
 {
     if (options.cells == CellsShown::No || options.cell_colours == CellColours::Region)
         return;
@@ -181,10 +181,10 @@ void draw_scale(const Overlay& overlay, const ViewOptions& options, const CellSc
     {
         const Colour colour = scale_colour((k + 0.5) / kScaleSteps);
         const float step = width / kScaleSteps;
-        list.AddRectFilled({corner.x + step * static_cast<float>(k), corner.y},
-                           {corner.x + step * static_cast<float>(k + 1),
-                            corner.y + height},
-                           IM_COL32(colour[0], colour[1], colour[2], 255));
+        list.AddRectFilled(
+            {corner.x + step * static_cast<float>(k), corner.y},
+            {corner.x + step * static_cast<float>(k + 1), corner.y + height},
+            IM_COL32(colour[0], colour[1], colour[2], 255));
     }
     const float below = corner.y + height + letters(0.3f);
     const std::string low = scale_end(cells.low, options.cell_colours);
@@ -209,14 +209,13 @@ void draw_axes(const Overlay& overlay, const Camera& camera)
         GizmoPart part;
         part.axis = a;
         const ImU32 ink = part_colour(part);
-        const ImVec2 tip = {
-            centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(24),
-            centre.y - static_cast<float>(to_eye(1, a)) * overlay.px(24)};
+        const ImVec2 tip = {centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(24),
+                            centre.y - static_cast<float>(to_eye(1, a)) * overlay.px(24)};
         overlay.list().AddLine(centre, tip, ink, overlay.px(2.0f));
         const ImVec2 size = ImGui::CalcTextSize(kNames[static_cast<std::size_t>(a)]);
-        const ImVec2 word = {
-            centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(33),
-            centre.y - static_cast<float>(to_eye(1, a)) * overlay.px(33)};
+        const ImVec2 word = {centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(33),
+                             centre.y -
+                                 static_cast<float>(to_eye(1, a)) * overlay.px(33)};
         overlay.list().AddText({word.x - size.x / 2, word.y - size.y / 2},
                                packed(palette().view_ink),
                                kNames[static_cast<std::size_t>(a)]);

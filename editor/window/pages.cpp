@@ -54,8 +54,8 @@ void show_samples(Desk& desk)
     for (std::size_t k = 0; k < samples.size(); ++k)
     {
         const std::string name = std::filesystem::path(samples[k]).stem().string();
-        const float width = ImGui::CalcTextSize(name.c_str()).x +
-                            2 * ImGui::GetStyle().FramePadding.x;
+        const float width =
+            ImGui::CalcTextSize(name.c_str()).x + 2 * ImGui::GetStyle().FramePadding.x;
         if (k > 0)
         {
             ImGui::SameLine();
@@ -74,16 +74,17 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
     if (desk.opened() != nullptr)
         return;
     const float width = std::min(letters(72), static_cast<float>(view.width));
-    ImGui::SetNextWindowPos({static_cast<float>(view.x) + static_cast<float>(view.width) / 2,
-                             static_cast<float>(view.y) +
-                                 static_cast<float>(view.height) * 0.46f},
-                            ImGuiCond_Always, {0.5f, 0.5f});
+    ImGui::SetNextWindowPos(
+        {static_cast<float>(view.x) + static_cast<float>(view.width) / 2,
+         static_cast<float>(view.y) + static_cast<float>(view.height) * 0.46f},
+        ImGuiCond_Always, {0.5f, 0.5f});
     ImGui::SetNextWindowSize({width, 0});
     ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, letters(1.2f));
     ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {letters(4), letters(3.2f)});
     ImGui::Begin("welcome", nullptr,
                  ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
-                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoFocusOnAppearing |
+                     ImGuiWindowFlags_NoSavedSettings |
+                     ImGuiWindowFlags_NoFocusOnAppearing |
                      ImGuiWindowFlags_NoBringToFrontOnFocus);
     if (desk.is_opening())
     {
@@ -98,8 +99,9 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
         ImGui::TextUnformatted("Grab a shape and bend it");
         ImGui::PopFont();
         ImGui::Dummy({0, letters(0.3f)});
-        faint_text("Drop a model or a scene here: OBJ, PLY, STL, OFF, glTF, PCD, XYZ, or a "
-                   "scene (JSON).");
+        faint_text(
+            "Drop a model or a scene here: OBJ, PLY, STL, OFF, glTF, PCD, XYZ, or a "
+            "scene (JSON).");
         if (const Notice* notice = desk.notice(Place::Window);
             notice != nullptr && notice->is_error)
         {

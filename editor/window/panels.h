@@ -22,10 +22,10 @@ struct PlacementEntry
 struct PanelState
 {
     PlacementEntry placement;
-    std::string renamed;       ///< the region whose name is being typed
-    std::string name;          ///< as typed so far
+    std::string renamed; ///< the region whose name is being typed
+    std::string name;    ///< as typed so far
     std::optional<double> factor;
-    EditSettings settings;     ///< while a number of it is typed
+    EditSettings settings; ///< while a number of it is typed
     bool types_settings = false;
     std::size_t history_position = 0; ///< that the list was scrolled to
 };

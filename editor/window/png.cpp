@@ -17,9 +17,8 @@ namespace cellwarp
 std::string png_of(const Pixels& pixels)
 {
     int size = 0;
-    unsigned char* bytes =
-        stbi_write_png_to_mem(pixels.rgb.data(), 3 * pixels.width, pixels.width,
-                              pixels.height, 3, &size);
+    unsigned char* bytes = stbi_write_png_to_mem(pixels.rgb.data(), 3 * pixels.width,
+                                                 pixels.width, pixels.height, 3, &size);
     if (bytes == nullptr)
         throw std::bad_alloc();
     std::string png(reinterpret_cast<const char*>(bytes), static_cast<std::size_t>(size));

@@ -160,8 +160,8 @@ void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
                 // A stiff region of factor 1 would be as soft as the rest.
                 const double factor = known.role == Role::Stiff ? 20.0 : 1.0;
                 const std::string name = region.name;
-                desk.attempt(Place::Regions, [&]
-                             { desk.document().set_role(name, known.role, factor); });
+                desk.attempt(Place::Regions,
+                             [&] { desk.document().set_role(name, known.role, factor); });
                 ImGui::EndCombo();
                 return;
             }
@@ -192,9 +192,9 @@ bool show_numbers(Desk& desk, const EditedRegion& region, Placement& value, bool
     bool is_held = false;
     label("Move");
     ImGui::SetNextItemWidth(-1);
-    changed |= ImGui::DragScalarN("##move", ImGuiDataType_Double,
-                                  value.translation.data(), 3, speed, nullptr, nullptr,
-                                  "%.4g");
+    changed |=
+        ImGui::DragScalarN("##move", ImGuiDataType_Double, value.translation.data(), 3,
+                           speed, nullptr, nullptr, "%.4g");
     is_held |= ImGui::IsItemActive();
     tip("Along x, y and z [model unit]. Drag, or double-click to type");
     if (region.role != Role::Handle)

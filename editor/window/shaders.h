@@ -9,8 +9,8 @@ namespace cellwarp::shaders
 #define CELLWARP_LIGHT                                                                   \
     "uniform int is_perspective;\n"                                                      \
     "uniform vec4 up;\n"                                                                 \
-    "vec3 to_light(vec3 shown) { return pow(shown, vec3(2.2)); }\n"                      \
-    "vec3 to_shown(vec3 light) { return pow(clamp(light, 0.0, 1.0), vec3(1.0/2.2)); }\n" \
+    "vec3 to_light(vec3 shown) { return shown * shown; }\n"                              \
+    "vec3 to_shown(vec3 light) { return sqrt(clamp(light, 0.0, 1.0)); }\n"               \
     "vec3 viewer(vec3 place)\n"                                                          \
     "{ return is_perspective != 0 ? normalize(-place) : vec3(0.0, 0.0, 1.0); }\n"        \
     "float wrapped(vec3 n, vec3 l, float w)\n"                                           \
@@ -22,8 +22,10 @@ namespace cellwarp::shaders
     "    light += vec3(0.66, 0.64, 0.60) * wrapped(n, vec3(-0.45, 0.75, 0.8), 0.15);\n"  \
     "    light += vec3(0.15, 0.17, 0.21) * wrapped(n, vec3(0.9, 0.1, 0.5), 0.3);\n"      \
     "    vec3 h = normalize(v + normalize(vec3(-0.45, 0.75, 0.8)));\n"                   \
-    "    float shine = 0.10 * pow(max(dot(n, h), 0.0), 36.0);\n"                         \
-    "    float rim = pow(1.0 - max(dot(n, v), 0.0), 4.0) * 0.10 * sky;\n"                \
+    "    float s = max(dot(n, h), 0.0), r = 1.0 - max(dot(n, v), 0.0);\n"                \
+    "    s *= s; s *= s; s *= s; s *= s; s *= s;\n"                                      \
+    "    r *= r;\n"                                                                      \
+    "    float shine = 0.10 * s, rim = 0.10 * r * r * sky;\n"                            \
     "    return colour * light + vec3(shine + rim);\n"                                   \
     "}\n"
 
@@ -57,8 +59,8 @@ uniform mat4 to_eye, to_clip;
 uniform float nearer;       // towards the viewer, of the depth: for lines on faces
 uniform float point_size;   // [pixel] at distance 1; <= 0: no points
 uniform int is_perspective_points;
-out vec3 eye_place, eye_normal;
-out vec4 sample_colour;
+centroid out vec3 eye_place, eye_normal;
+centroid out vec4 sample_colour;
 flat out float radius;      // of a point [eye]
 uniform float point_radius;
 void main()
@@ -77,8 +79,8 @@ void main()
 
 /// Faces: where there is no normal the face's own is used.
 inline constexpr const char* kFaceFragment = "#version 330 core\n" CELLWARP_LIGHT R"(
-in vec3 eye_place, eye_normal;
-in vec4 sample_colour;
+centroid in vec3 eye_place, eye_normal;
+centroid in vec4 sample_colour;
 out vec4 shown;
 uniform vec4 selected;
 uniform float opacity;      // of a ghost; 1: solid
@@ -102,7 +104,7 @@ void main()
 
 /// Lines, in one colour or (alpha 0) in that of the samples.
 inline constexpr const char* kLineFragment = R"(#version 330 core
-in vec4 sample_colour;
+centroid in vec4 sample_colour;
 out vec4 shown;
 uniform vec4 ink, selected;
 void main()
@@ -114,8 +116,8 @@ void main()
 
 /// Points as little balls.
 inline constexpr const char* kPointFragment = "#version 330 core\n" CELLWARP_LIGHT R"(
-in vec3 eye_place;
-in vec4 sample_colour;
+centroid in vec3 eye_place;
+centroid in vec4 sample_colour;
 flat in float radius;
 out vec4 shown;
 uniform vec4 selected;

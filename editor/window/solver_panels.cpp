@@ -112,9 +112,9 @@ void show_cell_counts(const SolveStatus& status)
         faint_text("No cells yet");
         return;
     }
-    std::string text =
-        counted(static_cast<std::int64_t>(status.cells), "cell", "cells") + ", " +
-        counted(static_cast<std::int64_t>(status.free_cells)) + " free";
+    std::string text = counted(static_cast<std::int64_t>(status.cells), "cell", "cells") +
+                       ", " + counted(static_cast<std::int64_t>(status.free_cells)) +
+                       " free";
     ImGui::TextUnformatted(text.c_str());
     if (status.cells_per_depth.size() > 1)
     {
@@ -191,16 +191,10 @@ void show_energy_curve(const SolveStatus& status)
     const std::string name = is_logarithmic ? "energy (powers of ten)" : "energy";
     ImGui::PlotLines("##energy", values.data(), static_cast<int>(values.size()), 0,
                      name.c_str(), FLT_MAX, FLT_MAX,
-                     {ImGui::GetContentRegionAvail().x, letters(8)});
+                     {ImGui::GetContentRegionAvail().x, letters(6.5f)});
     tip(("Energy from " + rounded(most) + " to " + rounded(curve.back().second) + " in " +
          rounded(end - begin) + " s")
             .c_str());
-}
-
-void show_value(const char* name, const std::string& value)
-{
-    label(name);
-    ImGui::TextUnformatted(value.c_str());
 }
 
 void show_report(const SolveStatus& status)
@@ -208,26 +202,28 @@ void show_report(const SolveStatus& status)
     if (!status.report)
         return;
     const FrameReport& report = *status.report;
-    show_value("Iterations",
-               std::to_string(report.solve.iterations) + "  " +
-                   (report.steps > 1 ? "in " + std::to_string(report.steps) + " steps"
-                                     : std::string()));
     if (report.solve.stop != Stop::Converged)
         warning_text("Stopped early: " + stop_name(report.solve.stop));
-    show_value("Energy", rounded(status.energy));
-    show_value("Widest gap", rounded(100.0 * status.max_gap) + " % of diagonal");
-    show_value("Cells", rounded(report.cells_ms) + " ms");
-    show_value("Solve", rounded(report.solve_ms) + " ms");
-    show_value("Field", rounded(report.fit_ms) + " + " + rounded(report.apply_ms) + " ms");
+    value_pair("Iterations", std::to_string(report.solve.iterations), "Steps",
+               std::to_string(report.steps));
+    value_pair("Energy", rounded(status.energy), "Gap",
+               rounded(100.0 * status.max_gap) + " %");
+    tip("The widest gap between neighbours, of the diagonal");
+    value_pair("Cells", rounded(report.cells_ms) + " ms", "Solve",
+               rounded(report.solve_ms) + " ms");
+    value_pair("Fit", rounded(report.fit_ms) + " ms", "Apply",
+               rounded(report.apply_ms) + " ms");
 }
 
 } // namespace
 
 void show_cells_panel(Desk& desk, PanelState& state)
 {
-    if (!section("Cells", true))
-        return;
     const SolveStatus status = desk.opened()->editing.status();
+    if (!section("Cells", false,
+                 status.cells > 0 ? counted(static_cast<std::int64_t>(status.cells))
+                                  : ""))
+        return;
     show_cell_counts(status);
     ImGui::BeginDisabled(desk.opened()->hand.is_busy());
     EditSettings& settings = settings_in_hand(desk, state);
@@ -268,10 +264,11 @@ void show_field_panel(Desk& desk)
     if (!section("Field", false))
         return;
     EditSettings settings = desk.document().settings();
-    constexpr std::array<Choice, 4> kReleases = {{{nullptr, "Smooth (default)"},
-                                                  {"rbf", "Smooth, local fits"},
-                                                  {"rbf-global", "Smooth, one global fit"},
-                                                  {"blend", "Blend of closest cells"}}};
+    constexpr std::array<Choice, 4> kReleases = {
+        {{nullptr, "Smooth (default)"},
+         {"rbf", "Smooth, local fits"},
+         {"rbf-global", "Smooth, one global fit"},
+         {"blend", "Blend of closest cells"}}};
     constexpr std::array<Choice, 3> kDrags = {{{nullptr, "Blend (default)"},
                                                {"blend", "Blend of near cells"},
                                                {"closest4", "Four closest cells"}}};
@@ -281,12 +278,12 @@ void show_field_panel(Desk& desk)
     ImGui::EndDisabled();
     const SolveStatus status = desk.opened()->editing.status();
     if (status.centres > 0)
-        faint_text(counted(static_cast<std::int64_t>(status.centres), "centre",
-                           "centres") +
-                   (status.clusters > 0
-                        ? " in " + counted(static_cast<std::int64_t>(status.clusters),
-                                           "cluster", "clusters")
-                        : std::string()));
+        faint_text(
+            counted(static_cast<std::int64_t>(status.centres), "centre", "centres") +
+            (status.clusters > 0
+                 ? " in " + counted(static_cast<std::int64_t>(status.clusters), "cluster",
+                                    "clusters")
+                 : std::string()));
     if (changed)
         desk.attempt(Place::Field, [&] { desk.document().change_settings(settings); });
     if (const Notice* notice = desk.notice(Place::Field))
@@ -295,9 +292,9 @@ void show_field_panel(Desk& desk)
 
 void show_solver_panel(Desk& desk)
 {
+    const SolveStatus status = desk.opened()->editing.status();
     if (!section("Solver", true))
         return;
-    const SolveStatus status = desk.opened()->editing.status();
     const bool is_working = status.state == SolveStatus::State::Preparing ||
                             status.state == SolveStatus::State::Solving ||
                             status.state == SolveStatus::State::Field;

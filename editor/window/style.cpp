@@ -99,9 +99,18 @@ void set_colours(bool is_dark)
 
 } // namespace
 
-const Palette& palette() { return current; }
-ImFont* heading_font() { return heading; }
-ImFont* small_font() { return small; }
+const Palette& palette()
+{
+    return current;
+}
+ImFont* heading_font()
+{
+    return heading;
+}
+ImFont* small_font()
+{
+    return small;
+}
 
 void apply_style(bool is_dark, float scale)
 {
@@ -134,7 +143,7 @@ void load_fonts(float scale)
     atlas.Clear();
     // Latin, Greek and Cyrillic for names of files, and the signs that texts use.
     static constexpr std::array<ImWchar, 15> kRanges = {
-        0x20, 0x24f, 0x370, 0x45f, 0x2010, 0x2044, 0x2190, 0x21ff,
+        0x20,   0x24f,  0x370,  0x45f,  0x2010, 0x2044, 0x2190, 0x21ff,
         0x2200, 0x22ff, 0x25a0, 0x25ff, 0x2713, 0x2717, 0};
     for (const char* path : kFonts)
     {

@@ -17,9 +17,15 @@ constexpr float kLabelWidth = 7.5f;
 
 } // namespace
 
-float letters(float count) { return count * ImGui::GetFontSize() * 0.62f; }
+float letters(float count)
+{
+    return count * ImGui::GetFontSize() * 0.62f;
+}
 
-ImU32 packed(const ImVec4& colour) { return ImGui::ColorConvertFloat4ToU32(colour); }
+ImU32 packed(const ImVec4& colour)
+{
+    return ImGui::ColorConvertFloat4ToU32(colour);
+}
 
 ImVec4 shown(const Colour& colour)
 {
@@ -43,28 +49,50 @@ std::string rounded(double value)
 {
     char text[32];
     const double size = std::abs(value);
-    if (size != 0.0 && (size < 1e-3 || size >= 1e6))
-        std::snprintf(text, sizeof text, "%.2e", value);
+    if (size >= 1000.0 && size < 1e6)
+        std::snprintf(text, sizeof text, "%.0f", value);
     else
-        std::snprintf(text, sizeof text, "%.*f",
-                      size >= 100.0  ? 0
-                      : size >= 10.0 ? 1
-                      : size >= 1.0  ? 2
-                                     : 4,
-                      value);
+        std::snprintf(text, sizeof text, "%.3g", value);
     return text;
 }
 
-bool section(const char* name, bool is_open_at_first)
+bool section(const char* name, bool is_open_at_first, const std::string& summary)
 {
-    ImGui::Dummy({0, letters(0.1f)});
     ImGui::PushStyleColor(ImGuiCol_Header, palette().bar);
-    const bool is_open = ImGui::CollapsingHeader(
-        name, is_open_at_first ? ImGuiTreeNodeFlags_DefaultOpen : ImGuiTreeNodeFlags_None);
+    const float top = ImGui::GetCursorPosY();
+    const bool is_open =
+        ImGui::CollapsingHeader(name, is_open_at_first ? ImGuiTreeNodeFlags_DefaultOpen
+                                                       : ImGuiTreeNodeFlags_None);
     ImGui::PopStyleColor();
-    if (is_open)
-        ImGui::Dummy({0, 0});
+    if (!summary.empty())
+    {
+        const float below = ImGui::GetCursorPosY();
+        const float width = ImGui::CalcTextSize(summary.c_str()).x;
+        ImGui::SetCursorPos({ImGui::GetContentRegionMax().x - width - letters(0.8f),
+                             top + ImGui::GetStyle().FramePadding.y});
+        ImGui::TextColored(palette().faint, "%s", summary.c_str());
+        ImGui::SetCursorPosY(below);
+    }
     return is_open;
+}
+
+float second_column()
+{
+    return ImGui::GetStyle().WindowPadding.x + letters(18.0f);
+}
+
+void value_pair(const char* left, const std::string& left_value, const char* right,
+                const std::string& right_value)
+{
+    const auto show = [](const char* name, const std::string& value)
+    {
+        ImGui::TextColored(palette().faint, "%s", name);
+        ImGui::SameLine(0, letters(0.9f));
+        ImGui::TextUnformatted(value.c_str());
+    };
+    show(left, left_value);
+    ImGui::SameLine(second_column());
+    show(right, right_value);
 }
 
 void label(const char* text)

@@ -25,8 +25,13 @@ std::string counted(std::int64_t count, const char* one, const char* many);
 /// Three significant digits, no exponent where that is readable.
 std::string rounded(double value);
 
-/// A heading that opens and closes what follows.
-bool section(const char* name, bool is_open_at_first);
+/// A heading that opens and closes what follows; \p summary stands on its right.
+bool section(const char* name, bool is_open_at_first, const std::string& summary = "");
+/// Two short values in one row.
+void value_pair(const char* left, const std::string& left_value, const char* right,
+                const std::string& right_value);
+/// Where the right one of two values in a row begins.
+float second_column();
 /// A word on the left, and the cursor where its value begins.
 void label(const char* text);
 void faint_text(const std::string& text);

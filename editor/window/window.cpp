@@ -23,7 +23,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kMultisamples = 4;
 /// Longest time that ImGui is told to have passed: it animates nothing of ours [s].
 constexpr double kLongestStep = 0.1;
 
@@ -150,6 +149,12 @@ struct Window::Callbacks
         return *static_cast<Window*>(glfwGetWindowUserPointer(window));
     }
 
+    static void from_display(GLFWwindow* window, InputEvent event)
+    {
+        if (!self(window).is_played_)
+            self(window).post(std::move(event));
+    }
+
     /// GLFW counts in its own units; pixels are what we draw.
     static Eigen::Vector2d to_pixels(GLFWwindow* window, double x, double y)
     {
@@ -161,7 +166,8 @@ struct Window::Callbacks
 
     static Modifiers held(GLFWwindow* window)
     {
-        const auto is_down = [&](int left, int right) {
+        const auto is_down = [&](int left, int right)
+        {
             return glfwGetKey(window, left) == GLFW_PRESS ||
                    glfwGetKey(window, right) == GLFW_PRESS;
         };
@@ -172,9 +178,9 @@ struct Window::Callbacks
 
     static void moved(GLFWwindow* window, double x, double y)
     {
-        self(window).post({.kind = InputEvent::Kind::Move,
-                           .place = to_pixels(window, x, y),
-                           .modifiers = held(window)});
+        from_display(window, {.kind = InputEvent::Kind::Move,
+                              .place = to_pixels(window, x, y),
+                              .modifiers = held(window)});
     }
 
     static void button(GLFWwindow* window, int button, int action, int mods)
@@ -182,8 +188,8 @@ struct Window::Callbacks
         if (button > GLFW_MOUSE_BUTTON_MIDDLE)
             return;
         InputEvent event;
-        event.kind = action == GLFW_PRESS ? InputEvent::Kind::Press
-                                          : InputEvent::Kind::Release;
+        event.kind =
+            action == GLFW_PRESS ? InputEvent::Kind::Press : InputEvent::Kind::Release;
         double x = 0.0, y = 0.0;
         glfwGetCursorPos(window, &x, &y);
         event.place = to_pixels(window, x, y);
@@ -191,21 +197,21 @@ struct Window::Callbacks
                        : button == GLFW_MOUSE_BUTTON_RIGHT ? Button::Right
                                                            : Button::Middle;
         event.modifiers = modifiers_of(mods);
-        self(window).post(event);
+        from_display(window, event);
     }
 
     static void scrolled(GLFWwindow* window, double x, double y)
     {
-        self(window).post({.kind = InputEvent::Kind::Wheel,
-                           .place = {x, y},
-                           .modifiers = held(window)});
+        from_display(window, {.kind = InputEvent::Kind::Wheel,
+                              .place = {x, y},
+                              .modifiers = held(window)});
     }
 
     static void key(GLFWwindow* window, int code, int scancode, int action, int mods)
     {
         InputEvent event;
-        event.kind = action == GLFW_RELEASE ? InputEvent::Kind::KeyUp
-                                            : InputEvent::Kind::KeyDown;
+        event.kind =
+            action == GLFW_RELEASE ? InputEvent::Kind::KeyUp : InputEvent::Kind::KeyDown;
         event.code = code;
         event.modifiers = event.key.modifiers = modifiers_of(mods);
         if (!named_key(code, event.key))
@@ -216,7 +222,7 @@ struct Window::Callbacks
                                  std::isalpha(static_cast<unsigned char>(letter)) == 0;
             event.key.character = is_text ? char(0) : letter;
         }
-        self(window).post(event);
+        from_display(window, event);
     }
 
     static void text(GLFWwindow* window, unsigned character)
@@ -225,13 +231,13 @@ struct Window::Callbacks
         event.kind = InputEvent::Kind::Text;
         event.character = character;
         event.modifiers = held(window);
-        self(window).post(event);
+        from_display(window, event);
     }
 
     static void focus(GLFWwindow* window, int has_it)
     {
         if (has_it == GLFW_FALSE)
-            self(window).post({.kind = InputEvent::Kind::FocusLost});
+            from_display(window, {.kind = InputEvent::Kind::FocusLost});
     }
 
     static void drop(GLFWwindow* window, int count, const char** paths)
@@ -239,11 +245,55 @@ struct Window::Callbacks
         InputEvent event;
         event.kind = InputEvent::Kind::Drop;
         event.paths.assign(paths, paths + count);
-        self(window).post(event);
+        from_display(window, event);
     }
 };
 
-Window::Window(const WindowOptions& options)
+std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers)
+{
+    constexpr std::array<std::pair<std::string_view, int>, 14> kNames = {
+        {{"enter", GLFW_KEY_ENTER},
+         {"escape", GLFW_KEY_ESCAPE},
+         {"tab", GLFW_KEY_TAB},
+         {"backspace", GLFW_KEY_BACKSPACE},
+         {"delete", GLFW_KEY_DELETE},
+         {"home", GLFW_KEY_HOME},
+         {"end", GLFW_KEY_END},
+         {"space", GLFW_KEY_SPACE},
+         {"left", GLFW_KEY_LEFT},
+         {"right", GLFW_KEY_RIGHT},
+         {"up", GLFW_KEY_UP},
+         {"down", GLFW_KEY_DOWN},
+         {"pageup", GLFW_KEY_PAGE_UP},
+         {"pagedown", GLFW_KEY_PAGE_DOWN}}};
+    InputEvent event;
+    event.kind = InputEvent::Kind::KeyDown;
+    event.modifiers = event.key.modifiers = modifiers;
+    if (name.size() == 1 && name[0] > 32 && name[0] < 127)
+    {
+        event.key.character = name[0];
+        // GLFW numbers keys by the capital that stands on them.
+        event.code = std::toupper(static_cast<unsigned char>(name[0]));
+        return event;
+    }
+    if (name.size() == 3 && name.starts_with("kp") && name[2] >= '0' && name[2] <= '9')
+    {
+        event.key.character = name[2];
+        event.key.is_keypad = true;
+        event.code = GLFW_KEY_KP_0 + (name[2] - '0');
+        return event;
+    }
+    for (const auto& [known, code] : kNames)
+        if (name == known)
+        {
+            event.code = code;
+            named_key(code, event.key);
+            return event;
+        }
+    return std::nullopt;
+}
+
+Window::Window(const WindowOptions& options) : is_played_(options.is_played)
 {
     last_words.clear();
     glfwSetErrorCallback([](int, const char* words) { last_words = words; });
@@ -254,21 +304,16 @@ Window::Window(const WindowOptions& options)
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
     glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
     glfwWindowHint(GLFW_FOCUS_ON_SHOW, GLFW_TRUE);
-    for (const int samples : {kMultisamples, 0})
-    {
-        glfwWindowHint(GLFW_SAMPLES, samples);
-        window_ =
-            glfwCreateWindow(options.width, options.height, "cellwarp", nullptr, nullptr);
-        if (window_ != nullptr)
-            break;
-    }
+    window_ =
+        glfwCreateWindow(options.width, options.height, "cellwarp", nullptr, nullptr);
     if (window_ == nullptr)
         no_display();
     glfwMakeContextCurrent(window_);
-    glfwSwapInterval(options.waits_for_display ? 1 : 0);
+    glfwSwapInterval(options.is_played ? 0 : 1);
     float across = 1.0f, down = 1.0f;
     glfwGetWindowContentScale(window_, &across, &down);
-    scale_ = options.scale > 0.0 ? options.scale : std::max(1.0, static_cast<double>(across));
+    scale_ =
+        options.scale > 0.0 ? options.scale : std::max(1.0, static_cast<double>(across));
     glfwSetWindowUserPointer(window_, this);
     glfwSetCursorPosCallback(window_, Callbacks::moved);
     glfwSetMouseButtonCallback(window_, Callbacks::button);
@@ -310,7 +355,10 @@ bool Window::take(InputEvent& event)
     return true;
 }
 
-void Window::post(InputEvent event) { events_.push_back(std::move(event)); }
+void Window::post(InputEvent event)
+{
+    events_.push_back(std::move(event));
+}
 
 int Window::width() const
 {
@@ -326,8 +374,14 @@ int Window::height() const
     return high;
 }
 
-bool Window::wants_to_close() const { return glfwWindowShouldClose(window_) != 0; }
-void Window::keep_open() { glfwSetWindowShouldClose(window_, GLFW_FALSE); }
+bool Window::wants_to_close() const
+{
+    return glfwWindowShouldClose(window_) != 0;
+}
+void Window::keep_open()
+{
+    glfwSetWindowShouldClose(window_, GLFW_FALSE);
+}
 
 void Window::set_title(const std::string& title)
 {
@@ -342,7 +396,10 @@ void Window::resize(int width, int height)
         glfwWaitEventsTimeout(0.01);
 }
 
-void Window::set_dark(bool is_dark) { apply_style(is_dark, static_cast<float>(scale_)); }
+void Window::set_dark(bool is_dark)
+{
+    apply_style(is_dark, static_cast<float>(scale_));
+}
 
 void Window::tell_panels(const InputEvent& event)
 {
@@ -350,8 +407,8 @@ void Window::tell_panels(const InputEvent& event)
     io.KeyShift = event.modifiers.shift;
     io.KeyCtrl = event.modifiers.control;
     io.KeyAlt = event.modifiers.alt;
-    const auto place = ImVec2(static_cast<float>(event.place.x()),
-                              static_cast<float>(event.place.y()));
+    const auto place =
+        ImVec2(static_cast<float>(event.place.x()), static_cast<float>(event.place.y()));
     // ImGui's order is left, right, middle.
     const std::uint32_t bit = event.button == Button::Left    ? 1u
                               : event.button == Button::Right ? 2u
@@ -413,7 +470,15 @@ void Window::draw_panels()
     glFinish();
 }
 
-void Window::show_frame() { glfwSwapBuffers(window_); }
+void Window::show_frame()
+{
+    glfwSwapBuffers(window_);
+}
+
+std::string Window::renderer() const
+{
+    return reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+}
 
 Pixels Window::pixels() const
 {
@@ -428,8 +493,8 @@ Pixels Window::pixels() const
     for (int y = 0; y < pixels.height / 2; ++y) // OpenGL counts rows from below
         std::swap_ranges(pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * y,
                          pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * (y + 1),
-                         pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) *
-                                                  (pixels.height - 1 - y));
+                         pixels.rgb.begin() +
+                             static_cast<std::ptrdiff_t>(row) * (pixels.height - 1 - y));
     return pixels;
 }
 

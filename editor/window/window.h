@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,9 +20,11 @@ namespace cellwarp
 struct WindowOptions
 {
     int width = 1400, height = 900; ///< [pixel of the screen]
-    double scale = 0.0;             ///< pixels of the screen for one of ours; 0: the display's
+    double scale = 0.0; ///< pixels of the screen for one of ours; 0: the display's
     bool is_dark = true;
-    bool waits_for_display = true; ///< a frame is shown when the display is ready for it
+    /// Events are posted, those of the display are left out, and frames are shown without
+    /// waiting for it.
+    bool is_played = false;
 };
 
 /// The last drawn frame, rows from above.
@@ -30,6 +33,9 @@ struct Pixels
     int width = 0, height = 0;
     std::vector<std::uint8_t> rgb;
 };
+
+/// The event of a key by its name: "g", "?", "enter", "kp7"; none: there is no such key.
+std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers);
 
 class Window
 {
@@ -63,13 +69,15 @@ public:
     /// Draws ImGui's part over what is there; what is drawn is complete when it returns.
     void draw_panels();
     void show_frame();
-    Pixels pixels() const; ///< after draw_panels(), before show_frame()
+    std::string renderer() const; ///< what draws, in the driver's words
+    Pixels pixels() const;        ///< after draw_panels(), before show_frame()
 
 private:
     struct Callbacks;
 
     GLFWwindow* window_ = nullptr;
     double scale_ = 1.0;
+    bool is_played_ = false;
     std::deque<InputEvent> events_;
     std::uint32_t pressed_ = 0; ///< buttons since the last frame, a bit each
     std::uint32_t down_ = 0;
