@@ -28,7 +28,7 @@ constexpr float kGhostOpacity = 0.42f;
 constexpr std::size_t kSpacingProbes = 48;
 /// A point is drawn this much larger than its distance to the next one, so that no
 /// holes are seen between points that are spread at random.
-constexpr double kPointOverlap = 1.5;
+constexpr double kPointOverlap = 2.4;
 constexpr double kFloorReach = 3.0; ///< half side [view]
 
 Eigen::Matrix4f as_float(const Eigen::Matrix4d& matrix)
@@ -222,6 +222,7 @@ struct ColoursOf
     std::uint64_t revision = 0;
     const ShapeLayout* layout = nullptr;
     bool shows_regions = true;
+    std::size_t num_selected = 0; ///< a brush at work changes nothing else
     bool operator==(const ColoursOf&) const = default;
 };
 
@@ -290,10 +291,11 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
     State& state = *state_;
     state.shape->upload(scene.shape);
     const ColoursOf colours_of{scene.document.revision(), state.shape->layout().get(),
-                               options.shows_regions};
+                               options.shows_regions, scene.selection.count()};
     if (colours_of.layout != nullptr && state.colours_of != colours_of)
     {
-        state.shape->set_colours(sample_colours(scene.document, *state.shape->layout(),
+        state.shape->set_colours(sample_colours(scene.document, scene.selection,
+                                                *state.shape->layout(),
                                                 options.shows_regions));
         state.colours_of = colours_of;
     }

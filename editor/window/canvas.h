@@ -49,6 +49,7 @@ struct ViewRect
 struct CanvasScene
 {
     const Document& document;
+    const Selection& selection; ///< as it is seen: the brush may be at work
     const ShownShape& shape;
     const ShownShape& rest;
     const ShownCells& cells;

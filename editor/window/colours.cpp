@@ -46,8 +46,8 @@ Colour selected_colour()
     return {244, 122, 44, 255};
 }
 
-std::vector<Colour> sample_colours(const Document& document, const ShapeLayout& layout,
-                                   bool shows_regions)
+std::vector<Colour> sample_colours(const Document& document, const Selection& selection,
+                                   const ShapeLayout& layout, bool shows_regions)
 {
     std::vector<Colour> colours(layout.order.size(), free_colour());
     const std::vector<EditedRegion>& regions = document.regions();
@@ -59,7 +59,7 @@ std::vector<Colour> sample_colours(const Document& document, const ShapeLayout& 
             for (const std::uint32_t sample : regions[r].samples)
                 colours[layout.place_of[sample]] = colour;
         }
-    for (const SampleRun& run : document.selection().runs())
+    for (const SampleRun& run : selection.runs())
         for (std::int64_t sample = run.first; sample <= run.second; ++sample)
             colours[layout.place_of[static_cast<std::size_t>(sample)]][3] = 255;
     return colours;

@@ -25,8 +25,8 @@ Colour selected_colour();
 
 /// One colour a place of the layout: of the sample's region, marked where selected.
 /// \p shows_regions: or all as free.
-std::vector<Colour> sample_colours(const Document& document, const ShapeLayout& layout,
-                                   bool shows_regions);
+std::vector<Colour> sample_colours(const Document& document, const Selection& selection,
+                                   const ShapeLayout& layout, bool shows_regions);
 
 /// What the cells are coloured by.
 enum class CellColours

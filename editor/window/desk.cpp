@@ -150,8 +150,8 @@ bool Desk::update()
     }
     if (opened_ != nullptr)
     {
-        opened_->hand.update();
         is_new = opened_->editing.update() || is_new;
+        opened_->hand.update();
     }
     if (notice_ && seconds_now() > notice_->until)
     {

@@ -2,6 +2,7 @@
 #include "editor/window/editor.h"
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
 #include <cmath>
 
@@ -114,12 +115,6 @@ bool Editor::handle_shortcut(const InputEvent& event)
         return true;
     case 'q':
         desk_.ask_to_quit();
-        return true;
-    case 'z':
-        event.modifiers.shift ? desk_.redo() : desk_.undo();
-        return true;
-    case 'y':
-        desk_.redo();
         return true;
     default:
         return false;
@@ -270,13 +265,14 @@ double Editor::draw_canvas()
     }
     Editing& editing = opened->editing;
     const WorkFrame& frame = editing.view_frame();
-    const CanvasScene scene{
-        editing.document(),
-        editing.shape(),
-        editing.rest_shape(),
-        editing.cells(),
-        opened->hand.camera(),
-        editing.document().box().size() * std::ldexp(1.0, frame.exponent)};
+    const CanvasScene scene{editing.document(),
+                            opened->hand.shown_selection(),
+                            editing.shape(),
+                            editing.rest_shape(),
+                            editing.cells(),
+                            opened->hand.camera(),
+                            editing.document().box().size() *
+                                std::ldexp(1.0, frame.exponent)};
     const double upload_ms = canvas_.upload(scene, desk_.view);
     ViewOptions options = desk_.view;
     // Where drawing is slow, edges are made smooth when the hand rests.

@@ -67,6 +67,51 @@ void show_samples(Desk& desk)
     }
 }
 
+/// Groups one below the other, in two columns of about the same height.
+void show_keys(const std::vector<KeyHelp>& lines)
+{
+    const std::vector<std::pair<const char*, const char*>> of_window = {
+        {"Ctrl+O", "open"},
+        {"Ctrl+S", "save; with Shift: as"},
+        {"Ctrl+E", "export the bent model"},
+        {"Ctrl+W, Ctrl+Q", "close, quit"},
+        {"?", "this page"}};
+    std::vector<KeyHelp> all = lines;
+    for (const auto& [keys, does] : of_window)
+        all.push_back({"Files", keys, does});
+    const std::size_t half = (all.size() + 1) / 2;
+    if (!ImGui::BeginTable("columns", 2, ImGuiTableFlags_SizingStretchSame))
+        return;
+    ImGui::TableNextColumn();
+    std::string group;
+    bool is_second = false;
+    for (std::size_t k = 0; k < all.size(); ++k)
+    {
+        if (all[k].group != group)
+        {
+            group = all[k].group;
+            if (k >= half && !is_second)
+            {
+                is_second = true;
+                ImGui::TableNextColumn();
+            }
+            ImGui::Dummy({0, letters(0.4f)});
+            ImGui::TextColored(palette().accent, "%s", group.c_str());
+        }
+        const float left = ImGui::GetCursorPosX();
+        ImGui::TextUnformatted(all[k].keys.c_str());
+        // Where the keys need more room, what they do goes below them.
+        const bool fits = ImGui::CalcTextSize(all[k].keys.c_str()).x < letters(19);
+        if (fits)
+            ImGui::SameLine();
+        ImGui::SetCursorPosX(left + letters(20));
+        ImGui::PushStyleColor(ImGuiCol_Text, palette().faint);
+        ImGui::TextWrapped("%s", all[k].does.c_str());
+        ImGui::PopStyleColor();
+    }
+    ImGui::EndTable();
+}
+
 } // namespace
 
 void show_welcome_page(Desk& desk, const ViewRect& view)
@@ -135,11 +180,13 @@ void show_keys_page(Desk& desk)
         ImGui::OpenPopup(kTitle);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
-    ImGui::SetNextWindowSize({std::min(letters(110), size.x - letters(4)), 0});
+    ImGui::SetNextWindowSize({std::min(letters(124), size.x - letters(4)), 0});
     if (!ImGui::BeginPopupModal(kTitle, &desk.shows_keys,
                                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove))
         return;
-    faint_text("The list of keys is made by the tools.");
+    const Navigation navigation =
+        desk.opened() != nullptr ? desk.opened()->hand.navigation() : Navigation::Blender;
+    show_keys(key_help(navigation));
     if (ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
         desk.shows_keys = false;
     if (!desk.shows_keys)

@@ -345,6 +345,9 @@ void Player::wait()
 {
     const double start = seconds_now();
     editor_.frame();
+    if (OpenedDocument* opened = editor_.desk().opened())
+        opened->hand.wait();
+    editor_.frame();
     while (!editor_.desk().is_idle())
     {
         if (seconds_now() - start > kLongestWait)
