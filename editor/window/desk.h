@@ -96,6 +96,7 @@ public:
     const std::string& opening_path() const { return opening_path_; }
 
     OpenedDocument* opened() { return opened_.get(); }
+    const OpenedDocument* opened() const { return opened_.get(); }
     Document& document() { return opened_->editing.document(); }
 
     /// Ends the document's journal, saved or not.

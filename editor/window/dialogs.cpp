@@ -125,11 +125,12 @@ std::string FileDialog::chosen() const
 void FileDialog::show_entries(Choosing choosing)
 {
     ImGui::PushStyleColor(ImGuiCol_ChildBg, palette().bar);
-    ImGui::BeginChild("entries", {0, letters(34)});
+    ImGui::BeginChild("entries", {0, letters(38)}, false,
+                      ImGuiWindowFlags_AlwaysUseWindowPadding);
     std::string entered;
     for (const Entry& entry : entries_)
     {
-        const std::string text = (entry.is_folder ? "▸ " : "   ") + entry.name;
+        const std::string text = (entry.is_folder ? "▸  " : "     ") + entry.name;
         if (!ImGui::Selectable(text.c_str(), entry.name == name_,
                                ImGuiSelectableFlags_AllowDoubleClick))
             continue;

@@ -128,7 +128,7 @@ void Editor::handle_pointer(const InputEvent& event, Interaction& hand)
     const bool is_over = view_.holds(event.place.x(), event.place.y());
     if (event.kind == InputEvent::Kind::Move)
     {
-        if (is_over || held_in_view_ != 0)
+        if (is_over || held_in_view_ != 0 || hand.is_busy())
             hand.pointer_moved(pixel, event.modifiers);
         return;
     }
@@ -161,6 +161,11 @@ void Editor::handle(const InputEvent& event)
     // A press that began in the view ends there, whatever has opened meanwhile.
     const bool is_held = event.kind == InputEvent::Kind::Release && held_in_view_ != 0;
     if (panels_have(event) && !is_held)
+        return;
+    // A key that is held down looks around or steps, but commands nothing anew.
+    if (event.is_repeated && event.key.key == Key::Character &&
+        std::isalpha(static_cast<unsigned char>(event.key.character)) != 0 &&
+        !event.modifiers.control)
         return;
     if (handle_shortcut(event))
         return;
@@ -212,6 +217,8 @@ void Editor::show_panels()
     menu_height_ = show_menu_bar(desk_);
     lay_out();
     const auto below = static_cast<float>(view_.y + view_.height);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, 0.0f);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     if (desk_.opened() != nullptr)
     {
@@ -241,7 +248,7 @@ void Editor::show_panels()
     ImGui::Begin("status", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
     show_status_bar(desk_);
     ImGui::End();
-    ImGui::PopStyleVar();
+    ImGui::PopStyleVar(3);
     ImGui::PopStyleColor();
     show_welcome_page(desk_, view_);
     file_dialog_.show(desk_);
@@ -309,6 +316,17 @@ FrameParts Editor::frame()
     return parts;
 }
 
+/// What may change by itself with time.
+std::string Editor::words() const
+{
+    std::string words;
+    if (const Notice* notice = desk_.notice(Place::Window))
+        words += notice->text;
+    if (const OpenedDocument* opened = desk_.opened())
+        words += opened->hand.hint() + opened->hand.status() + opened->hand.complaint();
+    return words;
+}
+
 void Editor::run()
 {
     int frames_to_draw = kFramesAfterEvent;
@@ -323,15 +341,19 @@ void Editor::run()
             desk_.ask_to_quit();
             frames_to_draw = kFramesAfterEvent;
         }
-        if (window_.has_events())
+        if (window_.has_news())
             frames_to_draw = kFramesAfterEvent;
-        const double now = seconds_now();
-        const bool is_new = frames_to_draw == 0 && desk_.update();
-        const bool is_late = now - last_frame > (is_idle ? kIdleWait : kProgressStep);
-        if (frames_to_draw == 0 && !is_new && !is_late)
-            continue;
+        if (frames_to_draw == 0)
+        {
+            const bool is_new = desk_.update();
+            const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
+            const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
+            if (!is_new && !is_typing && !is_late && words() == words_)
+                continue;
+        }
         frame();
-        last_frame = now;
+        words_ = words();
+        last_frame = seconds_now();
         frames_to_draw = std::max(0, frames_to_draw - 1);
     }
 }

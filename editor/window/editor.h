@@ -46,6 +46,7 @@ private:
     void handle_pointer(const InputEvent& event, Interaction& hand);
     bool handle_shortcut(const InputEvent& event);
     bool panels_have(const InputEvent& event) const;
+    std::string words() const;
     void lay_out();
     void show_panels();
     double draw_canvas();
@@ -61,6 +62,7 @@ private:
         0;                ///< buttons that were pressed in the view, a bit each
     bool is_dark_ = true; ///< as it is drawn now
     std::string title_;
+    std::string words_;                     ///< that were drawn last
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
 };
 

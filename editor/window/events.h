@@ -30,9 +30,10 @@ struct InputEvent
     Eigen::Vector2d place = Eigen::Vector2d::Zero(); ///< [pixel]; of Wheel: steps
     Button button = Button::Left;
     Modifiers modifiers = {};
-    int code = 0;           ///< GLFW's number of the key; 0: it has none
-    KeyEvent key = {};      ///< character 0: the key writes nothing that is known
-    unsigned character = 0; ///< of Text
+    int code = 0;             ///< GLFW's number of the key; 0: it has none
+    KeyEvent key = {};        ///< character 0: the key writes nothing that is known
+    bool is_repeated = false; ///< the key is held down
+    unsigned character = 0;   ///< of Text
     std::vector<std::string> paths = {}; ///< of Drop
 };
 

@@ -120,7 +120,10 @@ void draw_hover(const Overlay& overlay, const Interaction& hand)
 {
     const std::optional<Hover> hover = hand.hover();
     ImVec2 place;
-    if (!hover || hand.is_busy() || !overlay.at(hover->point, place))
+    const ImVec2 pointer = ImGui::GetIO().MousePos;
+    const bool is_over = overlay.view().holds(static_cast<double>(pointer.x),
+                                              static_cast<double>(pointer.y));
+    if (!hover || !is_over || hand.is_busy() || !overlay.at(hover->point, place))
         return;
     overlay.list().AddCircle(place, overlay.px(5.5f), IM_COL32(0, 0, 0, 110), 20,
                              overlay.px(3.2f));

@@ -101,10 +101,10 @@ void show_keys(const std::vector<KeyHelp>& lines)
         const float left = ImGui::GetCursorPosX();
         ImGui::TextUnformatted(all[k].keys.c_str());
         // Where the keys need more room, what they do goes below them.
-        const bool fits = ImGui::CalcTextSize(all[k].keys.c_str()).x < letters(19);
+        const bool fits = ImGui::CalcTextSize(all[k].keys.c_str()).x < letters(25);
         if (fits)
             ImGui::SameLine();
-        ImGui::SetCursorPosX(left + letters(20));
+        ImGui::SetCursorPosX(left + letters(25.5f));
         ImGui::PushStyleColor(ImGuiCol_Text, palette().faint);
         ImGui::TextWrapped("%s", all[k].does.c_str());
         ImGui::PopStyleColor();
@@ -124,7 +124,7 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
          static_cast<float>(view.y) + static_cast<float>(view.height) * 0.46f},
         ImGuiCond_Always, {0.5f, 0.5f});
     ImGui::SetNextWindowSize({width, 0});
-    ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, letters(1.2f));
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 1.0f);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {letters(4), letters(3.2f)});
     ImGui::Begin("welcome", nullptr,
                  ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
@@ -155,13 +155,14 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
         }
         ImGui::Dummy({0, letters(0.6f)});
         ImVec4 colour = palette().accent;
-        colour.w = 0.8f;
+        colour.w = 0.9f;
         ImGui::PushStyleColor(ImGuiCol_Button, colour);
+        ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
         ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {letters(2), letters(0.9f)});
         if (ImGui::Button("Open a file…"))
             desk.choosing = Choosing::Open;
         ImGui::PopStyleVar();
-        ImGui::PopStyleColor();
+        ImGui::PopStyleColor(2);
         std::vector<std::string> recent = desk.recent.paths();
         recent.resize(std::min(recent.size(), kRecentShown));
         show_paths(desk, "Recent files", recent, true);
@@ -180,7 +181,7 @@ void show_keys_page(Desk& desk)
         ImGui::OpenPopup(kTitle);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
-    ImGui::SetNextWindowSize({std::min(letters(124), size.x - letters(4)), 0});
+    ImGui::SetNextWindowSize({std::min(letters(134), size.x - letters(4)), 0});
     if (!ImGui::BeginPopupModal(kTitle, &desk.shows_keys,
                                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove))
         return;

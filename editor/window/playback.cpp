@@ -101,7 +101,7 @@ constexpr std::array<Known, 23> kKnown = {{
     {"text", 1, 100, &Player::text, "text WORDS               as typed"},
     {"wait", 0, 0, &Player::wait, "wait                     until the result is there"},
     {"frames", 1, 1, &Player::frames, "frames N"},
-    {"shot", 1, 1, &Player::shot, "shot FILE.png            of the window"},
+    {"shot", 1, 1, &Player::shot, "shot FILE.png|FILE.ppm   of the window"},
     {"tool", 1, 1, &Player::tool, "tool click|box|lasso|brush|move|rotate"},
     {"region", 1, 1, &Player::region, "region NAME              becomes the active one"},
     {"make", 1, 2, &Player::make,
@@ -375,7 +375,9 @@ void Player::shot()
     // Of two frames the second knows how large everything is.
     editor_.frame();
     editor_.frame();
-    write_file(word(1), png_of(editor_.pixels()), Overwrite::Yes);
+    const Pixels pixels = editor_.pixels();
+    const bool is_ppm = word(1).ends_with(".ppm");
+    write_file(word(1), is_ppm ? ppm_of(pixels) : png_of(pixels), Overwrite::Yes);
 }
 
 void Player::tool()

@@ -26,4 +26,12 @@ std::string png_of(const Pixels& pixels)
     return png;
 }
 
+std::string ppm_of(const Pixels& pixels)
+{
+    std::string ppm = "P6\n" + std::to_string(pixels.width) + " " +
+                      std::to_string(pixels.height) + "\n255\n";
+    ppm.append(pixels.rgb.begin(), pixels.rgb.end());
+    return ppm;
+}
+
 } // namespace cellwarp

@@ -11,5 +11,7 @@ namespace cellwarp
 
 /// A PNG file's bytes.
 std::string png_of(const Pixels& pixels);
+/// A binary PPM file's bytes: what programs read without a library.
+std::string ppm_of(const Pixels& pixels);
 
 } // namespace cellwarp

@@ -44,7 +44,7 @@ void show_makers(Desk& desk)
         faint_text("Select samples in the view, then make a region of them.");
     else
         faint_text("Make the " + counted(static_cast<std::int64_t>(count),
-                                         "selected sample", "selected samples"));
+                                         "selected sample:", "selected samples:"));
     ImGui::BeginDisabled(count == 0);
     const float width =
         (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;

@@ -308,7 +308,8 @@ void show_solver_panel(Desk& desk)
     // Always there, so that nothing below it jumps.
     ImGui::ProgressBar(is_working ? std::max(0.0f, done_of(status)) : 0.0f,
                        {-1, letters(0.6f)}, "");
-    if (status.state == SolveStatus::State::Failed)
+    // What concerns a region is said there.
+    if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
     for (const std::string& warning : status.warnings)
         warning_text(warning);

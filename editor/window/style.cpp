@@ -123,16 +123,16 @@ void apply_style(bool is_dark, float scale)
     style.IndentSpacing = 14;
     style.ScrollbarSize = 11;
     style.GrabMinSize = 10;
-    style.WindowRounding = 0;
+    style.WindowRounding = 9;
     style.ChildRounding = 4;
     style.FrameRounding = 4;
     style.PopupRounding = 6;
     style.GrabRounding = 4;
     style.ScrollbarRounding = 6;
-    style.WindowBorderSize = 0;
+    style.WindowBorderSize = 1;
     style.PopupBorderSize = 1;
     style.FrameBorderSize = is_dark ? 0.0f : 1.0f;
-    style.WindowTitleAlign = {0.0f, 0.5f};
+    style.WindowTitleAlign = {0.5f, 0.5f};
     set_colours(is_dark);
     style.ScaleAllSizes(scale);
 }

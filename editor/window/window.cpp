@@ -213,6 +213,7 @@ struct Window::Callbacks
         event.kind =
             action == GLFW_RELEASE ? InputEvent::Kind::KeyUp : InputEvent::Kind::KeyDown;
         event.code = code;
+        event.is_repeated = action == GLFW_REPEAT;
         event.modifiers = event.key.modifiers = modifiers_of(mods);
         if (!named_key(code, event.key))
         {
@@ -239,6 +240,8 @@ struct Window::Callbacks
         if (has_it == GLFW_FALSE)
             from_display(window, {.kind = InputEvent::Kind::FocusLost});
     }
+
+    static void damaged(GLFWwindow* window) { self(window).is_damaged_ = true; }
 
     static void drop(GLFWwindow* window, int count, const char** paths)
     {
@@ -322,6 +325,9 @@ Window::Window(const WindowOptions& options) : is_played_(options.is_played)
     glfwSetCharCallback(window_, Callbacks::text);
     glfwSetWindowFocusCallback(window_, Callbacks::focus);
     glfwSetDropCallback(window_, Callbacks::drop);
+    glfwSetWindowRefreshCallback(window_, Callbacks::damaged);
+    glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* window, int, int)
+                                   { Callbacks::damaged(window); });
     prepare_panels();
     ImGui::GetIO().ClipboardUserData = window_;
     load_fonts(static_cast<float>(scale_));
@@ -340,7 +346,7 @@ Window::~Window()
 
 void Window::wait(double seconds)
 {
-    if (seconds > 0.0 && events_.empty())
+    if (seconds > 0.0 && !has_news())
         glfwWaitEventsTimeout(seconds);
     else
         glfwPollEvents();
@@ -450,6 +456,7 @@ void Window::tell_panels(const InputEvent& event)
 
 void Window::begin_frame()
 {
+    is_damaged_ = false;
     ImGuiIO& io = ImGui::GetIO();
     for (std::uint32_t k = 0; k < 3; ++k)
         io.MouseDown[k] = (((pressed_ | down_) >> k) & 1u) != 0;

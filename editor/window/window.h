@@ -52,7 +52,8 @@ public:
     bool take(InputEvent& event);
     /// Adds one at the end, as if the user had done it.
     void post(InputEvent event);
-    bool has_events() const { return !events_.empty(); }
+    /// Something happened that has not been drawn.
+    bool has_news() const { return !events_.empty() || is_damaged_; }
 
     int width() const; ///< [pixel of the screen]
     int height() const;
@@ -78,6 +79,7 @@ private:
     GLFWwindow* window_ = nullptr;
     double scale_ = 1.0;
     bool is_played_ = false;
+    bool is_damaged_ = true; ///< its picture is gone, or has another size
     std::deque<InputEvent> events_;
     std::uint32_t pressed_ = 0; ///< buttons since the last frame, a bit each
     std::uint32_t down_ = 0;

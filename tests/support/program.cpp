@@ -14,19 +14,26 @@ namespace cellwarp::support
 namespace
 {
 
-[[noreturn]] void become_program(const std::vector<std::string>& arguments)
+[[noreturn]] void become_program(const std::vector<std::string>& arguments,
+                                 const std::string& program = CELLWARP_BINARY)
 {
-    std::vector<char*> argv = {const_cast<char*>(CELLWARP_BINARY)};
+    std::vector<char*> argv = {const_cast<char*>(program.c_str())};
     for (const std::string& argument : arguments)
         argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
-    ::execv(CELLWARP_BINARY, argv.data());
+    ::execv(program.c_str(), argv.data());
     ::_exit(99);
 }
 
 } // namespace
 
 Result run(const std::vector<std::string>& arguments, const InChild& in_child)
+{
+    return run_other(CELLWARP_BINARY, arguments, in_child);
+}
+
+Result run_other(const std::string& program, const std::vector<std::string>& arguments,
+                 const InChild& in_child)
 {
     const Folder folder;
     const std::string out = folder / "out", err = folder / "err";
@@ -37,7 +44,7 @@ Result run(const std::vector<std::string>& arguments, const InChild& in_child)
         ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600), 2);
         if (in_child)
             in_child();
-        become_program(arguments);
+        become_program(arguments, program);
     }
     const int code = wait_for(child);
     return {code, bytes_of(out), bytes_of(err)};
