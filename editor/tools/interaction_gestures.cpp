@@ -84,14 +84,18 @@ std::vector<GizmoPart> Interaction::State::gizmo() const
         return {};
     const Grasp* const grasp = current<Grasp>();
     const Eigen::Vector3d centre = grasp ? grasp->drag.centre() : centre_of(*region);
-    const bool turns = (grasp ? grasp->drag.way().turns() : tool == Tool::Rotate) &&
-                       region->role != Role::Pin;
+    const bool turns = grasp ? grasp->drag.way().turns() : tool_turns(*region);
     std::vector<GizmoPart> parts =
         turns ? turn_gizmo(centre, camera) : move_gizmo(centre, camera);
     const std::optional<GizmoPart>& marked = grasp ? grasp->part : hot;
     for (GizmoPart& part : parts)
         part.is_hot = marked && part.is_same(*marked);
     return parts;
+}
+
+bool Interaction::State::tool_turns(const EditedRegion& region) const
+{
+    return tool == Tool::Rotate && region.role != Role::Pin;
 }
 
 std::optional<GizmoPart> Interaction::State::part_at(const Eigen::Vector2d& where) const
@@ -124,8 +128,9 @@ void Interaction::State::let_go()
 {
     editing.drag_to(current<Grasp>()->drag.placement());
     gesture = {};
-    has_dragged = true;
+    const std::uint64_t before = document().result_revision();
     attempt([&] { editing.end_drag(); });
+    has_dragged |= document().result_revision() != before;
 }
 
 void Interaction::State::start_choice(SelectGesture::Kind kind, const Press& press)
@@ -199,6 +204,8 @@ void Interaction::State::press(Button button, const Modifiers& with)
         }
         return;
     }
+    if (current<Choice>() && button == Button::Right)
+        return cancel();
     if (!is_idle())
         return;
     const std::optional<Picked> picked = picker.pick(camera.ray(pixel));
@@ -213,7 +220,8 @@ void Interaction::State::press(Button button, const Modifiers& with)
         return;
     const Press press{pixel, with, picked};
     if (const auto part = part_at(pixel))
-        take(active, {way_of(*part, tool == Tool::Rotate), pixel, false, {}, part});
+        take(active,
+             {way_of(*part, tool_turns(*active_region())), pixel, false, {}, part});
     else if (tool == Tool::Box)
         start_choice(SelectGesture::Kind::Box, press);
     else if (tool == Tool::Lasso)
@@ -256,7 +264,7 @@ void Interaction::State::begin_pull(const Press& press)
         gesture = Look{CameraMotion::Orbit, Button::Left, press.pixel, press.pixel, {}};
         return;
     }
-    const bool turns = tool == Tool::Rotate && region->role != Role::Pin;
+    const bool turns = tool_turns(*region);
     const std::string name = region->name;
     gesture = {};
     take(name, {{turns ? DragWay::Kind::TurnFree : DragWay::Kind::MoveScreen, 0},

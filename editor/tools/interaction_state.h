@@ -137,7 +137,9 @@ struct Interaction::State
     const EditedRegion* active_region() const { return document().region(active); }
     const EditedRegion* region_at(const std::optional<Picked>& picked) const;
     Eigen::Vector3d centre_of(const EditedRegion& region) const; ///< now [view]
+    bool tool_turns(const EditedRegion& region) const;           ///< a pin never
     std::vector<GizmoPart> gizmo() const;
+    /// The part under a pixel.
     std::optional<GizmoPart> part_at(const Eigen::Vector2d& where) const;
     void take(const std::string& name, const Grip& grip);
     void let_go();

@@ -187,6 +187,8 @@ std::vector<KeyHelp> key_help(Navigation navigation)
         lines.push_back(help(group, "Alt+middle", "pan"));
         lines.push_back(help(group, "Alt+right", "zoom"));
     }
+    lines.push_back(
+        help(group, "Left drag beside it", "orbit, with the tools to move and rotate"));
     lines.push_back(help(group, "Wheel", "zoom to the pointer; Ctrl with the brush"));
     return lines;
 }
