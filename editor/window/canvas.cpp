@@ -469,9 +469,10 @@ void Canvas::State::draw_cells(const CanvasScene& scene, const ViewOptions& opti
 void Canvas::State::draw_floor(const CanvasScene& scene, const ViewOptions& options)
 {
     const int up = scene.camera.up_axis(), u = (up + 1) % 3, v = (up + 2) % 3;
-    const Eigen::Vector3d half = 0.5 * scene.view_size;
-    Eigen::Vector4f centre(0, 0, 0, 1), side_u(0, 0, 0, kFloorReach), side_v(0, 0, 0, 0);
-    centre[up] = static_cast<float>(-half[up]);
+    const Eigen::Vector3d half = 0.5 * (scene.high - scene.low);
+    Eigen::Vector3f centre = (scene.low + half).cast<float>();
+    Eigen::Vector4f side_u(0, 0, 0, kFloorReach), side_v(0, 0, 0, 0);
+    centre[up] = static_cast<float>(scene.low[up]);
     side_u[u] = side_v[v] = static_cast<float>(kFloorReach);
     floor.use();
     floor.set_matrix(

@@ -54,7 +54,7 @@ struct CanvasScene
     const ShownShape& rest;
     const ShownCells& cells;
     const Camera& camera;
-    Eigen::Vector3d view_size; ///< of the rest model's box [view]
+    Eigen::Vector3d low, high; ///< corners of the rest model's box [view]
 };
 
 class Canvas

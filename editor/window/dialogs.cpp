@@ -165,7 +165,7 @@ void FileDialog::take(Desk& desk, Choosing choosing)
                                    Editing& editing = desk.opened()->editing;
                                    // The button said "Replace" where there is a file.
                                    if (choosing == Choosing::SaveAs)
-                                       desk.document().save(path);
+                                       desk.document().save(path, Overwrite::Yes);
                                    else if (choosing == Choosing::ExportModel)
                                        editing.export_model(path, true);
                                    else

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cctype>
 #include <chrono>
-#include <cmath>
 
 #include <imgui.h>
 
@@ -271,6 +270,7 @@ double Editor::draw_canvas()
         return 0.0;
     }
     Editing& editing = opened->editing;
+    editing.show_cells(desk_.view.cells != CellsShown::No);
     const WorkFrame& frame = editing.view_frame();
     const CanvasScene scene{editing.document(),
                             opened->hand.shown_selection(),
@@ -278,8 +278,8 @@ double Editor::draw_canvas()
                             editing.rest_shape(),
                             editing.cells(),
                             opened->hand.camera(),
-                            editing.document().box().size() *
-                                std::ldexp(1.0, frame.exponent)};
+                            frame.to_work(editing.document().box().low),
+                            frame.to_work(editing.document().box().high)};
     const double upload_ms = canvas_.upload(scene, desk_.view);
     ViewOptions options = desk_.view;
     // Where drawing is slow, edges are made smooth when the hand rests.

@@ -3,11 +3,9 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <sstream>
-#include <thread>
 
 #include "editor/window/png.h"
 #include "io/error.h"
@@ -19,10 +17,6 @@ namespace cellwarp
 
 namespace
 {
-
-/// How long `wait` waits before it gives up [s].
-constexpr double kLongestWait = 1800.0;
-constexpr auto kWaitStep = std::chrono::milliseconds(2);
 
 class Player
 {
@@ -343,17 +337,12 @@ void Player::text()
 
 void Player::wait()
 {
-    const double start = seconds_now();
     editor_.frame();
     if (OpenedDocument* opened = editor_.desk().opened())
-        opened->hand.wait();
-    editor_.frame();
-    while (!editor_.desk().is_idle())
     {
-        if (seconds_now() - start > kLongestWait)
-            fail("nothing came out for half an hour");
-        editor_.desk().update();
-        std::this_thread::sleep_for(kWaitStep);
+        opened->hand.wait();
+        editor_.frame(); // what it did is asked for
+        opened->editing.wait();
     }
     for (int k = 0; k < 3; ++k) // what came out is seen, and panels have settled
         editor_.frame();
@@ -483,7 +472,7 @@ void Player::open()
 
 void Player::save()
 {
-    opened().editing.document().save(word(1));
+    opened().editing.document().save(word(1), Overwrite::Yes);
     editor_.frame();
 }
 
