@@ -147,4 +147,20 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
     return material;
 }
 
+const char* inside_name(InsideMethod method)
+{
+    switch (method)
+    {
+    case InsideMethod::Winding:
+        return "winding number";
+    case InsideMethod::Votes:
+        return "rays";
+    case InsideMethod::Flood:
+        return "flood";
+    case InsideMethod::None:
+        break;
+    }
+    return "none";
+}
+
 } // namespace cellwarp

@@ -40,6 +40,9 @@ enum class InsideMethod
     Flood    ///< soup or cloud: what a flood from outside does not reach
 };
 
+/// "winding number", "rays", "flood", or "none".
+const char* inside_name(InsideMethod method);
+
 struct Material
 {
     VoxelGrid grid;

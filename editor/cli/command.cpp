@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 
 #include <unistd.h>
 
 #include <fmt/format.h>
 
+#include "editor/session/peak_memory.h"
+#include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/number.h"
 
@@ -32,21 +33,6 @@ double parse_bytes(const std::string& text)
         throw Error(Fault::Usage, "--max-memory: got " + in_quotes(text) +
                                       ", need bytes like 500000000, 500M or 2G");
     return *number * factor;
-}
-
-/// 70 % of what the system says is available; no limit where it does not say.
-double default_memory_limit()
-{
-    std::ifstream info("/proc/meminfo");
-    for (std::string line; std::getline(info, line);)
-        if (line.starts_with("MemAvailable:"))
-        {
-            const std::size_t digit = line.find_first_of("0123456789");
-            const std::optional<double> kilobytes =
-                parse_double(line.substr(digit, line.find(' ', digit) - digit));
-            return kilobytes ? 0.7 * 1024.0 * *kilobytes : 0.0;
-        }
-    return 0.0;
 }
 
 /// A flag's number in its range; usage errors name the flag.
@@ -124,8 +110,6 @@ bool SessionFlags::has_session() const
 SessionRequest read_request(const SessionFlags& flags)
 {
     SessionRequest request;
-    SessionSettings& settings = request.settings;
-    CellSettings& cells = settings.cells;
     SceneFile scene;
     const bool is_scene = extension_of(flags.model) == "json";
     if (is_scene)
@@ -145,40 +129,34 @@ SessionRequest read_request(const SessionFlags& flags)
     else if (!handles.empty())
         request.handles = read_handles(handles);
 
-    const auto number = [](const char* flag, const auto& given, const auto& in_scene,
-                           auto low, auto high, auto fallback)
+    // Flags win over the scene.
+    const auto take =
+        [](const char* flag, const auto& given, auto& in_scene, auto low, auto high)
     {
-        using Number = decltype(fallback);
+        using Number = std::decay_t<decltype(*given)>;
         if (given)
-            return static_cast<Number>(
-                in_range(flag, *given, static_cast<std::decay_t<decltype(*given)>>(low),
-                         static_cast<std::decay_t<decltype(*given)>>(high)));
-        return in_scene ? static_cast<Number>(*in_scene) : fallback;
+            in_scene = in_range(flag, *given, static_cast<Number>(low),
+                                static_cast<Number>(high));
     };
-    cells.across =
-        number("--across", flags.across, scene.across, 1, 1 << 20, cells.across);
-    cells.max_depth =
-        number("--max-depth", flags.max_depth, scene.max_depth, 0, 20, kUsualDepth);
-    cells.threshold = number("--threshold", flags.threshold, scene.threshold, 0.0, 1e300,
-                             kUsualThreshold);
-    if (cells.threshold == 0.0)
-        cells.min_depth = cells.max_depth;
-    cells.gap = number("--gap", flags.gap, scene.gap, 1e-6, 1.0, cells.gap);
-    cells.max_cells = number("--max-cells", flags.max_cells, scene.max_cells, 1,
-                             std::int64_t(1) << 31, cells.max_cells);
-    settings.max_iterations =
-        number("--max-iterations", flags.max_iterations, std::optional<std::int64_t>(), 0,
-               1000000, settings.max_iterations);
-    settings.time_budget = number("--time", flags.time, std::optional<double>(), 0.0, 1e9,
-                                  settings.time_budget);
-    const std::string fill = flags.fill ? *flags.fill : scene.fill.value_or("solid");
-    if (fill != "solid" && fill != "shell")
+    take("--across", flags.across, scene.across, 1, 1 << 20);
+    take("--max-depth", flags.max_depth, scene.max_depth, 0, 20);
+    take("--threshold", flags.threshold, scene.threshold, 0.0, 1e300);
+    take("--gap", flags.gap, scene.gap, 1e-6, 1.0);
+    take("--max-cells", flags.max_cells, scene.max_cells, 1, std::int64_t(1) << 31);
+    if (flags.fill)
+        scene.fill = flags.fill;
+    if (scene.fill && *scene.fill != "solid" && *scene.fill != "shell")
         throw Error(Fault::Usage,
-                    "--fill: got " + in_quotes(fill) + ", need solid or shell");
-    cells.fill = fill == "solid" ? Fill::Solid : Fill::Shell;
-    cells.frame = scene.frame;
-    cells.frame_file = scene.path;
-    cells.max_memory =
+                    "--fill: got " + in_quotes(*scene.fill) + ", need solid or shell");
+    request.settings = settings_of(scene, flags.is_preview);
+    SessionSettings& settings = request.settings;
+    if (flags.max_iterations)
+        settings.max_iterations =
+            static_cast<int>(in_range("--max-iterations", *flags.max_iterations,
+                                      std::int64_t(0), std::int64_t(1000000)));
+    if (flags.time)
+        settings.time_budget = in_range("--time", *flags.time, 0.0, 1e9);
+    settings.cells.max_memory =
         flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
     const std::string solver = flags.solver.value_or("newton");
     if (solver == "gauss-newton")
@@ -192,12 +170,6 @@ SessionRequest read_request(const SessionFlags& flags)
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
     request.release = scene.release.value_or("rbf");
-    const std::string drag = scene.drag.value_or("blend");
-    const bool is_blend = flags.is_preview || request.release == "blend";
-    settings.field = is_blend
-                         ? (drag == "closest4" ? FieldKind::Closest4 : FieldKind::Blend)
-                     : request.release == "rbf-global" ? FieldKind::RbfGlobal
-                                                       : FieldKind::Rbf;
     return request;
 }
 

@@ -75,22 +75,6 @@ std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
     return numbers;
 }
 
-const char* inside_name(InsideMethod method)
-{
-    switch (method)
-    {
-    case InsideMethod::Winding:
-        return "winding number";
-    case InsideMethod::Votes:
-        return "rays";
-    case InsideMethod::Flood:
-        return "flood";
-    case InsideMethod::None:
-        break;
-    }
-    return "none";
-}
-
 Json unused_parts(const PartCounts& parts)
 {
     Json unused = Json::array();

@@ -5,46 +5,23 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "editor/document/edit.h"
+#include "editor/document/edited_region.h"
 #include "editor/document/history.h"
 #include "editor/document/selection.h"
 #include "editor/session/work_frame.h"
+#include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
+#include "io/scene_file.h"
 
 namespace cellwarp
 {
-
-/// Where a region has been moved to from its rest shape: turned about the centre of its
-/// rest samples' box, then shifted.
-struct Placement
-{
-    Eigen::Vector3d axis = Eigen::Vector3d::UnitX();       ///< unit
-    double degrees = 0.0;                                  ///< any number of turns
-    Eigen::Vector3d translation = Eigen::Vector3d::Zero(); ///< [model unit]
-
-    bool operator==(const Placement&) const = default;
-};
-
-/// A region of the current stage as panels and tools see it.
-struct EditedRegion
-{
-    std::string name;
-    Role role = Role::Fixed;
-    double factor = 1.0;                ///< of a stiff region
-    std::vector<std::uint32_t> samples; ///< ascending
-    Eigen::Vector3d centre =
-        Eigen::Vector3d::Zero(); ///< of the rest samples' box [model]
-    Placement placement;         ///< at the current edit
-
-    bool moves() const { return role == Role::Handle || role == Role::Pin; }
-};
 
 class Document
 {
@@ -58,16 +35,16 @@ public:
     Document& operator=(Document&&) noexcept;
 
     /// How many edits of an earlier run, which did not end well, can be recovered for
-    /// this file; 0: none.
+    /// this file; 0: none. While there are some no command is taken: first recover() or
+    /// drop_recoverable().
     std::size_t num_recoverable() const;
-    /// Does them again, as far as they are whole; or drops them. Warnings tell what was
-    /// cut.
+    /// Does them again, from the file as it was then. Gives warnings: what was cut, what
+    /// has changed since. Throws Fault::Malformed; then they are still there.
     std::vector<std::string> recover();
     void drop_recoverable();
 
-    const std::string& path() const; ///< the model or scene as it was opened
-    const std::string&
-    scene_path() const; ///< where save() writes to; empty: not yet known
+    const std::string& path() const;       ///< the model or scene as it was opened
+    const std::string& scene_path() const; ///< where save() writes; empty: nowhere yet
     std::shared_ptr<const GeometryFile> model() const;
     const ModelBox& box() const; ///< of the model's samples [model unit]
     const std::vector<std::string>& warnings() const;
@@ -75,6 +52,7 @@ public:
     // What the edits amount to.
     const HandleFile& handles() const;
     const EditSettings& settings() const;
+    SceneFile scene() const; ///< all that a scene file would say now
     const Selection& selection() const;
     const std::vector<EditedRegion>& regions() const;          ///< of the current stage
     const EditedRegion* region(const std::string& name) const; ///< null: none
@@ -85,8 +63,16 @@ public:
     /// Rises with what changes the result: not with the selection.
     std::uint64_t result_revision() const;
 
+    /// Where the current stage begins, as StatementChain::before() tells it.
+    std::uint64_t stage_print() const;
+    /// The rest samples of a stage that is not the first; known from its solution. Until
+    /// then its regions are placed on the model.
+    void set_rest(std::uint64_t stage_print,
+                  std::shared_ptr<const std::vector<Eigen::Vector3d>> samples);
+
     // Commands: each is one edit, or none where it changes nothing. Throw Error
-    // (Fault::Usage) with the reason where they cannot be.
+    // (Fault::Usage) with the reason where they cannot be. Regions that change after a
+    // frame begin a new stage: a commit, with all other regions as lists of samples.
     void select(const Selection& selection, const std::string& name);
     /// Makes a region of the selection; what other regions hold of it they lose. Gives
     /// its name: \p name, or one of the role if empty.
@@ -111,8 +97,10 @@ public:
 
     bool is_saved() const; ///< since the last change that a file would hold
     /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
-    /// replays to the same result. Throws Error.
-    void save(const std::string& scene_path);
+    /// replays to the same result. Its own scene is replaced in any case. Throws Error.
+    void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No);
+    /// What was done is on the disk.
+    void sync();
     /// Ends the journal: nothing is left to recover.
     void close();
 

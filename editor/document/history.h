@@ -16,24 +16,43 @@ namespace cellwarp
 class History
 {
 public:
-    /// In memory of the system's temporary files if \p journal has no name.
     explicit History(Journal journal);
+    /// Goes on where a journal ended that was opened. Throws Fault::Malformed with the
+    /// record that is no edit.
+    History(Journal journal, const JournalContents& contents);
 
-    std::size_t size() const;     ///< edits, done or undone
-    std::size_t position() const; ///< edits that are done
-    const std::string& name(std::size_t edit) const;
+    std::size_t size() const { return starts_.size(); } ///< edits, done or undone
+    std::size_t position() const { return position_; }  ///< edits that are done
+    const std::string& name(std::size_t edit) const { return words_[names_[edit]]; }
+    /// The same wherever the done edits amount to the same but for what is selected.
+    std::uint32_t content() const
+    {
+        return position_ == 0 ? 0 : contents_[position_ - 1];
+    }
 
-    /// Drops what is undone, and adds one that is done.
+    /// Drops what is undone, and adds one that is done. Throws Fault::File; then it is
+    /// not in it.
     void add(const Edit& edit);
     /// From the journal.
     Edit edit(std::size_t index) const;
+    /// \pre position <= size()
     void move_to(std::size_t position);
 
+    /// What was added is on the disk.
+    void sync() { journal_.sync(); }
+    /// Ends the journal: the file goes.
+    void remove() { journal_.remove(); }
+
 private:
+    void append(std::uint64_t start, const Edit& edit);
+
     Journal journal_;
-    std::vector<std::uint32_t> names_; ///< into the words
     std::vector<std::string> words_;
+    // Of the edits.
+    std::vector<std::uint32_t> names_;  ///< into the words
     std::vector<std::uint64_t> starts_; ///< of the records [byte]
+    std::vector<std::uint32_t> contents_;
+    std::uint32_t last_content_ = 0;
     std::size_t position_ = 0;
 };
 

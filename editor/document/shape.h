@@ -11,6 +11,9 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/rig.h"
+#include "editor/session/work_frame.h"
+#include "io/geometry.h"
 #include "solver/pose.h"
 
 namespace cellwarp
@@ -51,5 +54,25 @@ struct ShownCells
     Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity();
     std::uint64_t version = 0;
 };
+
+/// Samples in this order; empty: in that of the file.
+std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
+                                             std::span<const std::uint32_t> order = {});
+
+/// Unit normals of the samples, as their faces around have them by area; none for a
+/// cloud.
+std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
+                                            std::span<const Eigen::Vector3d> samples);
+
+/// Samples [model unit] as a view shows them. \p view: the frame of view space.
+ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> samples,
+                    std::shared_ptr<const ShapeLayout> layout, const WorkFrame& view);
+
+/// From one frame's work space to another's.
+Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view);
+
+/// The cells of a rig at other poses.
+ShownCells shown_cells(const Rig& rig, std::span<const Pose> poses,
+                       const WorkFrame& view);
 
 } // namespace cellwarp

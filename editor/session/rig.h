@@ -42,6 +42,8 @@ public:
         const RigSettings& settings);
 
     const Body& body() const { return *body_; }
+    std::shared_ptr<const Body> shared_body() const { return body_; }
+    std::shared_ptr<const RegionSet> shared_regions() const { return regions_; }
     const RestShape& rest() const { return *body_->rest; }
     const RegionSet& regions() const { return *regions_; }
     const std::vector<int>& region_of_cell() const

@@ -132,6 +132,11 @@ const Rig* Session::rig() const
     return state_ ? &state_->rig : nullptr;
 }
 
+Recutting Session::recutting() const
+{
+    return state_->recutting;
+}
+
 Session::Session(GeometryFile model, HandleFile handles, SessionSettings settings)
     : Session(std::make_shared<const GeometryFile>(std::move(model)), std::move(handles),
               std::move(settings))

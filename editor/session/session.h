@@ -112,6 +112,15 @@ public:
     /// The maps of all commits and of the last frame that wanted samples, as a chain.
     /// \pre keeps_fields, and there was such a frame
     FieldFile field_file() const;
+    /// At rest in this stage [model unit]. \pre rig()
+    const std::vector<Eigen::Vector3d>& rest_samples() const
+    {
+        return rest_->samples.samples;
+    }
+    /// StatementChain::before() of this stage. \pre rig()
+    std::uint64_t stage_print() const { return rest_->print; }
+    /// Makes other cells of the rig. \pre rig()
+    Recutting recutting() const;
     /// What the session works on now: null before its first stage, and valid until the
     /// next one begins.
     const Rig* rig() const;

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/edited_region.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Geometry>
+
+#include "editor/session/regions.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// How far the first of two frames turns about a new axis: clear of half a turn, where
+/// the shortest way could go either way round.
+constexpr double kFirstTurn = 120.0;
+
+/// Operations turn about the centre of the region unless they say otherwise: then a
+/// placement can be read from them as it was written.
+bool is_plain(const std::vector<Operation>& operations)
+{
+    using Kind = Operation::Kind;
+    const auto is = [&](std::size_t k, Kind kind)
+    { return operations[k].kind == kind && !operations[k].about; };
+    return (operations.size() == 1 && (is(0, Kind::Translate) || is(0, Kind::Rotate))) ||
+           (operations.size() == 2 && is(0, Kind::Rotate) && is(1, Kind::Translate));
+}
+
+/// From the file's units.
+Eigen::Vector3d model_vector(const Eigen::Vector3d& given, const Units& units)
+{
+    return units.is_relative ? Eigen::Vector3d(given.cwiseProduct(units.box.size()))
+                             : given;
+}
+
+/// Into the file's units; a flat axis has none to move along.
+Eigen::Vector3d given_vector(const Eigen::Vector3d& model, const Units& units)
+{
+    if (!units.is_relative)
+        return model;
+    Eigen::Vector3d given = Eigen::Vector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+        if (units.box.size()[k] > 0)
+            given[k] = model[k] / units.box.size()[k];
+    return given;
+}
+
+Eigen::Vector3d unit(const Eigen::Vector3d& axis)
+{
+    return (axis / axis.cwiseAbs().maxCoeff()).normalized();
+}
+
+Operation rotation(const Placement& to)
+{
+    Operation operation;
+    operation.kind = Operation::Kind::Rotate;
+    operation.vector = to.axis;
+    operation.degrees = to.degrees;
+    return operation;
+}
+
+Operation translation(const Placement& to, const RegionGround& ground)
+{
+    Operation operation;
+    operation.vector = given_vector(to.translation, ground.units);
+    return operation;
+}
+
+FrameStatement frame_to(const EditedRegion& region, const Placement& to,
+                        std::int64_t number, const RegionGround& ground)
+{
+    Move move;
+    move.region = region.name;
+    if (to.degrees != 0.0 || region.placement.degrees != 0.0)
+        move.operations.push_back(rotation(to));
+    move.operations.push_back(translation(to, ground));
+    return {number, {move}, 0};
+}
+
+} // namespace
+
+Selector selector_of(const std::vector<std::uint32_t>& samples)
+{
+    Selector selector;
+    selector.kind = Selector::Kind::Indices;
+    for (const std::uint32_t i : samples)
+    {
+        if (!selector.ranges.empty() && selector.ranges.back().second + 1 == i)
+            ++selector.ranges.back().second;
+        else
+            selector.ranges.emplace_back(i, i);
+    }
+    return selector;
+}
+
+std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& statements,
+                                         const RegionGround& ground)
+{
+    std::vector<EditedRegion> regions;
+    for (Region& region : resolve_regions(statements, ground.geometry, ground.rest,
+                                          ground.units, ground.file))
+    {
+        EditedRegion& edited = regions.emplace_back();
+        edited.name = std::move(region.name);
+        edited.role = region.role;
+        edited.factor = region.factor;
+        edited.samples = std::move(region.samples);
+        if (edited.samples.empty())
+            continue;
+        ModelBox box{ground.rest[edited.samples[0]], ground.rest[edited.samples[0]]};
+        for (const std::uint32_t i : edited.samples)
+        {
+            box.low = box.low.cwiseMin(ground.rest[i]);
+            box.high = box.high.cwiseMax(ground.rest[i]);
+        }
+        edited.centre = box.centre();
+    }
+    return regions;
+}
+
+std::vector<std::uint32_t> with_twins(const std::vector<std::uint32_t>& samples,
+                                      const RegionGround& ground)
+{
+    RegionStatement statement;
+    statement.selector = selector_of(samples);
+    return resolve_regions({statement}, ground.geometry, ground.rest, ground.units,
+                           ground.file)
+        .front()
+        .samples;
+}
+
+Placement placement_of(const Move& move, const EditedRegion& region,
+                       const RegionGround& ground)
+{
+    Placement placement;
+    if (is_plain(move.operations))
+    {
+        for (const Operation& operation : move.operations)
+            if (operation.kind == Operation::Kind::Rotate)
+            {
+                placement.axis = unit(operation.vector);
+                placement.degrees = operation.degrees;
+            }
+            else
+                placement.translation = model_vector(operation.vector, ground.units);
+        return placement;
+    }
+    const WorkFrame& frame = ground.units.frame;
+    const Eigen::Vector3d centre = frame.to_work(region.centre);
+    std::vector<std::string> warnings;
+    const std::vector<Step> steps =
+        steps_of(move, ground.units, centre, centre, ground.file, warnings);
+    const Motion motion = motion_of(steps);
+    placement.translation = frame.vector_to_model(motion(centre) - centre);
+    const Eigen::AngleAxisd turn(
+        Eigen::Matrix3d(frame.axes.transpose() * motion.R * frame.axes));
+    if (turn.angle() != 0.0)
+    {
+        placement.axis = turn.axis();
+        placement.degrees = turn.angle() * 180.0 / std::numbers::pi;
+    }
+    return placement;
+}
+
+Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
+                 const WorkFrame& frame)
+{
+    Step turn;
+    turn.kind = Step::Kind::Rotate;
+    turn.vector = frame.axes * placement.axis;
+    turn.angle = placement.degrees * std::numbers::pi / 180.0;
+    turn.about = frame.to_work(centre);
+    Step shift;
+    shift.vector = frame.vector_to_work(placement.translation);
+    return motion_of({turn, shift});
+}
+
+std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
+                                      std::int64_t number, const RegionGround& ground)
+{
+    std::vector<FrameStatement> frames;
+    const Placement& from = region.placement;
+    // The way is clear where the operations are the same as before: from rest they are.
+    const bool is_new_axis = from.degrees == 0.0
+                                 ? from.translation != Placement().translation
+                                 : from.axis != to.axis;
+    EditedRegion on_the_way = region;
+    if (is_new_axis && std::abs(to.degrees) > 180.0)
+    {
+        on_the_way.placement = to;
+        on_the_way.placement.degrees = std::copysign(kFirstTurn, to.degrees);
+        on_the_way.placement.translation = 0.5 * (from.translation + to.translation);
+        frames.push_back(frame_to(region, on_the_way.placement, number++, ground));
+    }
+    frames.push_back(frame_to(on_the_way, to, number, ground));
+    return frames;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,399 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/editing.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <future>
+#include <thread>
+#include <vector>
+
+#include "editor/session/scene_settings.h"
+#include "io/error.h"
+#include "io/field_file.h"
+#include "io/geometry_output.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+template <class Future>
+bool is_done(const Future& future)
+{
+    return future.valid() &&
+           future.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+}
+
+bool is_finite(const Placement& placement)
+{
+    return placement.translation.allFinite() && placement.axis.allFinite() &&
+           placement.axis.norm() > 0 && std::isfinite(placement.degrees);
+}
+
+} // namespace
+
+struct Editing::State
+{
+    Document document;
+    WorkFrame view;
+    std::shared_ptr<const ShapeLayout> layout; ///< of the newest drag
+    ShownShape rest, result_shape, shape;
+    ShownCells cells, result_cells;
+    bool shows_cells = false;
+    std::uint64_t version = 0;
+
+    SolveDesk desk;
+    std::optional<std::uint64_t> asked; ///< the document's result revision
+    std::uint64_t result_revision = 0;
+    std::shared_ptr<const Patch> result;
+
+    std::optional<DragSource> source; ///< of the newest result
+    bool wants_drag = false;          ///< to be made from the source
+    std::future<PreparedDrag> preparing;
+    std::optional<PreparedDrag> prepared;
+    std::vector<Refining> left_over; ///< made for drags that have ended
+
+    struct Hand
+    {
+        std::string region;
+        Placement from, to;
+        WorkFrame frame = {};              ///< of the live drag
+        std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
+    };
+    std::optional<Hand> hand;
+
+    explicit State(Document of)
+        : document(std::move(of)), view(automatic_frame(document.box())),
+          layout(layout_of(document.model()->geometry)),
+          rest(shown_at(document.model()->geometry, document.model()->geometry.samples,
+                        layout, view)),
+          desk(document.model(), view)
+    {
+        rest.version = ++version;
+        result_shape = shape = rest;
+    }
+
+    void show(const ShownShape& other)
+    {
+        shape = other;
+        shape.version = ++version;
+        cells = result_cells;
+        cells.version = version;
+    }
+
+    void ask()
+    {
+        if (asked == document.result_revision() || document.num_recoverable() > 0)
+            return;
+        asked = document.result_revision();
+        desk.ask({*asked, document.handles(), document.scene(), layout});
+    }
+
+    bool take_solved()
+    {
+        std::optional<Solved> solved = desk.take();
+        if (!solved || solved->revision != document.result_revision())
+            return false;
+        result = std::move(solved->patch);
+        result_revision = solved->revision;
+        result_shape = std::move(solved->shape);
+        result_cells = std::move(solved->cells);
+        document.set_rest(solved->stage_print, std::move(solved->rest));
+        source = std::move(solved->drag);
+        wants_drag = source.has_value();
+        if (!hand)
+            show(result_shape);
+        return true;
+    }
+
+    /// Makes the next drag where one is wanted, and takes what was made.
+    void prepare()
+    {
+        std::erase_if(left_over, [](const Refining& made) { return is_done(made); });
+        if (is_done(preparing))
+        {
+            try
+            {
+                prepared = preparing.get();
+                layout = prepared->layout;
+            }
+            catch (const std::exception&)
+            {
+                // The solve tells what is wrong with these regions; the last drag stays.
+            }
+        }
+        if (wants_drag && !preparing.valid())
+        {
+            wants_drag = false;
+            preparing = std::async(std::launch::async, [from = *source]() mutable
+                                   { return prepare_drag(std::move(from)); });
+        }
+    }
+
+    /// Whether a drag is of the regions as they are now.
+    bool fits(const PreparedDrag& drag) const
+    {
+        const std::vector<EditedRegion>& regions = document.regions();
+        const RegionSet& own = *drag.source.regions;
+        if (drag.source.stage_print != document.stage_print() ||
+            own.size() != regions.size())
+            return false;
+        for (std::size_t r = 0; r < own.size(); ++r)
+            if (own[r].role != regions[r].role || own[r].factor != regions[r].factor ||
+                own[r].samples != regions[r].samples)
+                return false;
+        return true;
+    }
+
+    std::vector<Motion> motions() const
+    {
+        std::vector<Motion> motions;
+        for (const EditedRegion& region : document.regions())
+            motions.push_back(
+                motion_of(region.name == hand->region ? hand->to : region.placement,
+                          region.centre, hand->frame));
+        return motions;
+    }
+
+    bool follow_hand()
+    {
+        if (!hand)
+            return false;
+        if (!hand->live)
+        {
+            if (!prepared || !fits(*prepared))
+                return false;
+            hand->frame = prepared->source.body->rest->frame;
+            hand->live.emplace(std::move(*prepared));
+            prepared.reset();
+            hand->live->show_cells(shows_cells);
+            hand->live->move(motions());
+        }
+        if (!hand->live->take(shape, cells))
+            return false;
+        shape.version = cells.version = ++version;
+        return true;
+    }
+
+    /// Opens the hand; the drag stays for the next time if no newer one is there.
+    void let_go(bool keeps_drag)
+    {
+        if (hand->live)
+        {
+            PreparedDrag drag = hand->live->stop();
+            if (Refining made = hand->live->take_refining(); made.valid())
+                left_over.push_back(std::move(made));
+            if (keeps_drag && !prepared)
+            {
+                layout = drag.layout;
+                prepared = std::move(drag);
+            }
+            else
+                wants_drag = source.has_value();
+        }
+        hand.reset();
+    }
+
+    bool is_settled() const
+    {
+        return asked == document.result_revision() && !desk.is_busy() && !wants_drag &&
+               !preparing.valid();
+    }
+};
+
+Editing::Editing(Document document) : state_(std::make_unique<State>(std::move(document)))
+{
+    state_->ask();
+}
+
+Editing::~Editing() = default;
+
+Document& Editing::document()
+{
+    return state_->document;
+}
+
+const Document& Editing::document() const
+{
+    return state_->document;
+}
+
+bool Editing::update()
+{
+    State& s = *state_;
+    s.ask();
+    const bool is_solved = s.take_solved();
+    s.prepare();
+    const bool has_moved = s.follow_hand();
+    return is_solved || has_moved;
+}
+
+void Editing::wait()
+{
+    do
+    {
+        update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    } while (!state_->is_settled());
+    update();
+}
+
+void Editing::cancel()
+{
+    state_->desk.cancel();
+}
+
+const WorkFrame& Editing::view_frame() const
+{
+    return state_->view;
+}
+
+const ShownShape& Editing::shape() const
+{
+    return state_->shape;
+}
+
+const ShownShape& Editing::rest_shape() const
+{
+    return state_->rest;
+}
+
+const ShownCells& Editing::cells() const
+{
+    return state_->cells;
+}
+
+void Editing::show_cells(bool shows)
+{
+    state_->shows_cells = shows;
+    if (state_->hand && state_->hand->live)
+        state_->hand->live->show_cells(shows);
+}
+
+std::shared_ptr<const Patch> Editing::result() const
+{
+    return state_->result_revision == state_->document.result_revision() ? state_->result
+                                                                         : nullptr;
+}
+
+SolveStatus Editing::status() const
+{
+    return state_->desk.status();
+}
+
+DragStatus Editing::drag_status() const
+{
+    if (!state_->hand)
+        return {};
+    if (state_->hand->live)
+        return state_->hand->live->status();
+    DragStatus waiting;
+    waiting.is_dragging = true;
+    return waiting;
+}
+
+bool Editing::begin_drag(const std::string& region, std::string* why)
+{
+    State& s = *state_;
+    const auto refuse = [&](const std::string& reason)
+    {
+        if (why)
+            *why = reason;
+        return false;
+    };
+    if (s.hand)
+        return refuse("another region is in the hand");
+    const EditedRegion* const found = s.document.region(region);
+    if (!found)
+        return refuse("there is no region " + in_quotes(region));
+    if (!found->moves())
+        return refuse(in_quotes(region) + " is " + role_name(found->role) +
+                      ": only handles and pins move");
+    update();
+    const bool is_ready = s.prepared && s.fits(*s.prepared);
+    if (const SolveStatus status = s.desk.status();
+        !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)
+        return refuse(status.error);
+    State::Hand& hand = s.hand.emplace();
+    hand.region = region;
+    hand.from = hand.to = found->placement;
+    s.follow_hand();
+    return true;
+}
+
+void Editing::drag_to(const Placement& placement)
+{
+    State& s = *state_;
+    if (!s.hand || !is_finite(placement) || placement == s.hand->to)
+        return;
+    s.hand->to = placement;
+    if (s.hand->live)
+        s.hand->live->move(s.motions());
+}
+
+void Editing::end_drag()
+{
+    State& s = *state_;
+    if (!s.hand)
+        return;
+    const std::string region = s.hand->region;
+    const Placement to = s.hand->to;
+    if (to == s.hand->from)
+    {
+        cancel_drag();
+        return;
+    }
+    s.let_go(true);
+    s.document.move_region(region, to);
+    s.ask();
+}
+
+void Editing::cancel_drag()
+{
+    State& s = *state_;
+    if (!s.hand)
+        return;
+    s.let_go(false);
+    s.show(s.result_shape);
+}
+
+std::optional<std::string> Editing::dragged() const
+{
+    return state_->hand ? std::optional(state_->hand->region) : std::nullopt;
+}
+
+void Editing::export_model(const std::string& path, Overwrite overwrite)
+{
+    const std::shared_ptr<const Patch> patch = result();
+    if (!patch)
+        throw Error(Fault::Usage, "the result is not there yet");
+    const GeometryFile& model = *state_->document.model();
+    check_output_format(path, model.geometry.format);
+    check_geometry_output(path, model, overwrite);
+    write_geometry(path, model, *patch, overwrite);
+}
+
+void Editing::export_field(const std::string& path, Overwrite overwrite)
+{
+    const Document& document = state_->document;
+    if (extension_of(path) != "cwf")
+        throw Error(Fault::Usage,
+                    "a field's name ends in .cwf (got " + in_quotes(path) + ")");
+    HandleFile handles = document.handles();
+    if (handles.stages.back().frames.empty() && handles.stages.size() > 1)
+        handles.stages.pop_back(); // regions that nothing has moved yet
+    if (handles.stages.back().frames.empty())
+        throw Error(Fault::Usage, "nothing has moved: there is no field");
+    check_output(path, overwrite);
+    SessionSettings settings = settings_of(document.scene());
+    settings.keeps_fields = true;
+    Session session(document.model(), std::move(handles), settings);
+    for (std::size_t left = session.num_upcoming(); left > 0; --left)
+        session.next_frame(left == 1);
+    write_file(path, field_bytes(session.field_file()), overwrite);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A drag ready to begin: made in the background from where a solution ended.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "editor/document/shape.h"
+#include "editor/session/drag.h"
+#include "editor/session/recutting.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// All that a drag is made of. A value: the threads share nothing that changes.
+struct DragSource
+{
+    std::shared_ptr<const GeometryFile> model;
+    std::shared_ptr<const std::vector<Eigen::Vector3d>>
+        rest; ///< of the stage [model unit]
+    std::shared_ptr<const Body> body;
+    std::shared_ptr<const RegionSet> regions;
+    RigState state;
+    Recutting recutting;
+    RigSettings rig;
+    FieldKind field = FieldKind::Blend;
+    WorkFrame view;
+    std::uint64_t stage_print = 0; ///< of the stage
+};
+
+struct PreparedDrag
+{
+    DragSource source; ///< its state is where the drag begins
+    std::unique_ptr<Drag> drag;
+    std::shared_ptr<const ShapeLayout> layout; ///< of the drag's samples
+    Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity();
+};
+
+PreparedDrag prepare_drag(DragSource source);
+
+/// The same in smaller cells, where the deformation wants them; nothing where it does
+/// not. \p state: of the cells of \p source now.
+std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state);
+
+} // namespace cellwarp

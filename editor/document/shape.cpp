@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "editor/session/body.h"
+#include "octree/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Samples of one thread's part at the least.
+constexpr std::size_t kGrain = 4096;
+
+} // namespace
+
+std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
+                                             std::span<const std::uint32_t> order)
+{
+    auto layout = std::make_shared<ShapeLayout>();
+    if (order.empty())
+    {
+        layout->order.resize(geometry.samples.size());
+        std::iota(layout->order.begin(), layout->order.end(), 0u);
+    }
+    else
+        layout->order.assign(order.begin(), order.end());
+    layout->place_of.resize(layout->order.size());
+    for (std::size_t place = 0; place < layout->order.size(); ++place)
+        layout->place_of[layout->order[place]] = static_cast<std::uint32_t>(place);
+    const std::vector<Triangle> triangles = triangles_of(geometry);
+    layout->triangles.resize(3 * triangles.size());
+    parallel_ranges(triangles.size(), kGrain,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t t = begin; t < end; ++t)
+                            for (std::size_t k = 0; k < 3; ++k)
+                                layout->triangles[3 * t + k] =
+                                    layout->place_of[triangles[t][k]];
+                    });
+    return layout;
+}
+
+std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
+                                            std::span<const Eigen::Vector3d> samples)
+{
+    if (geometry.num_faces() == 0)
+        return {};
+    std::vector<Eigen::Vector3d> normals(samples.size(), Eigen::Vector3d::Zero());
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        const Eigen::Vector3d& first = samples[corners[0]];
+        Eigen::Vector3d area = Eigen::Vector3d::Zero();
+        for (std::size_t k = 2; k < corners.size(); ++k)
+            area += (samples[corners[k - 1]] - first).cross(samples[corners[k]] - first);
+        for (const std::uint32_t corner : corners)
+            normals[corner] += area;
+    }
+    parallel_ranges(normals.size(), kGrain,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            const double length = normals[i].norm();
+                            normals[i] = std::isnormal(length)
+                                             ? Eigen::Vector3d(normals[i] / length)
+                                             : Eigen::Vector3d::UnitZ();
+                        }
+                    });
+    return normals;
+}
+
+ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> samples,
+                    std::shared_ptr<const ShapeLayout> layout, const WorkFrame& view)
+{
+    ShownShape shape;
+    shape.layout = std::move(layout);
+    shape.positions.resize(3 * samples.size());
+    const std::vector<Eigen::Vector3d> normals = sample_normals(geometry, samples);
+    shape.normals.resize(3 * normals.size());
+    parallel_ranges(samples.size(), kGrain,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t place = begin; place < end; ++place)
+                        {
+                            const std::uint32_t i = shape.layout->order[place];
+                            Eigen::Map<Eigen::Vector3f>(&shape.positions[3 * place]) =
+                                view.to_work(samples[i]).cast<float>();
+                            if (!normals.empty())
+                                Eigen::Map<Eigen::Vector3f>(&shape.normals[3 * place]) =
+                                    normals[i].cast<float>();
+                        }
+                    });
+    return shape;
+}
+
+Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view)
+{
+    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+    matrix.topRightCorner<3, 1>() = view.to_work(work.to_model(Eigen::Vector3d::Zero()));
+    for (int k = 0; k < 3; ++k)
+        matrix.block<3, 1>(0, k) =
+            view.vector_to_work(work.vector_to_model(Eigen::Vector3d::Unit(k)));
+    return matrix;
+}
+
+ShownCells shown_cells(const Rig& rig, std::span<const Pose> poses, const WorkFrame& view)
+{
+    const Body& body = rig.body();
+    const double diagonal = rig.rest().frame.diagonal();
+    ShownCells shown;
+    shown.to_view = view_of_work(rig.rest().frame, view);
+    shown.cells.resize(body.cells.size());
+    for (std::size_t c = 0; c < shown.cells.size(); ++c)
+    {
+        const Cell& cell = body.cells.cells[c];
+        ShownCell& out = shown.cells[c];
+        out.depth = body.octree.leaves()[static_cast<std::size_t>(cell.leaf)].level;
+        out.region = rig.region_of_cell()[c];
+        for (std::size_t k = 0; k < 8; ++k)
+        {
+            const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
+                                       k & 4 ? 0.5 : -0.5);
+            out.corners[k] =
+                image(poses[c], cell.centre, cell.box_centre + cell.edge * side)
+                    .cast<float>();
+        }
+    }
+    for (const GlueFace& face : rig.glue().faces)
+    {
+        ShownCell& a = shown.cells[static_cast<std::size_t>(face.a)];
+        ShownCell& b = shown.cells[static_cast<std::size_t>(face.b)];
+        const float gap = static_cast<float>(
+            std::sqrt(glue_energy(face, poses[static_cast<std::size_t>(face.a)],
+                                  poses[static_cast<std::size_t>(face.b)]) /
+                      face.stiffness) /
+            diagonal);
+        a.gap = std::max(a.gap, gap);
+        b.gap = std::max(b.gap, gap);
+    }
+    return shown;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a scene file says, as settings of a session.
+#pragma once
+
+#include "editor/session/session.h"
+#include "io/scene_file.h"
+
+namespace cellwarp
+{
+
+/// What the scene leaves out has its default. \p is_preview: with the field of drags.
+SessionSettings settings_of(const SceneFile& scene, bool is_preview = false);
+
+} // namespace cellwarp

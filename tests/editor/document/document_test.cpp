@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/document.h"
+
+#include <filesystem>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "io/journal.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+struct Bar
+{
+    support::Folder folder;
+    std::string model = folder / "bar.obj", journals = folder / "journals";
+
+    Bar()
+    {
+        write_file(model, support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 4)),
+                   Overwrite::No);
+        std::filesystem::create_directory(journals);
+    }
+    Document open(bool has_journal = true) const
+    {
+        return {model, has_journal ? journals : ""};
+    }
+};
+
+Selection between(const Document& document, double low, double high)
+{
+    const std::vector<Eigen::Vector3d>& samples = document.model()->geometry.samples;
+    Selection selection(samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        if (samples[i].z() >= low && samples[i].z() <= high)
+            selection.add(i);
+    return selection;
+}
+
+void hold_ends(Document& document)
+{
+    document.select(between(document, 0, 0.6), "Select by box");
+    document.add_region(Role::Fixed, "foot");
+    document.select(between(document, 3.4, 4), "Select by box");
+    document.add_region(Role::Handle, "head");
+}
+
+Placement shifted(double x)
+{
+    Placement placement;
+    placement.translation.x() = x;
+    return placement;
+}
+
+/// All that the edits amount to, as text.
+std::string contents(const Document& document)
+{
+    std::string text = handle_text(document.handles()) + scene_text(document.scene());
+    for (const auto& [first, last] : document.selection().runs())
+        text += std::to_string(first) + "-" + std::to_string(last) + " ";
+    for (const EditedRegion& region : document.regions())
+        text += region.name + std::to_string(region.samples.size()) + " " +
+                std::to_string(region.placement.degrees) + " " +
+                std::to_string(region.placement.translation.x()) + "\n";
+    return text;
+}
+
+/// One edit of a seeded kind.
+void edit_at_random(Document& document, std::mt19937& rng)
+{
+    const auto number = [&](double low, double high)
+    { return support::random_number(rng, low, high); };
+    const auto pick = [&]
+    {
+        return document.regions()[std::uniform_int_distribution<std::size_t>(
+            0, document.regions().size() - 1)(rng)];
+    };
+    const double low = number(0, 3.5);
+    switch (std::uniform_int_distribution<int>(0, 9)(rng))
+    {
+    case 0:
+    case 1:
+        document.select(between(document, low, low + number(0.2, 1)), "Select by box");
+        break;
+    case 2:
+        if (!document.selection().empty() && document.regions().size() < 6)
+            document.add_region(number(0, 1) < 0.5 ? Role::Handle : Role::Stiff);
+        break;
+    case 3:
+        if (document.regions().size() > 2)
+            document.remove_region(pick().name);
+        break;
+    case 4:
+    {
+        EditSettings settings = document.settings();
+        settings.threshold = number(1e-4, 1e-2);
+        document.change_settings(settings);
+        break;
+    }
+    case 5:
+        if (!document.regions().empty())
+            document.rename_region(pick().name, "name" + std::to_string(rng() % 1000000));
+        break;
+    default:
+        for (const EditedRegion& region : document.regions())
+            if (region.role == Role::Handle)
+            {
+                Placement to = region.placement;
+                to.axis = number(0, 1) < 0.5 ? Eigen::Vector3d::UnitY() : to.axis;
+                to.degrees += number(-90, 90);
+                to.translation.y() = number(-1, 1);
+                document.move_region(std::string(region.name), to);
+                break;
+            }
+    }
+}
+
+} // namespace
+
+TEST(Document, names_the_selection_and_takes_it_from_other_regions)
+{
+    const Bar bar;
+    Document document = bar.open();
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&] { document.add_region(Role::Fixed); }),
+                 "nothing is selected"));
+    hold_ends(document);
+    const std::size_t foot = document.regions()[0].samples.size();
+    document.select(between(document, 0, 0), "Select by box");
+    EXPECT_EQ(document.add_region(Role::Pin), "pin");
+    EXPECT_EQ(document.regions().size(), 3u);
+    EXPECT_EQ(document.region("foot")->samples.size() +
+                  document.region("pin")->samples.size(),
+              foot);
+    EXPECT_EQ(document.add_region(Role::Stiff), "stiff");
+    EXPECT_EQ(document.region("pin")->samples, document.region("stiff")->samples);
+    EXPECT_EQ(document
+                  .regions()[static_cast<std::size_t>(
+                      document.region_of(document.region("pin")->samples[0]))]
+                  .name,
+              "pin");
+    EXPECT_EQ(document.add_region(Role::Fixed, "floor"), "floor");
+    EXPECT_EQ(document.region("pin"), nullptr); // all of it went
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&] { document.rename_region("floor", "head"); }),
+                 "already"));
+    error_of(Fault::Usage, [&] { document.rename_region("floor", "a\nb"); });
+    error_of(Fault::Usage, [&] { document.move_region("floor", shifted(1)); });
+}
+
+TEST(Document, moves_keep_their_turns_and_write_what_a_file_means)
+{
+    const Bar bar;
+    Document document = bar.open();
+    hold_ends(document);
+    Placement to = shifted(0.5);
+    document.move_region("head", to);
+    to.axis = Eigen::Vector3d::UnitZ();
+    to.degrees = 400;
+    document.move_region("head", to);
+    EXPECT_EQ(document.region("head")->placement, to);
+    // The turn is more than half of one about a new axis: it is told in two frames.
+    ASSERT_EQ(document.handles().stages[0].frames.size(), 3u);
+    to.degrees = 800;
+    document.move_region("head", to);
+    ASSERT_EQ(document.handles().stages[0].frames.size(), 4u);
+    document.undo();
+    document.undo();
+    EXPECT_EQ(document.handles().stages[0].frames.size(), 1u);
+    EXPECT_EQ(document.region("head")->placement, shifted(0.5));
+}
+
+TEST(Document, reads_placements_from_any_operations)
+{
+    const Bar bar;
+    write_file(bar.folder / "s.handles",
+               "cellwarp-handles 1\nhandle head box -1 -1 3.4 2 2 5\nframe 1\n"
+               "move head translate 0 0 1 rotate 0 0 1 90 about 0 0 0\n",
+               Overwrite::No);
+    write_file(bar.folder / "s.json",
+               "{\"cellwarp\": 1, \"model\": \"bar.obj\", \"handles\": \"s.handles\"}",
+               Overwrite::No);
+    const Document document(bar.folder / "s.json", "");
+    const Placement& placement = document.region("head")->placement;
+    EXPECT_NEAR(placement.degrees, 90, 1e-9);
+    EXPECT_LT((placement.axis - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+    // The centre (0.5, 0.5, 3.5) goes to (-0.5, 0.5, 4.5).
+    EXPECT_LT((placement.translation - Eigen::Vector3d(-1, 0, 1)).norm(), 1e-12);
+    EXPECT_TRUE(document.is_saved());
+}
+
+TEST(Document, undo_goes_back_to_the_start_and_redo_to_the_end_whatever_was_done)
+{
+    const Bar bar;
+    Document document = bar.open();
+    const std::string start = contents(document);
+    hold_ends(document);
+    std::mt19937 rng(7);
+    std::vector<std::string> after;
+    for (int k = 0; k < 300; ++k)
+    {
+        edit_at_random(document, rng);
+        after.resize(document.history().position());
+        after.push_back(contents(document)); // of after position edits
+    }
+    const std::string end = contents(document);
+    const std::size_t edits = document.history().size();
+    EXPECT_GT(edits, 200u);
+    EXPECT_GT(document.handles().stages.size(), 3u);
+    while (document.can_undo())
+        document.undo();
+    EXPECT_EQ(contents(document), start);
+    while (document.can_redo())
+    {
+        document.redo();
+        if (const std::size_t position = document.history().position();
+            position < after.size() && !after[position].empty())
+        {
+            EXPECT_EQ(contents(document), after[position]);
+        }
+    }
+    EXPECT_EQ(contents(document), end);
+    document.go_to(edits / 2);
+    document.go_to(edits);
+    EXPECT_EQ(contents(document), end);
+}
+
+TEST(Document, a_new_edit_takes_the_place_of_what_was_undone)
+{
+    const Bar bar;
+    Document document = bar.open();
+    hold_ends(document);
+    document.move_region("head", shifted(1));
+    document.undo();
+    document.move_region("head", shifted(2));
+    EXPECT_FALSE(document.can_redo());
+    EXPECT_EQ(document.region("head")->placement, shifted(2));
+    EXPECT_EQ(document.history().name(document.history().size() - 1), "Move head");
+}
+
+TEST(Document, knows_whether_it_is_saved)
+{
+    const Bar bar;
+    Document document = bar.open();
+    EXPECT_TRUE(document.is_saved());
+    hold_ends(document);
+    EXPECT_FALSE(document.is_saved());
+    document.save(bar.folder / "scene.json");
+    EXPECT_TRUE(document.is_saved());
+    document.select(Selection(document.selection().num_samples()), "Select none");
+    EXPECT_TRUE(document.is_saved());
+    document.move_region("head", shifted(1));
+    EXPECT_FALSE(document.is_saved());
+    document.undo();
+    EXPECT_TRUE(document.is_saved());
+    document.undo();
+    document.undo();
+    EXPECT_FALSE(document.is_saved());
+    error_of(Fault::Usage, [&] { document.save(bar.folder / "scene.obj"); });
+    Document other = bar.open(false);
+    error_of(Fault::File, [&] { other.save(bar.folder / "scene.json"); });
+    const Document again(bar.folder / "scene.json", "");
+    EXPECT_EQ(again.regions().size(), 2u);
+}
+
+TEST(Document, settings_that_a_file_may_not_say_are_refused)
+{
+    const Bar bar;
+    Document document = bar.open();
+    EditSettings settings;
+    settings.threshold = -1.0;
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed, [&] { document.change_settings(settings); }),
+                 "threshold"));
+    settings.threshold = 1e-3;
+    document.change_settings(settings);
+    EXPECT_EQ(document.scene().threshold, 1e-3);
+    document.undo();
+    EXPECT_FALSE(document.scene().threshold);
+}
+
+TEST(Document, what_a_run_left_is_recovered_edit_by_edit)
+{
+    const Bar bar;
+    std::string before;
+    {
+        Document document = bar.open();
+        hold_ends(document);
+        document.move_region("head", shifted(1));
+        document.move_region("head", shifted(2));
+        document.undo();
+        before = contents(document);
+        // It ends here without close(), as by kill -9.
+    }
+    Document document = bar.open();
+    EXPECT_EQ(document.num_recoverable(), 7u); // edits and the undo
+    error_of(Fault::Usage,
+             [&] { document.select(between(document, 0, 1), "Select by box"); });
+    EXPECT_TRUE(document.recover().empty());
+    EXPECT_EQ(contents(document), before);
+    EXPECT_TRUE(document.can_redo());
+    EXPECT_FALSE(document.is_saved());
+    document.close();
+    EXPECT_EQ(bar.open().num_recoverable(), 0u);
+}
+
+TEST(Document, recovers_from_the_scene_as_it_was_when_the_edits_began)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json";
+    {
+        Document document = bar.open(false);
+        hold_ends(document);
+        document.save(scene);
+    }
+    std::string before;
+    {
+        Document document(scene, bar.journals);
+        document.move_region("head", shifted(1));
+        document.save(scene);
+        document.move_region("head", shifted(2));
+        before = contents(document);
+    }
+    Document document(scene, bar.journals);
+    document.recover();
+    EXPECT_EQ(contents(document), before);
+}
+
+TEST(Document, says_what_has_changed_since_and_drops_what_is_not_wanted)
+{
+    const Bar bar;
+    {
+        Document document = bar.open();
+        hold_ends(document);
+    }
+    write_file(bar.model, support::obj_text(support::box_shape({0, 0, 0}, {1, 2, 4}, 4)),
+               Overwrite::Yes);
+    {
+        Document document = bar.open();
+        const std::vector<std::string> warnings = document.recover();
+        ASSERT_EQ(warnings.size(), 1u);
+        EXPECT_TRUE(contains(warnings[0], "checksum")) << warnings[0];
+    }
+    Document document = bar.open();
+    document.drop_recoverable();
+    EXPECT_EQ(document.num_recoverable(), 0u);
+    hold_ends(document);
+}
+
+TEST(Document, one_process_edits_a_file_at_a_time)
+{
+    const Bar bar;
+    const Document document = bar.open();
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { bar.open(); }), "in use by"));
+}
+
+} // namespace cellwarp

@@ -1,0 +1,301 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/editing.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "editor/session/scene_settings.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+/// A bar of 1 x 1 x 4 in a folder of its own.
+struct Bar
+{
+    support::Folder folder;
+    std::string model;
+
+    explicit Bar(int n = 8) : model(folder / "bar.obj")
+    {
+        write_file(model, support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, n)),
+                   Overwrite::No);
+    }
+    Document document() const { return {model, ""}; }
+};
+
+Selection samples_where(const Document& document, bool (*holds)(const Eigen::Vector3d&))
+{
+    const std::vector<Eigen::Vector3d>& samples = document.model()->geometry.samples;
+    Selection selection(samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        if (holds(samples[i]))
+            selection.add(i);
+    return selection;
+}
+
+bool is_foot(const Eigen::Vector3d& x)
+{
+    return x.z() < 0.6;
+}
+bool is_head(const Eigen::Vector3d& x)
+{
+    return x.z() > 3.4;
+}
+bool is_middle(const Eigen::Vector3d& x)
+{
+    return x.z() > 1.7 && x.z() < 2.3;
+}
+
+void hold_ends(Document& document)
+{
+    document.select(samples_where(document, is_foot), "Select by box");
+    document.add_region(Role::Fixed, "foot");
+    document.select(samples_where(document, is_head), "Select by box");
+    document.add_region(Role::Handle, "head");
+}
+
+Placement turned(double degrees, const Eigen::Vector3d& shift)
+{
+    Placement placement;
+    placement.axis = Eigen::Vector3d::UnitY();
+    placement.degrees = degrees;
+    placement.translation = shift;
+    return placement;
+}
+
+/// Drags in a few moves, as a hand would.
+void drag(Editing& editing, const std::string& region, const Placement& to)
+{
+    const Placement from = editing.document().region(region)->placement;
+    std::string why;
+    ASSERT_TRUE(editing.begin_drag(region, &why)) << why;
+    for (int k = 1; k <= 5; ++k)
+    {
+        Placement on_the_way = to;
+        on_the_way.translation =
+            from.translation + 0.2 * k * (to.translation - from.translation);
+        on_the_way.degrees = from.degrees + 0.2 * k * (to.degrees - from.degrees);
+        editing.drag_to(k == 5 ? to : on_the_way);
+        editing.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    editing.end_drag();
+}
+
+/// What the saved scene replays to.
+std::vector<Eigen::Vector3d> replayed(const std::string& scene_path)
+{
+    const SceneFile scene = read_scene(scene_path);
+    Session session(read_geometry(scene.model), read_handles(scene.handles),
+                    settings_of(scene));
+    while (session.next_frame(true))
+        ;
+    return session.patch().samples;
+}
+
+} // namespace
+
+TEST(Editing, what_was_dragged_is_what_the_saved_scene_replays_to)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.wait();
+    drag(editing, "head", turned(0, {0.4, 0, 0.1}));
+    editing.wait();
+    drag(editing, "head", turned(50, {0.8, 0, -0.3}));
+    drag(editing, "head", turned(250, {0.8, 0, -0.3})); // before the last one is solved
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    editing.document().save(bar.folder / "scene.json");
+    EXPECT_TRUE(replayed(bar.folder / "scene.json") == editing.result()->samples);
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Idle);
+    EXPECT_FALSE(editing.status().energy_curve.empty());
+}
+
+TEST(Editing, other_regions_after_a_bend_begin_a_new_stage_with_the_same_result)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    Document& document = editing.document();
+    hold_ends(document);
+    drag(editing, "head", turned(0, {0.5, 0, 0}));
+    editing.wait();
+    const std::vector<Eigen::Vector3d> bent = editing.result()->samples;
+    document.select(samples_where(document, is_middle), "Select by box");
+    document.add_region(Role::Handle, "belly");
+    EXPECT_EQ(document.handles().stages.size(), 2u);
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_TRUE(editing.result()->samples == bent);
+    // Its centre is that of the bent shape.
+    EXPECT_GT(document.region("belly")->centre.x(), 0.55);
+    drag(editing, "belly", turned(0, {0, 0.4, 0}));
+    editing.wait();
+    document.save(bar.folder / "scene.json");
+    EXPECT_TRUE(replayed(bar.folder / "scene.json") == editing.result()->samples);
+    for (int k = 0; k < 2; ++k)
+        document.undo();
+    editing.wait();
+    EXPECT_EQ(document.handles().stages.size(), 1u);
+    EXPECT_TRUE(editing.result()->samples == bent);
+}
+
+TEST(Editing, undo_takes_the_shape_back_and_redo_does_it_again_to_the_bit)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    std::vector<std::vector<Eigen::Vector3d>> results;
+    for (int k = 0; k < 4; ++k)
+    {
+        drag(editing, "head", turned(20.0 * k, {0.2 * k + 0.1, 0, 0}));
+        editing.wait();
+        results.push_back(editing.result()->samples);
+    }
+    for (int k = 2; k >= 0; --k)
+    {
+        editing.document().undo();
+        editing.wait();
+        EXPECT_TRUE(editing.result()->samples == results[static_cast<std::size_t>(k)]);
+    }
+    while (editing.document().can_undo())
+        editing.document().undo();
+    editing.wait();
+    EXPECT_TRUE(editing.result()->samples ==
+                editing.document().model()->geometry.samples);
+    while (editing.document().can_redo())
+        editing.document().redo();
+    editing.wait();
+    EXPECT_TRUE(editing.result()->samples == results.back());
+}
+
+TEST(Editing, a_drag_that_is_taken_back_leaves_no_edit_and_the_shape_as_it_was)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.wait();
+    const std::vector<float> before = editing.shape().positions;
+    const std::size_t edits = editing.document().history().size();
+    ASSERT_TRUE(editing.begin_drag("head"));
+    editing.drag_to(turned(0, {1, 0, 0}));
+    for (int k = 0; k < 2000 && editing.shape().positions == before; ++k)
+    {
+        editing.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    EXPECT_NE(editing.shape().positions, before);
+    EXPECT_GT(editing.drag_status().frames, 0u);
+    editing.cancel_drag();
+    EXPECT_EQ(editing.shape().positions, before);
+    EXPECT_EQ(editing.document().history().size(), edits);
+    editing.wait();
+    ASSERT_TRUE(editing.begin_drag("head"));
+    editing.end_drag();
+    EXPECT_EQ(editing.document().history().size(), edits);
+}
+
+TEST(Editing, the_hand_sees_what_the_release_gives)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.wait();
+    ASSERT_TRUE(editing.begin_drag("head"));
+    editing.drag_to(turned(30, {0.5, 0, 0}));
+    std::uint64_t frames = 0;
+    for (int k = 0; k < 300; ++k)
+    {
+        editing.update();
+        frames = editing.drag_status().frames;
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    EXPECT_GT(frames, 1u);
+    const ShownShape seen = editing.shape();
+    editing.end_drag();
+    editing.wait();
+    const std::vector<Eigen::Vector3d>& exact = editing.result()->samples;
+    double largest = 0.0;
+    for (std::size_t place = 0; place < exact.size(); ++place)
+    {
+        const Eigen::Vector3f p(seen.positions[3 * place], seen.positions[3 * place + 1],
+                                seen.positions[3 * place + 2]);
+        const Eigen::Vector3d in_view =
+            (seen.to_view * p.cast<double>().homogeneous()).head<3>();
+        largest = std::max(largest, (editing.view_frame().to_model(in_view) -
+                                     exact[seen.layout->order[place]])
+                                        .norm());
+    }
+    EXPECT_LT(largest, 0.02 * std::sqrt(18.0));
+}
+
+TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    Document& document = editing.document();
+    hold_ends(document);
+    editing.wait();
+    std::string why;
+    EXPECT_FALSE(editing.begin_drag("foot", &why));
+    EXPECT_TRUE(contains(why, "only handles and pins move")) << why;
+    EXPECT_FALSE(editing.begin_drag("nobody", &why));
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&]
+                          { editing.export_field(bar.folder / "f.cwf", Overwrite::No); }),
+                 "nothing has moved"));
+    ASSERT_TRUE(editing.begin_drag("head"));
+    editing.drag_to(turned(NAN, {0, 0, 0}));
+    editing.drag_to(turned(0, {INFINITY, 0, 0}));
+    editing.end_drag();
+    EXPECT_TRUE(document.handles().stages[0].frames.empty());
+}
+
+TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    drag(editing, "head", turned(40, {0.5, 0, 0}));
+    editing.wait();
+    editing.export_model(bar.folder / "bent.obj", Overwrite::No);
+    const GeometryFile bent = read_geometry(bar.folder / "bent.obj");
+    EXPECT_TRUE(bent.geometry.samples == editing.result()->samples);
+    error_of(Fault::File,
+             [&] { editing.export_model(bar.folder / "bent.obj", Overwrite::No); });
+    editing.export_field(bar.folder / "bent.cwf", Overwrite::No);
+    EXPECT_TRUE(std::filesystem::exists(bar.folder / "bent.cwf"));
+}
+
+TEST(Editing, ends_while_it_solves)
+{
+    const Bar bar(24);
+    for (int k = 0; k < 3; ++k)
+    {
+        Editing editing(bar.document());
+        hold_ends(editing.document());
+        if (k > 0)
+            editing.wait();
+        editing.begin_drag("head");
+        editing.drag_to(turned(90, {0.5, 0, 0}));
+        editing.update();
+        if (k == 2)
+            editing.end_drag();
+        editing.update();
+    }
+}
+
+} // namespace cellwarp
