@@ -35,7 +35,8 @@ public:
     ~Interaction();
 
     // Events. Places in pixels of the view, from its upper left corner. What is not
-    // finite is left out. Several moves between two updates count as the last.
+    // finite is left out. Several moves between two updates count as the last; lassos and
+    // brushes take their whole way.
     void resize(double width, double height);
     void pointer_moved(const Eigen::Vector2d& pixel, const Modifiers& modifiers);
     void button(Button button, bool is_pressed, const Modifiers& modifiers);
@@ -66,7 +67,7 @@ public:
     // What is to be drawn.
     const Camera& camera() const;
     std::vector<GizmoPart> gizmo() const; ///< empty: none
-    /// Of the selection gesture under way [pixel].
+    /// Of the selection gesture under way, or of the brush at the pointer; closed [pixel].
     std::vector<Eigen::Vector2d> outline() const;
     std::optional<Hover> hover() const;
     /// The document's, or what the brush at work would make of it.
