@@ -4,7 +4,7 @@
 packages="g++ cmake ninja-build libeigen3-dev libsuitesparse-dev libopenblas-dev
     liblapacke-dev libtbb-dev libnanoflann-dev libcli11-dev nlohmann-json3-dev libfmt-dev
     zlib1g-dev liblzf-dev libembree-dev libstb-dev libglfw3-dev libimgui-dev libgl-dev
-    fonts-dejavu-core xvfb xdotool libassimp-dev libgtest-dev python3 clang-format"
+    fonts-dejavu-core xvfb xdotool libassimp-dev libgtest-dev python3 clang-format ccache"
 missing=""
 for package in $packages; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' ||
