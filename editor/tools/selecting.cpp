@@ -181,12 +181,12 @@ void SelectGesture::mark_stroke(std::vector<std::uint8_t>& marks)
 {
     if (painted_ == path_.size())
         return;
-    struct Step
+    struct Dab
     {
         Eigen::Vector2f from, way;
         float per_length;
     };
-    std::vector<Step> steps;
+    std::vector<Dab> steps;
     Eigen::Vector2f low = path_.back().cast<float>(), high = low;
     for (std::size_t i = std::max<std::size_t>(painted_, 1) - 1; i < path_.size(); ++i)
     {
@@ -205,7 +205,7 @@ void SelectGesture::mark_stroke(std::vector<std::uint8_t>& marks)
          {
              if (!is_between(x, low, high))
                  return false;
-             for (const Step& step : steps)
+             for (const Dab& step : steps)
              {
                  const float t = std::clamp(step.way.dot(x - step.from) * step.per_length,
                                             0.0f, 1.0f);

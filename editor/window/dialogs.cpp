@@ -167,9 +167,9 @@ void FileDialog::take(Desk& desk, Choosing choosing)
                                    if (choosing == Choosing::SaveAs)
                                        desk.document().save(path, Overwrite::Yes);
                                    else if (choosing == Choosing::ExportModel)
-                                       editing.export_model(path, true);
+                                       editing.export_model(path, Overwrite::Yes);
                                    else
-                                       editing.export_field(path, true);
+                                       editing.export_field(path, Overwrite::Yes);
                                });
     if (!is_done)
         return;

@@ -479,7 +479,7 @@ void Player::save()
 void Player::export_model()
 {
     wait();
-    opened().editing.export_model(word(1), true);
+    opened().editing.export_model(word(1), Overwrite::Yes);
 }
 
 void Player::undo()
