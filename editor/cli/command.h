@@ -54,6 +54,8 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_check(CLI::App& app, CommonFlags& common, int& exit_code);
 void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code);
+/// Without an exit code: the editor's own takes its place.
+void add_edit(CLI::App& app, CommonFlags& common);
 /// The subcommands that this build has beyond those: editor/cli/features.cpp.
 void add_features(CLI::App& app, CommonFlags& common, int& exit_code);
 

@@ -82,6 +82,7 @@ int run(int argc, char** argv)
     add_info(app, common, exit_code);
     add_check(app, common, exit_code);
     add_sweep(app, common, exit_code);
+    add_edit(app, common);
     add_features(app, common, exit_code);
     if (argc > 1 && argv[1][0] != '-' && !has_subcommand(app, argv[1]))
         throw Error(Fault::Usage, "unknown command " + in_quotes(argv[1]) +

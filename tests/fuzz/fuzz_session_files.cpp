@@ -1,13 +1,109 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Handle, scene and label readers on arbitrary bytes: a value or an Error.
+// Handle, scene and label readers on arbitrary bytes: a value or an Error; what a handle
+// file or a scene says is written as a text that says the same.
 #include <cstdint>
+#include <cstdlib>
+#include <cstring>
 #include <string>
+#include <vector>
 
 #include "io/error.h"
 #include "io/handle_file.h"
 #include "io/scene_file.h"
 
 using namespace cellwarp;
+
+namespace
+{
+
+void require(bool condition)
+{
+    if (!condition)
+        std::abort();
+}
+
+bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b)
+{
+    return a.size() == b.size() &&
+           std::memcmp(a.data(), b.data(), 8 * std::size_t(a.size())) == 0;
+}
+
+void require_same(const Move& a, const Move& b)
+{
+    require(a.region == b.region && a.operations.size() == b.operations.size());
+    for (std::size_t k = 0; k < a.operations.size(); ++k)
+    {
+        const Operation &x = a.operations[k], &y = b.operations[k];
+        require(x.kind == y.kind && same_bits(x.vector, y.vector));
+        require(std::memcmp(&x.degrees, &y.degrees, sizeof x.degrees) == 0);
+        require(x.about.has_value() == y.about.has_value());
+        require(!x.about || same_bits(*x.about, *y.about));
+        require(same_bits(x.matrix, y.matrix));
+    }
+}
+
+/// What the selectors of a stage say; a list that became several statements is one.
+std::vector<double> numbers_of(const Stage& stage)
+{
+    std::vector<double> numbers;
+    for (const RegionStatement& region : stage.regions)
+    {
+        for (const auto& [first, last] : region.selector.ranges)
+            numbers.insert(numbers.end(), {double(first), double(last), region.factor});
+        numbers.insert(numbers.end(), region.selector.numbers.begin(),
+                       region.selector.numbers.end());
+        if (region.selector.kind == Selector::Kind::Labels)
+            numbers.push_back(double(region.selector.label));
+    }
+    return numbers;
+}
+
+void check_handles(const std::string& text)
+{
+    const HandleFile file = parse_handles("dir/h.handles", text);
+    std::string printed;
+    try
+    {
+        printed = handle_text(file);
+    }
+    catch (const Error& error)
+    {
+        // A label file of another folder may have a name that is none from here.
+        require(error.fault() == Fault::Usage || error.fault() == Fault::File);
+        return;
+    }
+    const HandleFile again = parse_handles("dir/h.handles", printed);
+    require(handle_text(again) == printed);
+    require(again.is_relative == file.is_relative);
+    require(again.stages.size() == file.stages.size());
+    for (std::size_t s = 0; s < file.stages.size(); ++s)
+    {
+        const Stage &a = file.stages[s], &b = again.stages[s];
+        const std::vector<double> said = numbers_of(a), read = numbers_of(b);
+        require(said.size() == read.size() && b.frames.size() == a.frames.size());
+        require(said.empty() ||
+                std::memcmp(said.data(), read.data(), 8 * said.size()) == 0);
+        for (std::size_t f = 0; f < a.frames.size(); ++f)
+        {
+            require(a.frames[f].moves.size() == b.frames[f].moves.size());
+            for (std::size_t m = 0; m < a.frames[f].moves.size(); ++m)
+                require_same(a.frames[f].moves[m], b.frames[f].moves[m]);
+        }
+    }
+}
+
+void check_scene(const std::string& text)
+{
+    const SceneFile scene = parse_scene("dir/s.json", text);
+    const std::string printed = scene_text(scene);
+    const SceneFile again = parse_scene("dir/s.json", printed);
+    require(again.warnings.empty());
+    require(scene_text(again) == printed);
+    require(again.threshold == scene.threshold && again.gap == scene.gap);
+    require(again.across == scene.across && again.max_cells == scene.max_cells);
+}
+
+} // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
 {
@@ -19,10 +115,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         switch (data[0] % 4)
         {
         case 0:
-            parse_handles("h.handles", text);
+            check_handles(text);
             break;
         case 1:
-            parse_scene("s.json", text);
+            check_scene(text);
             break;
         case 2:
             parse_labels("x.sel", text);

@@ -9,6 +9,7 @@ import json
 import os
 import struct
 import sys
+import zlib
 
 OBJ = b"o a\ng b c\nv 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1\nf -3 -2 \\\n -1\n"
 PLY = (b"ply\nformat %s 1.0\ncomment c\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -47,12 +48,24 @@ def glb():
 
 
 HANDLES = (b"cellwarp-handles 1\nunits relative\nfixed a box 0 0 0 1 1 1\nhandle b sphere 0 0 0 1\n"
-           b"pin c indices 1 2-3\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
+           b"pin c indices 1 2-3\nstiff g indices 4 factor 2\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
            b"frame 1\nmove b rotate 0 0 1 45 about 0 0 0 translate 0 1 0\nmove c to 0 0 0\ncommit\n"
            b"handle f halfspace 0 0 1 2\nframe 3\nmove f matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n")
 SCENE = (b'{"cellwarp": 1, "model": "a.obj", "handles": "b", "cells": {"fill": "shell", "across": 3,'
          b'"frame": {"origin": [0,0,0], "axes": [[1,0,0],[0,1,0],[0,0,1]], "size": [1,1,1]}},'
          b'"field": {"release": "rbf"}}')
+
+
+
+def journal():
+    text = b"about"
+    length = struct.pack("<I", len(text))
+    data = b"cwjourn\n" + struct.pack("<2I", 1, 7) + length + struct.pack("<I", zlib.crc32(length + text)) + text
+    for number, payload in enumerate((b"first", b"", b"third" * 300), 1):
+        head = struct.pack("<I", len(payload)), struct.pack("<Q", number)
+        data += head[0] + struct.pack("<I", zlib.crc32(b"".join(head) + payload)) + head[1] + payload
+    return data
+
 
 SEEDS = {
     "fuzz_obj": [OBJ, OBJ.replace(b"\n", b"\r\n")],
@@ -74,6 +87,10 @@ SEEDS = {
     "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
     "fuzz_session_files": [b"\0" + HANDLES, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
                            b"\0030 0\n1 1\n" + struct.pack("<d", 3.0)],
+    # A flag, a place, a mask; then the file, or the records to write.
+    "fuzz_journal": [b"\0\0\0\0\0" + journal(), b"\0\0\0\0\0" + journal()[:-3],
+                     b"\1\x50\0\0\0\x01abcdefgh\0\x40" + bytes(600),
+                     b"\1\x50\0\x01\0\x01abcdefgh\0\x40" + bytes(600)],
 }
 
 

@@ -14,14 +14,14 @@ namespace cellwarp::support
 namespace
 {
 
-[[noreturn]] void become_program(const std::vector<std::string>& arguments,
-                                 const std::string& program = CELLWARP_BINARY)
+[[noreturn]] void become(const std::string& program,
+                         const std::vector<std::string>& arguments)
 {
     std::vector<char*> argv = {const_cast<char*>(program.c_str())};
     for (const std::string& argument : arguments)
         argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
-    ::execv(program.c_str(), argv.data());
+    ::execv(argv[0], argv.data());
     ::_exit(99);
 }
 
@@ -29,11 +29,11 @@ namespace
 
 Result run(const std::vector<std::string>& arguments, const InChild& in_child)
 {
-    return run_other(CELLWARP_BINARY, arguments, in_child);
+    return run_program(CELLWARP_BINARY, arguments, in_child);
 }
 
-Result run_other(const std::string& program, const std::vector<std::string>& arguments,
-                 const InChild& in_child)
+Result run_program(const std::string& program, const std::vector<std::string>& arguments,
+                   const InChild& in_child)
 {
     const Folder folder;
     const std::string out = folder / "out", err = folder / "err";
@@ -44,7 +44,7 @@ Result run_other(const std::string& program, const std::vector<std::string>& arg
         ::dup2(::open(err.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600), 2);
         if (in_child)
             in_child();
-        become_program(arguments, program);
+        become(program, arguments);
     }
     const int code = wait_for(child);
     return {code, bytes_of(out), bytes_of(err)};
@@ -58,7 +58,7 @@ pid_t start(const std::vector<std::string>& arguments)
         const int nowhere = ::open("/dev/null", O_RDWR);
         ::dup2(nowhere, 1);
         ::dup2(nowhere, 2);
-        become_program(arguments);
+        become(CELLWARP_BINARY, arguments);
     }
     return child;
 }

@@ -25,9 +25,9 @@ using InChild = std::function<void()>;
 /// Runs the program to its end; no shell comes between.
 Result run(const std::vector<std::string>& arguments, const InChild& in_child = {});
 
-/// Runs another program of this machine, found by its path.
-Result run_other(const std::string& program, const std::vector<std::string>& arguments,
-                 const InChild& in_child = {});
+/// The same for another program, or a copy of it.
+Result run_program(const std::string& program, const std::vector<std::string>& arguments,
+                   const InChild& in_child = {});
 
 /// Starts the program without streams, to be waited for or killed.
 pid_t start(const std::vector<std::string>& arguments);

@@ -32,7 +32,16 @@ struct Bar
         write_file(model, support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, n)),
                    Overwrite::No);
     }
-    Document document() const { return {model, ""}; }
+    /// In few cells of two sizes.
+    Document document() const
+    {
+        Document document(model, "");
+        EditSettings settings;
+        settings.across = 8;
+        settings.max_depth = 1;
+        document.change_settings(settings);
+        return document;
+    }
 };
 
 Selection samples_where(const Document& document, bool (*holds)(const Eigen::Vector3d&))

@@ -123,7 +123,7 @@ protected:
         const std::string path = folder_.write("script", script);
         std::vector<std::string> arguments = {"--play", path};
         arguments.insert(arguments.end(), more.begin(), more.end());
-        return support::run_other(CELLWARP_EDITOR_BINARY, arguments, on_display());
+        return support::run_program(CELLWARP_EDITOR_BINARY, arguments, on_display());
     }
 
     std::string file(const std::string& name) const { return folder_ / name; }
@@ -158,7 +158,7 @@ std::string bending(const std::string& folder)
 
 TEST(EditorProgram, without_a_display_says_so_and_exits_with_2)
 {
-    const Result result = support::run_other(CELLWARP_EDITOR_BINARY, {},
+    const Result result = support::run_program(CELLWARP_EDITOR_BINARY, {},
                                              []
                                              {
                                                  ::unsetenv("DISPLAY");
@@ -173,7 +173,7 @@ TEST(EditorProgram, tells_its_usage_and_version_without_a_display)
 {
     const auto run = [](const std::string& flag)
     {
-        return support::run_other(CELLWARP_EDITOR_BINARY, {flag},
+        return support::run_program(CELLWARP_EDITOR_BINARY, {flag},
                                   [] { ::unsetenv("DISPLAY"); });
     };
     const Result help = run("--help");
@@ -231,7 +231,7 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
     EXPECT_TRUE(contains(place.err, "script:1: move: ")) << place.err;
     EXPECT_EQ(play("quit\n", {file("nothing.obj")}).code, 4);
     EXPECT_EQ(play("quit\n", {folder_.write("bad.obj", "v 1 2\n")}).code, 3);
-    EXPECT_EQ(support::run_other(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
+    EXPECT_EQ(support::run_program(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
                                  on_display())
                   .code,
               4);
@@ -261,7 +261,7 @@ TEST_F(EditorWindow, serves_real_events_of_the_display)
         ::_exit(99);
     }
     const auto tool = [&](const std::vector<std::string>& arguments)
-    { return support::run_other(xdotool, arguments, on_display()); };
+    { return support::run_program(xdotool, arguments, on_display()); };
     const auto pause = []
     { std::this_thread::sleep_for(std::chrono::milliseconds(700)); };
     ASSERT_EQ(tool({"search", "--sync", "--name", "bar.obj"}).code, 0);
