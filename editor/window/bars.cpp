@@ -222,7 +222,10 @@ void show_view_toggles(Desk& desk)
 float show_menu_bar(Desk& desk)
 {
     float height = 0.0f;
-    if (!ImGui::BeginMainMenuBar())
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
+    const bool is_open = ImGui::BeginMainMenuBar();
+    ImGui::PopStyleVar();
+    if (!is_open)
         return height;
     height = ImGui::GetWindowHeight();
     if (ImGui::BeginMenu("File"))
