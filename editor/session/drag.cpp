@@ -17,12 +17,6 @@ double ms_since(Clock::time_point start)
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-Rig rig_of(const DragRequest& request)
-{
-    // Regions of a drag come from the screen, not from a file.
-    return {request.body, request.regions, request.rig};
-}
-
 } // namespace
 
 Drag::Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> normals)
@@ -80,54 +74,6 @@ void Drag::start_from(std::span<const Pose> poses, std::span<const Motion> motio
 {
     rig_->set_state(poses, motions);
     blend(motions);
-}
-
-DragDesk::DragDesk(const DragRequest& first)
-    : drag_(std::in_place, rig_of(first), first.drag, first.normals)
-{
-}
-
-void DragDesk::choose(DragRequest request)
-{
-    assert(request.body.get() == &drag_->rig().body());
-    if (next_.valid())
-        waiting_ = std::move(request);
-    else
-        start(std::move(request));
-}
-
-void DragDesk::start(DragRequest request)
-{
-    next_ = std::async(std::launch::async, [request = std::move(request)]
-                       { return Drag(rig_of(request), request.drag, request.normals); });
-}
-
-bool DragDesk::is_next_ready()
-{
-    if (!next_.valid() ||
-        next_.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
-        return false;
-    if (!waiting_)
-        return true;
-    start(std::move(*waiting_)); // what was made for nothing goes, its errors too
-    waiting_.reset();
-    return false;
-}
-
-void DragDesk::wait()
-{
-    while (next_.valid() && !is_next_ready())
-        next_.wait();
-}
-
-bool DragDesk::take_next(std::span<const Motion> motions)
-{
-    if (!is_next_ready())
-        return false;
-    Drag made = next_.get();
-    made.start_from(drag_->rig().poses(), motions);
-    drag_.emplace(std::move(made));
-    return true;
 }
 
 } // namespace cellwarp

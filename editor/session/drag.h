@@ -3,11 +3,9 @@
 // only. What is kept is solved anew on release.
 #pragma once
 
-#include <future>
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "editor/session/rig.h"
@@ -58,47 +56,6 @@ private:
     std::optional<SampleBlend> samples_;
     std::vector<std::size_t> faded_regions_;
     std::vector<Motion> faded_motions_;
-};
-
-/// What a drag is made of.
-struct DragRequest
-{
-    std::shared_ptr<const Body> body;
-    std::shared_ptr<const RegionSet> regions;
-    RigSettings rig;
-    DragSettings drag;
-    std::vector<SampleNormal> normals;
-};
-
-/// Draws with one drag while the next one, for other regions of the same body, is made in
-/// the background.
-class DragDesk
-{
-public:
-    /// At rest.
-    explicit DragDesk(const DragRequest& first);
-
-    /// Begins to make the next drag; one that is being made is given up, and only the
-    /// last choice counts. Returns at once. \pre the body is that of the first drag
-    void choose(DragRequest request);
-    bool is_preparing() const { return next_.valid(); }
-    /// Until the last choice is ready.
-    void wait();
-    /// If the next drag is ready, draws with it from now on: from where the last one is,
-    /// with its regions at \p motions, one each. True if so. Throws what making it threw;
-    /// then the last one stays.
-    bool take_next(std::span<const Motion> motions);
-
-    Drag& drag() { return *drag_; }
-
-private:
-    void start(DragRequest request);
-    /// Whether the last choice is ready; starts it if another one was in its way.
-    bool is_next_ready();
-
-    std::optional<Drag> drag_;
-    std::future<Drag> next_;
-    std::optional<DragRequest> waiting_; ///< chosen while another one was being made
 };
 
 } // namespace cellwarp

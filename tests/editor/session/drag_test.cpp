@@ -51,7 +51,6 @@ struct Bar
     {
         return regions("fixed foot box 0 0 0 1 1 0.25\nhandle head box 0 0 3.75 1 1 4\n");
     }
-    DragRequest request() const { return {body, ends(), {}, {}, {}}; }
     Drag drag() const { return {Rig(body, ends(), {}), {}, {}}; }
 };
 
@@ -162,55 +161,6 @@ TEST(Drag, a_frame_out_of_time_still_shows_where_the_hand_is)
         ASSERT_LT(
             (shown[i].cast<double>() - motions[1](bar.body->rest->samples[i])).norm(),
             1e-6 * bar.body->rest->frame.diagonal());
-}
-
-TEST(DragDesk, draws_with_the_old_regions_until_the_new_ones_are_ready)
-{
-    const Bar bar;
-    DragDesk desk(bar.request());
-    const std::vector<Motion> motions = turned_head(bar, 0.5);
-    desk.drag().frame(motions);
-    EXPECT_FALSE(desk.take_next(motions));
-    DragRequest next = bar.request();
-    next.regions = bar.regions("fixed foot box 0 0 0 1 1 0.25\n"
-                               "handle middle box 0 0 1.75 1 1 2.25\n"
-                               "fixed head box 0 0 3.75 1 1 4\n");
-    desk.choose(next);
-    EXPECT_TRUE(desk.is_preparing());
-    const std::vector<Motion> later = turned_head(bar, 0.6);
-    desk.drag().frame(later); // the hand goes on
-    EXPECT_EQ(desk.drag().rig().regions().size(), 2u);
-    const Eigen::Vector3d left = desk.drag().rig().poses()[200].p;
-    desk.wait();
-    EXPECT_TRUE(desk.take_next(std::vector<Motion>{later[0], {}, later[1]}));
-    EXPECT_FALSE(desk.is_preparing());
-    ASSERT_EQ(desk.drag().rig().regions().size(), 3u);
-    EXPECT_EQ(desk.drag().rig().constraints()[200].hold, Hold::Free);
-    EXPECT_EQ(desk.drag().rig().poses()[200].p, left);
-    const std::size_t last = desk.drag().rig().poses().size() - 1;
-    EXPECT_EQ(desk.drag().rig().poses()[last].R, later[1].R); // no snap back
-    Motion shift;
-    shift.t.x() = 0.1;
-    const std::vector<Motion> moved = {later[0], shift, later[1]};
-    EXPECT_EQ(desk.drag().frame(moved).solve.iterations, 2);
-}
-
-TEST(DragDesk, the_last_choice_counts_and_a_bad_one_leaves_the_old_drag)
-{
-    const Bar bar;
-    DragDesk desk(bar.request());
-    DragRequest bad = bar.request();
-    bad.regions = bar.regions("fixed foot box 0 0 0 1 1 0.25\n"
-                              "handle none indices 0\n"); // the foot has its cell
-    const std::vector<Motion> rest(2);
-    desk.choose(bar.request());
-    desk.choose(bar.request());
-    desk.choose(bad);
-    desk.wait();
-    EXPECT_THROW(desk.take_next(rest), std::exception);
-    EXPECT_FALSE(desk.take_next(rest));
-    EXPECT_FALSE(desk.is_preparing());
-    EXPECT_EQ(desk.drag().frame(turned_head(bar, 0.1)).solve.iterations, 2);
 }
 
 } // namespace cellwarp
