@@ -142,6 +142,8 @@ struct Document::State
     std::uint64_t stage_print = 0;
     std::uint64_t rest_print = 0; ///< of the rest that is known
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
+    mutable std::optional<Twins> twins; ///< found when they are asked for
+    mutable const std::vector<Eigen::Vector3d>* twins_of = nullptr;
     std::uint64_t revision = 0, result_revision = 0;
 
     std::vector<RegionStatement>& statements()
@@ -164,7 +166,12 @@ struct Document::State
                     is_first ? box : bounding_box(samples)};
         if (!is_first && !scene.frame)
             units.frame = automatic_frame(units.box);
-        return {model->geometry, samples, units, edited.handles.path};
+        if (!twins || twins_of != &samples)
+        {
+            twins.emplace(samples, units.box);
+            twins_of = &samples;
+        }
+        return {model->geometry, samples, units, edited.handles.path, *twins};
     }
 
     /// What each region's last move of the stage makes of it.
@@ -305,9 +312,10 @@ struct Document::State
         }
     }
 
-    /// One edit that makes these the regions.
+    /// One edit that makes these the regions, with other changes before.
     void push_regions(const std::string& name, const std::vector<Draft>& drafts,
-                      const std::vector<RegionStatement>& more = {})
+                      const std::vector<RegionStatement>& more = {},
+                      std::vector<Change> changes = {})
     {
         std::vector<RegionStatement> after;
         for (const Draft& draft : drafts)
@@ -315,19 +323,22 @@ struct Document::State
         after.insert(after.end(), more.begin(), more.end());
         if (!frames().empty())
         {
-            push({name, {StageAdded{after}}});
+            changes.push_back(StageAdded{after});
+            push({name, changes});
             return;
         }
         const RegionChange change = change_between(statements(), after);
-        if (!change.before.empty() || !change.after.empty())
-            push({name, {change}});
+        if (change.before.empty() && change.after.empty())
+            return;
+        changes.push_back(change);
+        push({name, changes});
     }
 
     std::vector<std::uint32_t> selected() const
     {
         if (edited.selection.empty())
             throw usage("nothing is selected");
-        return with_twins(edited.selection.samples(), ground());
+        return ground().twins.of(edited.selection.samples());
     }
 
     void check_new_name(const std::string& name) const
@@ -589,6 +600,7 @@ void Document::set_rest(std::uint64_t stage_print,
         return;
     s.rest = std::move(samples);
     s.rest_print = stage_print;
+    s.twins.reset(); // another rest may come to lie where the last one was
     if (s.edited.handles.stages.size() > 1 && s.stage_print == stage_print)
     {
         s.find_regions();
@@ -611,8 +623,10 @@ std::string Document::add_region(Role role, const std::string& name)
     s.check_new_name(given);
     std::vector<Draft> drafts = s.drafts();
     State::take_from_others(drafts, samples, role, given);
+    // The selection has done its work: the colour of the region is to be seen.
     s.push_regions("Make " + role_name(role) + " " + given, drafts,
-                   {statement_of(given, role, kUsualFactor, samples)});
+                   {statement_of(given, role, kUsualFactor, samples)},
+                   {Toggled{s.edited.selection.runs()}});
     return given;
 }
 

@@ -74,8 +74,9 @@ public:
     // (Fault::Usage) with the reason where they cannot be. Regions that change after a
     // frame begin a new stage: a commit, with all other regions as lists of samples.
     void select(const Selection& selection, const std::string& name);
-    /// Makes a region of the selection; what other regions hold of it they lose. Gives
-    /// its name: \p name, or one of the role if empty.
+    /// Makes a region of the selection, of which nothing is selected then; what other
+    /// regions hold of it they lose. Gives its name: \p name, or one of the role if
+    /// empty.
     std::string add_region(Role role, const std::string& name = "");
     /// Replaces a region's samples by the selection.
     void set_samples(const std::string& region);

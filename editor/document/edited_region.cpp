@@ -102,7 +102,7 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
 {
     std::vector<EditedRegion> regions;
     for (Region& region : resolve_regions(statements, ground.geometry, ground.rest,
-                                          ground.units, ground.file))
+                                          ground.units, ground.file, &ground.twins))
     {
         EditedRegion& edited = regions.emplace_back();
         edited.name = std::move(region.name);
@@ -120,17 +120,6 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.centre = box.centre();
     }
     return regions;
-}
-
-std::vector<std::uint32_t> with_twins(const std::vector<std::uint32_t>& samples,
-                                      const RegionGround& ground)
-{
-    RegionStatement statement;
-    statement.selector = selector_of(samples);
-    return resolve_regions({statement}, ground.geometry, ground.rest, ground.units,
-                           ground.file)
-        .front()
-        .samples;
 }
 
 Placement placement_of(const Move& move, const EditedRegion& region,

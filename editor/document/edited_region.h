@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "editor/session/path.h"
+#include "editor/session/twins.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 
@@ -47,15 +48,12 @@ struct RegionGround
     const std::vector<Eigen::Vector3d>& rest; ///< samples [model unit]
     Units units;
     const std::string& file; ///< of the statements, for messages
+    const Twins& twins;      ///< of the samples
 };
 
 /// Of all statements, at rest. Throws what resolve_regions() throws.
 std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& statements,
                                          const RegionGround& ground);
-
-/// The samples that a list of these means: with all others at their places.
-std::vector<std::uint32_t> with_twins(const std::vector<std::uint32_t>& samples,
-                                      const RegionGround& ground);
 
 /// A list of samples as a selector.
 Selector selector_of(const std::vector<std::uint32_t>& samples);

@@ -2,11 +2,9 @@
 #include "editor/session/regions.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "io/error.h"
@@ -17,9 +15,6 @@ namespace cellwarp
 
 namespace
 {
-
-/// Samples closer than this are twins [diagonal].
-constexpr double kTwin = 1e-9;
 
 /// The test of a geometric selector. Relative ones test points in the box's own
 /// coordinates, where a flat axis is 0; distances are lengths of the model.
@@ -93,66 +88,6 @@ RegionShape shape_of(const Selector& selector, const Units& units)
                 [](const Eigen::Vector3d&) { return 0.0; }};
     }
 }
-
-/// Finds every sample within a tolerance of a listed one.
-class Twins
-{
-public:
-    Twins(const std::vector<Eigen::Vector3d>& samples, double tolerance)
-        : samples_(samples), tolerance_(tolerance)
-    {
-        for (std::size_t i = 0; i < samples.size(); ++i)
-            cells_.emplace_back(key(samples[i]), static_cast<std::uint32_t>(i));
-        std::sort(cells_.begin(), cells_.end());
-    }
-
-    std::vector<std::uint32_t> of(const std::vector<std::uint32_t>& listed) const
-    {
-        std::vector<std::uint32_t> all;
-        std::set<std::array<double, 3>> done; // coincident samples have the same twins
-        for (const std::uint32_t i : listed)
-            if (done.insert({samples_[i].x(), samples_[i].y(), samples_[i].z()}).second)
-                gather(samples_[i], all);
-        std::sort(all.begin(), all.end());
-        all.erase(std::unique(all.begin(), all.end()), all.end());
-        return all;
-    }
-
-private:
-    /// Cells far larger than the tolerance: only a place that lies within it of a
-    /// cell's border must look into the next cell.
-    static constexpr double kCell = 1024.0; ///< [tolerance]
-    using Key = std::array<double, 3>;
-
-    Key key(const Eigen::Vector3d& x) const
-    {
-        Key k{};
-        for (int axis = 0; axis < 3; ++axis)
-            k[static_cast<std::size_t>(axis)] =
-                tolerance_ > 0 ? std::floor(x[axis] / (kCell * tolerance_)) : x[axis];
-        return k;
-    }
-    void gather(const Eigen::Vector3d& x, std::vector<std::uint32_t>& all) const
-    {
-        const Key low = key(x - Eigen::Vector3d::Constant(tolerance_));
-        const Key high = key(x + Eigen::Vector3d::Constant(tolerance_));
-        std::set<Key> keys;
-        for (const double i : {low[0], high[0]})
-            for (const double j : {low[1], high[1]})
-                for (const double k : {low[2], high[2]})
-                    keys.insert({i, j, k});
-        for (const Key& near : keys)
-            for (auto at = std::lower_bound(cells_.begin(), cells_.end(),
-                                            std::pair(near, std::uint32_t(0)));
-                 at != cells_.end() && at->first == near; ++at)
-                if ((samples_[at->second] - x).norm() <= tolerance_)
-                    all.push_back(at->second);
-    }
-
-    const std::vector<Eigen::Vector3d>& samples_;
-    double tolerance_;
-    std::vector<std::pair<Key, std::uint32_t>> cells_;
-};
 
 /// The samples that a list selector names, without twins.
 std::vector<std::uint32_t>
@@ -242,7 +177,8 @@ std::string nearest_sample_note(const Region& region,
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
-                                    const Units& units, const std::string& file)
+                                    const Units& units, const std::string& file,
+                                    const Twins* known_twins)
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
@@ -275,14 +211,14 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
     }
-    std::optional<Twins> twins;
+    std::optional<Twins> own_twins;
     for (Region& region : regions)
     {
         if (!region.listed.empty())
         {
-            if (!twins)
-                twins.emplace(samples, kTwin * units.box.size().norm());
-            region.listed = twins->of(region.listed);
+            if (!known_twins && !own_twins)
+                own_twins.emplace(samples, units.box);
+            region.listed = (known_twins ? *known_twins : *own_twins).of(region.listed);
         }
         std::vector<bool> is_listed(region.shapes.empty() ? 0 : samples.size(), false);
         if (region.shapes.empty())

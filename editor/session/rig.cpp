@@ -131,6 +131,8 @@ void Rig::hold_pins()
 
 void Rig::warn_of_components()
 {
+    if (regions_->size() == 0)
+        return; // nothing is asked of any
     const std::size_t num_idle = static_cast<std::size_t>(
         std::count_if(parts_.begin(), parts_.end(),
                       [](const Part& part) { return !part.component.is_held; }));

@@ -141,6 +141,11 @@ TEST(Document, names_the_selection_and_takes_it_from_other_regions)
     EXPECT_EQ(document.region("foot")->samples.size() +
                   document.region("pin")->samples.size(),
               foot);
+    EXPECT_TRUE(document.selection().empty());
+    document.undo();
+    EXPECT_FALSE(document.selection().empty());
+    document.redo();
+    document.select(between(document, 0, 0), "Select by box");
     EXPECT_EQ(document.add_region(Role::Stiff), "stiff");
     EXPECT_EQ(document.region("pin")->samples, document.region("stiff")->samples);
     EXPECT_EQ(document
@@ -148,6 +153,7 @@ TEST(Document, names_the_selection_and_takes_it_from_other_regions)
                       document.region_of(document.region("pin")->samples[0]))]
                   .name,
               "pin");
+    document.select(between(document, 0, 0), "Select by box");
     EXPECT_EQ(document.add_region(Role::Fixed, "floor"), "floor");
     EXPECT_EQ(document.region("pin"), nullptr); // all of it went
     EXPECT_TRUE(
