@@ -40,6 +40,7 @@ LIBRARIES = {
     "CLI/": {"editor/cli", "editor/mpi", "editor/window", "tests/bench"},
     "GLFW/": {"editor/window"},
     "imgui": {"editor/window"},
+    "backends/imgui": {"editor/window"},
     "GL/": {"editor/window"},
     "mpi.h": {"editor/mpi"},
     "zlib.h": {"io/checksum.cpp"},

@@ -46,6 +46,7 @@ public:
     void look_from(View view); ///< the target stays
     void toggle_perspective() { is_perspective_ = !is_perspective_; }
     bool is_perspective() const { return is_perspective_; }
+    int up_axis() const { return up_axis_; } ///< of view space: 0, 1 or 2
     /// Shows a box whole, from where it looks now.
     void frame(const Eigen::Vector3d& low, const Eigen::Vector3d& high);
 

@@ -1,0 +1,341 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Menu bar, tool bar and status bar.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <string>
+
+#include <imgui.h>
+
+#include "editor/window/panels.h"
+#include "editor/window/style.h"
+#include "editor/window/widgets.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr double kMinBrush = 4.0, kMaxBrush = 200.0; ///< [pixel]
+/// Under this width tools show no names [letters].
+constexpr float kRoomForNames = 112.0f;
+
+struct ToolName
+{
+    Tool tool;
+    const char* name;
+    const char* tip;
+};
+
+constexpr std::array<ToolName, 6> kTools = {
+    {{Tool::Click, "Click", "Select the sample or region under the pointer"},
+     {Tool::Box, "Box", "Select what lies in a rectangle"},
+     {Tool::Lasso, "Lasso", "Select what lies in a drawn outline"},
+     {Tool::Brush, "Brush", "Paint over what is to be selected"},
+     {Tool::Move, "Move", "Move the active region"},
+     {Tool::Rotate, "Rotate", "Turn the active region"}}};
+
+void draw_arrow(ImDrawList& list, ImVec2 from, ImVec2 to, float width, ImU32 ink)
+{
+    list.AddLine(from, to, ink, width);
+    const float x = to.x - from.x, y = to.y - from.y, length = std::hypot(x, y);
+    const float head = 2.4f * width, dx = x / length * head, dy = y / length * head;
+    list.AddTriangleFilled({to.x + 0.6f * dx, to.y + 0.6f * dy},
+                           {to.x - dx * 0.6f - dy, to.y - dy * 0.6f + dx},
+                           {to.x - dx * 0.6f + dy, to.y - dy * 0.6f - dx}, ink);
+}
+
+/// A tool's picture in a square of side 2 \p r about \p c.
+void draw_icon(ImDrawList& list, Tool tool, ImVec2 c, float r, ImU32 ink)
+{
+    const float width = std::max(1.0f, 0.17f * r);
+    constexpr auto kPi = std::numbers::pi_v<float>;
+    const auto at = [&](float x, float y) { return ImVec2(c.x + x * r, c.y + y * r); };
+    switch (tool)
+    {
+    case Tool::Click:
+    {
+        const std::array<ImVec2, 7> outline = {
+            at(-0.5f, -0.9f), at(-0.5f, 0.62f), at(-0.12f, 0.3f), at(0.14f, 0.9f),
+            at(0.42f, 0.78f), at(0.16f, 0.2f),  at(0.62f, 0.14f)};
+        list.AddPolyline(outline.data(), static_cast<int>(outline.size()), ink,
+                         ImDrawFlags_Closed, width);
+        break;
+    }
+    case Tool::Box:
+        for (int k = 0; k < 4; ++k) // dashes
+            for (const float side : {-0.78f, 0.78f})
+            {
+                const float a = -0.78f + 0.45f * static_cast<float>(k), b = a + 0.24f;
+                list.AddLine(at(a, side), at(b, side), ink, width);
+                list.AddLine(at(side, a), at(side, b), ink, width);
+            }
+        break;
+    case Tool::Lasso:
+        list.PathArcTo(at(0.0f, -0.15f), 0.74f * r, 0.75f * kPi, 2.6f * kPi, 24);
+        list.PathLineTo(at(-0.35f, 0.9f));
+        list.PathStroke(ink, 0, width);
+        break;
+    case Tool::Brush:
+        list.AddCircle(c, 0.8f * r, ink, 24, width);
+        list.AddCircleFilled(c, 0.26f * r, ink, 12);
+        break;
+    case Tool::Move:
+        for (const ImVec2 to : {at(0.78f, 0), at(-0.78f, 0), at(0, 0.78f), at(0, -0.78f)})
+            draw_arrow(list, c, to, width, ink);
+        break;
+    case Tool::Rotate:
+        list.PathArcTo(c, 0.72f * r, -0.35f * kPi, 1.15f * kPi, 24);
+        list.PathStroke(ink, 0, width);
+        draw_arrow(list, at(0.1f, -0.76f), at(0.2f, -0.71f), width, ink);
+        draw_arrow(list, at(0.56f, -0.52f), at(0.2f, -0.72f), width, ink);
+        break;
+    }
+}
+
+bool tool_button(const ToolName& tool, bool is_on, bool shows_name)
+{
+    const float height = ImGui::GetFrameHeight() + letters(0.8f);
+    const float icon = 0.27f * height;
+    const float width =
+        shows_name ? height + ImGui::CalcTextSize(tool.name).x + letters(0.6f) : height;
+    ImGui::PushID(tool.name);
+    const ImVec2 corner = ImGui::GetCursorScreenPos();
+    const bool is_pressed = ImGui::InvisibleButton("##tool", {width, height});
+    const bool is_hovered = ImGui::IsItemHovered();
+    ImDrawList& list = *ImGui::GetWindowDrawList();
+    ImVec4 ground = palette().accent;
+    ground.w = is_on ? 0.35f : 0.14f;
+    if (is_on || is_hovered)
+        list.AddRectFilled(corner, {corner.x + width, corner.y + height}, packed(ground),
+                           letters(0.5f));
+    const ImU32 ink = ImGui::GetColorU32(ImGuiCol_Text);
+    draw_icon(list, tool.tool, {corner.x + height / 2, corner.y + height / 2}, icon, ink);
+    if (shows_name)
+        list.AddText({corner.x + height - letters(0.2f),
+                      corner.y + (height - ImGui::GetFontSize()) / 2},
+                     ink, tool.name);
+    tip(tool.tip);
+    ImGui::PopID();
+    return is_pressed;
+}
+
+void show_file_menu(Desk& desk)
+{
+    const bool has_document = desk.opened() != nullptr;
+    if (ImGui::MenuItem("Open…", "Ctrl+O"))
+        desk.choosing = Choosing::Open;
+    if (ImGui::BeginMenu("Open recent", !desk.recent.paths().empty()))
+    {
+        // A copy: opening one changes the list.
+        const std::vector<std::string> paths = desk.recent.paths();
+        for (const std::string& path : paths)
+            if (ImGui::MenuItem(path.c_str()))
+                desk.ask_to_open(path);
+        ImGui::EndMenu();
+    }
+    ImGui::Separator();
+    if (ImGui::MenuItem("Save", "Ctrl+S", false, has_document))
+        desk.save();
+    if (ImGui::MenuItem("Save as…", "Ctrl+Shift+S", false, has_document))
+        desk.choosing = Choosing::SaveAs;
+    ImGui::Separator();
+    if (ImGui::MenuItem("Export model…", "Ctrl+E", false, has_document))
+        desk.choosing = Choosing::ExportModel;
+    if (ImGui::MenuItem("Export field…", nullptr, false, has_document))
+        desk.choosing = Choosing::ExportField;
+    ImGui::Separator();
+    if (ImGui::MenuItem("Close", "Ctrl+W", false, has_document))
+        desk.ask_to_close();
+    if (ImGui::MenuItem("Quit", "Ctrl+Q"))
+        desk.ask_to_quit();
+}
+
+void show_edit_menu(Desk& desk)
+{
+    const bool has_document = desk.opened() != nullptr;
+    const bool can_undo = has_document && desk.document().can_undo();
+    const bool can_redo = has_document && desk.document().can_redo();
+    std::string undo = "Undo", redo = "Redo";
+    if (has_document)
+    {
+        const History& history = desk.document().history();
+        if (can_undo)
+            undo += " " + history.name(history.position() - 1);
+        if (can_redo)
+            redo += " " + history.name(history.position());
+    }
+    if (ImGui::MenuItem((undo + "##undo").c_str(), "Ctrl+Z", false, can_undo))
+        desk.undo();
+    if (ImGui::MenuItem((redo + "##redo").c_str(), "Ctrl+Shift+Z", false, can_redo))
+        desk.redo();
+}
+
+void show_view_menu(Desk& desk)
+{
+    ViewOptions& view = desk.view;
+    ImGui::MenuItem("Faces", nullptr, &view.shows_faces);
+    ImGui::MenuItem("Edges", nullptr, &view.shows_edges);
+    ImGui::MenuItem("Region colours", nullptr, &view.shows_regions);
+    ImGui::MenuItem("Rest shape as a ghost", nullptr, &view.shows_ghost);
+    ImGui::MenuItem("Floor", nullptr, &view.shows_floor);
+    ImGui::Separator();
+    ImGui::MenuItem("Dark", nullptr, &view.is_dark);
+    if (ImGui::MenuItem("Frame selection", "", false, desk.opened() != nullptr))
+        desk.opened()->hand.frame_selection();
+}
+
+void show_view_toggles(Desk& desk)
+{
+    ViewOptions& view = desk.view;
+    const std::array<const char*, 4> names = {"Edges", "Colours", "Rest shape", "Cells"};
+    float width = 0.0f;
+    for (const char* name : names)
+        width += ImGui::CalcTextSize(name).x + 2 * ImGui::GetStyle().FramePadding.x +
+                 ImGui::GetStyle().ItemSpacing.x;
+    ImGui::SameLine(std::max(ImGui::GetCursorPosX(),
+                             ImGui::GetWindowWidth() - width - letters(0.6f)));
+    ImGui::SetCursorPosY(letters(1.1f));
+    if (toggle(names[0], view.shows_edges))
+        view.shows_edges = !view.shows_edges;
+    ImGui::SameLine();
+    if (toggle(names[1], view.shows_regions))
+        view.shows_regions = !view.shows_regions;
+    tip("The colours of regions");
+    ImGui::SameLine();
+    if (toggle(names[2], view.shows_ghost))
+        view.shows_ghost = !view.shows_ghost;
+    tip("The shape before it was bent, as a ghost");
+    ImGui::SameLine();
+    if (toggle(names[3], view.cells != CellsShown::No))
+        view.cells = view.cells == CellsShown::No      ? CellsShown::Glass
+                     : view.cells == CellsShown::Glass ? CellsShown::Wire
+                                                       : CellsShown::No;
+    tip("The cells as glass, as wire, not at all");
+}
+
+} // namespace
+
+float show_menu_bar(Desk& desk)
+{
+    float height = 0.0f;
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
+    const bool is_open = ImGui::BeginMainMenuBar();
+    ImGui::PopStyleVar();
+    if (!is_open)
+        return height;
+    height = ImGui::GetWindowHeight();
+    if (ImGui::BeginMenu("File"))
+    {
+        show_file_menu(desk);
+        ImGui::EndMenu();
+    }
+    if (ImGui::BeginMenu("Edit"))
+    {
+        show_edit_menu(desk);
+        ImGui::EndMenu();
+    }
+    if (ImGui::BeginMenu("View"))
+    {
+        show_view_menu(desk);
+        ImGui::EndMenu();
+    }
+    if (ImGui::BeginMenu("Help"))
+    {
+        if (ImGui::MenuItem("Keys", "?"))
+            desk.shows_keys = true;
+        ImGui::EndMenu();
+    }
+    const std::string title = desk.title();
+    const float width = ImGui::CalcTextSize(title.c_str()).x;
+    const float middle = (ImGui::GetWindowWidth() - width) / 2;
+    if (middle > ImGui::GetCursorPosX())
+    {
+        ImGui::SameLine(middle);
+        ImGui::TextColored(palette().faint, "%s", title.c_str());
+    }
+    ImGui::EndMainMenuBar();
+    return height;
+}
+
+void show_tool_bar(Desk& desk)
+{
+    if (desk.opened() == nullptr)
+        return;
+    Interaction& hand = desk.opened()->hand;
+    const bool shows_names = ImGui::GetWindowWidth() > letters(kRoomForNames);
+    ImGui::SetCursorPos({letters(0.6f), letters(0.6f)});
+    for (const ToolName& tool : kTools)
+    {
+        if (tool_button(tool, hand.tool() == tool.tool, shows_names))
+            hand.set_tool(tool.tool);
+        ImGui::SameLine(0, letters(tool.tool == Tool::Brush ? 1.4f : 0.3f));
+    }
+    ImGui::SetCursorPosY(letters(1.1f));
+    const Tool tool = hand.tool();
+    if (tool == Tool::Box || tool == Tool::Lasso || tool == Tool::Brush)
+    {
+        if (toggle("Through", hand.selects_through()))
+            hand.set_selects_through(!hand.selects_through());
+        tip("Select also what is hidden");
+        ImGui::SameLine();
+    }
+    if (tool == Tool::Brush)
+    {
+        auto radius = static_cast<float>(hand.brush_radius());
+        ImGui::SetCursorPosY(letters(1.1f));
+        ImGui::SetNextItemWidth(letters(14));
+        if (ImGui::SliderFloat("##radius", &radius, kMinBrush, kMaxBrush, "radius %.0f",
+                               ImGuiSliderFlags_Logarithmic))
+            hand.set_brush_radius(radius);
+        tip("The wheel changes it, too");
+        ImGui::SameLine();
+    }
+    show_view_toggles(desk);
+}
+
+void show_status_bar(Desk& desk)
+{
+    ImGui::AlignTextToFramePadding();
+    ImGui::SetCursorPosX(letters(1.2f));
+    std::string said;
+    ImVec4 colour = ImGui::GetStyleColorVec4(ImGuiCol_Text);
+    if (const Notice* notice = desk.notice(Place::Window))
+    {
+        said = notice->text;
+        if (notice->is_error)
+            colour = palette().error;
+    }
+    else if (desk.is_opening())
+        said = "Reading " +
+               std::filesystem::path(desk.opening_path()).filename().string() + "…";
+    else if (desk.opened() != nullptr)
+    {
+        const Interaction& hand = desk.opened()->hand;
+        said = hand.complaint();
+        if (!said.empty())
+            colour = palette().warning;
+        else
+            said = hand.status();
+        if (said.empty() && !desk.document().selection().empty())
+            said = counted(static_cast<std::int64_t>(desk.document().selection().count()),
+                           "sample selected", "samples selected");
+    }
+    ImGui::TextColored(colour, "%s", said.c_str());
+    if (desk.opened() == nullptr)
+        return;
+    const DragStatus drag = desk.opened()->editing.drag_status();
+    std::string times;
+    if (drag.is_dragging && drag.frames > 0)
+        times = "latency " + rounded(drag.latency_ms) + " ms     ";
+    times += "frame " + rounded(desk.frame_times.median()) + " ms, worst " +
+             rounded(desk.frame_times.worst()) + " ms";
+    ImGui::SameLine(ImGui::GetWindowWidth() - ImGui::CalcTextSize(times.c_str()).x -
+                    letters(1.2f));
+    ImGui::TextColored(palette().faint, "%s", times.c_str());
+}
+
+} // namespace cellwarp

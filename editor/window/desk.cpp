@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/desk.h"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <new>
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// How long a notice stays [s]; errors longer.
+constexpr double kNoticeSeconds = 6.0;
+constexpr double kErrorSeconds = 20.0;
+
+std::string name_of(const std::string& path)
+{
+    return std::filesystem::path(path).filename().string();
+}
+
+} // namespace
+
+double seconds_now()
+{
+    return std::chrono::duration<double>(
+               std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+}
+
+Desk::Desk(bool keeps_journals)
+    : recent(keeps_journals ? state_folder() : ""),
+      journal_folder_(keeps_journals ? state_folder() : "")
+{
+    if (!journal_folder_.empty())
+    {
+        journal_folder_ += "/journals";
+        std::error_code failure;
+        std::filesystem::create_directories(journal_folder_, failure);
+        if (failure)
+            journal_folder_.clear();
+    }
+}
+
+void Desk::open(const std::string& path)
+{
+    if (is_opening())
+        return;
+    notice_.reset();
+    opening_path_ = path;
+    // The journal of what is open is locked for it; the same file is opened again only
+    // when it is free.
+    if (opened_ != nullptr && opened_->editing.document().path() == path)
+        close();
+    opening_ = std::async(std::launch::async, [path, folder = journal_folder_]
+                          { return Document(path, folder); });
+}
+
+void Desk::finish_opening()
+{
+    if (!is_opening())
+        return;
+    take_document(opening_.get());
+}
+
+void Desk::take_document(Document document)
+{
+    close();
+    opened_ = std::make_unique<OpenedDocument>(std::move(document));
+    asks_to_recover = opened_->editing.document().num_recoverable() > 0;
+    recent.add(opening_path_);
+    const std::vector<std::string>& warnings = opened_->editing.document().warnings();
+    if (!warnings.empty())
+        say(Place::Window, warnings.front());
+}
+
+void Desk::close()
+{
+    if (opened_ == nullptr)
+        return;
+    attempt(Place::Window, [&] { document().close(); });
+    opened_.reset();
+    asks_to_recover = false;
+}
+
+void Desk::ask_to_open(const std::string& path)
+{
+    next_path = path;
+    leaving = Leaving::ToOpen;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void Desk::ask_to_close()
+{
+    leaving = Leaving::ToClose;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void Desk::ask_to_quit()
+{
+    leaving = Leaving::ToQuit;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void Desk::leave(bool saves)
+{
+    if (saves)
+    {
+        leaves_when_saved = true;
+        save();
+        if (choosing)
+            return; // save() has to ask where to first
+        leaves_when_saved = false;
+        if (!document().is_saved())
+        {
+            stay(); // the notice says why
+            return;
+        }
+    }
+    const Leaving to = leaving;
+    leaving = Leaving::No;
+    if (to == Leaving::ToOpen)
+        open(next_path);
+    if (to == Leaving::ToClose)
+        close();
+    if (to == Leaving::ToQuit)
+    {
+        close();
+        wants_to_quit = true;
+    }
+}
+
+bool Desk::update()
+{
+    bool is_new = false;
+    if (is_opening() &&
+        opening_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    {
+        const std::string path = opening_path_;
+        if (!attempt(Place::Window, [&] { finish_opening(); }))
+            recent.forget(path);
+        is_new = true;
+    }
+    if (opened_ != nullptr)
+    {
+        is_new = opened_->editing.update() || is_new;
+        opened_->hand.update();
+    }
+    if (notice_ && seconds_now() > notice_->until)
+    {
+        notice_.reset();
+        is_new = true;
+    }
+    return is_new;
+}
+
+bool Desk::is_idle() const
+{
+    if (is_opening())
+        return false;
+    if (opened_ == nullptr)
+        return true;
+    const SolveStatus::State state = opened_->editing.status().state;
+    return (state == SolveStatus::State::Idle || state == SolveStatus::State::Failed) &&
+           !opened_->editing.drag_status().is_dragging;
+}
+
+bool Desk::attempt(Place place, const std::function<void()>& command)
+{
+    try
+    {
+        command();
+        if (notice_ && notice_->is_error && notice_->place == place)
+            notice_.reset();
+        return true;
+    }
+    catch (const Error& error)
+    {
+        say(place, error.what(), true);
+    }
+    catch (const std::bad_alloc&)
+    {
+        say(place, "out of memory", true);
+    }
+    return false;
+}
+
+void Desk::say(Place place, const std::string& text, bool is_error)
+{
+    notice_ = Notice{text, place, is_error,
+                     seconds_now() + (is_error ? kErrorSeconds : kNoticeSeconds)};
+}
+
+const Notice* Desk::notice(Place place) const
+{
+    return notice_ && notice_->place == place ? &*notice_ : nullptr;
+}
+
+void Desk::save()
+{
+    if (opened_ == nullptr)
+        return;
+    if (document().scene_path().empty())
+    {
+        choosing = Choosing::SaveAs;
+        return;
+    }
+    if (attempt(Place::Window, [&] { document().save(document().scene_path()); }))
+        say(Place::Window, "Saved " + name_of(document().scene_path()));
+}
+
+void Desk::undo()
+{
+    if (opened_ != nullptr && !opened_->hand.is_busy() && document().can_undo())
+        attempt(Place::Window, [&] { document().undo(); });
+}
+
+void Desk::redo()
+{
+    if (opened_ != nullptr && !opened_->hand.is_busy() && document().can_redo())
+        attempt(Place::Window, [&] { document().redo(); });
+}
+
+std::string Desk::title() const
+{
+    if (opened_ == nullptr)
+        return "cellwarp";
+    const Document& document = opened_->editing.document();
+    const std::string& path =
+        document.scene_path().empty() ? document.path() : document.scene_path();
+    return (document.is_saved() ? "" : "● ") + name_of(path) + " — cellwarp";
+}
+
+} // namespace cellwarp

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/dialogs.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+
+#include <imgui.h>
+#include <imgui_stdlib.h>
+
+#include "editor/window/style.h"
+#include "editor/window/widgets.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+const char* title_of(Choosing choosing)
+{
+    switch (choosing)
+    {
+    case Choosing::Open:
+        return "Open a model or a scene";
+    case Choosing::SaveAs:
+        return "Save scene and handles";
+    case Choosing::ExportModel:
+        return "Export the bent model";
+    case Choosing::ExportField:
+        return "Export the field";
+    }
+    return "";
+}
+
+const char* verb_of(Choosing choosing)
+{
+    return choosing == Choosing::Open     ? "Open"
+           : choosing == Choosing::SaveAs ? "Save"
+                                          : "Export";
+}
+
+/// Formats that are read by io/import alone are told by their names here, too.
+bool can_be_opened(const std::string& name)
+{
+    const std::string extension = extension_of(name);
+    constexpr std::array kMore = {"json", "fbx", "dae", "3ds", "x3d", "lwo", "blend"};
+    return is_geometry_format(extension) ||
+           std::find(kMore.begin(), kMore.end(), extension) != kMore.end();
+}
+
+void centre_next_window(float width)
+{
+    const ImVec2 size = ImGui::GetIO().DisplaySize;
+    ImGui::SetNextWindowPos({size.x / 2, size.y * 0.45f}, ImGuiCond_Always, {0.5f, 0.5f});
+    ImGui::SetNextWindowSize({std::min(width, size.x - letters(4)), 0});
+}
+
+constexpr ImGuiWindowFlags kModal = ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
+                                    ImGuiWindowFlags_NoSavedSettings;
+
+} // namespace
+
+void FileDialog::begin(Desk& desk, Choosing choosing)
+{
+    shown_ = choosing;
+    is_taken_ = false;
+    std::error_code failure;
+    const fs::path now = fs::current_path(failure);
+    if (folder_.empty())
+        folder_ = failure ? "/" : now.string();
+    name_.clear();
+    OpenedDocument* opened = desk.opened();
+    if (opened != nullptr && choosing != Choosing::Open)
+    {
+        const Document& document = opened->editing.document();
+        const std::string& scene = document.scene_path();
+        const fs::path model = fs::absolute(document.model()->path, failure);
+        folder_ =
+            (scene.empty() ? model : fs::absolute(scene, failure)).parent_path().string();
+        if (choosing == Choosing::SaveAs)
+            name_ = scene.empty() ? model.stem().string() + "-edit.json"
+                                  : fs::path(scene).filename().string();
+        else if (choosing == Choosing::ExportModel)
+            name_ = model.stem().string() + "-bent" + model.extension().string();
+        else
+            name_ = model.stem().string() + ".cwf";
+    }
+    listed_.clear();
+}
+
+void FileDialog::list_folder()
+{
+    if (listed_ == folder_)
+        return;
+    listed_ = folder_;
+    entries_.clear();
+    failure_.clear();
+    std::error_code failure;
+    fs::directory_iterator entry(folder_, failure);
+    for (; !failure && entry != fs::directory_iterator(); entry.increment(failure))
+    {
+        const std::string name = entry->path().filename().string();
+        std::error_code none;
+        const bool is_folder = entry->is_directory(none);
+        if (name.front() != '.' &&
+            (is_folder || shown_ != Choosing::Open || can_be_opened(name)))
+            entries_.push_back({name, is_folder});
+    }
+    if (failure)
+        failure_ = "This folder cannot be read: " + failure.message();
+    std::sort(entries_.begin(), entries_.end(),
+              [](const Entry& a, const Entry& b)
+              { return a.is_folder != b.is_folder ? a.is_folder : a.name < b.name; });
+}
+
+std::string FileDialog::chosen() const
+{
+    return (fs::path(folder_) / fs::path(name_)).lexically_normal().string();
+}
+
+void FileDialog::show_entries(Choosing choosing)
+{
+    ImGui::PushStyleColor(ImGuiCol_ChildBg, palette().bar);
+    ImGui::BeginChild("entries", {0, letters(38)}, false,
+                      ImGuiWindowFlags_AlwaysUseWindowPadding);
+    std::string entered;
+    for (const Entry& entry : entries_)
+    {
+        const std::string text = (entry.is_folder ? "▸  " : "     ") + entry.name;
+        if (!ImGui::Selectable(text.c_str(), entry.name == name_,
+                               ImGuiSelectableFlags_AllowDoubleClick))
+            continue;
+        if (entry.is_folder)
+            entered = entry.name;
+        else
+        {
+            name_ = entry.name;
+            is_taken_ = ImGui::IsMouseDoubleClicked(0) && choosing == Choosing::Open;
+        }
+    }
+    if (!failure_.empty())
+        error_text(failure_);
+    else if (entries_.empty())
+        faint_text("Nothing here that can be opened.");
+    ImGui::EndChild();
+    ImGui::PopStyleColor();
+    if (!entered.empty())
+        folder_ = (fs::path(folder_) / entered).string();
+}
+
+void FileDialog::take(Desk& desk, Choosing choosing)
+{
+    const std::string path = chosen();
+    bool is_done = true;
+    if (choosing == Choosing::Open)
+        desk.ask_to_open(path);
+    else
+        is_done = desk.attempt(Place::Window,
+                               [&]
+                               {
+                                   Editing& editing = desk.opened()->editing;
+                                   // The button said "Replace" where there is a file.
+                                   if (choosing == Choosing::SaveAs)
+                                       desk.document().save(path, Overwrite::Yes);
+                                   else if (choosing == Choosing::ExportModel)
+                                       editing.export_model(path, Overwrite::Yes);
+                                   else
+                                       editing.export_field(path, Overwrite::Yes);
+                               });
+    if (!is_done)
+        return;
+    if (choosing != Choosing::Open)
+        desk.say(Place::Window, "Written: " + path);
+    desk.choosing.reset();
+    if (choosing == Choosing::SaveAs && desk.leaves_when_saved)
+    {
+        desk.leaves_when_saved = false;
+        desk.leave(false);
+    }
+}
+
+void FileDialog::show(Desk& desk)
+{
+    if (!desk.choosing)
+    {
+        shown_.reset();
+        return;
+    }
+    const Choosing choosing = *desk.choosing;
+    if (shown_ != choosing)
+        begin(desk, choosing);
+    const std::string title = std::string(title_of(choosing)) + "##file";
+    if (!ImGui::IsPopupOpen(title.c_str()))
+        ImGui::OpenPopup(title.c_str());
+    centre_next_window(letters(84));
+    if (!ImGui::BeginPopupModal(title.c_str(), nullptr, kModal))
+        return;
+    list_folder();
+    if (ImGui::Button("Up"))
+        folder_ = fs::path(folder_).parent_path().string();
+    ImGui::SameLine();
+    std::string typed = folder_;
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::InputText("##folder", &typed, ImGuiInputTextFlags_EnterReturnsTrue) &&
+        !typed.empty())
+        folder_ = typed;
+    show_entries(choosing);
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::IsWindowAppearing())
+        ImGui::SetKeyboardFocusHere();
+    const bool is_entered = ImGui::InputTextWithHint(
+        "##name", "name of the file", &name_, ImGuiInputTextFlags_EnterReturnsTrue);
+    if (const Notice* notice = desk.notice(Place::Window); notice && notice->is_error)
+        error_text(notice->text);
+    std::error_code none;
+    const bool is_there = !name_.empty() && fs::is_regular_file(chosen(), none);
+    const bool replaces = is_there && choosing != Choosing::Open;
+    if (replaces)
+        warning_text("There is a file of this name; it will be replaced.");
+    ImGui::Dummy({0, letters(0.5f)});
+    const ImVec2 size = {letters(14), 0};
+    ImGui::SetCursorPosX(ImGui::GetWindowWidth() - 2 * size.x -
+                         ImGui::GetStyle().ItemSpacing.x -
+                         ImGui::GetStyle().WindowPadding.x);
+    if (ImGui::Button("Cancel", size) ||
+        ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
+    {
+        desk.choosing.reset();
+        desk.leaves_when_saved = false;
+        desk.stay();
+    }
+    ImGui::SameLine();
+    ImGui::BeginDisabled(name_.empty());
+    const bool is_pressed = ImGui::Button(replaces ? "Replace" : verb_of(choosing), size);
+    ImGui::EndDisabled();
+    if ((is_pressed || is_entered || is_taken_) && !name_.empty() && desk.choosing)
+    {
+        is_taken_ = false;
+        if (fs::is_directory(chosen(), none))
+        {
+            folder_ = chosen();
+            name_.clear();
+        }
+        else
+            take(desk, choosing);
+    }
+    if (!desk.choosing)
+        ImGui::CloseCurrentPopup();
+    ImGui::EndPopup();
+}
+
+namespace
+{
+
+void ask_about_changes(Desk& desk)
+{
+    if (desk.leaving == Leaving::No || desk.choosing)
+        return;
+    constexpr const char* kTitle = "Unsaved changes##leave";
+    if (!ImGui::IsPopupOpen(kTitle))
+        ImGui::OpenPopup(kTitle);
+    centre_next_window(letters(58));
+    if (!ImGui::BeginPopupModal(kTitle, nullptr, kModal))
+        return;
+    ImGui::TextWrapped("Save the changes before this is closed?");
+    faint_text("Without saving, the edits since the last save are lost.");
+    ImGui::Dummy({0, letters(0.8f)});
+    const ImVec2 size = {letters(14), 0};
+    const auto done = [] { ImGui::CloseCurrentPopup(); };
+    if (ImGui::Button("Save", size))
+    {
+        done();
+        desk.leave(true);
+    }
+    ImGui::SameLine();
+    if (ImGui::Button("Do not save", size))
+    {
+        done();
+        desk.leave(false);
+    }
+    ImGui::SameLine();
+    if (ImGui::Button("Cancel", size) ||
+        ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
+    {
+        done();
+        desk.stay();
+    }
+    ImGui::EndPopup();
+}
+
+void ask_to_recover(Desk& desk)
+{
+    if (!desk.asks_to_recover || desk.opened() == nullptr)
+        return;
+    constexpr const char* kTitle = "The last session did not end well##recover";
+    if (!ImGui::IsPopupOpen(kTitle))
+        ImGui::OpenPopup(kTitle);
+    centre_next_window(letters(62));
+    if (!ImGui::BeginPopupModal(kTitle, nullptr, kModal))
+        return;
+    const auto count = static_cast<std::int64_t>(desk.document().num_recoverable());
+    ImGui::TextWrapped("%s of this file can be recovered.",
+                       counted(count, "edit", "edits").c_str());
+    ImGui::Dummy({0, letters(0.8f)});
+    const ImVec2 size = {letters(14), 0};
+    if (ImGui::Button("Recover", size))
+    {
+        desk.asks_to_recover = false;
+        desk.attempt(Place::Window,
+                     [&]
+                     {
+                         const auto warnings = desk.document().recover();
+                         desk.say(Place::Window,
+                                  warnings.empty() ? "Recovered" : warnings.front());
+                     });
+        ImGui::CloseCurrentPopup();
+    }
+    ImGui::SameLine();
+    if (ImGui::Button("Drop them", size))
+    {
+        desk.asks_to_recover = false;
+        desk.attempt(Place::Window, [&] { desk.document().drop_recoverable(); });
+        ImGui::CloseCurrentPopup();
+    }
+    ImGui::EndPopup();
+}
+
+} // namespace
+
+void show_questions(Desk& desk)
+{
+    ask_about_changes(desk);
+    ask_to_recover(desk);
+}
+
+} // namespace cellwarp

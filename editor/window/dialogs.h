@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Windows over everything that want an answer: a file, what to do with changes, whether
+// to recover. The answers are commands of the desk.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "editor/window/desk.h"
+
+namespace cellwarp
+{
+
+/// Lists a folder and lets a path be typed.
+class FileDialog
+{
+public:
+    /// Shows itself while the desk is choosing.
+    void show(Desk& desk);
+
+private:
+    struct Entry
+    {
+        std::string name;
+        bool is_folder = false;
+    };
+
+    void begin(Desk& desk, Choosing choosing);
+    void list_folder();
+    void show_entries(Choosing choosing);
+    std::string chosen() const;
+    void take(Desk& desk, Choosing choosing);
+
+    std::optional<Choosing> shown_;
+    std::string folder_, listed_, name_;
+    std::vector<Entry> entries_;
+    std::string failure_;   ///< why the folder cannot be listed
+    bool is_taken_ = false; ///< by a double click
+};
+
+/// "Save the changes?", "Recover the last session?"
+void show_questions(Desk& desk);
+
+} // namespace cellwarp

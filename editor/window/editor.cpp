@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/editor.h"
+
+#include <algorithm>
+#include <cctype>
+#include <chrono>
+
+#include <imgui.h>
+
+#include "editor/window/overlay.h"
+#include "editor/window/style.h"
+#include "editor/window/widgets.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Clock = std::chrono::steady_clock;
+
+constexpr float kPanelWidth = 36.0f; ///< [letters]
+/// While a result is made, or a handle is in the hand, new shapes are looked for this
+/// often [s].
+constexpr double kBusyWait = 0.004;
+/// How long nothing is looked at while nothing happens [s].
+constexpr double kIdleWait = 0.25;
+/// Progress and messages are drawn anew this often [s].
+constexpr double kProgressStep = 0.1;
+/// A median frame that takes longer is slow [ms].
+constexpr double kSlowFrame = 20.0;
+/// ImGui needs another frame or two after an event to settle.
+constexpr int kFramesAfterEvent = 3;
+
+double ms_since(Clock::time_point start)
+{
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+std::uint32_t bit_of(Button button)
+{
+    return 1u << static_cast<unsigned>(button);
+}
+
+bool is_pointer(const InputEvent& event)
+{
+    return event.kind == InputEvent::Kind::Move ||
+           event.kind == InputEvent::Kind::Press ||
+           event.kind == InputEvent::Kind::Release;
+}
+
+} // namespace
+
+Editor::Editor(const WindowOptions& options, bool keeps_journals)
+    : window_(options), desk_(keeps_journals)
+{
+    desk_.view.is_dark = is_dark_ = options.is_dark;
+    lay_out();
+}
+
+Editor::~Editor() = default;
+
+void Editor::lay_out()
+{
+    // Widths follow the font, which there is from the first frame on.
+    const float scale = static_cast<float>(window_.scale());
+    const float letter = 15.0f * scale * 0.62f;
+    const bool has_document = desk_.opened() != nullptr;
+    const float panel = has_document ? kPanelWidth * letter : 0.0f;
+    const float tools = has_document ? 4.8f * letter : 0.0f;
+    const float status = 3.2f * letter;
+    view_.x = 0;
+    view_.y = static_cast<int>(menu_height_ + tools);
+    view_.width =
+        std::max(0, static_cast<int>(static_cast<float>(window_.width()) - panel));
+    view_.height = std::max(
+        0, static_cast<int>(static_cast<float>(window_.height() - view_.y) - status));
+}
+
+bool Editor::panels_have(const InputEvent& event) const
+{
+    const bool has_popup = ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId |
+                                                      ImGuiPopupFlags_AnyPopupLevel);
+    if (has_popup || desk_.choosing || desk_.leaving != Leaving::No ||
+        desk_.asks_to_recover || desk_.shows_keys)
+        return true;
+    if (is_pointer(event) || event.kind == InputEvent::Kind::Wheel)
+        return false; // told by the place
+    return ImGui::GetIO().WantTextInput;
+}
+
+bool Editor::handle_shortcut(const InputEvent& event)
+{
+    if (event.kind != InputEvent::Kind::KeyDown || !event.modifiers.control)
+        return false;
+    const bool has_document = desk_.opened() != nullptr;
+    switch (event.key.character)
+    {
+    case 'o':
+        desk_.choosing = Choosing::Open;
+        return true;
+    case 's':
+        if (has_document && event.modifiers.shift)
+            desk_.choosing = Choosing::SaveAs;
+        else
+            desk_.save();
+        return true;
+    case 'e':
+        if (has_document)
+            desk_.choosing = Choosing::ExportModel;
+        return true;
+    case 'w':
+        desk_.ask_to_close();
+        return true;
+    case 'q':
+        desk_.ask_to_quit();
+        return true;
+    default:
+        return false;
+    }
+}
+
+void Editor::handle_pointer(const InputEvent& event, Interaction& hand)
+{
+    const Eigen::Vector2d pixel =
+        (event.place - Eigen::Vector2d(view_.x, view_.y)) / window_.scale();
+    const bool is_over = view_.holds(event.place.x(), event.place.y());
+    if (event.kind == InputEvent::Kind::Move)
+    {
+        if (is_over || held_in_view_ != 0 || hand.is_busy())
+            hand.pointer_moved(pixel, event.modifiers);
+        return;
+    }
+    const bool is_press = event.kind == InputEvent::Kind::Press;
+    if (is_press ? !is_over : (held_in_view_ & bit_of(event.button)) == 0)
+        return;
+    held_in_view_ = is_press ? held_in_view_ | bit_of(event.button)
+                             : held_in_view_ & ~bit_of(event.button);
+    hand.pointer_moved(pixel, event.modifiers);
+    hand.button(event.button, is_press, event.modifiers);
+}
+
+void Editor::handle(const InputEvent& event)
+{
+    window_.tell_panels(event);
+    if (event.kind == InputEvent::Kind::Drop)
+    {
+        if (!event.paths.empty())
+            desk_.ask_to_open(event.paths.front());
+        return;
+    }
+    OpenedDocument* opened = desk_.opened();
+    if (event.kind == InputEvent::Kind::FocusLost)
+    {
+        held_in_view_ = 0;
+        if (opened != nullptr)
+            opened->hand.focus_lost();
+        return;
+    }
+    // A press that began in the view ends there, whatever has opened meanwhile.
+    const bool is_held = event.kind == InputEvent::Kind::Release && held_in_view_ != 0;
+    if (panels_have(event) && !is_held)
+        return;
+    // A key that is held down looks around or steps, but commands nothing anew.
+    if (event.is_repeated && event.key.key == Key::Character &&
+        std::isalpha(static_cast<unsigned char>(event.key.character)) != 0 &&
+        !event.modifiers.control)
+        return;
+    if (handle_shortcut(event))
+        return;
+    const bool is_question =
+        (event.kind == InputEvent::Kind::Text && event.character == '?') ||
+        (event.kind == InputEvent::Kind::KeyDown && event.key.character == '?');
+    if (is_question)
+    {
+        desk_.shows_keys = true;
+        return;
+    }
+    if (opened == nullptr)
+        return;
+    if (is_pointer(event))
+        handle_pointer(event, opened->hand);
+    else if (event.kind == InputEvent::Kind::Wheel)
+    {
+        const ImVec2 at = ImGui::GetIO().MousePos;
+        if (view_.holds(static_cast<double>(at.x), static_cast<double>(at.y)))
+            opened->hand.wheel(event.place, event.modifiers);
+    }
+    else if (event.kind == InputEvent::Kind::KeyDown &&
+             (event.key.key != Key::Character || event.key.character != 0))
+        opened->hand.key(event.key);
+    else if (event.kind == InputEvent::Kind::Text && event.modifiers.shift &&
+             event.character < 128 &&
+             std::isalpha(static_cast<int>(event.character)) == 0 && event.character > 32)
+    {
+        // What Shift makes of a key: told by its text, see window.cpp.
+        KeyEvent key;
+        key.character = static_cast<char>(event.character);
+        opened->hand.key(key);
+    }
+}
+
+void Editor::handle_events()
+{
+    InputEvent event;
+    while (window_.take(event))
+        handle(event);
+}
+
+void Editor::show_panels()
+{
+    const ImGuiWindowFlags flags =
+        ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+        ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
+        ImGuiWindowFlags_NoNavInputs | ImGuiWindowFlags_NoNavFocus;
+    menu_height_ = show_menu_bar(desk_);
+    lay_out();
+    const auto below = static_cast<float>(view_.y + view_.height);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, 0.0f);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
+    const ImVec2 size = ImGui::GetIO().DisplaySize;
+    if (desk_.opened() != nullptr)
+    {
+        ImGui::SetNextWindowPos({0, menu_height_});
+        ImGui::SetNextWindowSize({static_cast<float>(view_.width),
+                                  static_cast<float>(view_.y) - menu_height_});
+        ImGui::Begin("tools", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
+        show_tool_bar(desk_);
+        ImGui::End();
+        ImGui::SetNextWindowPos({static_cast<float>(view_.width), menu_height_});
+        ImGui::SetNextWindowSize(
+            {size.x - static_cast<float>(view_.width), below - menu_height_});
+        ImGui::Begin("panels", nullptr, flags & ~ImGuiWindowFlags_NoScrollbar);
+        show_document_panel(desk_);
+        show_regions_panel(desk_, panels_);
+        show_solver_panel(desk_);
+        show_history_panel(desk_, panels_);
+        show_cells_panel(desk_, panels_);
+        show_field_panel(desk_);
+        show_view_panel(desk_);
+        ImGui::End();
+    }
+    ImGui::PushStyleColor(ImGuiCol_WindowBg, palette().bar);
+    ImGui::PushStyleVar(ImGuiStyleVar_WindowPadding, {0, letters(0.3f)});
+    ImGui::SetNextWindowPos({0, below});
+    ImGui::SetNextWindowSize({size.x, size.y - below});
+    ImGui::Begin("status", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
+    show_status_bar(desk_);
+    ImGui::End();
+    ImGui::PopStyleVar(3);
+    ImGui::PopStyleColor();
+    show_welcome_page(desk_, view_);
+    file_dialog_.show(desk_);
+    show_questions(desk_);
+    show_keys_page(desk_);
+}
+
+/// \return what copying to the graphics card took [ms]
+double Editor::draw_canvas()
+{
+    OpenedDocument* opened = desk_.opened();
+    if (drawn_ != opened)
+    {
+        canvas_.clear();
+        drawn_ = opened;
+    }
+    if (opened == nullptr)
+    {
+        canvas_.draw_empty(desk_.view, view_, window_.height());
+        return 0.0;
+    }
+    Editing& editing = opened->editing;
+    editing.show_cells(desk_.view.cells != CellsShown::No);
+    const WorkFrame& frame = editing.view_frame();
+    const CanvasScene scene{editing.document(),
+                            opened->hand.shown_selection(),
+                            editing.shape(),
+                            editing.rest_shape(),
+                            editing.cells(),
+                            opened->hand.camera(),
+                            frame.to_work(editing.document().box().low),
+                            frame.to_work(editing.document().box().high)};
+    const double upload_ms = canvas_.upload(scene, desk_.view);
+    ViewOptions options = desk_.view;
+    // Where drawing is slow, edges are made smooth when the hand rests.
+    options.is_smooth = options.is_smooth && !(opened->hand.is_busy() &&
+                                               desk_.frame_times.median() > kSlowFrame);
+    canvas_.draw(scene, options, view_, window_.height());
+    return upload_ms;
+}
+
+FrameParts Editor::frame()
+{
+    const Clock::time_point start = Clock::now();
+    FrameParts parts;
+    handle_events();
+    desk_.update();
+    parts.update = ms_since(start);
+    if (is_dark_ != desk_.view.is_dark)
+        window_.set_dark(is_dark_ = desk_.view.is_dark);
+    const Clock::time_point draw_start = Clock::now();
+    window_.begin_frame();
+    show_panels();
+    if (OpenedDocument* opened = desk_.opened())
+        opened->hand.resize(view_.width / window_.scale(),
+                            view_.height / window_.scale());
+    parts.upload = draw_canvas();
+    draw_overlay(desk_, view_, window_.scale(), canvas_.scale_of_cells());
+    window_.draw_panels();
+    parts.draw = ms_since(draw_start) - parts.upload;
+    parts.total = ms_since(start);
+    desk_.frame_times.add(seconds_now(), parts.total);
+    window_.show_frame();
+    if (std::string title = desk_.title(); title != title_)
+        window_.set_title(title_ = std::move(title));
+    return parts;
+}
+
+/// What may change by itself with time.
+std::string Editor::words() const
+{
+    std::string words;
+    if (const Notice* notice = desk_.notice(Place::Window))
+        words += notice->text;
+    if (const OpenedDocument* opened = desk_.opened())
+        words += opened->hand.hint() + opened->hand.status() + opened->hand.complaint();
+    return words;
+}
+
+void Editor::run()
+{
+    int frames_to_draw = kFramesAfterEvent;
+    double last_frame = 0.0;
+    while (!desk_.wants_to_quit)
+    {
+        const bool is_idle = desk_.is_idle();
+        window_.wait(frames_to_draw > 0 ? 0.0 : is_idle ? kIdleWait : kBusyWait);
+        if (window_.wants_to_close())
+        {
+            window_.keep_open();
+            desk_.ask_to_quit();
+            frames_to_draw = kFramesAfterEvent;
+        }
+        if (window_.has_news())
+            frames_to_draw = kFramesAfterEvent;
+        if (frames_to_draw == 0)
+        {
+            const bool is_new = desk_.update();
+            const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
+            const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
+            if (!is_new && !is_typing && !is_late && words() == words_)
+                continue;
+        }
+        frame();
+        words_ = words();
+        last_frame = seconds_now();
+        frames_to_draw = std::max(0, frames_to_draw - 1);
+    }
+}
+
+} // namespace cellwarp

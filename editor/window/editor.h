@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The window and the desk in it: events go to the panels or to the hand, and a frame is
+// drawn. Scripts and people use the same way through.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "editor/window/canvas.h"
+#include "editor/window/desk.h"
+#include "editor/window/dialogs.h"
+#include "editor/window/panels.h"
+#include "editor/window/window.h"
+
+namespace cellwarp
+{
+
+/// Where the time of a frame went [ms].
+struct FrameParts
+{
+    double update = 0.0; ///< of document and hand
+    double upload = 0.0, draw = 0.0;
+    double total = 0.0; ///< from the first event to the drawn frame
+};
+
+class Editor
+{
+public:
+    Editor(const WindowOptions& options, bool keeps_journals);
+    ~Editor();
+
+    /// Until the user quits.
+    void run();
+
+    /// Takes the events that are there and draws a frame.
+    FrameParts frame();
+    Window& window() { return window_; }
+    Desk& desk() { return desk_; }
+    /// Of the last frame.
+    const ViewRect& view() const { return view_; }
+    Pixels pixels() const { return window_.pixels(); }
+
+private:
+    void handle_events();
+    void handle(const InputEvent& event);
+    void handle_pointer(const InputEvent& event, Interaction& hand);
+    bool handle_shortcut(const InputEvent& event);
+    bool panels_have(const InputEvent& event) const;
+    std::string words() const;
+    void lay_out();
+    void show_panels();
+    double draw_canvas();
+
+    Window window_;
+    Desk desk_;
+    Canvas canvas_;
+    PanelState panels_;
+    FileDialog file_dialog_;
+    ViewRect view_;
+    float menu_height_ = 0.0f;
+    std::uint32_t held_in_view_ =
+        0;                ///< buttons that were pressed in the view, a bit each
+    bool is_dark_ = true; ///< as it is drawn now
+    std::string title_;
+    std::string words_;                     ///< that were drawn last
+    const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
+};
+
+} // namespace cellwarp

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What is drawn over the view: the gizmo, outlines of gestures, what would be picked, the
+// scale of the cells' colours, and what the user may do next.
+#pragma once
+
+#include "editor/window/desk.h"
+
+namespace cellwarp
+{
+
+/// \p scale: pixels of the screen for one of the hand's. \p cells: what their colours
+/// mean.
+void draw_overlay(Desk& desk, const ViewRect& view, double scale, const CellScale& cells);
+
+} // namespace cellwarp

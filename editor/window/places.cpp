@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/places.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostRecent = 12;
+
+} // namespace
+
+std::string state_folder()
+{
+    const char* state = std::getenv("XDG_STATE_HOME");
+    const char* home = std::getenv("HOME");
+    fs::path folder;
+    if (state != nullptr && fs::path(state).is_absolute())
+        folder = fs::path(state) / "cellwarp";
+    else if (home != nullptr && *home != 0)
+        folder = fs::path(home) / ".local" / "state" / "cellwarp";
+    else
+        return "";
+    std::error_code failure;
+    fs::create_directories(folder, failure);
+    return failure ? "" : folder.string();
+}
+
+RecentFiles::RecentFiles(std::string folder)
+    : file_(folder.empty() ? "" : std::move(folder) + "/recent")
+{
+    std::ifstream file(file_);
+    for (std::string line; std::getline(file, line) && paths_.size() < kMostRecent;)
+        if (!line.empty())
+            paths_.push_back(line);
+}
+
+void RecentFiles::add(const std::string& path)
+{
+    std::error_code failure;
+    const std::string whole = fs::absolute(path, failure).lexically_normal().string();
+    if (failure || whole.find('\n') != std::string::npos)
+        return;
+    std::erase(paths_, whole);
+    paths_.insert(paths_.begin(), whole);
+    if (paths_.size() > kMostRecent)
+        paths_.resize(kMostRecent);
+    write();
+}
+
+void RecentFiles::forget(const std::string& path)
+{
+    if (std::erase(paths_, path) > 0)
+        write();
+}
+
+void RecentFiles::write() const
+{
+    if (file_.empty())
+        return;
+    std::ofstream file(file_, std::ios::trunc);
+    for (const std::string& path : paths_)
+        file << path << '\n';
+}
+
+std::vector<std::string> sample_scenes()
+{
+    std::error_code failure;
+    std::vector<fs::path> folders = {fs::current_path(failure) / "samples"};
+    const fs::path program = fs::read_symlink("/proc/self/exe", failure);
+    if (!failure)
+        folders.push_back(program.parent_path().parent_path() / "samples");
+    for (const fs::path& folder : folders)
+    {
+        std::vector<std::string> scenes;
+        for (fs::directory_iterator entry(folder, failure), end; !failure && entry != end;
+             entry.increment(failure))
+            if (entry->path().extension() == ".json")
+                scenes.push_back(entry->path().string());
+        std::sort(scenes.begin(), scenes.end());
+        if (!scenes.empty())
+            return scenes;
+    }
+    return {};
+}
+
+} // namespace cellwarp

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <cmath>
+
+#include <nlohmann/json.hpp>
+
+#include "editor/window/playback.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Json = nlohmann::ordered_json;
+
+Json summary_of(std::vector<double> values)
+{
+    if (values.empty())
+        return nullptr;
+    std::sort(values.begin(), values.end());
+    const auto at = [&](double share)
+    {
+        const double place = share * static_cast<double>(values.size() - 1);
+        return std::round(values[static_cast<std::size_t>(std::lround(place))] * 1000.0) /
+               1000.0;
+    };
+    return {{"median", at(0.5)}, {"p95", at(0.95)}, {"worst", at(1.0)}};
+}
+
+std::vector<double> column(const std::vector<FrameParts>& frames,
+                           double FrameParts::*part)
+{
+    std::vector<double> values;
+    for (const FrameParts& frame : frames)
+        values.push_back(frame.*part);
+    return values;
+}
+
+} // namespace
+
+std::string report_text(const PlaybackReport& report)
+{
+    Json json = {{"model", report.model},
+                 {"samples", report.samples},
+                 {"renderer", report.renderer},
+                 {"size", {report.width, report.height}},
+                 {"drags", Json::array()}};
+    for (const DragTimes& drag : report.drags)
+        json["drags"].push_back(
+            {{"line", drag.line},
+             {"events", drag.frames.size()},
+             {"solved_frames", drag.solved},
+             {"frame_ms", summary_of(column(drag.frames, &FrameParts::total))},
+             {"update_ms", summary_of(column(drag.frames, &FrameParts::update))},
+             {"upload_ms", summary_of(column(drag.frames, &FrameParts::upload))},
+             {"draw_ms", summary_of(column(drag.frames, &FrameParts::draw))},
+             {"solve_ms", summary_of(drag.solve_ms)},
+             {"blend_ms", summary_of(drag.blend_ms)},
+             {"latency_ms", summary_of(drag.latency_ms)}});
+    return json.dump(2) + "\n";
+}
+
+} // namespace cellwarp

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include <imgui.h>
+#include <imgui_stdlib.h>
+
+#include "editor/window/panels.h"
+#include "editor/window/style.h"
+#include "editor/window/widgets.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+struct RoleName
+{
+    Role role;
+    const char* name;
+    const char* tip;
+};
+
+constexpr std::array<RoleName, 4> kRoles = {
+    {{Role::Fixed, "Fixed", "Stays where it is"},
+     {Role::Handle, "Handle", "Is moved and turned by you"},
+     {Role::Pin, "Pin", "Is moved by you and turns as it likes"},
+     {Role::Stiff, "Stiff", "Bends less than the rest"}}};
+
+const char* name_of(Role role)
+{
+    for (const RoleName& known : kRoles)
+        if (known.role == role)
+            return known.name;
+    return "";
+}
+
+void show_makers(Desk& desk)
+{
+    const std::size_t count = desk.document().selection().count();
+    if (count == 0)
+        faint_text("Select samples in the view, then make a region of them.");
+    else
+        faint_text("Make the " + counted(static_cast<std::int64_t>(count),
+                                         "selected sample:", "selected samples:"));
+    ImGui::BeginDisabled(count == 0);
+    const float width =
+        (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;
+    for (const RoleName& known : kRoles)
+    {
+        ImVec4 colour = shown(role_colour(known.role));
+        colour.w = 0.30f;
+        ImGui::PushStyleColor(ImGuiCol_Button, colour);
+        colour.w = 0.50f;
+        ImGui::PushStyleColor(ImGuiCol_ButtonHovered, colour);
+        colour.w = 0.70f;
+        ImGui::PushStyleColor(ImGuiCol_ButtonActive, colour);
+        if (ImGui::Button(known.name, {width, 0}))
+            desk.attempt(Place::Regions,
+                         [&]
+                         {
+                             const std::string name =
+                                 desk.document().add_region(known.role);
+                             desk.opened()->hand.set_active_region(name);
+                         });
+        ImGui::PopStyleColor(3);
+        tip(known.tip);
+        if (known.role != Role::Stiff)
+            ImGui::SameLine();
+    }
+    ImGui::EndDisabled();
+}
+
+void show_row(Desk& desk, const EditedRegion& region, const std::string& failed)
+{
+    Interaction& hand = desk.opened()->hand;
+    ImGui::PushID(region.name.c_str());
+    ImGui::TableNextRow();
+    ImGui::TableNextColumn();
+    const ImVec2 corner = ImGui::GetCursorScreenPos();
+    const float height = ImGui::GetTextLineHeight();
+    if (ImGui::Selectable("##row", hand.active_region() == region.name,
+                          ImGuiSelectableFlags_SpanAllColumns))
+        hand.set_active_region(region.name);
+    ImGui::GetWindowDrawList()->AddCircleFilled(
+        {corner.x + 0.6f * height, corner.y + 0.5f * height}, 0.34f * height,
+        packed(shown(role_colour(region.role))), 24);
+    ImGui::TableNextColumn();
+    if (failed == region.name)
+        ImGui::TextColored(palette().error, "%s  !", region.name.c_str());
+    else
+        ImGui::TextUnformatted(region.name.c_str());
+    ImGui::TableNextColumn();
+    ImGui::TextColored(palette().faint, "%s", name_of(region.role));
+    ImGui::TableNextColumn();
+    const std::string count = counted(static_cast<std::int64_t>(region.samples.size()));
+    const float room = ImGui::GetContentRegionAvail().x;
+    ImGui::SetCursorPosX(ImGui::GetCursorPosX() +
+                         std::max(0.0f, room - ImGui::CalcTextSize(count.c_str()).x));
+    ImGui::TextUnformatted(count.c_str());
+    ImGui::PopID();
+}
+
+void show_list(Desk& desk)
+{
+    const std::vector<EditedRegion>& regions = desk.document().regions();
+    if (regions.empty())
+        return;
+    const SolveStatus status = desk.opened()->editing.status();
+    const std::string failed =
+        status.state == SolveStatus::State::Failed ? status.error_region : "";
+    if (ImGui::BeginTable("regions", 4, ImGuiTableFlags_NoPadOuterX))
+    {
+        ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(1.9f));
+        ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthStretch);
+        ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(5.5f));
+        ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(7.5f));
+        for (const EditedRegion& region : regions)
+            show_row(desk, region, failed);
+        ImGui::EndTable();
+    }
+    if (!failed.empty())
+        error_text(status.error);
+}
+
+void show_name(Desk& desk, PanelState& state, const EditedRegion& region)
+{
+    label("Name");
+    if (state.renamed != region.name)
+    {
+        state.renamed = region.name;
+        state.name = region.name;
+    }
+    ImGui::SetNextItemWidth(-1);
+    ImGui::InputText("##name", &state.name);
+    if (!ImGui::IsItemDeactivatedAfterEdit())
+        return;
+    const std::string old = region.name, name = state.name;
+    state.renamed.clear();
+    desk.attempt(Place::Regions,
+                 [&]
+                 {
+                     desk.document().rename_region(old, name);
+                     desk.opened()->hand.set_active_region(name);
+                 });
+}
+
+void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
+{
+    label("Role");
+    ImGui::SetNextItemWidth(region.role == Role::Stiff ? letters(9.0f) : -1);
+    if (ImGui::BeginCombo("##role", name_of(region.role)))
+    {
+        for (const RoleName& known : kRoles)
+            if (ImGui::Selectable(known.name, known.role == region.role) &&
+                known.role != region.role)
+            {
+                // A stiff region of factor 1 would be as soft as the rest.
+                const double factor = known.role == Role::Stiff ? 20.0 : 1.0;
+                const std::string name = region.name;
+                desk.attempt(Place::Regions,
+                             [&] { desk.document().set_role(name, known.role, factor); });
+                ImGui::EndCombo();
+                return;
+            }
+        ImGui::EndCombo();
+    }
+    if (region.role != Role::Stiff)
+        return;
+    ImGui::SameLine();
+    double factor = state.factor.value_or(region.factor);
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::InputDouble("##factor", &factor, 0.0, 0.0, "× %.4g"))
+        state.factor = factor;
+    tip("How many times as stiff as the rest");
+    if (ImGui::IsItemDeactivatedAfterEdit())
+    {
+        const std::string name = region.name;
+        state.factor.reset();
+        desk.attempt(Place::Regions,
+                     [&] { desk.document().set_role(name, Role::Stiff, factor); });
+    }
+}
+
+/// Number fields of the placement. \return whether one is in the hand
+bool show_numbers(Desk& desk, const EditedRegion& region, Placement& value, bool& changed)
+{
+    const double diagonal = desk.document().box().size().norm();
+    const auto speed = static_cast<float>(diagonal * 1e-3);
+    bool is_held = false;
+    label("Move");
+    ImGui::SetNextItemWidth(-1);
+    changed |=
+        ImGui::DragScalarN("##move", ImGuiDataType_Double, value.translation.data(), 3,
+                           speed, nullptr, nullptr, "%.4g");
+    is_held |= ImGui::IsItemActive();
+    tip("Along x, y and z [model unit]. Drag, or double-click to type");
+    if (region.role != Role::Handle)
+        return is_held;
+    label("Turn");
+    ImGui::SetNextItemWidth(-1);
+    changed |= ImGui::DragScalar("##turn", ImGuiDataType_Double, &value.degrees, 0.25f,
+                                 nullptr, nullptr, "%.4g°");
+    is_held |= ImGui::IsItemActive();
+    tip("About the axis below, through the middle of the region");
+    label("Axis");
+    ImGui::SetNextItemWidth(-1);
+    Eigen::Vector3d axis = value.axis;
+    if (ImGui::DragScalarN("##axis", ImGuiDataType_Double, axis.data(), 3, 0.01f, nullptr,
+                           nullptr, "%.3g") &&
+        axis.norm() > 1e-6)
+    {
+        value.axis = axis.normalized();
+        changed = true;
+    }
+    is_held |= ImGui::IsItemActive();
+    return is_held;
+}
+
+void show_placement(Desk& desk, PanelState& state, const EditedRegion& region)
+{
+    Editing& editing = desk.opened()->editing;
+    PlacementEntry& entry = state.placement;
+    if (!entry.is_held)
+        entry.value = region.placement;
+    const std::string name = region.name;
+    bool changed = false;
+    // While the hand in the view has a region, numbers only show.
+    ImGui::BeginDisabled(editing.dragged().has_value() && !entry.is_held);
+    const bool is_active = show_numbers(desk, region, entry.value, changed);
+    ImGui::EndDisabled();
+    if (changed && !entry.is_held)
+    {
+        std::string why;
+        entry.is_held = editing.begin_drag(name, &why);
+        if (!entry.is_held)
+            desk.say(Place::Regions, why, true);
+    }
+    if (changed && entry.is_held)
+        editing.drag_to(entry.value);
+    if (!is_active && entry.is_held)
+    {
+        entry.is_held = false;
+        desk.attempt(Place::Regions, [&] { editing.end_drag(); });
+    }
+}
+
+void show_active(Desk& desk, PanelState& state)
+{
+    const EditedRegion* found =
+        desk.document().region(desk.opened()->hand.active_region());
+    if (found == nullptr)
+        return;
+    // A copy: commands below change what it points to.
+    const EditedRegion region = *found;
+    ImGui::Dummy({0, letters(0.2f)});
+    ImGui::Separator();
+    ImGui::Dummy({0, letters(0.1f)});
+    show_name(desk, state, region);
+    show_role(desk, state, region);
+    if (region.moves())
+        show_placement(desk, state, region);
+    const bool is_dragging = desk.opened()->editing.dragged().has_value();
+    ImGui::BeginDisabled(is_dragging);
+    if (region.moves() && ImGui::Button("Back to rest"))
+        desk.attempt(Place::Regions,
+                     [&] { desk.document().move_region(region.name, Placement()); });
+    if (region.moves())
+        ImGui::SameLine();
+    ImGui::BeginDisabled(desk.document().selection().empty());
+    if (ImGui::Button("Use selection"))
+        desk.attempt(Place::Regions, [&] { desk.document().set_samples(region.name); });
+    tip("The region becomes what is selected");
+    ImGui::EndDisabled();
+    ImGui::SameLine();
+    if (ImGui::Button("Remove"))
+        desk.attempt(Place::Regions, [&] { desk.document().remove_region(region.name); });
+    ImGui::EndDisabled();
+}
+
+} // namespace
+
+void show_regions_panel(Desk& desk, PanelState& state)
+{
+    if (!section("Regions", true))
+        return;
+    const bool is_dragging = desk.opened()->hand.is_busy();
+    ImGui::BeginDisabled(is_dragging);
+    show_makers(desk);
+    show_list(desk);
+    ImGui::EndDisabled();
+    if (const Notice* notice = desk.notice(Place::Regions))
+        notice->is_error ? error_text(notice->text) : faint_text(notice->text);
+    show_active(desk, state);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,320 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Cells, release field and solver: their settings, and what they reached.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <string>
+
+#include <imgui.h>
+
+#include "editor/window/panels.h"
+#include "editor/window/style.h"
+#include "editor/window/widgets.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::size_t kPlotPoints = 96;
+
+struct Choice
+{
+    const char* word; ///< of the scene file; null: its default
+    const char* name;
+};
+
+/// A combo of words that may be left to the default.
+bool show_choice(const char* name, std::optional<std::string>& value,
+                 std::span<const Choice> choices)
+{
+    label(name);
+    const auto is_chosen = [&](const Choice& choice)
+    { return choice.word == nullptr ? !value : value == choice.word; };
+    const char* now = "";
+    for (const Choice& choice : choices)
+        if (is_chosen(choice))
+            now = choice.name;
+    bool changed = false;
+    ImGui::SetNextItemWidth(-1);
+    ImGui::PushID(name);
+    if (ImGui::BeginCombo("##choice", now))
+    {
+        for (const Choice& choice : choices)
+            if (ImGui::Selectable(choice.name, is_chosen(choice)) && !is_chosen(choice))
+            {
+                value = choice.word == nullptr ? std::nullopt
+                                               : std::optional<std::string>(choice.word);
+                changed = true;
+            }
+        ImGui::EndCombo();
+    }
+    ImGui::PopID();
+    return changed;
+}
+
+/// What a number field did in this frame.
+struct Typed
+{
+    bool is_typing = false, is_done = false;
+};
+
+/// A number that may be left to its default; emptied, it goes back there.
+template <class Number>
+Typed show_number(const char* name, std::optional<Number>& value, const char* hint,
+                  const char* explanation)
+{
+    static_assert(std::is_same_v<Number, double> || std::is_same_v<Number, std::int64_t>);
+    label(name);
+    char text[32] = "";
+    if (value)
+    {
+        if constexpr (std::is_same_v<Number, double>)
+            std::snprintf(text, sizeof text, "%.6g", *value);
+        else
+            std::snprintf(text, sizeof text, "%lld", static_cast<long long>(*value));
+    }
+    Typed typed;
+    ImGui::SetNextItemWidth(-1);
+    ImGui::PushID(name);
+    if (ImGui::InputTextWithHint("##number", hint, text, sizeof text,
+                                 ImGuiInputTextFlags_CharsScientific |
+                                     ImGuiInputTextFlags_AutoSelectAll))
+    {
+        char* end = nullptr;
+        const double number = std::strtod(text, &end);
+        if (end == text)
+            value.reset();
+        else if (std::isfinite(number) && std::abs(number) < 1e15)
+            value = static_cast<Number>(number);
+    }
+    typed.is_typing = ImGui::IsItemActive();
+    typed.is_done = ImGui::IsItemDeactivatedAfterEdit();
+    ImGui::PopID();
+    tip(explanation);
+    return typed;
+}
+
+/// What the document's settings are, or what is being typed instead.
+EditSettings& settings_in_hand(Desk& desk, PanelState& state)
+{
+    if (!state.types_settings)
+        state.settings = desk.document().settings();
+    return state.settings;
+}
+
+void show_cell_counts(const SolveStatus& status)
+{
+    if (status.cells == 0)
+    {
+        faint_text("No cells yet");
+        return;
+    }
+    std::string text = counted(static_cast<std::int64_t>(status.cells), "cell", "cells") +
+                       ", " + counted(static_cast<std::int64_t>(status.free_cells)) +
+                       " free";
+    ImGui::TextUnformatted(text.c_str());
+    if (status.cells_per_depth.size() > 1)
+    {
+        std::string depths = "by depth: ";
+        for (std::size_t d = 0; d < status.cells_per_depth.size(); ++d)
+            depths += (d > 0 ? " · " : "") + counted(status.cells_per_depth[d]);
+        faint_text(depths);
+    }
+    if (!status.inside.empty())
+        faint_text(status.inside);
+}
+
+std::string state_text(const SolveStatus& status)
+{
+    switch (status.state)
+    {
+    case SolveStatus::State::Idle:
+        return status.report ? "Done in " + rounded(status.seconds) + " s" : "Ready";
+    case SolveStatus::State::Preparing:
+        return "Making cells";
+    case SolveStatus::State::Solving:
+    {
+        const FrameProgress& now = status.progress;
+        std::string text = "Solving frame " + std::to_string(now.frame);
+        if (now.steps > 1)
+            text += ", step " + std::to_string(now.step + 1) + " of " +
+                    std::to_string(now.steps);
+        return text + ", iteration " + std::to_string(now.iteration);
+    }
+    case SolveStatus::State::Field:
+        return "Fitting the field";
+    case SolveStatus::State::Failed:
+        return "Could not be solved";
+    }
+    return "";
+}
+
+/// How far a solve is; negative: not known.
+float done_of(const SolveStatus& status)
+{
+    if (status.state != SolveStatus::State::Solving)
+        return -1.0f;
+    // The gradient falls to a millionth: each power of ten is a sixth of a step.
+    const double gradient = std::clamp(status.progress.gradient, 1e-6, 1.0);
+    return static_cast<float>((status.progress.step - std::log10(gradient) / 6.0) /
+                              std::max(1, status.progress.steps));
+}
+
+void show_energy_curve(const SolveStatus& status)
+{
+    const auto& curve = status.energy_curve;
+    if (curve.size() < 2 || !(curve.back().first > curve.front().first))
+        return;
+    std::array<float, kPlotPoints> values{};
+    const double begin = curve.front().first, end = curve.back().first;
+    double least = curve.front().second, most = least;
+    for (const auto& [when, energy] : curve)
+    {
+        least = std::min(least, energy);
+        most = std::max(most, energy);
+    }
+    // Over many powers of ten only their exponents can be read.
+    const bool is_logarithmic = least > 0.0 && most > 100.0 * least;
+    std::size_t at = 0;
+    for (std::size_t k = 0; k < kPlotPoints; ++k)
+    {
+        const double when = begin + (end - begin) * static_cast<double>(k) /
+                                        static_cast<double>(kPlotPoints - 1);
+        while (at + 1 < curve.size() && curve[at + 1].first <= when)
+            ++at;
+        const double energy = curve[at].second;
+        values[k] = static_cast<float>(is_logarithmic ? std::log10(energy) : energy);
+    }
+    const std::string name = is_logarithmic ? "energy (powers of ten)" : "energy";
+    ImGui::PlotLines("##energy", values.data(), static_cast<int>(values.size()), 0,
+                     name.c_str(), FLT_MAX, FLT_MAX,
+                     {ImGui::GetContentRegionAvail().x, letters(6.5f)});
+    tip(("Energy from " + rounded(most) + " to " + rounded(curve.back().second) + " in " +
+         rounded(end - begin) + " s")
+            .c_str());
+}
+
+void show_report(const SolveStatus& status)
+{
+    if (!status.report)
+        return;
+    const FrameReport& report = *status.report;
+    if (report.solve.stop != Stop::Converged)
+        warning_text("Stopped early: " + stop_name(report.solve.stop));
+    value_pair("Iterations", std::to_string(report.solve.iterations), "Steps",
+               std::to_string(report.steps));
+    value_pair("Energy", rounded(status.energy), "Gap",
+               rounded(100.0 * status.max_gap) + " %");
+    tip("The widest gap between neighbours, of the diagonal");
+    value_pair("Cells", rounded(report.cells_ms) + " ms", "Solve",
+               rounded(report.solve_ms) + " ms");
+    value_pair("Fit", rounded(report.fit_ms) + " ms", "Apply",
+               rounded(report.apply_ms) + " ms");
+}
+
+} // namespace
+
+void show_cells_panel(Desk& desk, PanelState& state)
+{
+    const SolveStatus status = desk.opened()->editing.status();
+    if (!section("Cells", false,
+                 status.cells > 0 ? counted(static_cast<std::int64_t>(status.cells))
+                                  : ""))
+        return;
+    show_cell_counts(status);
+    ImGui::BeginDisabled(desk.opened()->hand.is_busy());
+    EditSettings& settings = settings_in_hand(desk, state);
+    bool is_done = false, is_typing = false;
+    const auto take = [&](Typed typed)
+    {
+        is_done |= typed.is_done;
+        is_typing |= typed.is_typing;
+    };
+    const std::string across =
+        status.across > 0 ? std::to_string(status.across) + " (by itself)" : "by itself";
+    take(show_number("Across", settings.across, across.c_str(),
+                     "Coarsest cells along the longest side"));
+    take(show_number("Threshold", settings.threshold, "by itself",
+                     "Cells split whose error is larger, relative to the diagonal"));
+    take(show_number("Depth", settings.max_depth, "by itself",
+                     "How often a coarsest cell may be halved"));
+    take(show_number("Gap", settings.gap, "0.008 (default)",
+                     "Parts farther apart than this are never glued, relative to the "
+                     "diagonal"));
+    constexpr std::array<Choice, 3> kFills = {
+        {{nullptr, "Solid (default)"}, {"solid", "Solid"}, {"shell", "Shell"}}};
+    is_done |= show_choice("Fill", settings.fill, kFills);
+    ImGui::EndDisabled();
+    state.types_settings = is_typing;
+    if (is_done)
+    {
+        const EditSettings wanted = settings;
+        state.types_settings = false;
+        desk.attempt(Place::Cells, [&] { desk.document().change_settings(wanted); });
+    }
+    if (const Notice* notice = desk.notice(Place::Cells))
+        error_text(notice->text);
+}
+
+void show_field_panel(Desk& desk)
+{
+    if (!section("Field", false))
+        return;
+    EditSettings settings = desk.document().settings();
+    constexpr std::array<Choice, 4> kReleases = {
+        {{nullptr, "Smooth (default)"},
+         {"rbf", "Smooth, local fits"},
+         {"rbf-global", "Smooth, one global fit"},
+         {"blend", "Blend of closest cells"}}};
+    constexpr std::array<Choice, 3> kDrags = {{{nullptr, "Blend (default)"},
+                                               {"blend", "Blend of near cells"},
+                                               {"closest4", "Four closest cells"}}};
+    ImGui::BeginDisabled(desk.opened()->hand.is_busy());
+    bool changed = show_choice("Released", settings.release, kReleases);
+    changed |= show_choice("Dragged", settings.drag, kDrags);
+    ImGui::EndDisabled();
+    const SolveStatus status = desk.opened()->editing.status();
+    if (status.centres > 0)
+        faint_text(
+            counted(static_cast<std::int64_t>(status.centres), "centre", "centres") +
+            (status.clusters > 0
+                 ? " in " + counted(static_cast<std::int64_t>(status.clusters), "cluster",
+                                    "clusters")
+                 : std::string()));
+    if (changed)
+        desk.attempt(Place::Field, [&] { desk.document().change_settings(settings); });
+    if (const Notice* notice = desk.notice(Place::Field))
+        error_text(notice->text);
+}
+
+void show_solver_panel(Desk& desk)
+{
+    const SolveStatus status = desk.opened()->editing.status();
+    if (!section("Solver", true))
+        return;
+    const bool is_working = status.state == SolveStatus::State::Preparing ||
+                            status.state == SolveStatus::State::Solving ||
+                            status.state == SolveStatus::State::Field;
+    ImGui::TextUnformatted(state_text(status).c_str());
+    if (is_working)
+    {
+        ImGui::SameLine(ImGui::GetContentRegionMax().x - letters(9));
+        if (ImGui::SmallButton(" Cancel "))
+            desk.opened()->editing.cancel();
+    }
+    // Always there, so that nothing below it jumps.
+    ImGui::ProgressBar(is_working ? std::max(0.0f, done_of(status)) : 0.0f,
+                       {-1, letters(0.6f)}, "");
+    // What concerns a region is said there.
+    if (status.state == SolveStatus::State::Failed && status.error_region.empty())
+        error_text(status.error);
+    for (const std::string& warning : status.warnings)
+        warning_text(warning);
+    show_report(status);
+    show_energy_curve(status);
+}
+
+} // namespace cellwarp

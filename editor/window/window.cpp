@@ -1,0 +1,508 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// ImGui's own GLFW back end is not used: it asks GLFW for the pointer and the buttons,
+// which a played event cannot change.
+#include "editor/window/window.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <backends/imgui_impl_opengl3.h>
+#include <imgui.h>
+
+#include "editor/window/gl.h"
+#include "editor/window/style.h"
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Longest time that ImGui is told to have passed: it animates nothing of ours [s].
+constexpr double kLongestStep = 0.1;
+
+std::string last_words; ///< of GLFW's last error
+
+Modifiers modifiers_of(int mods)
+{
+    return {(mods & GLFW_MOD_SHIFT) != 0, (mods & GLFW_MOD_CONTROL) != 0,
+            (mods & GLFW_MOD_ALT) != 0};
+}
+
+/// Keys that are not known by what they write.
+bool named_key(int code, KeyEvent& event)
+{
+    switch (code)
+    {
+    case GLFW_KEY_KP_ENTER:
+        event.is_keypad = true;
+        [[fallthrough]];
+    case GLFW_KEY_ENTER:
+        event.key = Key::Enter;
+        return true;
+    case GLFW_KEY_ESCAPE:
+        event.key = Key::Escape;
+        return true;
+    case GLFW_KEY_TAB:
+        event.key = Key::Tab;
+        return true;
+    case GLFW_KEY_BACKSPACE:
+        event.key = Key::Backspace;
+        return true;
+    case GLFW_KEY_DELETE:
+        event.key = Key::Delete;
+        return true;
+    case GLFW_KEY_HOME:
+        event.key = Key::Home;
+        return true;
+    case GLFW_KEY_SPACE:
+        event.key = Key::Space;
+        return true;
+    case GLFW_KEY_LEFT:
+        event.key = Key::Left;
+        return true;
+    case GLFW_KEY_RIGHT:
+        event.key = Key::Right;
+        return true;
+    case GLFW_KEY_UP:
+        event.key = Key::Up;
+        return true;
+    case GLFW_KEY_DOWN:
+        event.key = Key::Down;
+        return true;
+    default:
+        return false;
+    }
+}
+
+/// What stands on the key, in lower case; 0: nothing that tools know.
+char letter_of(int code, int scancode, bool& is_keypad)
+{
+    constexpr std::string_view kKeypad = "0123456789./*-+";
+    if (code >= GLFW_KEY_KP_0 && code <= GLFW_KEY_KP_ADD)
+    {
+        is_keypad = true;
+        return kKeypad[static_cast<std::size_t>(code - GLFW_KEY_KP_0)];
+    }
+    const char* name = glfwGetKeyName(code, scancode);
+    if (name == nullptr || name[0] == 0 || name[1] != 0)
+        return 0;
+    return static_cast<char>(std::tolower(static_cast<unsigned char>(name[0])));
+}
+
+void prepare_panels()
+{
+    ImGui::CreateContext();
+    ImGuiIO& io = ImGui::GetIO();
+    io.IniFilename = nullptr; // panels stand where they stand
+    constexpr std::array<std::pair<int, int>, 22> kKeys = {
+        {{ImGuiKey_Tab, GLFW_KEY_TAB},
+         {ImGuiKey_LeftArrow, GLFW_KEY_LEFT},
+         {ImGuiKey_RightArrow, GLFW_KEY_RIGHT},
+         {ImGuiKey_UpArrow, GLFW_KEY_UP},
+         {ImGuiKey_DownArrow, GLFW_KEY_DOWN},
+         {ImGuiKey_PageUp, GLFW_KEY_PAGE_UP},
+         {ImGuiKey_PageDown, GLFW_KEY_PAGE_DOWN},
+         {ImGuiKey_Home, GLFW_KEY_HOME},
+         {ImGuiKey_End, GLFW_KEY_END},
+         {ImGuiKey_Insert, GLFW_KEY_INSERT},
+         {ImGuiKey_Delete, GLFW_KEY_DELETE},
+         {ImGuiKey_Backspace, GLFW_KEY_BACKSPACE},
+         {ImGuiKey_Space, GLFW_KEY_SPACE},
+         {ImGuiKey_Enter, GLFW_KEY_ENTER},
+         {ImGuiKey_Escape, GLFW_KEY_ESCAPE},
+         {ImGuiKey_KeyPadEnter, GLFW_KEY_KP_ENTER},
+         {ImGuiKey_A, GLFW_KEY_A},
+         {ImGuiKey_C, GLFW_KEY_C},
+         {ImGuiKey_V, GLFW_KEY_V},
+         {ImGuiKey_X, GLFW_KEY_X},
+         {ImGuiKey_Y, GLFW_KEY_Y},
+         {ImGuiKey_Z, GLFW_KEY_Z}}};
+    for (const auto& [theirs, ours] : kKeys)
+        io.KeyMap[theirs] = ours;
+    io.SetClipboardTextFn = [](void* window, const char* text)
+    { glfwSetClipboardString(static_cast<GLFWwindow*>(window), text); };
+    io.GetClipboardTextFn = [](void* window)
+    { return glfwGetClipboardString(static_cast<GLFWwindow*>(window)); };
+}
+
+[[noreturn]] void no_display()
+{
+    const std::string words = last_words.empty() ? "" : " (" + last_words + ")";
+    glfwTerminate();
+    throw Error(Fault::Usage,
+                "the editor needs a display with OpenGL 3.3, and there is none" + words +
+                    "; cellwarp deform, render and apply work without one");
+}
+
+} // namespace
+
+struct Window::Callbacks
+{
+    static Window& self(GLFWwindow* window)
+    {
+        return *static_cast<Window*>(glfwGetWindowUserPointer(window));
+    }
+
+    static void from_display(GLFWwindow* window, InputEvent event)
+    {
+        if (!self(window).is_played_)
+            self(window).post(std::move(event));
+    }
+
+    /// GLFW counts in its own units; pixels are what we draw.
+    static Eigen::Vector2d to_pixels(GLFWwindow* window, double x, double y)
+    {
+        int wide = 0, high = 0, columns = 0, rows = 0;
+        glfwGetWindowSize(window, &wide, &high);
+        glfwGetFramebufferSize(window, &columns, &rows);
+        return {x * columns / std::max(wide, 1), y * rows / std::max(high, 1)};
+    }
+
+    static Modifiers held(GLFWwindow* window)
+    {
+        const auto is_down = [&](int left, int right)
+        {
+            return glfwGetKey(window, left) == GLFW_PRESS ||
+                   glfwGetKey(window, right) == GLFW_PRESS;
+        };
+        return {is_down(GLFW_KEY_LEFT_SHIFT, GLFW_KEY_RIGHT_SHIFT),
+                is_down(GLFW_KEY_LEFT_CONTROL, GLFW_KEY_RIGHT_CONTROL),
+                is_down(GLFW_KEY_LEFT_ALT, GLFW_KEY_RIGHT_ALT)};
+    }
+
+    static void moved(GLFWwindow* window, double x, double y)
+    {
+        from_display(window, {.kind = InputEvent::Kind::Move,
+                              .place = to_pixels(window, x, y),
+                              .modifiers = held(window)});
+    }
+
+    static void button(GLFWwindow* window, int button, int action, int mods)
+    {
+        if (button > GLFW_MOUSE_BUTTON_MIDDLE)
+            return;
+        InputEvent event;
+        event.kind =
+            action == GLFW_PRESS ? InputEvent::Kind::Press : InputEvent::Kind::Release;
+        double x = 0.0, y = 0.0;
+        glfwGetCursorPos(window, &x, &y);
+        event.place = to_pixels(window, x, y);
+        event.button = button == GLFW_MOUSE_BUTTON_LEFT    ? Button::Left
+                       : button == GLFW_MOUSE_BUTTON_RIGHT ? Button::Right
+                                                           : Button::Middle;
+        event.modifiers = modifiers_of(mods);
+        from_display(window, event);
+    }
+
+    static void scrolled(GLFWwindow* window, double x, double y)
+    {
+        from_display(window, {.kind = InputEvent::Kind::Wheel,
+                              .place = {x, y},
+                              .modifiers = held(window)});
+    }
+
+    static void key(GLFWwindow* window, int code, int scancode, int action, int mods)
+    {
+        InputEvent event;
+        event.kind =
+            action == GLFW_RELEASE ? InputEvent::Kind::KeyUp : InputEvent::Kind::KeyDown;
+        event.code = code;
+        event.is_repeated = action == GLFW_REPEAT;
+        event.modifiers = event.key.modifiers = modifiers_of(mods);
+        if (!named_key(code, event.key))
+        {
+            const char letter = letter_of(code, scancode, event.key.is_keypad);
+            // What Shift makes of other keys is told by the text that follows.
+            const bool is_text = event.modifiers.shift && !event.modifiers.control &&
+                                 std::isalpha(static_cast<unsigned char>(letter)) == 0;
+            event.key.character = is_text ? char(0) : letter;
+        }
+        from_display(window, event);
+    }
+
+    static void text(GLFWwindow* window, unsigned character)
+    {
+        InputEvent event;
+        event.kind = InputEvent::Kind::Text;
+        event.character = character;
+        event.modifiers = held(window);
+        from_display(window, event);
+    }
+
+    static void focus(GLFWwindow* window, int has_it)
+    {
+        if (has_it == GLFW_FALSE)
+            from_display(window, {.kind = InputEvent::Kind::FocusLost});
+    }
+
+    static void damaged(GLFWwindow* window) { self(window).is_damaged_ = true; }
+
+    static void drop(GLFWwindow* window, int count, const char** paths)
+    {
+        InputEvent event;
+        event.kind = InputEvent::Kind::Drop;
+        event.paths.assign(paths, paths + count);
+        from_display(window, event);
+    }
+};
+
+std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers)
+{
+    constexpr std::array<std::pair<std::string_view, int>, 14> kNames = {
+        {{"enter", GLFW_KEY_ENTER},
+         {"escape", GLFW_KEY_ESCAPE},
+         {"tab", GLFW_KEY_TAB},
+         {"backspace", GLFW_KEY_BACKSPACE},
+         {"delete", GLFW_KEY_DELETE},
+         {"home", GLFW_KEY_HOME},
+         {"end", GLFW_KEY_END},
+         {"space", GLFW_KEY_SPACE},
+         {"left", GLFW_KEY_LEFT},
+         {"right", GLFW_KEY_RIGHT},
+         {"up", GLFW_KEY_UP},
+         {"down", GLFW_KEY_DOWN},
+         {"pageup", GLFW_KEY_PAGE_UP},
+         {"pagedown", GLFW_KEY_PAGE_DOWN}}};
+    InputEvent event;
+    event.kind = InputEvent::Kind::KeyDown;
+    event.modifiers = event.key.modifiers = modifiers;
+    if (name.size() == 1 && name[0] > 32 && name[0] < 127)
+    {
+        event.key.character = name[0];
+        // GLFW numbers keys by the capital that stands on them.
+        event.code = std::toupper(static_cast<unsigned char>(name[0]));
+        return event;
+    }
+    if (name.size() == 3 && name.starts_with("kp") && name[2] >= '0' && name[2] <= '9')
+    {
+        event.key.character = name[2];
+        event.key.is_keypad = true;
+        event.code = GLFW_KEY_KP_0 + (name[2] - '0');
+        return event;
+    }
+    for (const auto& [known, code] : kNames)
+        if (name == known)
+        {
+            event.code = code;
+            named_key(code, event.key);
+            return event;
+        }
+    return std::nullopt;
+}
+
+Window::Window(const WindowOptions& options) : is_played_(options.is_played)
+{
+    last_words.clear();
+    glfwSetErrorCallback([](int, const char* words) { last_words = words; });
+    if (!glfwInit())
+        no_display();
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
+    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+    glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
+    glfwWindowHint(GLFW_FOCUS_ON_SHOW, GLFW_TRUE);
+    window_ =
+        glfwCreateWindow(options.width, options.height, "cellwarp", nullptr, nullptr);
+    if (window_ == nullptr)
+        no_display();
+    glfwMakeContextCurrent(window_);
+    glfwSwapInterval(options.is_played ? 0 : 1);
+    float across = 1.0f, down = 1.0f;
+    glfwGetWindowContentScale(window_, &across, &down);
+    scale_ =
+        options.scale > 0.0 ? options.scale : std::max(1.0, static_cast<double>(across));
+    glfwSetWindowUserPointer(window_, this);
+    glfwSetCursorPosCallback(window_, Callbacks::moved);
+    glfwSetMouseButtonCallback(window_, Callbacks::button);
+    glfwSetScrollCallback(window_, Callbacks::scrolled);
+    glfwSetKeyCallback(window_, Callbacks::key);
+    glfwSetCharCallback(window_, Callbacks::text);
+    glfwSetWindowFocusCallback(window_, Callbacks::focus);
+    glfwSetDropCallback(window_, Callbacks::drop);
+    glfwSetWindowRefreshCallback(window_, Callbacks::damaged);
+    glfwSetFramebufferSizeCallback(window_, [](GLFWwindow* window, int, int)
+                                   { Callbacks::damaged(window); });
+    prepare_panels();
+    ImGui::GetIO().ClipboardUserData = window_;
+    load_fonts(static_cast<float>(scale_));
+    apply_style(options.is_dark, static_cast<float>(scale_));
+    ImGui_ImplOpenGL3_Init("#version 330 core");
+    last_time_ = glfwGetTime();
+}
+
+Window::~Window()
+{
+    ImGui_ImplOpenGL3_Shutdown();
+    ImGui::DestroyContext();
+    glfwDestroyWindow(window_);
+    glfwTerminate();
+}
+
+void Window::wait(double seconds)
+{
+    if (seconds > 0.0 && !has_news())
+        glfwWaitEventsTimeout(seconds);
+    else
+        glfwPollEvents();
+}
+
+bool Window::take(InputEvent& event)
+{
+    if (events_.empty())
+        return false;
+    event = std::move(events_.front());
+    events_.pop_front();
+    return true;
+}
+
+void Window::post(InputEvent event)
+{
+    events_.push_back(std::move(event));
+}
+
+int Window::width() const
+{
+    int wide = 0, high = 0;
+    glfwGetFramebufferSize(window_, &wide, &high);
+    return wide;
+}
+
+int Window::height() const
+{
+    int wide = 0, high = 0;
+    glfwGetFramebufferSize(window_, &wide, &high);
+    return high;
+}
+
+bool Window::wants_to_close() const
+{
+    return glfwWindowShouldClose(window_) != 0;
+}
+void Window::keep_open()
+{
+    glfwSetWindowShouldClose(window_, GLFW_FALSE);
+}
+
+void Window::set_title(const std::string& title)
+{
+    glfwSetWindowTitle(window_, title.c_str());
+}
+
+void Window::resize(int width, int height)
+{
+    glfwSetWindowSize(window_, width, height);
+    // The display answers later; a script goes on when it has.
+    for (int k = 0; k < 200 && (this->width() != width || this->height() != height); ++k)
+        glfwWaitEventsTimeout(0.01);
+}
+
+void Window::set_dark(bool is_dark)
+{
+    apply_style(is_dark, static_cast<float>(scale_));
+}
+
+void Window::tell_panels(const InputEvent& event)
+{
+    ImGuiIO& io = ImGui::GetIO();
+    io.KeyShift = event.modifiers.shift;
+    io.KeyCtrl = event.modifiers.control;
+    io.KeyAlt = event.modifiers.alt;
+    const auto place =
+        ImVec2(static_cast<float>(event.place.x()), static_cast<float>(event.place.y()));
+    // ImGui's order is left, right, middle.
+    const std::uint32_t bit = event.button == Button::Left    ? 1u
+                              : event.button == Button::Right ? 2u
+                                                              : 4u;
+    switch (event.kind)
+    {
+    case InputEvent::Kind::Move:
+        io.MousePos = place;
+        break;
+    case InputEvent::Kind::Press:
+        io.MousePos = place;
+        pressed_ |= bit;
+        down_ |= bit;
+        break;
+    case InputEvent::Kind::Release:
+        io.MousePos = place;
+        down_ &= ~bit;
+        break;
+    case InputEvent::Kind::Wheel:
+        io.MouseWheelH += place.x;
+        io.MouseWheel += place.y;
+        break;
+    case InputEvent::Kind::KeyDown:
+    case InputEvent::Kind::KeyUp:
+        if (event.code > 0 && event.code < 512)
+            io.KeysDown[event.code] = event.kind == InputEvent::Kind::KeyDown;
+        break;
+    case InputEvent::Kind::Text:
+        io.AddInputCharacter(event.character);
+        break;
+    case InputEvent::Kind::FocusLost:
+        std::fill(std::begin(io.KeysDown), std::end(io.KeysDown), false);
+        down_ = 0;
+        break;
+    case InputEvent::Kind::Drop:
+        break;
+    }
+}
+
+void Window::begin_frame()
+{
+    is_damaged_ = false;
+    ImGuiIO& io = ImGui::GetIO();
+    for (std::uint32_t k = 0; k < 3; ++k)
+        io.MouseDown[k] = (((pressed_ | down_) >> k) & 1u) != 0;
+    pressed_ = 0;
+    io.DisplaySize = {static_cast<float>(width()), static_cast<float>(height())};
+    const double now = glfwGetTime();
+    io.DeltaTime = static_cast<float>(std::clamp(now - last_time_, 1e-4, kLongestStep));
+    last_time_ = now;
+    ImGui_ImplOpenGL3_NewFrame();
+    ImGui::NewFrame();
+}
+
+void Window::draw_panels()
+{
+    ImGui::Render();
+    glViewport(0, 0, width(), height());
+    ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+    glFinish();
+}
+
+void Window::show_frame()
+{
+    glfwSwapBuffers(window_);
+}
+
+std::string Window::renderer() const
+{
+    return reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+}
+
+Pixels Window::pixels() const
+{
+    Pixels pixels;
+    pixels.width = width();
+    pixels.height = height();
+    const std::size_t row = 3 * static_cast<std::size_t>(pixels.width);
+    pixels.rgb.resize(row * static_cast<std::size_t>(pixels.height));
+    glPixelStorei(GL_PACK_ALIGNMENT, 1);
+    glReadPixels(0, 0, pixels.width, pixels.height, GL_RGB, GL_UNSIGNED_BYTE,
+                 pixels.rgb.data());
+    for (int y = 0; y < pixels.height / 2; ++y) // OpenGL counts rows from below
+        std::swap_ranges(pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * y,
+                         pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * (y + 1),
+                         pixels.rgb.begin() +
+                             static_cast<std::ptrdiff_t>(row) * (pixels.height - 1 - y));
+    return pixels;
+}
+
+} // namespace cellwarp

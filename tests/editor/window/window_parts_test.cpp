@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Parts of the window that need no display.
+#include <cstdlib>
+
+#include <gtest/gtest.h>
+
+#include "editor/window/colours.h"
+#include "editor/window/frame_times.h"
+#include "editor/window/places.h"
+#include "editor/window/playback.h"
+#include "io/error.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::Folder;
+
+TEST(FrameTimes, are_those_of_the_last_two_seconds)
+{
+    FrameTimes times;
+    EXPECT_EQ(times.median(), 0.0);
+    times.add(10.0, 500.0);
+    for (int k = 0; k < 5; ++k)
+        times.add(11.0 + 0.1 * k, 10.0 + k);
+    EXPECT_EQ(times.worst(), 500.0);
+    EXPECT_EQ(times.median(), 13.0);
+    times.add(12.5, 12.0);
+    EXPECT_EQ(times.worst(), 14.0);
+}
+
+TEST(RecentFiles, come_back_the_newest_first_and_once)
+{
+    const Folder folder;
+    RecentFiles first(folder.path().string());
+    EXPECT_TRUE(first.paths().empty());
+    first.add("/models/a.obj");
+    first.add("/models/b.obj");
+    first.add("/models/../models/a.obj");
+    const RecentFiles again(folder.path().string());
+    EXPECT_EQ(again.paths(),
+              (std::vector<std::string>{"/models/a.obj", "/models/b.obj"}));
+    first.forget("/models/a.obj");
+    EXPECT_EQ(RecentFiles(folder.path().string()).paths(),
+              std::vector<std::string>{"/models/b.obj"});
+    RecentFiles nowhere("");
+    nowhere.add("/models/a.obj");
+    EXPECT_EQ(nowhere.paths().size(), 1u);
+}
+
+TEST(RecentFiles, do_not_grow_without_end)
+{
+    const Folder folder;
+    RecentFiles recent(folder.path().string());
+    for (int k = 0; k < 100; ++k)
+        recent.add("/models/" + std::to_string(k));
+    EXPECT_LE(recent.paths().size(), 20u);
+    EXPECT_EQ(recent.paths().front(), "/models/99");
+}
+
+TEST(CellColours, rise_with_the_gap_over_at_most_three_powers_of_ten)
+{
+    ShownCells cells;
+    for (const float gap : {0.0f, 1e-5f, 1e-4f, 1e-2f})
+        cells.cells.emplace_back().gap = gap;
+    const CellScale scale = cell_scale(cells, CellColours::Gap);
+    EXPECT_FLOAT_EQ(scale.low, 1e-5f);
+    EXPECT_FLOAT_EQ(scale.high, 1e-2f);
+    const auto colour = [&](std::size_t c)
+    { return cell_colour(cells.cells[c], CellColours::Gap, scale, {}); };
+    EXPECT_EQ(colour(0), scale_colour(0.0)) << "no gap at all";
+    EXPECT_EQ(colour(1), scale_colour(0.0));
+    EXPECT_EQ(colour(3), scale_colour(1.0));
+    EXPECT_NE(colour(2), colour(1));
+}
+
+TEST(CellColours, are_calm_where_all_cells_are_alike)
+{
+    ShownCells cells;
+    EXPECT_EQ(cell_scale(cells, CellColours::Depth).high, 1.0f) << "no cell";
+    cells.cells.resize(3);
+    for (const CellColours by : {CellColours::Gap, CellColours::Depth})
+        EXPECT_EQ(cell_colour(cells.cells[0], by, cell_scale(cells, by), {}),
+                  scale_colour(0.0));
+}
+
+TEST(CellColours, of_regions_are_those_of_their_roles)
+{
+    const std::vector<EditedRegion> regions(1); // fixed
+    ShownCell cell;
+    EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
+    cell.region = 0;
+    EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions),
+              role_colour(Role::Fixed));
+    cell.region = 7; // of a document that has changed meanwhile
+    EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
+}
+
+TEST(Playback, reads_statements_with_their_lines)
+{
+    const Folder folder;
+    const std::string path =
+        folder.write("script", "# a comment\n\nsize 800 600 # of the window\r\nquit");
+    const std::vector<Statement> statements = read_statements(path);
+    ASSERT_EQ(statements.size(), 2u);
+    EXPECT_EQ(statements[0].line, 3);
+    EXPECT_EQ(statements[0].words, (std::vector<std::string>{"size", "800", "600"}));
+    EXPECT_EQ(statements[1].line, 4);
+}
+
+TEST(Playback, refuses_statements_with_too_many_words_or_too_few)
+{
+    const Folder folder;
+    for (const char* text : {"size 800", "wait long", "press", "undo 2", "key"})
+    {
+        SCOPED_TRACE(text);
+        const std::string path = folder.write("script", text);
+        EXPECT_THROW(read_statements(path), Error);
+    }
+}
+
+TEST(PlaybackReport, tells_medians_and_worst_and_null_of_what_was_not_measured)
+{
+    PlaybackReport report;
+    DragTimes& drag = report.drags.emplace_back();
+    for (const double ms : {3.0, 1.0, 2.0, 50.0, 2.5})
+        drag.frames.push_back({.total = ms});
+    const std::string text = report_text(report);
+    EXPECT_TRUE(support::contains(text, "\"median\": 2.5")) << text;
+    EXPECT_TRUE(support::contains(text, "\"worst\": 50.0")) << text;
+    EXPECT_TRUE(support::contains(text, "\"solve_ms\": null")) << text;
+}
+
+} // namespace cellwarp

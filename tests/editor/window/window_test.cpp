@@ -1,0 +1,292 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The editor as a user starts it: the real window, on a display of the test's own.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <sstream>
+#include <thread>
+
+#include <fcntl.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "tests/editor/window/display.h"
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::bytes_of;
+using support::contains;
+using support::Folder;
+using support::Result;
+
+namespace
+{
+
+/// What the editor shows in one colour.
+struct Spot
+{
+    int pixels = 0;
+    double x = 0.0, y = 0.0; ///< their middle
+};
+
+struct Picture
+{
+    int width = 0, height = 0;
+    std::string rgb;
+
+    explicit Picture(const std::string& path)
+    {
+        const std::string bytes = bytes_of(path);
+        std::istringstream head(bytes);
+        std::string kind;
+        int most = 0;
+        head >> kind >> width >> height >> most;
+        EXPECT_EQ(kind, "P6") << path;
+        if (kind == "P6")
+            rgb = bytes.substr(static_cast<std::size_t>(head.tellg()) + 1);
+        EXPECT_EQ(rgb.size(), 3u * static_cast<std::size_t>(width * height));
+    }
+
+    /// Of the view: panels and bars show colours, too.
+    template <class Is>
+    Spot spot(Is&& is) const
+    {
+        Spot spot;
+        for (int y = height / 10; y < height * 8 / 10; ++y)
+            for (int x = width / 50; x < width * 7 / 10; ++x)
+            {
+                const std::size_t at = 3 * static_cast<std::size_t>(y * width + x);
+                const auto channel = [&](std::size_t c)
+                { return static_cast<int>(static_cast<unsigned char>(rgb[at + c])); };
+                if (!is(channel(0), channel(1), channel(2)))
+                    continue;
+                ++spot.pixels;
+                spot.x += x;
+                spot.y += y;
+            }
+        spot.x /= std::max(spot.pixels, 1);
+        spot.y /= std::max(spot.pixels, 1);
+        return spot;
+    }
+};
+
+bool is_yellow(int r, int g, int b)
+{
+    return r > g && g > b + 50 && 10 * g > 7 * r;
+}
+bool is_blue(int r, int g, int b)
+{
+    return b > r + 40 && g > r;
+}
+bool is_grey(int r, int g, int b)
+{
+    return r > 80 && r < 200 && std::abs(r - g) < 14 && std::abs(b - g) < 18;
+}
+
+/// A bar along x; its front view shows its length.
+std::string bar(const Folder& folder)
+{
+    return folder.write("bar.obj", support::obj_text(support::box_shape(
+                                       {-2, -0.4, -0.4}, {2, 0.4, 0.4}, 12)));
+}
+
+class EditorWindow : public testing::Test
+{
+protected:
+    void SetUp() override
+    {
+        if (display_.name().empty())
+            GTEST_SKIP() << "Xvfb is not installed";
+    }
+
+    support::InChild on_display() const
+    {
+        return [this]
+        {
+            ::setenv("DISPLAY", display_.name().c_str(), 1);
+            ::unsetenv("WAYLAND_DISPLAY");
+            ::setenv("XDG_STATE_HOME", folder_.path().c_str(), 1);
+        };
+    }
+
+    Result play(const std::string& script,
+                const std::vector<std::string>& more = {}) const
+    {
+        const std::string path = folder_.write("script", script);
+        std::vector<std::string> arguments = {"--play", path};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return support::run_program(CELLWARP_EDITOR_BINARY, arguments, on_display());
+    }
+
+    std::string file(const std::string& name) const { return folder_ / name; }
+
+    support::Display display_;
+    Folder folder_;
+};
+
+/// Both ends of the bar become regions, and the right one is dragged up.
+std::string bending(const std::string& folder)
+{
+    return "size 1200 800\n"
+           "key 1 alt\nkey home\nwait\n"
+           "key z alt   # also what is hidden\n"
+           "shot " +
+           folder +
+           "/rest.ppm\n"
+           "tool box\n"
+           "drag 0.01vw 0.2vh 0.2vw 0.8vh 5\nkey j\n"
+           "tool box\n"
+           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nwait\n"
+           "shot " +
+           folder +
+           "/regions.ppm\n"
+           "tool move\n"
+           "drag 0.9vw 0.5vh 0.8vw 0.25vh 12\nwait\n"
+           "shot " +
+           folder + "/bent.ppm\n";
+}
+
+} // namespace
+
+TEST(EditorProgram, without_a_display_says_so_and_exits_with_2)
+{
+    const Result result = support::run_program(CELLWARP_EDITOR_BINARY, {},
+                                               []
+                                               {
+                                                   ::unsetenv("DISPLAY");
+                                                   ::unsetenv("WAYLAND_DISPLAY");
+                                               });
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "error: the editor needs a display")) << result.err;
+    EXPECT_EQ(result.out, "");
+}
+
+TEST(EditorProgram, tells_its_usage_and_version_without_a_display)
+{
+    const auto run = [](const std::string& flag)
+    {
+        return support::run_program(CELLWARP_EDITOR_BINARY, {flag},
+                                    [] { ::unsetenv("DISPLAY"); });
+    };
+    const Result help = run("--help");
+    EXPECT_EQ(help.code, 0);
+    EXPECT_TRUE(contains(help.out, "cellwarp-editor samples/bar.json")) << help.out;
+    EXPECT_TRUE(contains(help.out, "drag X0 Y0 X1 Y1 N"));
+    EXPECT_EQ(run("--version").code, 0);
+    EXPECT_EQ(run("--nonsense").code, 2);
+}
+
+TEST_F(EditorWindow, bends_a_bar_and_what_it_saves_replays_to_the_same_bytes)
+{
+    const std::string model = bar(folder_);
+    const Result result =
+        play(bending(folder_.path().string()) + "undo\nwait\nshot " + file("undone.ppm") +
+                 "\nredo\nwait\nshot " + file("again.ppm") + "\nshot " +
+                 file("twice.ppm") + "\nsave " + file("saved.json") + "\nexport " +
+                 file("editor.obj") + "\nquit\n",
+             {model, "--report", file("report.json")});
+    ASSERT_EQ(result.code, 0) << result.err;
+
+    const Picture rest(file("rest.ppm")), regions(file("regions.ppm")),
+        bent(file("bent.ppm")), undone(file("undone.ppm"));
+    EXPECT_GT(rest.spot(is_blue).pixels, 5000) << "the model is seen, all of it free";
+    EXPECT_EQ(rest.spot(is_yellow).pixels, 0);
+    EXPECT_GT(regions.spot(is_grey).pixels, 1000) << "what is fixed is grey";
+    EXPECT_GT(regions.spot(is_yellow).pixels, 1000) << "handles are yellow";
+    EXPECT_LT(bent.spot(is_yellow).y, regions.spot(is_yellow).y - 40) << "it went up";
+    EXPECT_NEAR(bent.spot(is_grey).x, regions.spot(is_grey).x, 30) << "it stayed";
+    EXPECT_NEAR(undone.spot(is_yellow).y, regions.spot(is_yellow).y, 1.0);
+    EXPECT_EQ(bytes_of(file("again.ppm")), bytes_of(file("twice.ppm")));
+
+    const Result deform =
+        support::run({"deform", file("saved.json"), "-o", file("replayed.obj")});
+    ASSERT_EQ(deform.code, 0) << deform.err;
+    EXPECT_EQ(bytes_of(file("editor.obj")), bytes_of(file("replayed.obj")));
+    EXPECT_NE(bytes_of(file("editor.obj")), bytes_of(model));
+
+    const auto report = nlohmann::json::parse(bytes_of(file("report.json")));
+    ASSERT_EQ(report["drags"].size(), 3u);
+    EXPECT_EQ(report["drags"][2]["events"], 12);
+    EXPECT_GT(report["drags"][2]["frame_ms"]["median"].get<double>(), 0.0);
+}
+
+TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
+{
+    const Result unknown = play("size 600 400\n\nfly away  # to where?\n");
+    EXPECT_EQ(unknown.code, 3);
+    EXPECT_TRUE(contains(unknown.err, "script:3: no statement \"fly\"")) << unknown.err;
+    const Result short_one = play("drag 1 2 3\n");
+    EXPECT_EQ(short_one.code, 3);
+    EXPECT_TRUE(contains(short_one.err, "script:1:")) << short_one.err;
+    const Result place = play("move 0.5q 3\n");
+    EXPECT_EQ(place.code, 3);
+    EXPECT_TRUE(contains(place.err, "script:1: move: ")) << place.err;
+    EXPECT_EQ(play("quit\n", {file("nothing.obj")}).code, 4);
+    EXPECT_EQ(play("quit\n", {folder_.write("bad.obj", "v 1 2\n")}).code, 3);
+    EXPECT_EQ(support::run_program(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
+                                   on_display())
+                  .code,
+              4);
+}
+
+TEST_F(EditorWindow, is_drawn_at_any_size)
+{
+    const Result result = play("size 1200 800\nframes 2\nsize 60 40\nframes 2\n"
+                               "size 300 900\nmove 0.5vw 0.5vh\nshot " +
+                                   file("narrow.ppm") + "\nquit\n",
+                               {bar(folder_)});
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(Picture(file("narrow.ppm")).height, 900);
+}
+
+TEST_F(EditorWindow, serves_real_events_of_the_display)
+{
+    const std::string xdotool = support::installed("xdotool");
+    if (xdotool.empty())
+        GTEST_SKIP() << "xdotool is not installed";
+    const std::string model = bar(folder_);
+    const pid_t editor = ::fork();
+    if (editor == 0)
+    {
+        on_display()();
+        ::execl(CELLWARP_EDITOR_BINARY, "cellwarp-editor", model.c_str(), nullptr);
+        ::_exit(99);
+    }
+    const auto tool = [&](const std::vector<std::string>& arguments)
+    { return support::run_program(xdotool, arguments, on_display()); };
+    const auto pause = []
+    { std::this_thread::sleep_for(std::chrono::milliseconds(700)); };
+    ASSERT_EQ(tool({"search", "--sync", "--name", "bar.obj"}).code, 0);
+    pause();
+    tool({"mousemove", "200", "300"});
+    for (const char* key : {"alt+1", "Home", "alt+z", "2"})
+        tool({"key", key});
+    pause();
+    tool({"mousemove", "20", "250", "mousedown", "1"});
+    pause();
+    tool({"mousemove", "100", "400", "mousemove", "300", "700"});
+    pause();
+    tool({"mouseup", "1"});
+    pause();
+    tool({"key", "j"});
+    pause();
+    tool({"key", "ctrl+s"});
+    pause();
+    tool({"key", "Return"});
+    for (int k = 0; k < 100 && !std::filesystem::exists(file("bar-edit.json")); ++k)
+        pause();
+    EXPECT_TRUE(contains(bytes_of(file("bar-edit.handles")), "fixed "));
+    pause();
+    tool({"key", "ctrl+q"});
+    EXPECT_EQ(support::wait_for(editor), 0);
+}
+
+} // namespace cellwarp
