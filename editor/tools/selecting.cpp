@@ -181,19 +181,19 @@ void SelectGesture::mark_stroke(std::vector<std::uint8_t>& marks)
 {
     if (painted_ == path_.size())
         return;
-    struct Dab
+    struct Stroke
     {
         Eigen::Vector2f from, way;
         float per_length;
     };
-    std::vector<Dab> steps;
+    std::vector<Stroke> strokes;
     Eigen::Vector2f low = path_.back().cast<float>(), high = low;
     for (std::size_t i = std::max<std::size_t>(painted_, 1) - 1; i < path_.size(); ++i)
     {
         const Eigen::Vector2f a = path_[i].cast<float>();
         const Eigen::Vector2f way =
             path_[std::min(i + 1, path_.size() - 1)].cast<float>() - a;
-        steps.push_back({a, way, 1.0f / std::max(way.squaredNorm(), 1e-12f)});
+        strokes.push_back({a, way, 1.0f / std::max(way.squaredNorm(), 1e-12f)});
         low = low.cwiseMin(a);
         high = high.cwiseMax(a);
     }
@@ -205,11 +205,11 @@ void SelectGesture::mark_stroke(std::vector<std::uint8_t>& marks)
          {
              if (!is_between(x, low, high))
                  return false;
-             for (const Dab& step : steps)
+             for (const Stroke& stroke : strokes)
              {
-                 const float t = std::clamp(step.way.dot(x - step.from) * step.per_length,
-                                            0.0f, 1.0f);
-                 if ((step.from + t * step.way - x).squaredNorm() <= radius * radius)
+                 const float t = std::clamp(
+                     stroke.way.dot(x - stroke.from) * stroke.per_length, 0.0f, 1.0f);
+                 if ((stroke.from + t * stroke.way - x).squaredNorm() <= radius * radius)
                      return true;
              }
              return false;
