@@ -144,12 +144,12 @@ std::string bending(const std::string& folder)
            "tool box\n"
            "drag 0.01vw 0.2vh 0.2vw 0.8vh 5\nkey j\n"
            "tool box\n"
-           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nwait\n"
+           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nkey a alt\nwait\n"
            "shot " +
            folder +
            "/regions.ppm\n"
            "tool move\n"
-           "drag 0.9vw 0.5vh 0.8vw 0.25vh 12\nwait\n"
+           "drag 0.905vw 0.58vh 0.8vw 0.28vh 12\nwait\n"
            "shot " +
            folder + "/bent.ppm\n";
 }
@@ -159,11 +159,11 @@ std::string bending(const std::string& folder)
 TEST(EditorProgram, without_a_display_says_so_and_exits_with_2)
 {
     const Result result = support::run_program(CELLWARP_EDITOR_BINARY, {},
-                                             []
-                                             {
-                                                 ::unsetenv("DISPLAY");
-                                                 ::unsetenv("WAYLAND_DISPLAY");
-                                             });
+                                               []
+                                               {
+                                                   ::unsetenv("DISPLAY");
+                                                   ::unsetenv("WAYLAND_DISPLAY");
+                                               });
     EXPECT_EQ(result.code, 2);
     EXPECT_TRUE(contains(result.err, "error: the editor needs a display")) << result.err;
     EXPECT_EQ(result.out, "");
@@ -174,7 +174,7 @@ TEST(EditorProgram, tells_its_usage_and_version_without_a_display)
     const auto run = [](const std::string& flag)
     {
         return support::run_program(CELLWARP_EDITOR_BINARY, {flag},
-                                  [] { ::unsetenv("DISPLAY"); });
+                                    [] { ::unsetenv("DISPLAY"); });
     };
     const Result help = run("--help");
     EXPECT_EQ(help.code, 0);
@@ -232,7 +232,7 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
     EXPECT_EQ(play("quit\n", {file("nothing.obj")}).code, 4);
     EXPECT_EQ(play("quit\n", {folder_.write("bad.obj", "v 1 2\n")}).code, 3);
     EXPECT_EQ(support::run_program(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
-                                 on_display())
+                                   on_display())
                   .code,
               4);
 }
