@@ -67,7 +67,8 @@ public:
     // What is to be drawn.
     const Camera& camera() const;
     std::vector<GizmoPart> gizmo() const; ///< empty: none
-    /// Of the selection gesture under way, or of the brush at the pointer; closed [pixel].
+    /// Of the selection gesture under way, or of the brush at the pointer; closed
+    /// [pixel].
     std::vector<Eigen::Vector2d> outline() const;
     std::optional<Hover> hover() const;
     /// The document's, or what the brush at work would make of it.
