@@ -13,26 +13,50 @@ trap 'rm -rf "$work"' EXIT
 play() {  # script, flags and model of the editor
     script=$1
     shift
-    XDG_STATE_HOME="$work" xvfb-run -a -s "-screen 0 2880x1880x24" \
+    # A state of its own: no folder of this machine is seen among the recent files.
+    XDG_STATE_HOME=$(mktemp -d "$work/state.XXXXXX") xvfb-run -a -s "-screen 0 2880x1880x24" \
         "$editor" --play "$script" "$@"
 }
 
 cat >"$work/bend" <<END
 size 1400 900
 wait
-shot $folder/editor-bend.png
+region hand
+tool move
+drag 0.555vw 0.32vh 0.62vw 0.40vh 10
+wait
 show ghost on
+shot $folder/editor-bend.png
+show ghost off
 show cells on
 shot $folder/editor-cells.png
 quit
 END
 play "$work/bend" "$here/samples/creature.json"
 
+cat >"$work/select" <<END
+size 1400 900
+key 1 alt
+key home
+wait
+tool lasso
+move 0.30vw 0.05vh
+press left
+move 0.70vw 0.05vh
+move 0.68vw 0.42vh
+move 0.34vw 0.42vh
+shot $folder/editor-select.png
+release left
+quit
+END
+play "$work/select" --light "$here/samples/creature.obj"
+
 cat >"$work/keys" <<END
 size 1400 900
 shot $folder/editor-welcome.png
 show keys on
+frames 3
 shot $folder/editor-keys.png
 quit
 END
-play "$work/keys"
+(cd "$here" && play "$work/keys")

@@ -21,7 +21,7 @@ namespace
 
 constexpr double kMinBrush = 4.0, kMaxBrush = 200.0; ///< [pixel]
 /// Under this width tools show no names [letters].
-constexpr float kRoomForNames = 112.0f;
+constexpr float kRoomForNames = 90.0f;
 
 struct ToolName
 {

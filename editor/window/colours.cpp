@@ -12,6 +12,7 @@ namespace
 
 /// Gaps below this are not told apart: they cannot be seen [diagonal].
 constexpr float kSmallestGap = 1e-6f;
+constexpr std::uint8_t kMarked = 255, kMarkedInRegion = 110;
 
 float value_of(const ShownCell& cell, CellColours by)
 {
@@ -61,7 +62,10 @@ std::vector<Colour> sample_colours(const Document& document, const Selection& se
         }
     for (const SampleRun& run : selection.runs())
         for (std::int64_t sample = run.first; sample <= run.second; ++sample)
-            colours[layout.place_of[static_cast<std::size_t>(sample)]][3] = 255;
+        {
+            Colour& colour = colours[layout.place_of[static_cast<std::size_t>(sample)]];
+            colour[3] = colour == free_colour() ? kMarked : kMarkedInRegion;
+        }
     return colours;
 }
 

@@ -15,7 +15,8 @@
 namespace cellwarp
 {
 
-/// Red, green, blue as a screen shows them. The fourth: selected samples have 255.
+/// Red, green, blue as a screen shows them. The fourth: how much selected samples are
+/// marked, less where the colour of a region must be seen, too.
 using Colour = std::array<std::uint8_t, 4>;
 
 /// Fixed grey, free blue and handles yellow, as in [Botsch07].

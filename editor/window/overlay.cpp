@@ -89,14 +89,6 @@ void draw_part(const Overlay& overlay, const GizmoPart& part)
     list.AddPolyline(line.data(), count, IM_COL32(0, 0, 0, 90), flags,
                      width + overlay.px(1.6f));
     list.AddPolyline(line.data(), count, ink, flags, width);
-    if (part.kind != GizmoPart::Kind::Axis)
-        return;
-    const ImVec2 tip = line.back(), from = line[line.size() - 2];
-    const float x = tip.x - from.x, y = tip.y - from.y;
-    const float length = std::max(1.0f, std::sqrt(x * x + y * y));
-    const float dx = x / length * overlay.px(6.5f), dy = y / length * overlay.px(6.5f);
-    list.AddTriangleFilled({tip.x + 1.9f * dx, tip.y + 1.9f * dy},
-                           {tip.x - dy, tip.y + dx}, {tip.x + dy, tip.y - dx}, ink);
 }
 
 void draw_outline(const Overlay& overlay, const Interaction& hand)

@@ -44,10 +44,8 @@ out vec4 shown;
 uniform vec4 upper, lower;
 void main()
 {
-    // A little noise, so that no bands are seen.
-    float noise = fract(sin(dot(gl_FragCoord.xy, vec2(12.9898, 78.233))) * 43758.5453);
     float t = smoothstep(-1.1, 1.1, place.y);
-    shown = vec4(mix(lower.rgb, upper.rgb, t) + (noise - 0.5) / 255.0, 1.0);
+    shown = vec4(mix(lower.rgb, upper.rgb, t), 1.0);
 }
 )";
 

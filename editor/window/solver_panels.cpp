@@ -188,9 +188,12 @@ void show_energy_curve(const SolveStatus& status)
         const double energy = curve[at].second;
         values[k] = static_cast<float>(is_logarithmic ? std::log10(energy) : energy);
     }
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    const float lowest = *low, highest = *high;
+    const float range = std::max(highest - lowest, 1e-30f); // room for the name above
     const std::string name = is_logarithmic ? "energy (powers of ten)" : "energy";
     ImGui::PlotLines("##energy", values.data(), static_cast<int>(values.size()), 0,
-                     name.c_str(), FLT_MAX, FLT_MAX,
+                     name.c_str(), lowest - 0.05f * range, highest + 0.4f * range,
                      {ImGui::GetContentRegionAvail().x, letters(6.5f)});
     tip(("Energy from " + rounded(most) + " to " + rounded(curve.back().second) + " in " +
          rounded(end - begin) + " s")
@@ -311,8 +314,10 @@ void show_solver_panel(Desk& desk)
     // What concerns a region is said there.
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
-    for (const std::string& warning : status.warnings)
-        warning_text(warning);
+    // Before there is a region nothing is wrong yet.
+    if (!desk.document().regions().empty())
+        for (const std::string& warning : status.warnings)
+            warning_text(warning);
     show_report(status);
     show_energy_curve(status);
 }

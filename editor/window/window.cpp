@@ -438,9 +438,18 @@ void Window::tell_panels(const InputEvent& event)
         io.MouseWheel += place.y;
         break;
     case InputEvent::Kind::KeyDown:
-    case InputEvent::Kind::KeyUp:
         if (event.code > 0 && event.code < 512)
-            io.KeysDown[event.code] = event.kind == InputEvent::Kind::KeyDown;
+        {
+            io.KeysDown[event.code] = true;
+            keys_pressed_.push_back(event.code);
+        }
+        break;
+    case InputEvent::Kind::KeyUp:
+        if (std::find(keys_pressed_.begin(), keys_pressed_.end(), event.code) !=
+            keys_pressed_.end())
+            keys_released_.push_back(event.code); // after the frame that sees it
+        else if (event.code > 0 && event.code < 512)
+            io.KeysDown[event.code] = false;
         break;
     case InputEvent::Kind::Text:
         io.AddInputCharacter(event.character);
@@ -467,6 +476,10 @@ void Window::begin_frame()
     last_time_ = now;
     ImGui_ImplOpenGL3_NewFrame();
     ImGui::NewFrame();
+    for (const int code : keys_released_)
+        io.KeysDown[code] = false;
+    keys_pressed_.clear();
+    keys_released_.clear();
 }
 
 void Window::draw_panels()

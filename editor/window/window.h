@@ -64,7 +64,8 @@ public:
     void resize(int width, int height);
     void set_dark(bool is_dark);
 
-    /// Tells ImGui of an event. It sees a press and a release of one frame both.
+    /// Tells ImGui of an event. A press and a release between two
+    /// frames are both seen.
     void tell_panels(const InputEvent& event);
     void begin_frame();
     /// Draws ImGui's part over what is there; what is drawn is complete when it returns.
@@ -83,6 +84,7 @@ private:
     std::deque<InputEvent> events_;
     std::uint32_t pressed_ = 0; ///< buttons since the last frame, a bit each
     std::uint32_t down_ = 0;
+    std::vector<int> keys_pressed_, keys_released_; ///< since the last frame
     double last_time_ = 0.0;
 };
 

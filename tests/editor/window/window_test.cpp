@@ -10,6 +10,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <gtest/gtest.h>
@@ -144,14 +145,23 @@ std::string bending(const std::string& folder)
            "tool box\n"
            "drag 0.01vw 0.2vh 0.2vw 0.8vh 5\nkey j\n"
            "tool box\n"
-           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nwait\n"
+           "drag 0.99vw 0.2vh 0.8vw 0.8vh 5\nkey h\nkey a alt\nwait\n"
            "shot " +
            folder +
            "/regions.ppm\n"
            "tool move\n"
-           "drag 0.9vw 0.5vh 0.8vw 0.25vh 12\nwait\n"
+           "drag 0.905vw 0.58vh 0.8vw 0.28vh 12\nwait\n"
            "shot " +
            folder + "/bent.ppm\n";
+}
+
+/// A child that has ended and was not waited for yet.
+bool has_ended(pid_t child)
+{
+    siginfo_t info = {};
+    return ::waitid(P_PID, static_cast<id_t>(child), &info,
+                    WEXITED | WNOHANG | WNOWAIT) == 0 &&
+           info.si_pid == child;
 }
 
 } // namespace
@@ -222,7 +232,7 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
 {
     const Result unknown = play("size 600 400\n\nfly away  # to where?\n");
     EXPECT_EQ(unknown.code, 3);
-    EXPECT_TRUE(contains(unknown.err, "script:3: no statement \"fly\"")) << unknown.err;
+    EXPECT_TRUE(contains(unknown.err, "script:3: no statement 'fly'")) << unknown.err;
     const Result short_one = play("drag 1 2 3\n");
     EXPECT_EQ(short_one.code, 3);
     EXPECT_TRUE(contains(short_one.err, "script:1:")) << short_one.err;
@@ -281,11 +291,14 @@ TEST_F(EditorWindow, serves_real_events_of_the_display)
     tool({"key", "ctrl+s"});
     pause();
     tool({"key", "Return"});
-    for (int k = 0; k < 100 && !std::filesystem::exists(file("bar-edit.json")); ++k)
+    for (int k = 0; k < 30 && !std::filesystem::exists(file("bar-edit.json")); ++k)
         pause();
     EXPECT_TRUE(contains(bytes_of(file("bar-edit.handles")), "fixed "));
     pause();
     tool({"key", "ctrl+q"});
+    for (int k = 0; k < 30 && !has_ended(editor); ++k)
+        pause();
+    ::kill(editor, SIGKILL);
     EXPECT_EQ(support::wait_for(editor), 0);
 }
 
