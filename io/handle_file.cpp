@@ -23,6 +23,13 @@ constexpr std::string_view kKeyword = "cellwarp-handles";
 /// Factors of stiff regions: squares of forces neither vanish nor overflow.
 constexpr double kMinFactor = 1e-100, kMaxFactor = 1e100;
 
+/// From its rows.
+std::shared_ptr<const Eigen::Matrix4d> matrix_of(const std::vector<double>& rows)
+{
+    return std::make_shared<const Eigen::Matrix4d>(
+        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rows.data()));
+}
+
 bool is_end_of_word(char c)
 {
     return is_blank(c) || c == '#';
@@ -230,10 +237,8 @@ Operation parse_operation(Statement& words)
     else if (kind == "matrix")
     {
         operation.kind = Operation::Kind::Matrix;
-        const std::vector<double> v = words.numbers("matrix", 16);
-        operation.matrix =
-            Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(v.data());
-        if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
+        operation.matrix = matrix_of(words.numbers("matrix", 16));
+        if (operation.matrix->row(3) != Eigen::RowVector4d(0, 0, 0, 1))
             words.fail("matrix", "its last row is not 0 0 0 1");
     }
     else
@@ -520,9 +525,8 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
                         "got " + std::to_string(values.size()) + " numbers, need 16");
     Operation operation;
     operation.kind = Operation::Kind::Matrix;
-    operation.matrix =
-        Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(values.data());
-    if (operation.matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1))
+    operation.matrix = matrix_of(values);
+    if (operation.matrix->row(3) != Eigen::RowVector4d(0, 0, 0, 1))
         throw malformed({def, 0, "matrix"}, "its last row is not 0 0 0 1");
     // Checked here, where it is known which file is to blame.
     const std::vector<std::int64_t> labels = read_labels(sel);

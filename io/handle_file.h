@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -66,14 +67,15 @@ struct Operation
     {
         Translate, ///< vector
         Rotate,    ///< vector: axis, degrees, about
-        Matrix,    ///< rows
+        Matrix,    ///< matrix
         To         ///< vector: where the pin goes
     };
     Kind kind = Kind::Translate;
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
     double degrees = 0.0;
     std::optional<Eigen::Vector3d> about;
-    Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
+    /// Of Kind::Matrix alone: an edit session holds thousands of the other kinds.
+    std::shared_ptr<const Eigen::Matrix4d> matrix;
 };
 
 struct Move

@@ -145,7 +145,7 @@ private:
             word("matrix");
             for (Eigen::Index row = 0; row < 4; ++row)
                 for (Eigen::Index column = 0; column < 4; ++column)
-                    number(operation.matrix(row, column));
+                    number((*operation.matrix)(row, column));
             break;
         }
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <optional>
+#include <set>
 
 #include "editor/document/journal_header.h"
 #include "editor/session/statement_chain.h"
@@ -139,11 +140,12 @@ struct Document::State
     // Derived.
     std::vector<EditedRegion> regions;
     std::vector<std::int32_t> region_of_sample;
-    std::uint64_t stage_print = 0;
-    std::uint64_t rest_print = 0; ///< of the rest that is known
+    std::vector<std::uint64_t> stage_prints; ///< StatementChain::before() of each
+    std::uint64_t rest_print = 0;            ///< of the rest that is known
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
     mutable std::optional<Twins> twins; ///< found when they are asked for
     mutable const std::vector<Eigen::Vector3d>* twins_of = nullptr;
+    ModelBox rest_box;
     std::uint64_t revision = 0, result_revision = 0;
 
     std::vector<RegionStatement>& statements()
@@ -154,7 +156,8 @@ struct Document::State
 
     bool knows_rest() const
     {
-        return edited.handles.stages.size() == 1 || (rest && rest_print == stage_print);
+        return edited.handles.stages.size() == 1 ||
+               (rest && rest_print == stage_prints.back());
     }
 
     RegionGround ground() const
@@ -162,8 +165,7 @@ struct Document::State
         const bool is_first = edited.handles.stages.size() == 1 || !knows_rest();
         const std::vector<Eigen::Vector3d>& samples =
             is_first ? model->geometry.samples : *rest;
-        Units units{frame, edited.handles.is_relative,
-                    is_first ? box : bounding_box(samples)};
+        Units units{frame, edited.handles.is_relative, is_first ? box : rest_box};
         if (!is_first && !scene.frame)
             units.frame = automatic_frame(units.box);
         if (!twins || twins_of != &samples)
@@ -174,48 +176,61 @@ struct Document::State
         return {model->geometry, samples, units, edited.handles.path, *twins};
     }
 
-    /// What each region's last move of the stage makes of it.
-    void find_placements()
+    /// What a region's last move of the stage makes of it.
+    void find_placement(EditedRegion& region, const RegionGround& on)
     {
-        const RegionGround on = ground();
-        for (EditedRegion& region : regions)
-        {
-            region.placement = {};
-            if (!region.moves())
-                continue;
-            const std::vector<FrameStatement>& all = frames();
-            const Move* last = nullptr;
-            for (std::size_t f = all.size(); f-- > 0 && !last;)
-                for (const Move& move : all[f].moves)
-                    if (move.region == region.name)
-                        last = &move;
-            if (last)
-                region.placement = placement_of(*last, region, on);
-        }
+        region.placement = {};
+        if (!region.moves())
+            return;
+        const std::vector<FrameStatement>& all = frames();
+        const Move* last = nullptr;
+        for (std::size_t f = all.size(); f-- > 0 && !last;)
+            for (const Move& move : all[f].moves)
+                if (move.region == region.name)
+                    last = &move;
+        if (last)
+            region.placement = placement_of(*last, region, on);
+    }
+
+    /// Of the stages that have none yet: so an edit costs the same after thousands of
+    /// them.
+    void find_stage_prints()
+    {
+        const std::vector<Stage>& stages = edited.handles.stages;
+        if (stage_prints.empty())
+            stage_prints = {StatementChain::before_first(edited.handles.is_relative)};
+        while (stage_prints.size() < stages.size())
+            stage_prints.push_back(StatementChain::before_next(
+                stage_prints.back(), stages[stage_prints.size() - 1]));
     }
 
     void find_regions()
     {
-        stage_print =
-            StatementChain(edited.handles).before(edited.handles.stages.size() - 1);
+        find_stage_prints();
         regions = edited_regions(statements(), ground());
         region_of_sample.assign(model->geometry.samples.size(), -1);
         for (std::size_t r = regions.size(); r-- > 0;)
             for (const std::uint32_t i : regions[r].samples)
                 region_of_sample[i] = static_cast<std::int32_t>(r);
-        find_placements();
+        const RegionGround on = ground();
+        for (EditedRegion& region : regions)
+            find_placement(region, on);
     }
 
     /// What changes may have made other than it was.
     struct Touched
     {
-        bool regions = false, frames = false, content = false;
+        bool regions = false, content = false;
+        std::set<std::string> moved;
 
         void add(const Edit& edit)
         {
             for (const Change& change : edit.changes)
             {
-                frames |= std::holds_alternative<FramesAdded>(change);
+                if (const auto* added = std::get_if<FramesAdded>(&change))
+                    for (const FrameStatement& frame : added->frames)
+                        for (const Move& move : frame.moves)
+                            moved.insert(move.region);
                 regions |= std::holds_alternative<RegionChange>(change) ||
                            std::holds_alternative<Renamed>(change) ||
                            std::holds_alternative<StageAdded>(change);
@@ -228,8 +243,13 @@ struct Document::State
     {
         if (touched.regions)
             find_regions();
-        else if (touched.frames)
-            find_placements();
+        else if (!touched.moved.empty())
+        {
+            const RegionGround on = ground();
+            for (EditedRegion& region : regions)
+                if (touched.moved.contains(region.name))
+                    find_placement(region, on);
+        }
         result_revision += touched.content;
         ++revision;
     }
@@ -240,13 +260,30 @@ struct Document::State
             throw usage("there are edits of an earlier run: recover or drop them first");
     }
 
+    enum class Way
+    {
+        Forth,
+        Back
+    };
+
+    /// Changes what is edited; what follows from that is for follow().
+    void change(const Edit& edit, Way way, Touched& touched)
+    {
+        touched.add(edit);
+        if (way == Way::Forth)
+            apply(edit, edited);
+        else
+            take_back(edit, edited);
+        // A stage that is the last one may change.
+        stage_prints.resize(std::min(stage_prints.size(), edited.handles.stages.size()));
+    }
+
     /// Does an edit; what cannot be leaves everything as it was.
     void push(const Edit& edit)
     {
         check_open();
         Touched touched;
-        touched.add(edit);
-        apply(edit, edited);
+        change(edit, Way::Forth, touched);
         try
         {
             follow(touched);
@@ -254,10 +291,20 @@ struct Document::State
         }
         catch (...)
         {
-            take_back(edit, edited);
+            change(edit, Way::Back, touched);
             follow(touched);
             throw;
         }
+    }
+
+    /// Does or takes back edits until \p done of them are \p goal; the history is told
+    /// later.
+    void walk(std::size_t& done, std::size_t goal, Touched& touched)
+    {
+        for (; done < goal; ++done)
+            change(history.edit(done), Way::Forth, touched);
+        for (; done > goal; --done)
+            change(history.edit(done - 1), Way::Back, touched);
     }
 
     const EditedRegion& find(const std::string& name) const
@@ -490,6 +537,7 @@ std::vector<std::string> Document::recover()
         for (std::size_t k = 0; k < history.position(); ++k)
             apply(history.edit(k), edited);
         s.edited = std::move(edited);
+        s.stage_prints.clear();
         s.find_regions();
         s.history = std::move(history);
     }
@@ -589,7 +637,7 @@ std::uint64_t Document::result_revision() const
 
 std::uint64_t Document::stage_print() const
 {
-    return state_->stage_print;
+    return state_->stage_prints.back();
 }
 
 void Document::set_rest(std::uint64_t stage_print,
@@ -601,7 +649,8 @@ void Document::set_rest(std::uint64_t stage_print,
     s.rest = std::move(samples);
     s.rest_print = stage_print;
     s.twins.reset(); // another rest may come to lie where the last one was
-    if (s.edited.handles.stages.size() > 1 && s.stage_print == stage_print)
+    s.rest_box = bounding_box(*s.rest);
+    if (s.edited.handles.stages.size() > 1 && s.stage_prints.back() == stage_print)
     {
         s.find_regions();
         ++s.revision;
@@ -750,21 +799,20 @@ void Document::go_to(std::size_t position)
     State& s = *state_;
     s.check_open();
     const std::size_t goal = std::min(position, s.history.size());
+    std::size_t done = s.history.position();
     State::Touched touched;
-    for (std::size_t k = s.history.position(); k < goal; ++k)
+    try
     {
-        const Edit edit = s.history.edit(k);
-        touched.add(edit);
-        apply(edit, s.edited);
+        s.walk(done, goal, touched);
+        s.follow(touched);
+        s.history.move_to(goal);
     }
-    for (std::size_t k = s.history.position(); k > goal; --k)
+    catch (...)
     {
-        const Edit edit = s.history.edit(k - 1);
-        touched.add(edit);
-        take_back(edit, s.edited);
+        s.walk(done, s.history.position(), touched);
+        s.follow(touched);
+        throw;
     }
-    s.history.move_to(goal);
-    s.follow(touched);
 }
 
 bool Document::is_saved() const

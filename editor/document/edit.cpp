@@ -221,7 +221,7 @@ Json json_of(const Operation& operation)
     {
         for (int i = 0; i < 4; ++i)
             for (int j = 0; j < 4; ++j)
-                json["rows"].push_back(operation.matrix(i, j));
+                json["rows"].push_back((*operation.matrix)(i, j));
         return json;
     }
     json["vector"] = json_of(operation.vector);
@@ -239,8 +239,8 @@ Operation operation_of(const Json& json)
     if (operation.kind == Operation::Kind::Matrix)
     {
         const auto rows = json.at("rows").get<std::array<double, 16>>();
-        for (int k = 0; k < 16; ++k)
-            operation.matrix(k / 4, k % 4) = rows[static_cast<std::size_t>(k)];
+        operation.matrix = std::make_shared<const Eigen::Matrix4d>(
+            Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rows.data()));
         return operation;
     }
     operation.vector = vector_of(json.at("vector"));

@@ -56,11 +56,8 @@ void History::append(std::uint64_t start, const Edit& edit)
     names_.resize(position_);
     starts_.resize(position_);
     contents_.resize(position_);
-    auto word = std::find(words_.begin(), words_.end(), edit.name);
-    if (word == words_.end())
-        word = words_.insert(words_.end(), edit.name);
     const std::uint32_t before = content();
-    names_.push_back(static_cast<std::uint32_t>(word - words_.begin()));
+    names_.push_back(&*words_.insert(edit.name).first);
     starts_.push_back(start);
     contents_.push_back(changes_content(edit) ? ++last_content_ : before);
     ++position_;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "editor/document/edit.h"
@@ -23,7 +24,7 @@ public:
 
     std::size_t size() const { return starts_.size(); } ///< edits, done or undone
     std::size_t position() const { return position_; }  ///< edits that are done
-    const std::string& name(std::size_t edit) const { return words_[names_[edit]]; }
+    const std::string& name(std::size_t edit) const { return *names_[edit]; }
     /// The same wherever the done edits amount to the same but for what is selected.
     std::uint32_t content() const
     {
@@ -47,10 +48,10 @@ private:
     void append(std::uint64_t start, const Edit& edit);
 
     Journal journal_;
-    std::vector<std::string> words_;
+    std::unordered_set<std::string> words_;
     // Of the edits.
-    std::vector<std::uint32_t> names_;  ///< into the words
-    std::vector<std::uint64_t> starts_; ///< of the records [byte]
+    std::vector<const std::string*> names_; ///< in the words
+    std::vector<std::uint64_t> starts_;     ///< of the records [byte]
     std::vector<std::uint32_t> contents_;
     std::uint32_t last_content_ = 0;
     std::size_t position_ = 0;

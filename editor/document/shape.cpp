@@ -2,8 +2,10 @@
 #include "editor/document/shape.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
+#include <unordered_map>
 
 #include "editor/session/body.h"
 #include "octree/parallel.h"
@@ -16,6 +18,54 @@ namespace
 
 /// Samples of one thread's part at the least.
 constexpr std::size_t kGrain = 4096;
+
+/// Meshes with fewer triangles need no coarse ones.
+constexpr std::size_t kManyTriangles = 300000;
+/// Boxes along the longest side whose samples are drawn as one: some 100,000 triangles.
+constexpr double kCoarseBoxes = 112.0;
+
+/// Triangles between one sample of each box of a grid: those whose corners lie in three
+/// boxes, each once for the boxes that it joins.
+std::vector<std::uint32_t> coarse_triangles(const std::vector<Eigen::Vector3d>& samples,
+                                            const std::vector<Triangle>& triangles,
+                                            std::span<const std::uint32_t> place_of)
+{
+    const ModelBox box = bounding_box(samples);
+    const double edge = box.size().maxCoeff() / kCoarseBoxes;
+    if (triangles.size() < kManyTriangles || !(edge > 0))
+        return {};
+    const std::int64_t row = static_cast<std::int64_t>(kCoarseBoxes) + 2;
+    std::unordered_map<std::int64_t, std::uint32_t> first_in_box;
+    std::vector<std::uint32_t> chosen(samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i)
+    {
+        const Eigen::Array3d at = ((samples[i] - box.low) / edge).array().floor();
+        const std::int64_t key = static_cast<std::int64_t>(at[0]) +
+                                 row * (static_cast<std::int64_t>(at[1]) +
+                                        row * static_cast<std::int64_t>(at[2]));
+        chosen[i] =
+            first_in_box.try_emplace(key, static_cast<std::uint32_t>(i)).first->second;
+    }
+    std::vector<std::array<std::uint32_t, 3>> coarse;
+    for (const Triangle& triangle : triangles)
+    {
+        std::array<std::uint32_t, 3> corners{};
+        for (std::size_t k = 0; k < 3; ++k)
+            corners[k] = place_of[chosen[triangle[k]]];
+        if (corners[0] == corners[1] || corners[1] == corners[2] ||
+            corners[2] == corners[0])
+            continue;
+        std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()),
+                    corners.end());
+        coarse.push_back(corners);
+    }
+    std::sort(coarse.begin(), coarse.end());
+    coarse.erase(std::unique(coarse.begin(), coarse.end()), coarse.end());
+    std::vector<std::uint32_t> flat;
+    for (const std::array<std::uint32_t, 3>& corners : coarse)
+        flat.insert(flat.end(), corners.begin(), corners.end());
+    return flat;
+}
 
 } // namespace
 
@@ -43,6 +93,8 @@ std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
                                 layout->triangles[3 * t + k] =
                                     layout->place_of[triangles[t][k]];
                     });
+    layout->coarse_triangles =
+        coarse_triangles(geometry.samples, triangles, layout->place_of);
     return layout;
 }
 

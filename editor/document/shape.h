@@ -26,6 +26,10 @@ struct ShapeLayout
     std::vector<std::uint32_t> place_of; ///< place of each sample
     /// Triangles as places, three each; empty for a cloud.
     std::vector<std::uint32_t> triangles;
+    /// The same surface from far away: fewer triangles of the same samples, for moments
+    /// when drawing all of them would take too long. Empty for a cloud, and where there
+    /// are few anyway.
+    std::vector<std::uint32_t> coarse_triangles;
 };
 
 /// The samples at one moment, three numbers each, in the order of the layout.

@@ -102,7 +102,7 @@ Step between(const Step& from, const Step& to, double t)
 Motion rigid_motion(const Operation& operation, const Units& units, const Where& where,
                     std::vector<std::string>& warnings)
 {
-    Eigen::Matrix3d R = operation.matrix.topLeftCorner<3, 3>();
+    Eigen::Matrix3d R = operation.matrix->topLeftCorner<3, 3>();
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU |
                                                        Eigen::ComputeFullV);
     const Eigen::Matrix3d nearest = svd.matrixU() * svd.matrixV().transpose();
@@ -120,7 +120,7 @@ Motion rigid_motion(const Operation& operation, const Units& units, const Where&
             at(where, "was re-orthonormalised (off by " + shortest(distance) + ")"));
     if (distance > 1e-15)
         R = nearest;
-    const Eigen::Vector3d t = operation.matrix.topRightCorner<3, 1>();
+    const Eigen::Vector3d t = operation.matrix->topRightCorner<3, 1>();
     Motion motion{units.frame.rotation_to_work(R), Eigen::Vector3d::Zero()};
     // Where the point goes that the file's coordinates call 0.
     const Eigen::Vector3d zero = units.point(Eigen::Vector3d::Zero());

@@ -14,6 +14,7 @@ namespace
 class Print
 {
 public:
+    /// Goes on from a value.
     explicit Print(std::uint64_t start) : value_(start) {}
 
     void add(std::uint64_t word)
@@ -85,10 +86,24 @@ void add(Print& print, const FrameStatement& frame)
             print.add(std::uint64_t(operation.about.has_value()));
             if (operation.about)
                 print.add(*operation.about);
-            if (operation.kind == Operation::Kind::Matrix)
+            if (operation.matrix)
                 for (int k = 0; k < 16; ++k)
-                    print.add(operation.matrix.data()[k]);
+                    print.add(operation.matrix->data()[k]);
         }
+    }
+}
+
+/// Calls after(print) after the regions and after each frame.
+template <class After>
+void add(Print& print, const Stage& stage, After&& after)
+{
+    for (const RegionStatement& region : stage.regions)
+        add(print, region);
+    after(print);
+    for (const FrameStatement& frame : stage.frames)
+    {
+        add(print, frame);
+        after(print);
     }
 }
 
@@ -96,21 +111,31 @@ void add(Print& print, const FrameStatement& frame)
 
 StatementChain::StatementChain(const HandleFile& handles)
 {
-    Print print(handles.is_relative);
+    std::uint64_t before = before_first(handles.is_relative);
     for (const Stage& stage : handles.stages)
     {
         StagePrints& prints = stages_.emplace_back();
+        prints.before = before;
+        Print print(before);
+        add(print, stage, [&](const Print& now) { prints.after.push_back(now.value()); });
         print.add("stage");
-        prints.before = print.value();
-        for (const RegionStatement& region : stage.regions)
-            add(print, region);
-        prints.after.push_back(print.value());
-        for (const FrameStatement& frame : stage.frames)
-        {
-            add(print, frame);
-            prints.after.push_back(print.value());
-        }
+        before = print.value();
     }
+}
+
+std::uint64_t StatementChain::before_first(bool is_relative)
+{
+    Print print(is_relative);
+    print.add("stage");
+    return print.value();
+}
+
+std::uint64_t StatementChain::before_next(std::uint64_t before, const Stage& stage)
+{
+    Print print(before);
+    add(print, stage, [](const Print&) {});
+    print.add("stage");
+    return print.value();
 }
 
 } // namespace cellwarp

@@ -27,6 +27,11 @@ public:
     StatementChain() = default;
     explicit StatementChain(const HandleFile& handles);
 
+    /// before() of a file's first stage.
+    static std::uint64_t before_first(bool is_relative);
+    /// before() of the stage after one: of that stage alone once its own is known.
+    static std::uint64_t before_next(std::uint64_t before, const Stage& stage);
+
     std::size_t num_stages() const { return stages_.size(); }
     /// Of what comes before a stage: its rest shape follows from it.
     std::uint64_t before(std::size_t stage) const { return stages_[stage].before; }

@@ -87,8 +87,12 @@ public:
         layout_ = shape.layout;
         num_corners_ = static_cast<GLsizei>(layout_->triangles.size());
         array_.bind();
-        triangles_.fill(layout_->triangles.data(),
-                        layout_->triangles.size() * sizeof(std::uint32_t));
+        // One buffer: all triangles, then the coarse ones.
+        num_coarse_ = static_cast<GLsizei>(layout_->coarse_triangles.size());
+        std::vector<std::uint32_t> corners = layout_->triangles;
+        corners.insert(corners.end(), layout_->coarse_triangles.begin(),
+                       layout_->coarse_triangles.end());
+        triangles_.fill(corners.data(), corners.size() * sizeof(std::uint32_t));
         array_.floats(0, positions_, 3);
         if (shape.normals.empty())
             array_.constant(1);
@@ -113,7 +117,7 @@ public:
     const Eigen::Matrix4d& to_view() const { return to_view_; }
     double spacing() const { return spacing_; }
 
-    void draw() const
+    void draw(Detail detail) const
     {
         array_.bind();
         if (!has_colours_)
@@ -125,6 +129,11 @@ public:
         glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
         if (is_cloud())
             glDrawArrays(GL_POINTS, 0, count_);
+        else if (detail == Detail::Coarse && num_coarse_ > 0)
+            glDrawElements(
+                GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
+                reinterpret_cast<const void*>(static_cast<std::size_t>(num_corners_) *
+                                              sizeof(std::uint32_t)));
         else
             glDrawElements(GL_TRIANGLES, num_corners_, GL_UNSIGNED_INT, nullptr);
     }
@@ -136,7 +145,7 @@ private:
     std::shared_ptr<const ShapeLayout> layout_;
     Eigen::Matrix4d to_view_ = Eigen::Matrix4d::Identity();
     std::uint64_t version_ = 0;
-    GLsizei count_ = 0, num_corners_ = 0;
+    GLsizei count_ = 0, num_corners_ = 0, num_coarse_ = 0;
     double spacing_ = 0.0; ///< [work], of a cloud
     bool has_colours_ = false;
 };
@@ -261,7 +270,8 @@ struct Canvas::State
                     const ViewRect& rect);
     void draw_points(const CanvasScene& scene, const DrawnShape& drawn,
                      const ViewRect& rect, float opacity);
-    void draw_ghost(const CanvasScene& scene, const ViewRect& rect);
+    void draw_ghost(const CanvasScene& scene, const ViewOptions& options,
+                    const ViewRect& rect);
     void draw_cells(const CanvasScene& scene, const ViewOptions& options);
     void draw_floor(const CanvasScene& scene, const ViewOptions& options);
 };
@@ -388,7 +398,7 @@ void Canvas::State::draw_points(const CanvasScene& scene, const DrawnShape& draw
     points.set("point_radius", static_cast<float>(width / 2.0));
     points.set("opacity", opacity);
     glEnable(GL_PROGRAM_POINT_SIZE);
-    drawn.draw();
+    drawn.draw(Detail::All);
 }
 
 void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& options,
@@ -404,7 +414,7 @@ void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& opti
     if (options.shows_faces)
     {
         set_up(faces, scene, shape->to_view());
-        shape->draw();
+        shape->draw(options.detail);
     }
     if (!options.shows_edges && options.shows_faces)
         return;
@@ -416,12 +426,13 @@ void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& opti
         lines.set("ink", 0.0f, 0.0f, 0.0f, 0.0f);
     glPolygonMode(GL_FRONT_AND_BACK, GL_LINE);
     glEnable(GL_BLEND);
-    shape->draw();
+    shape->draw(options.detail);
     glDisable(GL_BLEND);
     glPolygonMode(GL_FRONT_AND_BACK, GL_FILL);
 }
 
-void Canvas::State::draw_ghost(const CanvasScene& scene, const ViewRect& rect)
+void Canvas::State::draw_ghost(const CanvasScene& scene, const ViewOptions& options,
+                               const ViewRect& rect)
 {
     if (rest->is_empty())
         return;
@@ -438,9 +449,9 @@ void Canvas::State::draw_ghost(const CanvasScene& scene, const ViewRect& rect)
         set_up(faces, scene, rest->to_view());
         faces.set("opacity", kGhostOpacity);
         glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-        rest->draw();
+        rest->draw(options.detail);
         glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-        rest->draw();
+        rest->draw(options.detail);
     }
     glDisable(GL_BLEND);
 }
@@ -514,7 +525,7 @@ void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
     if (options.shows_floor)
         state_->draw_floor(scene, options);
     if (options.shows_ghost)
-        state_->draw_ghost(scene, rect);
+        state_->draw_ghost(scene, options, rect);
     if (options.cells != CellsShown::No)
         state_->draw_cells(scene, options);
     state_->end(rect, window_height);

@@ -20,6 +20,13 @@ enum class CellsShown
     Glass
 };
 
+/// How much of a shape that has very many triangles is drawn.
+enum class Detail
+{
+    All,
+    Coarse
+};
+
 /// What the user wants to see.
 struct ViewOptions
 {
@@ -31,6 +38,7 @@ struct ViewOptions
     bool shows_floor = true;
     bool is_smooth =
         true; ///< edges without steps; slower where there is no graphics card
+    Detail detail = Detail::All;
     CellsShown cells = CellsShown::No;
     CellColours cell_colours = CellColours::Gap;
 };

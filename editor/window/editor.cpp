@@ -282,9 +282,12 @@ double Editor::draw_canvas()
                             frame.to_work(editing.document().box().high)};
     const double upload_ms = canvas_.upload(scene, desk_.view);
     ViewOptions options = desk_.view;
-    // Where drawing is slow, edges are made smooth when the hand rests.
-    options.is_smooth = options.is_smooth && !(opened->hand.is_busy() &&
-                                               desk_.frame_times.median() > kSlowFrame);
+    // Where drawing is slow, all triangles and smooth edges wait until the hand rests.
+    if (opened->hand.is_busy() && desk_.frame_times.median() > kSlowFrame)
+    {
+        options.detail = Detail::Coarse;
+        options.is_smooth = false;
+    }
     canvas_.draw(scene, options, view_, window_.height());
     return upload_ms;
 }

@@ -52,7 +52,7 @@ TEST(HandleFile, reads_every_statement)
     ASSERT_EQ(move.operations.size(), 2u);
     EXPECT_EQ(move.operations[0].degrees, 45.0);
     EXPECT_EQ(*move.operations[0].about, Eigen::Vector3d(1, 2, 3));
-    EXPECT_EQ(file.stages[1].frames[0].moves[0].operations[0].matrix(1, 3), 0.2);
+    EXPECT_EQ((*file.stages[1].frames[0].moves[0].operations[0].matrix)(1, 3), 0.2);
 }
 
 TEST(HandleFile, names_line_and_field_of_what_is_wrong)
@@ -168,7 +168,7 @@ TEST(HandleFile, reads_the_survey_pair)
         sel, folder.write("a.def", "1 0 0 0.5\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"));
     ASSERT_EQ(file.stages.size(), 1u);
     EXPECT_EQ(file.stages[0].regions[1].selector.label, 2);
-    EXPECT_EQ(file.stages[0].frames[0].moves[0].operations[0].matrix(0, 3), 0.5);
+    EXPECT_EQ((*file.stages[0].frames[0].moves[0].operations[0].matrix)(0, 3), 0.5);
 }
 
 TEST(HandleFile, tells_which_file_of_the_survey_pair_is_wrong)

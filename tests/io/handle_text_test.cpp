@@ -73,8 +73,9 @@ std::string meaning_of(const HandleFile& file)
                     vector(operation.vector);
                     value(operation.degrees);
                     vector(operation.about.value_or(Eigen::Vector3d(0.1, 0.2, 0.3)));
-                    for (const double entry : operation.matrix.reshaped())
-                        value(entry);
+                    if (operation.matrix)
+                        for (const double entry : operation.matrix->reshaped())
+                            value(entry);
                 }
             }
         }
@@ -199,9 +200,11 @@ Operation any_operation(std::mt19937& rng, bool is_pin, bool is_first)
     else
     {
         operation.kind = Operation::Kind::Matrix;
+        Eigen::Matrix4d matrix = Eigen::Matrix4d::Identity();
         for (int row = 0; row < 3; ++row)
             for (int column = 0; column < 4; ++column)
-                operation.matrix(row, column) = any_number(rng);
+                matrix(row, column) = any_number(rng);
+        operation.matrix = std::make_shared<const Eigen::Matrix4d>(matrix);
     }
     return operation;
 }

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Long sessions: what ten thousand edits leave behind.
+#include <chrono>
+#include <fstream>
+
+#include <gtest/gtest.h>
+#include <malloc.h>
+#include <unistd.h>
+
+#include "editor/document/editing.h"
+#include "editor/session/scene_settings.h"
+#include "tests/editor/document/random_edits.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using support::contents;
+using support::edit_at_random;
+using support::hold_ends;
+
+constexpr std::size_t kEdits = 10000;
+
+/// What the process has in memory [MB]; what is free but not given back is not counted.
+double resident_mb()
+{
+    ::malloc_trim(0);
+    std::ifstream pages("/proc/self/statm");
+    double total = 0, resident = 0;
+    pages >> total >> resident;
+    return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start)
+{
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
+        .count();
+}
+
+} // namespace
+
+TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_speed)
+{
+    const support::BarDocument bar;
+    Document document = bar.open();
+    const std::string start = contents(document);
+    hold_ends(document);
+    std::mt19937 rng(7);
+    const auto edit_until = [&](std::size_t count)
+    {
+        const auto begun = std::chrono::steady_clock::now();
+        while (document.history().size() < count)
+            edit_at_random(document, rng);
+        return seconds_since(begun);
+    };
+    const double first_seconds = edit_until(kEdits / 10);
+    const double early_mb = resident_mb();
+    edit_until(kEdits / 10 * 9);
+    const double last_seconds = edit_until(kEdits);
+    const double late_mb = resident_mb();
+    const std::string end = contents(document);
+    const auto begun = std::chrono::steady_clock::now();
+    while (document.can_undo())
+        document.undo();
+    EXPECT_EQ(contents(document), start);
+    while (document.can_redo())
+        document.redo();
+    EXPECT_TRUE(contents(document) == end);
+    std::printf("%zu edits: %.1f MB more than after %zu; the first %zu took %.3f s, the "
+                "last %.3f s, undo and redo of all %.3f s\n",
+                kEdits, late_mb - early_mb, kEdits / 10, kEdits / 10, first_seconds,
+                last_seconds, seconds_since(begun));
+    EXPECT_LE(late_mb - early_mb, 5.0);
+    // A noisy machine is no reason to fail; a cost that grows with the edits is.
+    EXPECT_LE(last_seconds, 4 * first_seconds + 0.1);
+}
+
+TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_back)
+{
+    const support::BarDocument bar;
+    Editing editing(bar.open());
+    Document& document = editing.document();
+    EditSettings settings;
+    settings.across = 6;
+    settings.max_depth = 0;
+    settings.gap = 0.1; // coarse voxels
+    document.change_settings(settings);
+    hold_ends(document);
+    editing.wait();
+    std::mt19937 rng(11);
+    for (int k = 0; k < 300; ++k)
+    {
+        const std::size_t before = document.history().position();
+        edit_at_random(document, rng);
+        if (k % 25 != 24)
+            continue;
+        editing.wait();
+        // Regions that cannot be solved are told; the user takes them back.
+        for (; !editing.result() && document.can_undo(); editing.wait())
+            document.undo();
+        ASSERT_NE(editing.result(), nullptr) << before << ": " << editing.status().error;
+    }
+    const std::vector<Eigen::Vector3d> end = editing.result()->samples;
+    EXPECT_GT(document.history().size(), 100u);
+    EXPECT_GT(document.handles().stages.size(), 3u);
+    document.save(bar.folder / "scene.json");
+    const SceneFile scene = read_scene(bar.folder / "scene.json");
+    Session replay(read_geometry(scene.model), read_handles(scene.handles),
+                   settings_of(scene));
+    while (replay.next_frame(true))
+        ;
+    EXPECT_TRUE(replay.patch().samples == end);
+    const std::size_t done = document.history().position();
+    for (std::size_t k = 1; document.can_undo(); ++k)
+    {
+        document.undo();
+        if (k % 25 == 0)
+            editing.wait();
+    }
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_TRUE(editing.result()->samples == document.model()->geometry.samples);
+    for (std::size_t k = 1; document.history().position() < done; ++k)
+    {
+        document.redo();
+        if (k % 25 == 0)
+            editing.wait();
+    }
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_TRUE(editing.result()->samples == end);
+}
+
+} // namespace cellwarp
