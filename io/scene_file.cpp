@@ -155,6 +155,7 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
 {
     SceneFile scene;
     scene.path = path;
+    scene.text = text;
     Json json;
     try
     {
@@ -220,13 +221,19 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
 std::string scene_text(const SceneFile& scene)
 {
     using Ordered = nlohmann::ordered_json;
-    Ordered json = {{"cellwarp", 1}, {"model", name_beside(scene.path, scene.model)}};
-    if (!scene.handles.empty())
+    Ordered json = scene.text.empty() ? Ordered::object() : Ordered::parse(scene.text);
+    json["cellwarp"] = 1;
+    json["model"] = name_beside(scene.path, scene.model);
+    if (scene.handles.empty())
+        json.erase("handles");
+    else
         json["handles"] = name_beside(scene.path, scene.handles);
     const auto put = [&](const char* part, const char* key, const auto& value)
     {
         if (value)
             json[part][key] = *value;
+        else if (json.contains(part))
+            json[part].erase(key);
     };
     put("cells", "fill", scene.fill);
     put("cells", "across", scene.across);
@@ -235,9 +242,14 @@ std::string scene_text(const SceneFile& scene)
     put("cells", "gap", scene.gap);
     put("cells", "max_cells", scene.max_cells);
     if (scene.frame)
-        json["cells"]["frame"] = {{"origin", scene.frame->origin},
-                                  {"axes", scene.frame->axes},
-                                  {"size", scene.frame->size}};
+    {
+        Ordered& frame = json["cells"]["frame"];
+        frame["origin"] = scene.frame->origin;
+        frame["axes"] = scene.frame->axes;
+        frame["size"] = scene.frame->size;
+    }
+    else if (json.contains("cells"))
+        json["cells"].erase("frame");
     put("field", "drag", scene.drag);
     put("field", "release", scene.release);
     try

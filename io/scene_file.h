@@ -35,6 +35,7 @@ struct SceneFile
     std::optional<std::string> drag;    ///< "blend" or "closest4"
     std::optional<std::string> release; ///< "rbf", "rbf-global" or "blend"
     std::vector<std::string> warnings;
+    std::string text; ///< as it was read, with what the rest leaves out
 };
 
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the
@@ -43,9 +44,10 @@ SceneFile read_scene(const std::string& path);
 SceneFile parse_scene(const std::string& path, const std::string& text);
 
 /// The scene's text, for \p scene.path: parse_scene() gives the same values to the bit.
-/// Model and handles are named relative to its folder where they can be. Throws
-/// Fault::Usage for a file name that is no UTF-8 text. \pre All values are as
-/// parse_scene() accepts them; what that left out with a warning is not written.
+/// Model and handles are named relative to its folder where they can be. What
+/// parse_scene() left out with a warning stands in scene.text and is written as it was.
+/// Throws Fault::Usage for a file name that is no UTF-8 text. \pre All values are as
+/// parse_scene() accepts them.
 std::string scene_text(const SceneFile& scene);
 
 } // namespace cellwarp

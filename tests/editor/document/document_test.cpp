@@ -186,6 +186,86 @@ TEST(Document, knows_whether_it_is_saved)
     EXPECT_EQ(again.regions().size(), 2u);
 }
 
+TEST(Document, keeps_what_it_does_not_know_in_a_scene)
+{
+    const Bar bar;
+    const std::string path = bar.folder / "s.json";
+    write_file(path,
+               R"({"note": [1, "two"], "cellwarp": 1, "model": "bar.obj",
+  "rods": [{"radius": 0.25}], "cells": {"gap": 0.03, "colour": "red", "across": 9,
+  "frame": {"origin": [0, 0, 0], "size": [1, 1, 4], "by": "hand"}},
+  "field": {"drag": "blend", "speed": 7}, "simulate": {"dt": 0.01}})",
+               Overwrite::No);
+    Document document(path, "");
+    EXPECT_EQ(document.warnings().size(), 6u);
+    hold_ends(document);
+    EditSettings settings = document.settings();
+    settings.gap = 0.05;
+    settings.across.reset();
+    settings.drag.reset();
+    settings.release = "blend";
+    document.change_settings(settings);
+    document.save(path);
+    const std::string saved = support::bytes_of(path);
+    EXPECT_EQ(saved, R"({
+  "note": [
+    1,
+    "two"
+  ],
+  "cellwarp": 1,
+  "model": "bar.obj",
+  "rods": [
+    {
+      "radius": 0.25
+    }
+  ],
+  "cells": {
+    "gap": 0.05,
+    "colour": "red",
+    "frame": {
+      "origin": [
+        0.0,
+        0.0,
+        0.0
+      ],
+      "size": [
+        1.0,
+        1.0,
+        4.0
+      ],
+      "by": "hand",
+      "axes": [
+        [
+          1.0,
+          0.0,
+          0.0
+        ],
+        [
+          0.0,
+          1.0,
+          0.0
+        ],
+        [
+          0.0,
+          0.0,
+          1.0
+        ]
+      ]
+    }
+  },
+  "field": {
+    "speed": 7,
+    "release": "blend"
+  },
+  "simulate": {
+    "dt": 0.01
+  },
+  "handles": "s.handles"
+}
+)");
+    EXPECT_EQ(Document(path, "").settings(), settings);
+}
+
 TEST(Document, settings_that_a_file_may_not_say_are_refused)
 {
     const Bar bar;

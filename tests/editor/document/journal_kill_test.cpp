@@ -144,8 +144,7 @@ TEST(JournalKill, loses_at_most_the_last_edit_at_any_moment)
         SCOPED_TRACE(k);
         // From nothing, while it opens and recovers, or between and in its edits.
         const Child child = start_child(bar, step);
-        const int reported =
-            kill_after(child, static_cast<int>(rng() % 12), rng() % 2000);
+        const int reported = kill_after(child, static_cast<int>(rng() % 12), rng() % 400);
         Document document = bar.open();
         document.recover();
         const std::string state = state_of(document);
