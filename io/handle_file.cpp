@@ -335,9 +335,9 @@ private:
     void frame(Statement& words, std::int64_t line)
     {
         const std::int64_t number = words.integer("frame number");
-        if (number < 0 || number > 999999999)
-            words.fail("frame number",
-                       "got " + std::to_string(number) + ", need 0 to 999999999");
+        if (number < 0 || number > kLastFrame)
+            words.fail("frame number", "got " + std::to_string(number) + ", need 0 to " +
+                                           std::to_string(kLastFrame));
         if (last_frame_ && number <= *last_frame_)
             words.fail("frame number", "got " + std::to_string(number) +
                                            ", need more than the last one, " +

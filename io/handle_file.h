@@ -19,6 +19,9 @@
 namespace cellwarp
 {
 
+/// Frames are numbered from 0 to this.
+inline constexpr std::int64_t kLastFrame = 999999999;
+
 enum class Role
 {
     Fixed,

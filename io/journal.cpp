@@ -96,7 +96,7 @@ struct Descriptor
     const bool is_known = read_at(file, 0, reinterpret_cast<char*>(&head), sizeof head) >=
                               static_cast<std::int64_t>(offsetof(FileHead, length)) &&
                           std::string_view(head.magic, sizeof head.magic) == kMagic;
-    throw Error(
+    throw InUse(
         Fault::File,
         at({path, 0, ""}, "in use by " + (is_known ? "PID " + std::to_string(head.holder)
                                                    : "another process")));
@@ -358,6 +358,48 @@ std::string Journal::read(std::uint64_t start) const
         checksum_of(payload, checksum_of_head(head.length, head.number)) != head.checksum)
         refuse("was altered");
     return payload;
+}
+
+void Journal::check_free(const std::string& path)
+{
+    struct stat file
+    {
+    };
+    if (::stat(path.c_str(), &file) == 0)
+        ::close(open_locked(path, 0));
+}
+
+std::string Journal::keep_aside(const std::string& path)
+{
+    for (int number = 1;; ++number)
+    {
+        const std::string aside =
+            path + ".kept" + (number == 1 ? "" : std::to_string(number));
+        if (::link(path.c_str(), aside.c_str()) == 0)
+        {
+            ::unlink(path.c_str());
+            return aside;
+        }
+        if (errno != EEXIST)
+            fail(path, "cannot keep aside");
+    }
+}
+
+void Journal::move_to(const std::string& path)
+{
+    if (state_->path.empty() || state_->is_removed || path == state_->path)
+        return;
+    struct stat file
+    {
+    };
+    if (::stat(path.c_str(), &file) == 0)
+    {
+        check_free(path);
+        keep_aside(path);
+    }
+    if (::rename(state_->path.c_str(), path.c_str()) != 0)
+        fail(state_->path, "cannot rename");
+    state_->path = path;
 }
 
 void Journal::remove()

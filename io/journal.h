@@ -10,8 +10,17 @@
 #include <string_view>
 #include <vector>
 
+#include "io/error.h"
+
 namespace cellwarp
 {
+
+/// Another process holds a journal.
+class InUse : public Error
+{
+public:
+    using Error::Error;
+};
 
 /// What a journal held when it was opened.
 struct JournalContents
@@ -27,7 +36,7 @@ class Journal
 public:
     /// A new one, or instead of what is there. \p path empty: an unnamed file of the
     /// system's temporary folder, which goes with the process. Throws Fault::File, also
-    /// "in use by PID" where another process holds it.
+    /// InUse "in use by PID".
     static Journal create(const std::string& path, std::string_view header);
     /// One that is there, to go on with. A tail that is no whole record is dropped with a
     /// warning: one that is too short, or that ends in zeros of blocks that were never
@@ -44,9 +53,17 @@ public:
     void sync();
     /// Of the record that starts there. Throws Fault::Malformed, Fault::File.
     std::string read(std::uint64_t start) const;
+    /// Throws InUse if another process holds the journal of this name.
+    static void check_free(const std::string& path);
+    /// Has another name from now on; what no process holds there is kept beside it, see
+    /// keep_aside(). An unnamed journal stays so. Throws Fault::File, InUse.
+    void move_to(const std::string& path);
     /// Removes the file. Nothing more can be appended.
     void remove();
     const std::string& path() const;
+
+    /// Renames a file to the first free one of NAME.kept, NAME.kept2, ...; gives that.
+    static std::string keep_aside(const std::string& path);
 
 private:
     struct State;

@@ -134,7 +134,8 @@ struct Document::State
         JournalContents contents;
     };
     std::optional<Left> left; ///< by an earlier run
-    std::string journal;      ///< its path; empty: none
+    std::string journal_folder;
+    std::string journal; ///< its path; empty: none
     std::optional<std::uint32_t> saved_content = 0;
 
     // Derived.
@@ -412,8 +413,11 @@ struct Document::State
 
     JournalHeader header() const
     {
-        return {path, scene_text(with_settings(scene, edited.settings)),
-                handle_text(edited.handles), model->bytes.size(),
+        return {path,
+                scene_text(with_settings(scene, edited.settings)),
+                handle_text(edited.handles),
+                edited.handles.path,
+                model->bytes.size(),
                 checksum_of(model->bytes)};
     }
 
@@ -424,9 +428,13 @@ struct Document::State
         {
             history = History(Journal::create(journal, text));
         }
+        catch (const InUse&)
+        {
+            throw;
+        }
         catch (const Error& error)
         {
-            if (journal.empty() || is_in_use(error))
+            if (journal.empty())
                 throw;
             warnings.push_back(std::string("no journal is kept: ") + error.what());
             history = History(Journal::create("", text));
@@ -436,16 +444,23 @@ struct Document::State
     /// Keeps a journal that cannot be read, under another name.
     void set_aside(const Error& error)
     {
-        const std::string aside = journal + ".damaged";
-        std::error_code none;
-        std::filesystem::rename(journal, aside, none);
-        warnings.push_back(std::string(error.what()) + " (kept as " + aside + ")");
+        std::string note = error.what();
+        try
+        {
+            note += " (kept as " + Journal::keep_aside(journal) + ")";
+        }
+        catch (const Error&)
+        {
+            // It stays where it is, and start_history() tells that none can be kept.
+        }
+        warnings.push_back(note);
     }
 
     /// Looks for what an earlier run has left; true if there is something.
     bool find_left()
     {
-        if (journal.empty() || !std::filesystem::exists(journal))
+        std::error_code none;
+        if (journal.empty() || !std::filesystem::exists(journal, none))
             return false;
         JournalContents contents;
         try
@@ -456,18 +471,15 @@ struct Document::State
             left.emplace(Left{std::move(opened), std::move(contents)});
             return true;
         }
+        catch (const InUse&)
+        {
+            throw;
+        }
         catch (const Error& error)
         {
-            if (error.fault() != Fault::Malformed)
-                throw;
             set_aside(error);
             return false;
         }
-    }
-
-    static bool is_in_use(const Error& error)
-    {
-        return std::string_view(error.what()).find("in use by") != std::string_view::npos;
     }
 };
 
@@ -501,6 +513,7 @@ Document::Document(const std::string& path, const std::string& journal_folder)
                             : automatic_frame(s.box);
     s.edited.selection = Selection(s.model->geometry.samples.size());
     s.find_regions();
+    s.journal_folder = journal_folder;
     s.journal = journal_path(journal_folder, path);
     if (!s.find_left())
         s.start_history();
@@ -523,8 +536,8 @@ std::vector<std::string> Document::recover()
     {
         const JournalHeader header = parse_header(left.contents.header, s.journal);
         Edited edited;
-        edited.settings = settings_in(parse_scene(s.path, header.scene));
-        edited.handles = parse_handles(s.edited.handles.path, header.handles);
+        edited.settings = settings_in(parse_scene(header.document, header.scene));
+        edited.handles = parse_handles(header.handles_path, header.handles);
         edited.selection = Selection(s.model->geometry.samples.size());
         const std::uint32_t checksum = checksum_of(s.model->bytes);
         if (header.model_bytes != s.model->bytes.size() ||
@@ -673,7 +686,8 @@ std::string Document::add_region(Role role, const std::string& name)
     std::vector<Draft> drafts = s.drafts();
     State::take_from_others(drafts, samples, role, given);
     // The selection has done its work: the colour of the region is to be seen.
-    s.push_regions("Make " + role_name(role) + " " + given, drafts,
+    const std::string word = role_name(role);
+    s.push_regions("Make " + (given == word ? word : word + " " + given), drafts,
                    {statement_of(given, role, kUsualFactor, samples)},
                    {Toggled{s.edited.selection.runs()}});
     return given;
@@ -752,6 +766,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     for (const Stage& stage : s.edited.handles.stages)
         if (!stage.frames.empty())
             number = stage.frames.back().number + 1;
+    if (number >= kLastFrame)
+        throw usage("a handle file has no frame after " + std::to_string(kLastFrame));
     const bool turns = to.degrees != old.placement.degrees;
     s.push({(turns ? "Turn " : "Move ") + region,
             {FramesAdded{frames_to(old, to, number, s.ground())}}});
@@ -839,18 +855,22 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
                       handle_bytes = handle_text(handles);
     check_output(scene.path, overwrite);
     check_output(scene.handles, overwrite);
+    const std::string journal = journal_path(s.journal_folder, scene_path);
+    if (!is_own && journal != s.journal)
+        Journal::check_free(journal);
     write_file(scene.handles, handle_bytes, overwrite);
     write_file(scene.path, scene_bytes, overwrite);
+    if (!is_own)
+    {
+        // Whoever opens the new scene finds the edits under its name.
+        s.history.move_journal(journal);
+        s.journal = journal;
+    }
     s.scene_path = scene_path;
     s.scene = scene;
     s.edited.handles.path = scene.handles;
     s.saved_content = s.history.content();
     ++s.revision;
-}
-
-void Document::sync()
-{
-    state_->history.sync();
 }
 
 void Document::close()

@@ -100,8 +100,6 @@ public:
     /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
     /// replays to the same result. Its own scene is replaced in any case. Throws Error.
     void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No);
-    /// What was done is on the disk.
-    void sync();
     /// Ends the journal: nothing is left to recover.
     void close();
 

@@ -39,8 +39,8 @@ public:
     /// \pre position <= size()
     void move_to(std::size_t position);
 
-    /// What was added is on the disk.
-    void sync() { journal_.sync(); }
+    /// The journal's file has another name from now on.
+    void move_journal(const std::string& path) { journal_.move_to(path); }
     /// Ends the journal: the file goes.
     void remove() { journal_.remove(); }
 

@@ -68,6 +68,7 @@ std::string header_text(const JournalHeader& header)
     put(text, header.document);
     put(text, header.scene);
     put(text, header.handles);
+    put(text, header.handles_path);
     put(text, std::to_string(header.model_bytes));
     put(text, std::to_string(header.model_checksum));
     return text;
@@ -80,6 +81,7 @@ JournalHeader parse_header(std::string_view text, const std::string& path)
     header.document = parts.next();
     header.scene = parts.next();
     header.handles = parts.next();
+    header.handles_path = parts.next();
     header.model_bytes = parts.number<std::uint64_t>();
     header.model_checksum = parts.number<std::uint32_t>();
     return header;

@@ -13,6 +13,7 @@ struct JournalHeader
 {
     std::string document;       ///< path as it was opened
     std::string scene, handles; ///< texts of what it said then
+    std::string handles_path;   ///< as which the second one is read
     std::uint64_t model_bytes = 0;
     std::uint32_t model_checksum = 0;
 };

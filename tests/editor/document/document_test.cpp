@@ -350,6 +350,41 @@ TEST(Document, says_what_has_changed_since_and_drops_what_is_not_wanted)
     hold_ends(document);
 }
 
+TEST(Document, takes_its_journal_along_to_the_scene_it_is_saved_as)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "elsewhere.json";
+    std::string before;
+    {
+        Document document = bar.open();
+        hold_ends(document);
+        document.save(scene);
+        error_of(Fault::File, [&] { Document(scene, bar.journals); });
+        document.move_region("head", shifted(1));
+        before = contents(document);
+    }
+    EXPECT_EQ(bar.open().num_recoverable(), 0u);
+    Document document(scene, bar.journals);
+    ASSERT_EQ(document.num_recoverable(), 5u);
+    document.recover();
+    EXPECT_EQ(contents(document), before);
+}
+
+TEST(Document, opens_where_no_journal_can_be_kept_and_says_so)
+{
+    const Bar bar;
+    {
+        Document document = bar.open();
+        hold_ends(document);
+    }
+    const auto journal = std::filesystem::directory_iterator(bar.journals)->path();
+    std::filesystem::remove(journal);
+    std::filesystem::create_directory(journal);
+    const Document document = bar.open();
+    ASSERT_FALSE(document.warnings().empty());
+    EXPECT_TRUE(contains(document.warnings().back(), "no journal is kept"));
+}
+
 TEST(Document, one_process_edits_a_file_at_a_time)
 {
     const Bar bar;
