@@ -75,6 +75,8 @@ struct Editing::State
         rest.version = ++version;
         result_shape = shape = rest;
     }
+    /// All threads end at the same time, not one after the other.
+    ~State() { desk.cancel(); }
 
     void show(const ShownShape& other)
     {
@@ -167,8 +169,9 @@ struct Editing::State
             if (!prepared || !fits(*prepared))
                 return false;
             hand->frame = prepared->source.body->rest->frame;
-            hand->live.emplace(std::move(*prepared));
+            PreparedDrag drag = std::move(*prepared);
             prepared.reset();
+            hand->live.emplace(std::move(drag));
             hand->live->show_cells(shows_cells);
             hand->live->move(motions());
         }
@@ -183,12 +186,12 @@ struct Editing::State
     {
         if (hand->live)
         {
-            PreparedDrag drag = hand->live->stop();
+            std::optional<PreparedDrag> drag = hand->live->stop();
             if (Refining made = hand->live->take_refining(); made.valid())
                 left_over.push_back(std::move(made));
-            if (keeps_drag && !prepared)
+            if (keeps_drag && drag && !prepared)
             {
-                layout = drag.layout;
+                layout = drag->layout;
                 prepared = std::move(drag);
             }
             else
@@ -199,8 +202,9 @@ struct Editing::State
 
     bool is_settled() const
     {
-        return asked == document.result_revision() && !desk.is_busy() && !wants_drag &&
-               !preparing.valid();
+        const bool is_asked =
+            asked == document.result_revision() || document.num_recoverable() > 0;
+        return is_asked && !desk.is_busy() && !wants_drag && !preparing.valid();
     }
 };
 
@@ -233,12 +237,14 @@ bool Editing::update()
 
 void Editing::wait()
 {
-    do
+    // What the threads had finished before an update has been taken by it.
+    for (bool was_settled = false;; was_settled = state_->is_settled())
     {
         update();
+        if (was_settled && state_->is_settled())
+            return;
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    } while (!state_->is_settled());
-    update();
+    }
 }
 
 void Editing::cancel()

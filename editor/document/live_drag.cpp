@@ -6,6 +6,7 @@
 #include <future>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <thread>
 
 #include "octree/parallel.h"
@@ -62,6 +63,7 @@ struct LiveDrag::State
     // Of the thread.
     PreparedDrag prepared;
     Refining refining;
+    std::stop_source stop_refining;
     ShownShape back;
     std::vector<Motion> now;
     Clock::time_point now_at;
@@ -122,15 +124,32 @@ struct LiveDrag::State
     void refine()
     {
         is_refined = true;
-        refining = std::async(std::launch::async, [source = prepared.source,
-                                                   state = prepared.drag->rig().state()]
-                              { return refined(source, state); });
+        try
+        {
+            refining =
+                std::async(std::launch::async, [source = prepared.source,
+                                                state = prepared.drag->rig().state(),
+                                                stop = stop_refining.get_token()]
+                           { return refined(source, state, stop); });
+        }
+        catch (const std::exception&)
+        {
+            // No thread or no memory is left: these cells do.
+        }
     }
 
     /// Goes on in smaller cells, from where they were wanted to where the hand is now.
     void take_refined()
     {
-        std::optional<PreparedDrag> made = refining.get();
+        std::optional<PreparedDrag> made;
+        try
+        {
+            made = refining.get();
+        }
+        catch (const std::exception&)
+        {
+            // Smaller cells cannot be: these do.
+        }
         if (!made)
             return;
         prepared = std::move(*made);
@@ -169,7 +188,7 @@ struct LiveDrag::State
         ++status.frames;
     }
 
-    void run()
+    void work()
     {
         for (;;)
             switch (next_work())
@@ -188,12 +207,27 @@ struct LiveDrag::State
             }
     }
 
+    /// A frame that cannot be ends the display, and neither the edit nor the program.
+    void run()
+    {
+        try
+        {
+            work();
+        }
+        catch (const std::exception& error)
+        {
+            const std::lock_guard lock(mutex);
+            status.error = error.what();
+        }
+    }
+
     void end()
     {
         {
             const std::lock_guard lock(mutex);
             is_stopping = true;
         }
+        stop_refining.request_stop();
         wake.notify_all();
         if (thread.joinable())
             thread.join();
@@ -245,9 +279,11 @@ DragStatus LiveDrag::status() const
     return state_->status;
 }
 
-PreparedDrag LiveDrag::stop()
+std::optional<PreparedDrag> LiveDrag::stop()
 {
     state_->end();
+    if (!state_->status.error.empty())
+        return std::nullopt;
     return std::move(state_->prepared);
 }
 

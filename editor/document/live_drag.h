@@ -7,6 +7,7 @@
 #include <future>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "editor/document/prepared_drag.h"
@@ -23,6 +24,7 @@ struct DragStatus
     double latency_ms = 0.0;  ///< from the hand's move to the finished frame
     std::uint64_t frames = 0; ///< finished, in this drag
     std::size_t cells = 0;
+    std::string error; ///< why no more frames come; empty: they do
 };
 
 /// The same drag in smaller cells, when it is done; nothing where they are not wanted.
@@ -47,9 +49,10 @@ public:
     /// \p cells: untouched where cells are not shown.
     bool take(ShownShape& shape, ShownCells& cells);
     DragStatus status() const;
-    /// Ends, and gives the drag back for the next time.
-    PreparedDrag stop();
-    /// What is still being made in the background, after stop(); whoever has it waits.
+    /// Ends, and gives the drag back for the next time; nothing where a frame failed.
+    std::optional<PreparedDrag> stop();
+    /// What was being made in the background at stop(), told to end too; whoever has it
+    /// waits.
     Refining take_refining();
 
 private:

@@ -37,7 +37,8 @@ PreparedDrag prepare_drag(DragSource source)
     return made;
 }
 
-std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state)
+std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state,
+                                    std::stop_token stop)
 {
     Recutting recutting = source.recutting;
     if (!recutting.is_adaptive())
@@ -46,13 +47,16 @@ std::optional<PreparedDrag> refined(const DragSource& source, const RigState& st
     bool is_changed = false;
     SolveOptions options;
     options.max_iterations = kSettling;
+    options.stop = stop;
     while (std::optional<Rig> next = recutting.finer(rig))
     {
+        if (stop.stop_requested())
+            return std::nullopt;
         rig = std::move(*next);
         rig.solve(options);
         is_changed = true;
     }
-    if (!is_changed)
+    if (!is_changed || stop.stop_requested())
         return std::nullopt;
     DragSource finer = source;
     finer.body = rig.shared_body();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 
 #include "editor/document/shape.h"
 #include "editor/session/drag.h"
@@ -41,7 +42,8 @@ struct PreparedDrag
 PreparedDrag prepare_drag(DragSource source);
 
 /// The same in smaller cells, where the deformation wants them; nothing where it does
-/// not. \p state: of the cells of \p source now.
-std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state);
+/// not, or is stopped. \p state: of the cells of \p source now.
+std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state,
+                                    std::stop_token stop);
 
 } // namespace cellwarp

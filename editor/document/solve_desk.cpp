@@ -29,6 +29,9 @@ double seconds_since(Clock::time_point start)
 /// Points of the curve of energy at the most: as many as a small plot can show.
 constexpr std::size_t kCurve = 512;
 
+/// What a request that was given up says of itself.
+constexpr const char* kCancelled = "cancelled";
+
 /// The file's end, as a place.
 ScriptPlace end_of(const HandleFile& handles)
 {
@@ -58,6 +61,7 @@ struct SolveDesk::State
     mutable std::mutex mutex;
     std::condition_variable wake;
     std::optional<SolveRequest> asked;
+    StatementChain asked_chain; ///< of its handles
     std::optional<Solved> solved;
     SolveStatus status;
     Clock::time_point started;
@@ -98,7 +102,7 @@ struct SolveDesk::State
         is_working = true;
         is_cancelled = false;
         stop = std::stop_source();
-        chain = StatementChain(request.handles);
+        chain = std::move(asked_chain);
         end = end_of(request.handles);
         scene = request.scene;
         started = Clock::now();
@@ -245,16 +249,25 @@ struct SolveDesk::State
                 if (!is_cancelled)
                     return; // another request is there
                 status.state = SolveStatus::State::Failed;
-                status.error = "cancelled";
+                status.error = kCancelled;
                 return;
             }
             tell([](SolveStatus& s) { s.state = SolveStatus::State::Field; });
             Solved out = result_of(request);
+            SolveStatus done;
+            tell([&](SolveStatus& s) { done = s; });
+            describe(done); // takes a while: whoever asks for the status does not wait
+            done.state = SolveStatus::State::Idle;
+            done.seconds = seconds_since(started);
             const std::lock_guard lock(mutex);
-            describe(status);
+            if (is_cancelled) // it may be another request that was waiting
+            {
+                status.state = SolveStatus::State::Failed;
+                status.error = kCancelled;
+                return;
+            }
             solved = std::move(out);
-            status.state = SolveStatus::State::Idle;
-            status.seconds = seconds_since(started);
+            status = std::move(done);
         }
         catch (const Error& error)
         {
@@ -274,8 +287,8 @@ struct SolveDesk::State
 
     void run()
     {
-        SolveRequest request;
-        while (next_request(request))
+        // Nothing of a request is kept when it is done.
+        for (SolveRequest request; next_request(request); request = {})
             work_on(request);
     }
 };
@@ -298,7 +311,7 @@ SolveDesk::~SolveDesk()
 
 void SolveDesk::ask(SolveRequest request)
 {
-    const StatementChain chain(request.handles);
+    StatementChain chain(request.handles);
     {
         const std::lock_guard lock(state_->mutex);
         const auto goes_on = [&]
@@ -310,6 +323,7 @@ void SolveDesk::ask(SolveRequest request)
         if (state_->is_working && !goes_on())
             state_->stop.request_stop();
         state_->asked = std::move(request);
+        state_->asked_chain = std::move(chain);
     }
     state_->wake.notify_all();
 }
@@ -317,6 +331,11 @@ void SolveDesk::ask(SolveRequest request)
 void SolveDesk::cancel()
 {
     const std::lock_guard lock(state_->mutex);
+    if (state_->asked && !state_->is_working) // it has not begun
+    {
+        state_->status.state = SolveStatus::State::Failed;
+        state_->status.error = kCancelled;
+    }
     state_->asked.reset();
     state_->is_cancelled = true;
     state_->stop.request_stop();

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the user may do while threads are at work. Under the race checker these say
+// nothing is shared that should not be.
+#include <filesystem>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "editor/document/editing.h"
+#include "editor/session/scene_settings.h"
+#include "tests/editor/document/random_edits.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using support::between;
+using support::hold_ends;
+
+/// Editing a bar in few cells of two sizes; each frame takes some milliseconds.
+struct Held
+{
+    support::BarDocument bar{8};
+    Editing editing{bar.open()};
+
+    explicit Held(int across = 10)
+    {
+        EditSettings settings;
+        settings.across = across;
+        settings.max_depth = 1;
+        settings.gap = 0.03;
+        settings.threshold = 1e-4;
+        document().change_settings(settings);
+        hold_ends(document());
+    }
+    Document& document() { return editing.document(); }
+    std::string scene() const { return bar.folder / "scene.json"; }
+};
+
+Placement bent(double degrees, double shift)
+{
+    Placement placement;
+    placement.axis = Eigen::Vector3d::UnitY();
+    placement.degrees = degrees;
+    placement.translation.x() = shift;
+    return placement;
+}
+
+/// Until the solve has come this far.
+void wait_for(Editing& editing, SolveStatus::State state)
+{
+    for (int k = 0; k < 5000 && editing.status().state != state; ++k)
+    {
+        editing.update();
+        std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+}
+
+std::vector<Eigen::Vector3d> replayed(const std::string& scene_path)
+{
+    const SceneFile scene = read_scene(scene_path);
+    Session session(read_geometry(scene.model), read_handles(scene.handles),
+                    settings_of(scene));
+    while (session.next_frame(true))
+        ;
+    return session.patch().samples;
+}
+
+/// Lets the hand rest until smaller cells are being made or are there.
+void rest_the_hand(Editing& editing)
+{
+    const std::size_t cells = editing.drag_status().cells;
+    for (int k = 0; k < 100 && editing.drag_status().cells == cells; ++k)
+    {
+        editing.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+}
+
+} // namespace
+
+TEST(Threads, what_is_saved_while_it_solves_is_what_comes_out)
+{
+    Held held;
+    held.document().move_region("head", bent(60, 0.5));
+    wait_for(held.editing, SolveStatus::State::Solving);
+    held.document().save(held.scene());
+    EXPECT_TRUE(held.document().is_saved());
+    held.editing.wait();
+    ASSERT_NE(held.editing.result(), nullptr) << held.editing.status().error;
+    EXPECT_TRUE(replayed(held.scene()) == held.editing.result()->samples);
+}
+
+TEST(Threads, edits_and_undo_during_a_solve_end_in_the_result_of_the_last)
+{
+    Held held;
+    held.document().move_region("head", bent(60, 0.5));
+    for (int k = 0; k < 6; ++k)
+    {
+        wait_for(held.editing, SolveStatus::State::Solving);
+        held.document().move_region("head", bent(60 + 10 * k, 0.5));
+        if (k % 3 == 1)
+            held.document().undo();
+        if (k == 3) // other regions: a commit
+        {
+            held.document().select(between(held.document(), 1.7, 2.3), "Select by box");
+            held.document().add_region(Role::Stiff, "belly");
+        }
+        held.editing.update();
+    }
+    held.document().save(held.scene());
+    held.editing.wait();
+    ASSERT_NE(held.editing.result(), nullptr) << held.editing.status().error;
+    EXPECT_TRUE(replayed(held.scene()) == held.editing.result()->samples);
+    while (held.document().can_undo())
+        held.document().undo();
+    held.editing.update();
+    EXPECT_EQ(held.editing.result(), nullptr); // an older one is not shown as this one
+    held.editing.wait();
+    EXPECT_TRUE(held.editing.result()->samples ==
+                held.document().model()->geometry.samples);
+}
+
+TEST(Threads, undo_during_a_drag_and_a_drag_during_a_solve_lose_nothing)
+{
+    Held held;
+    held.editing.wait();
+    held.document().move_region("head", bent(90, 0.5));
+    held.editing.update();
+    ASSERT_TRUE(held.editing.begin_drag("head"));
+    for (int k = 0; k < 20; ++k)
+    {
+        held.editing.drag_to(bent(90 - k, 0.5));
+        held.editing.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    held.document().undo();
+    held.editing.update();
+    held.editing.end_drag();
+    held.document().save(held.scene());
+    held.editing.wait();
+    ASSERT_NE(held.editing.result(), nullptr) << held.editing.status().error;
+    EXPECT_EQ(held.document().region("head")->placement, bent(71, 0.5));
+    EXPECT_TRUE(replayed(held.scene()) == held.editing.result()->samples);
+}
+
+TEST(Threads, closing_does_not_wait_for_a_solve_a_drag_or_smaller_cells)
+{
+    for (int moment = 0; moment < 5; ++moment)
+    {
+        SCOPED_TRACE(moment);
+        auto held = std::make_unique<Held>();
+        if (moment == 0) // at once
+        {
+            held->document().move_region("head", bent(60, 0.5));
+            held->editing.update();
+        }
+        else if (moment == 1) // it solves
+        {
+            held->document().move_region("head", bent(60, 0.5));
+            wait_for(held->editing, SolveStatus::State::Solving);
+        }
+        else
+        {
+            held->editing.wait();
+            ASSERT_TRUE(held->editing.begin_drag("head"));
+            held->editing.show_cells(true);
+            held->editing.drag_to(bent(60, 0.5));
+            held->editing.update();
+            if (moment > 2)
+                rest_the_hand(held->editing);
+            if (moment == 4) // and what was refining is left over
+                held->editing.cancel_drag();
+        }
+        held.reset();
+    }
+}
+
+TEST(Threads, another_document_opens_while_one_solves)
+{
+    auto first = std::make_unique<Held>();
+    first->document().move_region("head", bent(60, 0.5));
+    wait_for(first->editing, SolveStatus::State::Solving);
+    Held second;
+    second.document().move_region("head", bent(-30, 0.2));
+    second.editing.update();
+    first.reset();
+    second.document().save(second.scene());
+    second.editing.wait();
+    ASSERT_NE(second.editing.result(), nullptr) << second.editing.status().error;
+    EXPECT_TRUE(replayed(second.scene()) == second.editing.result()->samples);
+}
+
+TEST(Threads, a_request_that_is_cancelled_says_so_and_the_next_one_is_solved)
+{
+    Held held;
+    for (int k = 0; k < 4; ++k)
+    {
+        held.document().move_region("head", bent(30 + k, 0.5));
+        held.editing.update();
+        if (k % 2)
+            wait_for(held.editing, SolveStatus::State::Solving);
+        held.editing.cancel();
+        held.editing.wait();
+        EXPECT_TRUE(held.editing.result() ||
+                    held.editing.status().state == SolveStatus::State::Failed);
+    }
+    held.document().move_region("head", bent(10, 0.5));
+    held.editing.wait();
+    EXPECT_NE(held.editing.result(), nullptr) << held.editing.status().error;
+    EXPECT_TRUE(held.editing.status().error.empty());
+}
+
+TEST(Threads, nothing_is_awaited_while_edits_of_an_earlier_run_are_not_decided_on)
+{
+    const support::BarDocument bar;
+    {
+        Document document = bar.open();
+        hold_ends(document);
+    }
+    Editing editing(bar.open());
+    editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    editing.document().recover();
+    editing.wait();
+    EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+}
+
+TEST(Threads, a_drag_whose_smaller_cells_fail_goes_on_in_its_own)
+{
+    const support::BarDocument bar(8);
+    SceneFile scene;
+    scene.across = 10;
+    scene.max_depth = 1;
+    scene.gap = 0.03;
+    scene.threshold = 1e-4;
+    Document held = bar.open(false);
+    hold_ends(held);
+    const WorkFrame view = automatic_frame(held.box());
+    SolveDesk desk(held.model(), view);
+    desk.ask({1, held.handles(), scene, layout_of(held.model()->geometry)});
+    std::optional<Solved> solved;
+    while (!(solved = desk.take()))
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    PreparedDrag prepared = prepare_drag(*solved->drag);
+    const std::size_t cells = prepared.source.body->cells.size();
+    prepared.source.rig = {1.0, Method::GaussNewtonDirect}; // smaller ones find no memory
+    LiveDrag live(std::move(prepared));
+    const WorkFrame frame = solved->drag->body->rest->frame;
+    live.move({Motion(), motion_of(bent(60, 0.5), held.region("head")->centre, frame)});
+    std::this_thread::sleep_for(std::chrono::milliseconds(600));
+    EXPECT_GT(live.status().frames, 0u);
+    EXPECT_EQ(live.status().cells, cells);
+    EXPECT_TRUE(live.status().error.empty());
+    EXPECT_TRUE(live.stop().has_value());
+}
+
+} // namespace cellwarp
