@@ -59,6 +59,7 @@ struct Editing::State
     struct Hand
     {
         std::string region;
+        std::uint64_t revision = 0; ///< of the document's result, when it was taken
         Placement from, to;
         WorkFrame frame = {};              ///< of the live drag
         std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
@@ -160,6 +161,16 @@ struct Editing::State
         return motions;
     }
 
+    /// An edit from elsewhere has changed what the hand holds: it is opened.
+    bool opens_stale_hand()
+    {
+        if (!hand || hand->revision == document.result_revision())
+            return false;
+        let_go(false);
+        show(result_shape);
+        return true;
+    }
+
     bool follow_hand()
     {
         if (!hand)
@@ -228,11 +239,12 @@ const Document& Editing::document() const
 bool Editing::update()
 {
     State& s = *state_;
+    const bool is_opened = s.opens_stale_hand();
     s.ask();
     const bool is_solved = s.take_solved();
     s.prepare();
     const bool has_moved = s.follow_hand();
-    return is_solved || has_moved;
+    return is_opened || is_solved || has_moved;
 }
 
 void Editing::wait()
@@ -250,6 +262,11 @@ void Editing::wait()
 void Editing::cancel()
 {
     state_->desk.cancel();
+}
+
+void Editing::solve_again()
+{
+    state_->asked.reset();
 }
 
 const WorkFrame& Editing::view_frame() const
@@ -325,6 +342,7 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
         return refuse(status.error);
     State::Hand& hand = s.hand.emplace();
     hand.region = region;
+    hand.revision = s.document.result_revision();
     hand.from = hand.to = found->placement;
     s.follow_hand();
     return true;
@@ -333,7 +351,8 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
 void Editing::drag_to(const Placement& placement)
 {
     State& s = *state_;
-    if (!s.hand || !is_finite(placement) || placement == s.hand->to)
+    if (s.opens_stale_hand() || !s.hand || !is_finite(placement) ||
+        placement == s.hand->to)
         return;
     s.hand->to = placement;
     if (s.hand->live)
@@ -343,7 +362,7 @@ void Editing::drag_to(const Placement& placement)
 void Editing::end_drag()
 {
     State& s = *state_;
-    if (!s.hand)
+    if (s.opens_stale_hand() || !s.hand)
         return;
     const std::string region = s.hand->region;
     const Placement to = s.hand->to;

@@ -23,7 +23,7 @@ public:
     Editing(const Editing&) = delete;
     Editing& operator=(const Editing&) = delete;
 
-    /// Its commands are not for the time of a drag.
+    /// A command that changes the result ends a drag, which then leaves no edit.
     Document& document();
     const Document& document() const;
 
@@ -35,6 +35,9 @@ public:
     void wait();
     /// Gives the solve up that is under way; the document stays.
     void cancel();
+
+    /// After it was given up, or failed: asks for the result once more.
+    void solve_again();
 
     /// View space: model axes, the rest model's box from 0 on, scaled by a power of two
     /// to a longest side of 1 at the most.

@@ -273,6 +273,37 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     EXPECT_TRUE(document.handles().stages[0].frames.empty());
 }
 
+TEST(Editing, an_edit_from_elsewhere_opens_the_hand)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.wait();
+    ASSERT_TRUE(editing.begin_drag("head"));
+    editing.drag_to(turned(0, {0.3, 0, 0}));
+    editing.update();
+    editing.document().undo(); // the head is no region any more
+    editing.drag_to(turned(0, {0.4, 0, 0}));
+    EXPECT_FALSE(editing.dragged());
+    editing.end_drag();
+    EXPECT_EQ(editing.document().regions().size(), 1u);
+    EXPECT_TRUE(editing.document().can_redo());
+    editing.wait();
+    EXPECT_EQ(editing.shape().positions, editing.rest_shape().positions);
+}
+
+TEST(Editing, what_was_given_up_can_be_asked_for_again)
+{
+    const Bar bar(16);
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.cancel();
+    editing.wait();
+    editing.solve_again();
+    editing.wait();
+    EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+}
+
 TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
 {
     const Bar bar;

@@ -87,8 +87,8 @@ Child start_child(const support::BarDocument& bar, int first_step)
     if (child == 0)
     {
         ::dup2(::open("/dev/null", O_WRONLY | O_CLOEXEC), 1);
-        ::execl("/proc/self/exe", "tests", "--gtest_also_run_disabled_tests",
-                "--gtest_filter=JournalKill.DISABLED_the_process_that_is_killed",
+        ::execl("/proc/self/exe", "tests",
+                "--gtest_filter=JournalKill.the_process_that_is_killed",
                 static_cast<char*>(nullptr));
         ::_exit(99);
     }
@@ -117,7 +117,7 @@ int kill_after(const Child& child, int steps, useconds_t pause)
 
 } // namespace
 
-TEST(JournalKill, DISABLED_the_process_that_is_killed)
+TEST(JournalKill, the_process_that_is_killed)
 {
     const char* const model = std::getenv(kModel);
     if (!model)
