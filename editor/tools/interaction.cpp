@@ -84,7 +84,7 @@ void Interaction::update()
     if (!s.current<State::Grasp>()) // nothing is picked meanwhile
         s.picker.update(s.editing.shape());
     s.update_choice();
-    if (s.spread)
+    if (s.spread && !s.editing.dragged())
         if (const Neighbours* const around = s.neighbours.get())
             s.attempt([&] { s.run_spread(*around); });
     s.find_hover();
@@ -98,7 +98,7 @@ void Interaction::wait()
     s.picker.wait();
     s.picker.update(s.editing.shape());
     s.picker.wait();
-    while (s.spread ||
+    while ((s.spread && !s.editing.dragged()) ||
            (s.current<State::Choice>() && s.current<State::Choice>()->is_released))
     {
         s.neighbours.wait();
@@ -145,8 +145,7 @@ double Interaction::brush_radius() const
 void Interaction::set_brush_radius(double pixels)
 {
     if (std::isfinite(pixels))
-        state_->brush_radius =
-            std::clamp(pixels, State::kBrushSmallest, State::kBrushLargest);
+        state_->brush_radius = std::clamp(pixels, kBrushSmallest, kBrushLargest);
 }
 
 const std::string& Interaction::active_region() const
@@ -183,7 +182,7 @@ std::vector<Eigen::Vector2d> Interaction::outline() const
     if (const State::Choice* const choice = s.current<State::Choice>();
         choice && !choice->is_released)
         return choice->gesture.outline();
-    if (s.tool != Tool::Brush || !s.is_inside || !s.is_idle())
+    if (s.tool != Tool::Brush || !s.is_inside || is_busy())
         return {};
     const SelectGesture brush({SelectGesture::Kind::Brush, true, s.brush_radius},
                               s.camera, ShownShape{}, s.pixel);
@@ -229,7 +228,7 @@ std::string Interaction::complaint() const
 
 bool Interaction::is_busy() const
 {
-    return !state_->is_idle();
+    return !state_->is_idle() || state_->editing.dragged();
 }
 
 } // namespace cellwarp

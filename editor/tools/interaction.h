@@ -30,6 +30,8 @@ struct Hover
 class Interaction
 {
 public:
+    static constexpr double kBrushSmallest = 2.0, kBrushLargest = 500.0; ///< [pixel]
+
     /// \p editing must outlive it.
     explicit Interaction(Editing& editing);
     ~Interaction();
@@ -80,7 +82,9 @@ public:
     std::string hint() const;
     /// Of the last command that could not be; gone after a few seconds or the next one.
     std::string complaint() const;
-    bool is_busy() const; ///< a gesture is under way
+    /// A gesture is under way, or something else has a region in the hand: then the
+    /// document takes no commands.
+    bool is_busy() const;
 
 private:
     struct State;

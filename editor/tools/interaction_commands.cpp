@@ -32,7 +32,8 @@ void Interaction::State::key(const KeyEvent& event)
         }
         return;
     }
-    if (!is_idle())
+    // A region may also be in the hand of a number field: no commands meanwhile.
+    if (!is_idle() || editing.dragged())
         return;
     if (const auto command = command_of(event))
         attempt([&] { run(*command); });

@@ -312,8 +312,7 @@ void Interaction::State::find_hover()
 
 void Interaction::State::cancel()
 {
-    if (current<Grasp>())
-        editing.cancel_drag();
+    editing.cancel_drag(); // also that of a number field
     gesture = {};
     preview.reset();
     spread.reset();

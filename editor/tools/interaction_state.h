@@ -28,7 +28,6 @@ struct Interaction::State
 {
     /// Samples whose visibility is looked up in a frame: some 30 ms.
     static constexpr std::size_t kLooksAtOnce = 40'000;
-    static constexpr double kBrushSmallest = 2.0, kBrushLargest = 500.0; ///< [pixel]
     static constexpr double kBrushStep = 1.15;
 
     /// A press that is not yet a click or a drag.

@@ -19,7 +19,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kMinBrush = 4.0, kMaxBrush = 200.0; ///< [pixel]
 /// Under this width tools show no names [letters].
 constexpr float kRoomForNames = 90.0f;
 
@@ -31,7 +30,7 @@ struct ToolName
 };
 
 constexpr std::array<ToolName, 6> kTools = {
-    {{Tool::Click, "Click", "Select the sample or region under the pointer"},
+    {{Tool::Click, "Click", "Select the sample under the pointer; drag for a rectangle"},
      {Tool::Box, "Box", "Select what lies in a rectangle"},
      {Tool::Lasso, "Lasso", "Select what lies in a drawn outline"},
      {Tool::Brush, "Brush", "Paint over what is to be selected"},
@@ -157,8 +156,9 @@ void show_file_menu(Desk& desk)
 void show_edit_menu(Desk& desk)
 {
     const bool has_document = desk.opened() != nullptr;
-    const bool can_undo = has_document && desk.document().can_undo();
-    const bool can_redo = has_document && desk.document().can_redo();
+    const bool takes_edits = desk.takes_edits();
+    const bool can_undo = takes_edits && desk.document().can_undo();
+    const bool can_redo = takes_edits && desk.document().can_redo();
     std::string undo = "Undo", redo = "Redo";
     if (has_document)
     {
@@ -215,6 +215,27 @@ void show_view_toggles(Desk& desk)
                      : view.cells == CellsShown::Glass ? CellsShown::Wire
                                                        : CellsShown::No;
     tip("The cells as glass, as wire, not at all");
+}
+
+/// What is selected, and the region under the pointer.
+std::string at_rest(const Desk& desk)
+{
+    const OpenedDocument& opened = *desk.opened();
+    const Document& document = opened.editing.document();
+    std::string said;
+    if (!document.selection().empty())
+        said = counted(static_cast<std::int64_t>(document.selection().count()),
+                       "sample selected", "samples selected");
+    const std::optional<Hover> hover = opened.hand.hover();
+    const bool is_over = !ImGui::IsWindowHovered(ImGuiHoveredFlags_AnyWindow);
+    // The hover may be older than the document.
+    if (!hover || !is_over || hover->region < 0 ||
+        static_cast<std::size_t>(hover->region) >= document.regions().size())
+        return said;
+    const EditedRegion& region =
+        document.regions()[static_cast<std::size_t>(hover->region)];
+    return (said.empty() ? "" : said + "     ") + "Under the pointer: " + region.name +
+           " (" + role_name(region.role) + ")";
 }
 
 } // namespace
@@ -288,8 +309,10 @@ void show_tool_bar(Desk& desk)
         auto radius = static_cast<float>(hand.brush_radius());
         ImGui::SetCursorPosY(letters(1.1f));
         ImGui::SetNextItemWidth(letters(14));
-        if (ImGui::SliderFloat("##radius", &radius, kMinBrush, kMaxBrush, "radius %.0f",
-                               ImGuiSliderFlags_Logarithmic))
+        if (ImGui::SliderFloat("##radius", &radius,
+                               static_cast<float>(Interaction::kBrushSmallest),
+                               static_cast<float>(Interaction::kBrushLargest),
+                               "radius %.0f", ImGuiSliderFlags_Logarithmic))
             hand.set_brush_radius(radius);
         tip("The wheel changes it, too");
         ImGui::SameLine();
@@ -320,9 +343,8 @@ void show_status_bar(Desk& desk)
             colour = palette().warning;
         else
             said = hand.status();
-        if (said.empty() && !desk.document().selection().empty())
-            said = counted(static_cast<std::int64_t>(desk.document().selection().count()),
-                           "sample selected", "samples selected");
+        if (said.empty())
+            said = at_rest(desk);
     }
     ImGui::TextColored(colour, "%s", said.c_str());
     if (desk.opened() == nullptr)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <filesystem>
 #include <new>
 
@@ -49,12 +50,17 @@ Desk::Desk(bool keeps_journals)
 void Desk::open(const std::string& path)
 {
     if (is_opening())
-        return;
+        return say(Place::Window, "Another file is being read");
     notice_.reset();
     opening_path_ = path;
+    // What is open takes no edits from here on: they would be lost unasked.
+    if (opened_ != nullptr)
+        opened_->hand.focus_lost();
     // The journal of what is open is locked for it; the same file is opened again only
     // when it is free.
-    if (opened_ != nullptr && opened_->editing.document().path() == path)
+    if (opened_ != nullptr && (is_same_path(document().path(), path) ||
+                               (!document().scene_path().empty() &&
+                                is_same_path(document().scene_path(), path))))
         close();
     opening_ = std::async(std::launch::async, [path, folder = journal_folder_]
                           { return Document(path, folder); });
@@ -189,6 +195,10 @@ bool Desk::attempt(Place place, const std::function<void()>& command)
     {
         say(place, "out of memory", true);
     }
+    catch (const std::exception& error)
+    {
+        say(place, std::string("internal error: ") + error.what(), true);
+    }
     return false;
 }
 
@@ -216,15 +226,20 @@ void Desk::save()
         say(Place::Window, "Saved " + name_of(document().scene_path()));
 }
 
+bool Desk::takes_edits() const
+{
+    return opened_ != nullptr && !is_opening() && !opened_->hand.is_busy();
+}
+
 void Desk::undo()
 {
-    if (opened_ != nullptr && !opened_->hand.is_busy() && document().can_undo())
+    if (takes_edits() && document().can_undo())
         attempt(Place::Window, [&] { document().undo(); });
 }
 
 void Desk::redo()
 {
-    if (opened_ != nullptr && !opened_->hand.is_busy() && document().can_redo())
+    if (takes_edits() && document().can_redo())
         attempt(Place::Window, [&] { document().redo(); });
 }
 

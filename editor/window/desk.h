@@ -99,6 +99,10 @@ public:
     const OpenedDocument* opened() const { return opened_.get(); }
     Document& document() { return opened_->editing.document(); }
 
+    /// There is a document, nothing of it is in the hand, and no other file is being
+    /// read.
+    bool takes_edits() const;
+
     /// Ends the document's journal, saved or not.
     void close();
 

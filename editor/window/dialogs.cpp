@@ -152,7 +152,21 @@ void FileDialog::show_entries(Choosing choosing)
         folder_ = (fs::path(folder_) / entered).string();
 }
 
-void FileDialog::take(Desk& desk, Choosing choosing)
+std::string FileDialog::in_the_way(Choosing choosing) const
+{
+    if (name_.empty() || choosing == Choosing::Open)
+        return "";
+    std::error_code none;
+    if (fs::is_regular_file(chosen(), none))
+        return name_;
+    // A scene is written as two files.
+    const fs::path handles = fs::path(chosen()).replace_extension(".handles");
+    return choosing == Choosing::SaveAs && fs::is_regular_file(handles, none)
+               ? handles.filename().string()
+               : "";
+}
+
+void FileDialog::take(Desk& desk, Choosing choosing, Overwrite overwrite)
 {
     const std::string path = chosen();
     bool is_done = true;
@@ -163,18 +177,19 @@ void FileDialog::take(Desk& desk, Choosing choosing)
                                [&]
                                {
                                    Editing& editing = desk.opened()->editing;
-                                   // The button said "Replace" where there is a file.
                                    if (choosing == Choosing::SaveAs)
-                                       desk.document().save(path, Overwrite::Yes);
+                                       desk.document().save(path, overwrite);
                                    else if (choosing == Choosing::ExportModel)
-                                       editing.export_model(path, Overwrite::Yes);
+                                       editing.export_model(path, overwrite);
                                    else
-                                       editing.export_field(path, Overwrite::Yes);
+                                       editing.export_field(path, overwrite);
                                });
     if (!is_done)
         return;
     if (choosing != Choosing::Open)
         desk.say(Place::Window, "Written: " + path);
+    if (choosing == Choosing::SaveAs)
+        desk.recent.add(path);
     desk.choosing.reset();
     if (choosing == Choosing::SaveAs && desk.leaves_when_saved)
     {
@@ -217,10 +232,10 @@ void FileDialog::show(Desk& desk)
     if (const Notice* notice = desk.notice(Place::Window); notice && notice->is_error)
         error_text(notice->text);
     std::error_code none;
-    const bool is_there = !name_.empty() && fs::is_regular_file(chosen(), none);
-    const bool replaces = is_there && choosing != Choosing::Open;
+    const std::string old = in_the_way(choosing);
+    const bool replaces = !old.empty();
     if (replaces)
-        warning_text("There is a file of this name; it will be replaced.");
+        warning_text("There is a file " + old + "; it will be replaced.");
     ImGui::Dummy({0, letters(0.5f)});
     const ImVec2 size = {letters(14), 0};
     ImGui::SetCursorPosX(ImGui::GetWindowWidth() - 2 * size.x -
@@ -246,7 +261,7 @@ void FileDialog::show(Desk& desk)
             name_.clear();
         }
         else
-            take(desk, choosing);
+            take(desk, choosing, replaces ? Overwrite::Yes : Overwrite::No);
     }
     if (!desk.choosing)
         ImGui::CloseCurrentPopup();

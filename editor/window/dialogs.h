@@ -29,7 +29,9 @@ private:
     void list_folder();
     void show_entries(Choosing choosing);
     std::string chosen() const;
-    void take(Desk& desk, Choosing choosing);
+    /// The file that would be replaced; empty: none.
+    std::string in_the_way(Choosing choosing) const;
+    void take(Desk& desk, Choosing choosing, Overwrite overwrite);
 
     std::optional<Choosing> shown_;
     std::string folder_, listed_, name_;

@@ -41,7 +41,7 @@ void show_history_panel(Desk& desk, PanelState& state)
     if (!section("History", true))
         return;
     const History& history = desk.document().history();
-    const bool is_busy = desk.opened()->hand.is_busy();
+    const bool is_busy = !desk.takes_edits();
     ImGui::BeginDisabled(is_busy || !desk.document().can_undo());
     if (ImGui::Button("Undo"))
         desk.undo();

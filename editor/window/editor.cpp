@@ -178,6 +178,11 @@ void Editor::handle(const InputEvent& event)
     }
     if (opened == nullptr)
         return;
+    if (desk_.is_opening())
+    {
+        held_in_view_ = 0;
+        return;
+    }
     if (is_pointer(event))
         handle_pointer(event, opened->hand);
     else if (event.kind == InputEvent::Kind::Wheel)
@@ -231,6 +236,7 @@ void Editor::show_panels()
         ImGui::SetNextWindowSize(
             {size.x - static_cast<float>(view_.width), below - menu_height_});
         ImGui::Begin("panels", nullptr, flags & ~ImGuiWindowFlags_NoScrollbar);
+        ImGui::BeginDisabled(desk_.is_opening());
         show_document_panel(desk_);
         show_regions_panel(desk_, panels_);
         show_solver_panel(desk_);
@@ -238,6 +244,7 @@ void Editor::show_panels()
         show_cells_panel(desk_, panels_);
         show_field_panel(desk_);
         show_view_panel(desk_);
+        ImGui::EndDisabled();
         ImGui::End();
     }
     ImGui::PushStyleColor(ImGuiCol_WindowBg, palette().bar);

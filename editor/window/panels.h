@@ -15,6 +15,9 @@ namespace cellwarp
 struct PlacementEntry
 {
     bool is_held = false; ///< the document's drag is ours
+    /// The drag has ended, by Escape for instance, but the button is still down.
+    bool is_over = false;
+    std::string region; ///< that is held
     Placement value;
 };
 

@@ -6,6 +6,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "io/bytes.h"
+#include "io/error.h"
+
 namespace cellwarp
 {
 
@@ -16,7 +19,20 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMostRecent = 12;
 
+fs::path resolved(const std::string& path)
+{
+    std::error_code failure;
+    const fs::path whole = fs::absolute(path, failure);
+    const fs::path real = fs::weakly_canonical(whole, failure);
+    return failure ? whole.lexically_normal() : real;
+}
+
 } // namespace
+
+bool is_same_path(const std::string& a, const std::string& b)
+{
+    return a == b || resolved(a) == resolved(b);
+}
 
 std::string state_folder()
 {
@@ -49,7 +65,8 @@ void RecentFiles::add(const std::string& path)
     const std::string whole = fs::absolute(path, failure).lexically_normal().string();
     if (failure || whole.find('\n') != std::string::npos)
         return;
-    std::erase(paths_, whole);
+    std::erase_if(paths_,
+                  [&](const std::string& old) { return is_same_path(old, whole); });
     paths_.insert(paths_.begin(), whole);
     if (paths_.size() > kMostRecent)
         paths_.resize(kMostRecent);
@@ -58,7 +75,8 @@ void RecentFiles::add(const std::string& path)
 
 void RecentFiles::forget(const std::string& path)
 {
-    if (std::erase(paths_, path) > 0)
+    if (std::erase_if(paths_, [&](const std::string& old)
+                      { return is_same_path(old, path); }) > 0)
         write();
 }
 
@@ -66,9 +84,17 @@ void RecentFiles::write() const
 {
     if (file_.empty())
         return;
-    std::ofstream file(file_, std::ios::trunc);
+    std::string text;
     for (const std::string& path : paths_)
-        file << path << '\n';
+        text += path + '\n';
+    try
+    {
+        write_file(file_, text, Overwrite::Yes);
+    }
+    catch (const Error&)
+    {
+        // The list is a convenience: the editor works without it.
+    }
 }
 
 std::vector<std::string> sample_scenes()

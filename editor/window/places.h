@@ -12,6 +12,9 @@ namespace cellwarp
 /// where that cannot be: then nothing is kept.
 std::string state_folder();
 
+/// Whether two spellings mean one file, by links and dots.
+bool is_same_path(const std::string& a, const std::string& b);
+
 /// The files that were opened last, the newest first.
 class RecentFiles
 {

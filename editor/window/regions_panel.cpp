@@ -157,8 +157,9 @@ void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
             if (ImGui::Selectable(known.name, known.role == region.role) &&
                 known.role != region.role)
             {
-                // A stiff region of factor 1 would be as soft as the rest.
-                const double factor = known.role == Role::Stiff ? 20.0 : 1.0;
+                // A stiff region of factor 1 would be as soft as the rest; new ones
+                // get as much.
+                const double factor = known.role == Role::Stiff ? 10.0 : 1.0;
                 const std::string name = region.name;
                 desk.attempt(Place::Regions,
                              [&] { desk.document().set_role(name, known.role, factor); });
@@ -227,14 +228,17 @@ void show_placement(Desk& desk, PanelState& state, const EditedRegion& region)
         entry.value = region.placement;
     const std::string name = region.name;
     bool changed = false;
-    // While the hand in the view has a region, numbers only show.
-    ImGui::BeginDisabled(editing.dragged().has_value() && !entry.is_held);
+    // While the hand in the view is at work, numbers only show.
+    ImGui::BeginDisabled(desk.opened()->hand.is_busy() && !entry.is_held);
     const bool is_active = show_numbers(desk, region, entry.value, changed);
     ImGui::EndDisabled();
+    entry.is_over = entry.is_over && is_active;
+    changed = changed && !entry.is_over;
     if (changed && !entry.is_held)
     {
         std::string why;
         entry.is_held = editing.begin_drag(name, &why);
+        entry.region = name;
         if (!entry.is_held)
             desk.say(Place::Regions, why, true);
     }
@@ -245,6 +249,29 @@ void show_placement(Desk& desk, PanelState& state, const EditedRegion& region)
         entry.is_held = false;
         desk.attempt(Place::Regions, [&] { editing.end_drag(); });
     }
+}
+
+/// A drag by the fields ends with its region, and where another one is active.
+void end_stray_entry(Desk& desk, PlacementEntry& entry)
+{
+    if (!entry.is_held)
+        return;
+    Editing& editing = desk.opened()->editing;
+    if (editing.dragged() != entry.region)
+    {
+        entry.is_held = false;
+        entry.is_over = true;
+        return;
+    }
+    const EditedRegion* region = desk.document().region(entry.region);
+    const bool can_move = region != nullptr && region->moves();
+    if (can_move && desk.opened()->hand.active_region() == entry.region)
+        return;
+    entry.is_held = false;
+    if (can_move)
+        desk.attempt(Place::Regions, [&] { editing.end_drag(); });
+    else
+        editing.cancel_drag();
 }
 
 void show_active(Desk& desk, PanelState& state)
@@ -258,8 +285,10 @@ void show_active(Desk& desk, PanelState& state)
     ImGui::Dummy({0, letters(0.2f)});
     ImGui::Separator();
     ImGui::Dummy({0, letters(0.1f)});
+    ImGui::BeginDisabled(desk.opened()->editing.dragged().has_value());
     show_name(desk, state, region);
     show_role(desk, state, region);
+    ImGui::EndDisabled();
     if (region.moves())
         show_placement(desk, state, region);
     const bool is_dragging = desk.opened()->editing.dragged().has_value();
@@ -284,9 +313,11 @@ void show_active(Desk& desk, PanelState& state)
 
 void show_regions_panel(Desk& desk, PanelState& state)
 {
+    end_stray_entry(desk, state.placement);
     if (!section("Regions", true))
         return;
-    const bool is_dragging = desk.opened()->hand.is_busy();
+    // A click here ends the typing of a number first: it must not be lost for that.
+    const bool is_dragging = desk.opened()->hand.is_busy() && !state.placement.is_held;
     ImGui::BeginDisabled(is_dragging);
     show_makers(desk);
     show_list(desk);

@@ -19,6 +19,7 @@ namespace
 {
 
 constexpr std::size_t kPlotPoints = 96;
+constexpr std::size_t kWarningsShown = 3;
 
 struct Choice
 {
@@ -136,14 +137,7 @@ std::string state_text(const SolveStatus& status)
     case SolveStatus::State::Preparing:
         return "Making cells";
     case SolveStatus::State::Solving:
-    {
-        const FrameProgress& now = status.progress;
-        std::string text = "Solving frame " + std::to_string(now.frame);
-        if (now.steps > 1)
-            text += ", step " + std::to_string(now.step + 1) + " of " +
-                    std::to_string(now.steps);
-        return text + ", iteration " + std::to_string(now.iteration);
-    }
+        return "Solving frame " + std::to_string(status.progress.frame);
     case SolveStatus::State::Field:
         return "Fitting the field";
     case SolveStatus::State::Failed:
@@ -152,15 +146,48 @@ std::string state_text(const SolveStatus& status)
     return "";
 }
 
-/// How far a solve is; negative: not known.
-float done_of(const SolveStatus& status)
+/// Where in a frame it is; else by what it solves.
+std::string way_text(const SolveStatus& status)
 {
     if (status.state != SolveStatus::State::Solving)
-        return -1.0f;
-    // The gradient falls to a millionth: each power of ten is a sixth of a step.
-    const double gradient = std::clamp(status.progress.gradient, 1e-6, 1.0);
-    return static_cast<float>((status.progress.step - std::log10(gradient) / 6.0) /
-                              std::max(1, status.progress.steps));
+        return "Method: Newton, multigrid";
+    const FrameProgress& now = status.progress;
+    const std::string iteration = "teration " + std::to_string(now.iteration);
+    return now.steps > 1 ? "Step " + std::to_string(now.step) + " of " +
+                               std::to_string(now.steps) + ", i" + iteration
+                         : "I" + iteration;
+}
+
+/// The part of all frames asked for that is done, 0 to 1.
+float done_of(const SolveStatus& status)
+{
+    if (status.state == SolveStatus::State::Field)
+        return 1.0f;
+    if (status.state != SolveStatus::State::Solving || status.frames_to_do == 0)
+        return 0.0f;
+    const FrameProgress& now = status.progress;
+    const double frames =
+        static_cast<double>(now.frames_done) - static_cast<double>(status.frames_before);
+    const double steps = static_cast<double>(now.step - 1) / std::max(1, now.steps);
+    return static_cast<float>(std::clamp(
+        (frames + steps) / static_cast<double>(status.frames_to_do), 0.0, 1.0));
+}
+
+/// Some of them, and the others where the user unfolds them: what stands below is to be
+/// seen, too.
+void show_warnings(const std::vector<std::string>& warnings)
+{
+    const std::size_t first = std::min(warnings.size(), kWarningsShown);
+    for (std::size_t k = 0; k < first; ++k)
+        warning_text(warnings[k]);
+    if (first == warnings.size())
+        return;
+    const std::string more = "and " + std::to_string(warnings.size() - first) + " more";
+    if (!ImGui::TreeNode("warnings", "%s", more.c_str()))
+        return;
+    for (std::size_t k = first; k < warnings.size(); ++k)
+        warning_text(warnings[k]);
+    ImGui::TreePop();
 }
 
 void show_energy_curve(const SolveStatus& status)
@@ -309,15 +336,14 @@ void show_solver_panel(Desk& desk)
             desk.opened()->editing.cancel();
     }
     // Always there, so that nothing below it jumps.
-    ImGui::ProgressBar(is_working ? std::max(0.0f, done_of(status)) : 0.0f,
-                       {-1, letters(0.6f)}, "");
+    ImGui::ProgressBar(done_of(status), {-1, letters(0.6f)}, "");
+    faint_text(way_text(status));
     // What concerns a region is said there.
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
     // Before there is a region nothing is wrong yet.
     if (!desk.document().regions().empty())
-        for (const std::string& warning : status.warnings)
-            warning_text(warning);
+        show_warnings(status.warnings);
     show_report(status);
     show_energy_curve(status);
 }

@@ -711,6 +711,30 @@ TEST(Interaction, tab_goes_from_handle_to_handle)
     EXPECT_EQ(desk.hand.active_region(), "handle2");
 }
 
+TEST(Interaction, keys_leave_a_region_alone_that_a_number_field_holds)
+{
+    Desk desk;
+    desk.grip();
+    const std::string name = desk.hand.active_region();
+    const std::size_t before = desk.depth();
+    ASSERT_TRUE(desk.editing.begin_drag(name));
+    EXPECT_TRUE(desk.hand.is_busy());
+    desk.editing.drag_to({.translation = {0, 0.5, 0}});
+    desk.keys("hjpkgra");
+    desk.key(Key::Delete);
+    desk.key(Key::Tab);
+    desk.key('z', kControl);
+    desk.frame();
+    EXPECT_EQ(desk.depth(), before);
+    EXPECT_EQ(desk.hand.active_region(), name);
+    EXPECT_EQ(desk.editing.dragged(), name);
+    desk.key(Key::Escape);
+    EXPECT_FALSE(desk.editing.dragged());
+    EXPECT_FALSE(desk.hand.is_busy());
+    EXPECT_EQ(desk.depth(), before);
+    EXPECT_EQ(desk.region(name).placement, Placement());
+}
+
 TEST(Interaction, follows_a_document_that_others_change)
 {
     Desk desk;

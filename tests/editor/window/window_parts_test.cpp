@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Parts of the window that need no display.
 #include <cstdlib>
+#include <filesystem>
 
 #include <gtest/gtest.h>
 
@@ -47,6 +48,25 @@ TEST(RecentFiles, come_back_the_newest_first_and_once)
     RecentFiles nowhere("");
     nowhere.add("/models/a.obj");
     EXPECT_EQ(nowhere.paths().size(), 1u);
+}
+
+TEST(RecentFiles, are_the_same_by_any_spelling)
+{
+    const Folder folder;
+    const std::string model = folder.write("bar.obj", "v 0 0 0\n");
+    std::filesystem::create_directory(folder.path() / "sub");
+    std::filesystem::create_symlink(model, folder.path() / "link.obj");
+    const std::string dotted = (folder.path() / "sub" / ".." / "bar.obj").string();
+    const std::string link = (folder.path() / "link.obj").string();
+    EXPECT_TRUE(is_same_path(model, dotted));
+    EXPECT_TRUE(is_same_path(model, link));
+    EXPECT_FALSE(is_same_path(model, model + "x"));
+    RecentFiles recent("");
+    recent.add(model);
+    recent.add(link);
+    EXPECT_EQ(recent.paths(), std::vector<std::string>{link});
+    recent.forget(dotted);
+    EXPECT_TRUE(recent.paths().empty());
 }
 
 TEST(RecentFiles, do_not_grow_without_end)

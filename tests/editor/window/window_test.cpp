@@ -56,6 +56,9 @@ struct Picture
         EXPECT_EQ(rgb.size(), 3u * static_cast<std::size_t>(width * height));
     }
 
+    /// All but the status bar, which tells how long frames take.
+    std::string without_times() const { return rgb.substr(0, rgb.size() / 10 * 9); }
+
     /// Of the view: panels and bars show colours, too.
     template <class Is>
     Spot spot(Is&& is) const
@@ -214,7 +217,8 @@ TEST_F(EditorWindow, bends_a_bar_and_what_it_saves_replays_to_the_same_bytes)
     EXPECT_LT(bent.spot(is_yellow).y, regions.spot(is_yellow).y - 40) << "it went up";
     EXPECT_NEAR(bent.spot(is_grey).x, regions.spot(is_grey).x, 30) << "it stayed";
     EXPECT_NEAR(undone.spot(is_yellow).y, regions.spot(is_yellow).y, 1.0);
-    EXPECT_EQ(bytes_of(file("again.ppm")), bytes_of(file("twice.ppm")));
+    EXPECT_EQ(Picture(file("again.ppm")).without_times(),
+              Picture(file("twice.ppm")).without_times());
 
     const Result deform =
         support::run({"deform", file("saved.json"), "-o", file("replayed.obj")});
