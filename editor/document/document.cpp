@@ -20,9 +20,6 @@ namespace cellwarp
 namespace
 {
 
-/// How much stiffer a stiff region is that says nothing else.
-constexpr double kUsualFactor = 10.0;
-
 Error usage(const std::string& what)
 {
     return {Fault::Usage, what};
@@ -688,7 +685,7 @@ std::string Document::add_region(Role role, const std::string& name)
     // The selection has done its work: the colour of the region is to be seen.
     const std::string word = role_name(role);
     s.push_regions("Make " + (given == word ? word : word + " " + given), drafts,
-                   {statement_of(given, role, kUsualFactor, samples)},
+                   {statement_of(given, role, kUsualStiffness, samples)},
                    {Toggled{s.edited.selection.runs()}});
     return given;
 }

@@ -27,6 +27,9 @@ struct Placement
     bool operator==(const Placement&) const = default;
 };
 
+/// How much stiffer a stiff region is that says nothing else.
+inline constexpr double kUsualStiffness = 10.0;
+
 /// A region of the current stage as panels and tools see it.
 struct EditedRegion
 {

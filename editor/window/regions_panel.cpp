@@ -159,7 +159,7 @@ void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
             {
                 // A stiff region of factor 1 would be as soft as the rest; new ones
                 // get as much.
-                const double factor = known.role == Role::Stiff ? 10.0 : 1.0;
+                const double factor = known.role == Role::Stiff ? kUsualStiffness : 1.0;
                 const std::string name = region.name;
                 desk.attempt(Place::Regions,
                              [&] { desk.document().set_role(name, known.role, factor); });

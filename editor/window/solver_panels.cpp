@@ -341,6 +341,8 @@ void show_solver_panel(Desk& desk)
     // What concerns a region is said there.
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
+    if (status.state == SolveStatus::State::Failed && ImGui::Button("Solve again"))
+        desk.opened()->editing.solve_again();
     // Before there is a region nothing is wrong yet.
     if (!desk.document().regions().empty())
         show_warnings(status.warnings);

@@ -124,7 +124,7 @@ TEST(Threads, edits_and_undo_during_a_solve_end_in_the_result_of_the_last)
                 held.document().model()->geometry.samples);
 }
 
-TEST(Threads, undo_during_a_drag_and_a_drag_during_a_solve_lose_nothing)
+TEST(Threads, undo_during_a_drag_opens_the_hand_and_a_drag_during_a_solve_loses_nothing)
 {
     Held held;
     held.editing.wait();
@@ -139,6 +139,13 @@ TEST(Threads, undo_during_a_drag_and_a_drag_during_a_solve_lose_nothing)
     }
     held.document().undo();
     held.editing.update();
+    EXPECT_FALSE(held.editing.dragged());
+    held.editing.end_drag();
+    EXPECT_EQ(held.document().region("head")->placement, Placement());
+    held.document().redo();
+    held.editing.update();
+    ASSERT_TRUE(held.editing.begin_drag("head")); // while it is solved again
+    held.editing.drag_to(bent(71, 0.5));
     held.editing.end_drag();
     held.document().save(held.scene());
     held.editing.wait();
