@@ -36,7 +36,7 @@ LIBRARIES = {
     "nanoflann.hpp": {"octree/point_tree.cpp"},
     "assimp/": {"io/import/import.cpp"},
     "embree3/": {"editor/picture", "editor/tools/picker.cpp"},
-    "stb/": {"editor/picture", "editor/window/png.cpp"},
+    "stb/": {"io/image.cpp"},
     "CLI/": {"editor/cli", "editor/mpi", "editor/window", "tests/bench"},
     "GLFW/": {"editor/window"},
     "imgui": {"editor/window"},

@@ -11,15 +11,7 @@
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
 
-#define STB_IMAGE_WRITE_IMPLEMENTATION
-#define STB_IMAGE_WRITE_STATIC
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wunused-function"
-#pragma GCC diagnostic ignored "-Wmissing-field-initializers"
-#include <stb/stb_image_write.h>
-
 #include "octree/parallel.h"
-#pragma GCC diagnostic pop
 
 namespace cellwarp
 {
@@ -411,19 +403,6 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     }
     rtcReleaseDevice(device);
     return image;
-}
-
-std::string png_bytes(const Image& image)
-{
-    std::string bytes;
-    stbi_write_png_to_func(
-        [](void* out, void* data, int size)
-        {
-            static_cast<std::string*>(out)->append(static_cast<const char*>(data),
-                                                   static_cast<std::size_t>(size));
-        },
-        &bytes, image.width, image.height, 3, image.rgb.data(), 3 * image.width);
-    return bytes;
 }
 
 } // namespace cellwarp

@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#include "io/image.h"
+
 namespace cellwarp
 {
 
@@ -37,17 +39,8 @@ struct PictureOptions
     int occlusion_rays = 16; ///< a sample of a pixel
 };
 
-struct Image
-{
-    int width = 0, height = 0;
-    std::vector<std::uint8_t> rgb;
-};
-
 /// Draws the figures side by side, from one viewpoint and at one scale. The same
 /// input gives the same image. \pre figures are not empty
 Image draw(const std::vector<Figure>& figures, const PictureOptions& options);
-
-/// The image as a PNG file's bytes.
-std::string png_bytes(const Image& image);
 
 } // namespace cellwarp

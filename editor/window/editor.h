@@ -38,7 +38,7 @@ public:
     Desk& desk() { return desk_; }
     /// Of the last frame.
     const ViewRect& view() const { return view_; }
-    Pixels pixels() const { return window_.pixels(); }
+    Image image() const { return window_.image(); }
 
 private:
     void handle_events();

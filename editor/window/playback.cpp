@@ -7,7 +7,6 @@
 #include <cstring>
 #include <sstream>
 
-#include "editor/window/png.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/text.h"
@@ -364,9 +363,9 @@ void Player::shot()
     // Of two frames the second knows how large everything is.
     editor_.frame();
     editor_.frame();
-    const Pixels pixels = editor_.pixels();
+    const Image image = editor_.image();
     const bool is_ppm = word(1).ends_with(".ppm");
-    write_file(word(1), is_ppm ? ppm_of(pixels) : png_of(pixels), Overwrite::Yes);
+    write_file(word(1), is_ppm ? ppm_bytes(image) : png_bytes(image), Overwrite::Yes);
 }
 
 void Player::tool()

@@ -500,22 +500,22 @@ std::string Window::renderer() const
     return reinterpret_cast<const char*>(glGetString(GL_RENDERER));
 }
 
-Pixels Window::pixels() const
+Image Window::image() const
 {
-    Pixels pixels;
-    pixels.width = width();
-    pixels.height = height();
-    const std::size_t row = 3 * static_cast<std::size_t>(pixels.width);
-    pixels.rgb.resize(row * static_cast<std::size_t>(pixels.height));
+    Image image;
+    image.width = width();
+    image.height = height();
+    const std::size_t row = 3 * static_cast<std::size_t>(image.width);
+    image.rgb.resize(row * static_cast<std::size_t>(image.height));
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
-    glReadPixels(0, 0, pixels.width, pixels.height, GL_RGB, GL_UNSIGNED_BYTE,
-                 pixels.rgb.data());
-    for (int y = 0; y < pixels.height / 2; ++y) // OpenGL counts rows from below
-        std::swap_ranges(pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * y,
-                         pixels.rgb.begin() + static_cast<std::ptrdiff_t>(row) * (y + 1),
-                         pixels.rgb.begin() +
-                             static_cast<std::ptrdiff_t>(row) * (pixels.height - 1 - y));
-    return pixels;
+    glReadPixels(0, 0, image.width, image.height, GL_RGB, GL_UNSIGNED_BYTE,
+                 image.rgb.data());
+    for (int y = 0; y < image.height / 2; ++y) // OpenGL counts rows from below
+        std::swap_ranges(image.rgb.begin() + static_cast<std::ptrdiff_t>(row) * y,
+                         image.rgb.begin() + static_cast<std::ptrdiff_t>(row) * (y + 1),
+                         image.rgb.begin() +
+                             static_cast<std::ptrdiff_t>(row) * (image.height - 1 - y));
+    return image;
 }
 
 } // namespace cellwarp

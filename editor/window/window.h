@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "editor/window/events.h"
+#include "io/image.h"
 
 struct GLFWwindow;
 
@@ -25,13 +26,6 @@ struct WindowOptions
     /// Events are posted, those of the display are left out, and frames are shown without
     /// waiting for it.
     bool is_played = false;
-};
-
-/// The last drawn frame, rows from above.
-struct Pixels
-{
-    int width = 0, height = 0;
-    std::vector<std::uint8_t> rgb;
 };
 
 /// The event of a key by its name: "g", "?", "enter", "kp7"; none: there is no such key.
@@ -72,7 +66,7 @@ public:
     void draw_panels();
     void show_frame();
     std::string renderer() const; ///< what draws, in the driver's words
-    Pixels pixels() const;        ///< after draw_panels(), before show_frame()
+    Image image() const;          ///< after draw_panels(), before show_frame()
 
 private:
     struct Callbacks;

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Pictures as files' bytes.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace cellwarp
+{
+
+/// Rows from the upper edge down, three numbers a pixel.
+struct Image
+{
+    int width = 0, height = 0;
+    std::vector<std::uint8_t> rgb;
+};
+
+/// A PNG file's bytes.
+std::string png_bytes(const Image& image);
+/// A binary PPM file's bytes: what programs read without a library.
+std::string ppm_bytes(const Image& image);
+
+} // namespace cellwarp
