@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the user does to a document, each command one edit.
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "editor/document/document_state.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+bool prescribes(Role role)
+{
+    return role != Role::Stiff;
+}
+
+std::vector<std::uint32_t> without(const std::vector<std::uint32_t>& samples,
+                                   const std::vector<std::uint32_t>& others)
+{
+    std::vector<std::uint32_t> left;
+    std::set_difference(samples.begin(), samples.end(), others.begin(), others.end(),
+                        std::back_inserter(left));
+    return left;
+}
+
+RegionStatement statement_of(const std::string& name, Role role, double factor,
+                             const std::vector<std::uint32_t>& samples)
+{
+    RegionStatement statement;
+    statement.name = name;
+    statement.role = role;
+    statement.factor = role == Role::Stiff ? factor : 1.0;
+    statement.selector = selector_of(samples);
+    return statement;
+}
+
+bool is_same(const RegionStatement& a, const RegionStatement& b)
+{
+    return a.role == b.role && a.name == b.name && a.factor == b.factor &&
+           a.selector.kind == b.selector.kind &&
+           a.selector.numbers == b.selector.numbers &&
+           a.selector.ranges == b.selector.ranges && a.selector.name == b.selector.name &&
+           a.selector.label == b.selector.label;
+}
+
+/// The part of two lists in which they differ.
+RegionChange change_between(const std::vector<RegionStatement>& before,
+                            const std::vector<RegionStatement>& after)
+{
+    const auto first =
+        std::mismatch(before.begin(), before.end(), after.begin(), after.end(), is_same);
+    const auto last =
+        std::mismatch(before.rbegin(), std::make_reverse_iterator(first.first),
+                      after.rbegin(), std::make_reverse_iterator(first.second), is_same);
+    return {static_cast<std::size_t>(first.first - before.begin()),
+            {first.first, last.first.base()},
+            {first.second, last.second.base()}};
+}
+
+} // namespace
+
+std::vector<RegionDraft> Document::State::drafts()
+{
+    std::vector<RegionDraft> drafts;
+    for (const EditedRegion& region : regions)
+    {
+        RegionDraft& draft = drafts.emplace_back(RegionDraft{{}, &region});
+        if (!frames().empty())
+            draft.statements = {
+                statement_of(region.name, region.role, region.factor, region.samples)};
+        else
+            std::copy_if(statements().begin(), statements().end(),
+                         std::back_inserter(draft.statements),
+                         [&](const RegionStatement& statement)
+                         { return statement.name == region.name; });
+    }
+    return drafts;
+}
+
+void Document::State::take_from_others(std::vector<RegionDraft>& drafts,
+                                       const std::vector<std::uint32_t>& samples,
+                                       Role role, const std::string& but)
+{
+    if (!prescribes(role))
+        return;
+    for (RegionDraft& draft : drafts)
+    {
+        const EditedRegion& region = *draft.region;
+        if (region.name == but || !prescribes(region.role))
+            continue;
+        const std::vector<std::uint32_t> left = without(region.samples, samples);
+        if (left.size() == region.samples.size())
+            continue;
+        draft.statements.clear();
+        if (!left.empty())
+            draft.statements = {
+                statement_of(region.name, region.role, region.factor, left)};
+    }
+}
+
+void Document::State::push_regions(const std::string& name,
+                                   const std::vector<RegionDraft>& drafts,
+                                   const std::vector<RegionStatement>& more,
+                                   std::vector<Change> changes)
+{
+    std::vector<RegionStatement> after;
+    for (const RegionDraft& draft : drafts)
+        after.insert(after.end(), draft.statements.begin(), draft.statements.end());
+    after.insert(after.end(), more.begin(), more.end());
+    if (!frames().empty())
+    {
+        changes.push_back(StageAdded{after});
+        push({name, changes});
+        return;
+    }
+    const RegionChange change = change_between(statements(), after);
+    if (change.before.empty() && change.after.empty())
+        return;
+    changes.push_back(change);
+    push({name, changes});
+}
+
+std::vector<std::uint32_t> Document::State::selected() const
+{
+    if (edited.selection.empty())
+        throw usage("nothing is selected");
+    return ground().twins.of(edited.selection.samples());
+}
+
+void Document::State::check_new_name(const std::string& name) const
+{
+    if (name.empty() || !is_handle_name(name))
+        throw usage("a region cannot be called " + in_quotes(name));
+    if (std::any_of(regions.begin(), regions.end(),
+                    [&](const EditedRegion& region) { return region.name == name; }))
+        throw usage("there is a region " + in_quotes(name) + " already");
+}
+
+std::string Document::State::free_name(Role role) const
+{
+    const std::string word = role_name(role);
+    for (int number = 1;; ++number)
+    {
+        const std::string name = number == 1 ? word : word + std::to_string(number);
+        if (std::none_of(regions.begin(), regions.end(),
+                         [&](const EditedRegion& region) { return region.name == name; }))
+            return name;
+    }
+}
+
+void Document::select(const Selection& selection, const std::string& name)
+{
+    const Selection toggled = state_->edited.selection.difference(selection);
+    if (!toggled.empty())
+        state_->push({name, {Toggled{toggled.runs()}}});
+}
+
+std::string Document::add_region(Role role, const std::string& name)
+{
+    State& s = *state_;
+    const std::vector<std::uint32_t> samples = s.selected();
+    const std::string given = name.empty() ? s.free_name(role) : name;
+    s.check_new_name(given);
+    std::vector<RegionDraft> drafts = s.drafts();
+    State::take_from_others(drafts, samples, role, given);
+    // The selection has done its work: the colour of the region is to be seen.
+    const std::string word = role_name(role);
+    s.push_regions("Make " + (given == word ? word : word + " " + given), drafts,
+                   {statement_of(given, role, kUsualStiffness, samples)},
+                   {Toggled{s.edited.selection.runs()}});
+    return given;
+}
+
+void Document::set_samples(const std::string& region)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    const std::vector<std::uint32_t> samples = s.selected();
+    std::vector<RegionDraft> drafts = s.drafts();
+    for (RegionDraft& draft : drafts)
+        if (draft.region == &old)
+            draft.statements = {statement_of(old.name, old.role, old.factor, samples)};
+    State::take_from_others(drafts, samples, old.role, old.name);
+    s.push_regions("Change " + region, drafts);
+}
+
+void Document::remove_region(const std::string& region)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    std::vector<RegionDraft> drafts = s.drafts();
+    std::erase_if(drafts, [&](const RegionDraft& draft) { return draft.region == &old; });
+    s.push_regions("Remove " + region, drafts);
+}
+
+void Document::rename_region(const std::string& region, const std::string& name)
+{
+    State& s = *state_;
+    s.find(region);
+    if (name == region)
+        return;
+    s.check_new_name(name);
+    s.push({"Rename " + region, {Renamed{region, name}}});
+}
+
+void Document::set_role(const std::string& region, Role role, double factor)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    if (!(factor > 0) || !std::isfinite(factor))
+        throw usage("stiffness: need a factor above 0 (got " + shortest(factor) + ")");
+    if (old.role == role && (role != Role::Stiff || old.factor == factor))
+        return;
+    std::vector<RegionDraft> drafts = s.drafts();
+    for (RegionDraft& draft : drafts)
+        if (draft.region == &old)
+            for (RegionStatement& statement : draft.statements)
+            {
+                statement.role = role;
+                statement.factor = role == Role::Stiff ? factor : 1.0;
+            }
+    State::take_from_others(drafts, old.samples, role, old.name);
+    s.push_regions("Make " + region + " " + role_name(role), drafts);
+}
+
+void Document::move_region(const std::string& region, const Placement& placement)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    if (!old.moves())
+        throw usage(in_quotes(region) + " is " + role_name(old.role) +
+                    ": only handles and pins move");
+    if (!placement.translation.allFinite() || !placement.axis.allFinite() ||
+        !std::isfinite(placement.degrees) || !(placement.axis.norm() > 0))
+        throw usage("a place needs finite numbers");
+    Placement to = placement;
+    if (old.role == Role::Pin)
+        to.degrees = 0.0; // it turns as it likes
+    if (to.degrees == 0.0)
+        to.axis = old.placement.axis;
+    if (to == old.placement)
+        return;
+    std::int64_t number = 1;
+    for (const Stage& stage : s.edited.handles.stages)
+        if (!stage.frames.empty())
+            number = stage.frames.back().number + 1;
+    if (number >= kLastFrame)
+        throw usage("a handle file has no frame after " + std::to_string(kLastFrame));
+    const bool turns = to.degrees != old.placement.degrees;
+    s.push({(turns ? "Turn " : "Move ") + region,
+            {FramesAdded{frames_to(old, to, number, s.ground())}}});
+}
+
+void Document::change_settings(const EditSettings& settings)
+{
+    State& s = *state_;
+    if (settings == s.edited.settings)
+        return;
+    const SceneFile scene = with_settings(s.scene, settings);
+    parse_scene(scene.path, scene_text(scene)); // throws for what a file may not say
+    s.push({"Change settings", {SettingsChange{s.edited.settings, settings}}});
+}
+
+} // namespace cellwarp

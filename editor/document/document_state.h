@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a document is made of; for its own sources alone.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "editor/document/document.h"
+#include "editor/document/journal_header.h"
+#include "editor/session/statement_chain.h"
+#include "editor/session/twins.h"
+#include "io/error.h"
+#include "io/journal.h"
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+inline Error usage(const std::string& what)
+{
+    return {Fault::Usage, what};
+}
+
+inline SceneFile with_settings(SceneFile scene, const EditSettings& settings)
+{
+    scene.across = settings.across;
+    scene.max_depth = settings.max_depth;
+    scene.max_cells = settings.max_cells;
+    scene.threshold = settings.threshold;
+    scene.gap = settings.gap;
+    scene.fill = settings.fill;
+    scene.drag = settings.drag;
+    scene.release = settings.release;
+    return scene;
+}
+
+/// A region that an edit is made of: its statements, and the samples they mean.
+struct RegionDraft
+{
+    std::vector<RegionStatement> statements;
+    const EditedRegion* region;
+};
+
+struct Document::State
+{
+    std::string path, scene_path;
+    SceneFile scene; ///< as it was opened: model, frame
+    std::shared_ptr<const GeometryFile> model;
+    ModelBox box;
+    WorkFrame frame; ///< of the first stage
+    std::vector<std::string> warnings;
+    Edited edited;
+    History history{Journal::create("", "")}; ///< until the journal is there
+    struct Left
+    {
+        Journal journal;
+        JournalContents contents;
+    };
+    std::optional<Left> left; ///< by an earlier run
+    std::string journal_folder;
+    std::string journal; ///< its path; empty: none
+    std::optional<std::uint32_t> saved_content = 0;
+
+    // Derived.
+    std::vector<EditedRegion> regions;
+    std::vector<std::int32_t> region_of_sample;
+    std::vector<std::uint64_t> stage_prints; ///< StatementChain::before() of each
+    std::uint64_t rest_print = 0;            ///< of the rest that is known
+    std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
+    mutable std::optional<Twins> twins; ///< found when they are asked for
+    mutable const std::vector<Eigen::Vector3d>* twins_of = nullptr;
+    ModelBox rest_box;
+    std::uint64_t revision = 0, result_revision = 0;
+
+    std::vector<RegionStatement>& statements()
+    {
+        return edited.handles.stages.back().regions;
+    }
+    std::vector<FrameStatement>& frames() { return edited.handles.stages.back().frames; }
+
+    bool knows_rest() const
+    {
+        return edited.handles.stages.size() == 1 ||
+               (rest && rest_print == stage_prints.back());
+    }
+
+    RegionGround ground() const
+    {
+        const bool is_first = edited.handles.stages.size() == 1 || !knows_rest();
+        const std::vector<Eigen::Vector3d>& samples =
+            is_first ? model->geometry.samples : *rest;
+        Units units{frame, edited.handles.is_relative, is_first ? box : rest_box};
+        if (!is_first && !scene.frame)
+            units.frame = automatic_frame(units.box);
+        if (!twins || twins_of != &samples)
+        {
+            twins.emplace(samples, units.box);
+            twins_of = &samples;
+        }
+        return {model->geometry, samples, units, edited.handles.path, *twins};
+    }
+
+    /// What a region's last move of the stage makes of it.
+    void find_placement(EditedRegion& region, const RegionGround& on)
+    {
+        region.placement = {};
+        if (!region.moves())
+            return;
+        const std::vector<FrameStatement>& all = frames();
+        const Move* last = nullptr;
+        for (std::size_t f = all.size(); f-- > 0 && !last;)
+            for (const Move& move : all[f].moves)
+                if (move.region == region.name)
+                    last = &move;
+        if (last)
+            region.placement = placement_of(*last, region, on);
+    }
+
+    /// Of the stages that have none yet: so an edit costs the same after thousands of
+    /// them.
+    void find_stage_prints()
+    {
+        const std::vector<Stage>& stages = edited.handles.stages;
+        if (stage_prints.empty())
+            stage_prints = {StatementChain::before_first(edited.handles.is_relative)};
+        while (stage_prints.size() < stages.size())
+            stage_prints.push_back(StatementChain::before_next(
+                stage_prints.back(), stages[stage_prints.size() - 1]));
+    }
+
+    void find_regions()
+    {
+        find_stage_prints();
+        regions = edited_regions(statements(), ground());
+        region_of_sample.assign(model->geometry.samples.size(), -1);
+        for (std::size_t r = regions.size(); r-- > 0;)
+            for (const std::uint32_t i : regions[r].samples)
+                region_of_sample[i] = static_cast<std::int32_t>(r);
+        const RegionGround on = ground();
+        for (EditedRegion& region : regions)
+            find_placement(region, on);
+    }
+
+    /// What changes may have made other than it was.
+    struct Touched
+    {
+        bool regions = false, content = false;
+        std::set<std::string> moved;
+
+        void add(const Edit& edit)
+        {
+            for (const Change& change : edit.changes)
+            {
+                if (const auto* added = std::get_if<FramesAdded>(&change))
+                    for (const FrameStatement& frame : added->frames)
+                        for (const Move& move : frame.moves)
+                            moved.insert(move.region);
+                regions |= std::holds_alternative<RegionChange>(change) ||
+                           std::holds_alternative<Renamed>(change) ||
+                           std::holds_alternative<StageAdded>(change);
+                content |= !std::holds_alternative<Toggled>(change);
+            }
+        }
+    };
+
+    void follow(const Touched& touched)
+    {
+        if (touched.regions)
+            find_regions();
+        else if (!touched.moved.empty())
+        {
+            const RegionGround on = ground();
+            for (EditedRegion& region : regions)
+                if (touched.moved.contains(region.name))
+                    find_placement(region, on);
+        }
+        result_revision += touched.content;
+        ++revision;
+    }
+
+    void check_open() const
+    {
+        if (left)
+            throw usage("there are edits of an earlier run: recover or drop them first");
+    }
+
+    enum class Way
+    {
+        Forth,
+        Back
+    };
+
+    /// Changes what is edited; what follows from that is for follow().
+    void change(const Edit& edit, Way way, Touched& touched)
+    {
+        touched.add(edit);
+        if (way == Way::Forth)
+            apply(edit, edited);
+        else
+            take_back(edit, edited);
+        // A stage that is the last one may change.
+        stage_prints.resize(std::min(stage_prints.size(), edited.handles.stages.size()));
+    }
+
+    /// Does an edit; what cannot be leaves everything as it was.
+    void push(const Edit& edit)
+    {
+        check_open();
+        Touched touched;
+        change(edit, Way::Forth, touched);
+        try
+        {
+            follow(touched);
+            history.add(edit);
+        }
+        catch (...)
+        {
+            change(edit, Way::Back, touched);
+            follow(touched);
+            throw;
+        }
+    }
+
+    /// Does or takes back edits until \p done of them are \p goal; the history is told
+    /// later.
+    void walk(std::size_t& done, std::size_t goal, Touched& touched)
+    {
+        for (; done < goal; ++done)
+            change(history.edit(done), Way::Forth, touched);
+        for (; done > goal; --done)
+            change(history.edit(done - 1), Way::Back, touched);
+    }
+
+    const EditedRegion& find(const std::string& name) const
+    {
+        const auto found =
+            std::find_if(regions.begin(), regions.end(),
+                         [&](const EditedRegion& region) { return region.name == name; });
+        if (found == regions.end())
+            throw usage("there is no region " + in_quotes(name));
+        return *found;
+    }
+
+    /// All regions, ready to be changed: as they stand, or, where a frame has moved them
+    /// and a commit must come first, as lists of their samples.
+    std::vector<RegionDraft> drafts();
+    /// Takes samples away from all regions but one, if it prescribes where they go.
+    static void take_from_others(std::vector<RegionDraft>& drafts,
+                                 const std::vector<std::uint32_t>& samples, Role role,
+                                 const std::string& but);
+    /// One edit that makes these the regions, with other changes before.
+    void push_regions(const std::string& name, const std::vector<RegionDraft>& drafts,
+                      const std::vector<RegionStatement>& more = {},
+                      std::vector<Change> changes = {});
+    std::vector<std::uint32_t> selected() const;
+    void check_new_name(const std::string& name) const;
+    std::string free_name(Role role) const;
+    JournalHeader header() const;
+    void start_history();
+    /// Keeps a journal that cannot be read, under another name.
+    void set_aside(const Error& error);
+    /// Looks for what an earlier run has left; true if there is something.
+    bool find_left();
+};
+
+} // namespace cellwarp
