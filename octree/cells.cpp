@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <stdexcept>
 #include <tuple>
 
 #include "octree/parallel.h"
@@ -49,14 +50,10 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     const Leaf& leaf = octree.leaves()[leaf_index];
     const VoxelBlock block = voxel_block(grid.shape(), leaf);
     const double edge = grid.shape().voxel() * block.width;
-    Eigen::Vector3d box_centre;
-    for (int axis = 0; axis < 3; ++axis)
-    {
-        const double middle = block.first[axis] + 0.5 * block.width;
-        box_centre[axis] =
-            0.5 * (grid.shape().size[axis] - grid.counts()[axis] * grid.shape().voxel()) +
-            middle * grid.shape().voxel();
-    }
+    const Eigen::Vector3d box_centre =
+        grid.corner() +
+        grid.shape().voxel() *
+            (block.first.cast<double>().array() + 0.5 * block.width).matrix();
     if (cells.size() == 1 && is_whole(grid, block, pieces, first_piece))
     {
         cells[0] = {static_cast<int>(leaf_index),
@@ -94,6 +91,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     for (std::size_t at = 0; at < cells.size(); ++at)
     {
         Cell& cell = cells[at];
+        if (!(cell.volume > 0))
+            throw std::logic_error("a cell has no volume");
         const Eigen::Vector3d mean = first[at] / cell.volume;
         cell.leaf = static_cast<int>(leaf_index);
         cell.box_centre = box_centre;
@@ -104,7 +103,20 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     }
 }
 
-/// Faces from the pieces of one leaf to those above it on each axis.
+/// Whether a voxel lies in the leaf of the piece that it belongs to: it does unless it is
+/// of a crumb.
+bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                const Eigen::Vector3i& voxel, int piece)
+{
+    const VoxelBlock block = voxel_block(
+        grid.shape(), octree.leaves()[static_cast<std::size_t>(
+                          pieces.leaf_of_piece[static_cast<std::size_t>(piece)])]);
+    return (voxel.array() >= block.first.array()).all() &&
+           (voxel.array() < block.first.array() + block.width).all();
+}
+
+/// Faces from the pieces of one leaf to those above it on each axis. Crumbs have none:
+/// there would be faces of leaves that do not touch.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                              const Pieces& pieces, std::size_t leaf_index)
 {
@@ -130,8 +142,8 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 const int a = pieces.piece_of_voxel[grid.index(below)];
                 const int b = pieces.piece_of_voxel[grid.index(above)];
                 if (a < 0 || b < 0 || a == b ||
-                    pieces.leaf_of_piece[static_cast<std::size_t>(a)] !=
-                        static_cast<int>(leaf_index))
+                    !is_at_home(grid, octree, pieces, below, a) ||
+                    !is_at_home(grid, octree, pieces, above, b))
                     continue;
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
@@ -160,6 +172,7 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 {
     const std::size_t num_leaves = octree.leaves().size();
     Cells result;
+    result.corner = grid.corner();
     result.cells.resize(pieces.size());
     std::vector<std::size_t> first(num_leaves + 1, 0);
     for (const int leaf : pieces.leaf_of_piece)

@@ -43,6 +43,9 @@ struct Face
 /// Rest state: immutable once built. Faces are sorted by (a, axis, b).
 struct Cells
 {
+    /// First corner of the octree's lattice: from here to its box every leaf is a whole
+    /// number of its edges.
+    Eigen::Vector3d corner = Eigen::Vector3d::Zero();
     std::vector<Cell> cells;
     std::vector<Face> faces;
     std::vector<int> first_neighbour; ///< cells + 1 offsets into neighbours

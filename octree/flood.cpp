@@ -29,7 +29,7 @@ constexpr float kMinDepth = 1.5f;
 /// larger one could enclose more only by closing gaps between parts.
 constexpr double kSealed = 0.95;
 
-/// A copy of the grid's marks with a free border all around, so that a flood can
+/// A copy of the marks of a grid with a free border all around, so that a flood can
 /// come from every side.
 struct PaddedMarks
 {
@@ -37,7 +37,8 @@ struct PaddedMarks
     int border;
     std::vector<std::uint8_t> marks;
 
-    PaddedMarks(const VoxelGrid& grid, int width)
+    PaddedMarks(const VoxelGrid& grid, const std::vector<std::uint8_t>& of_grid,
+                int width)
         : counts((grid.counts().array() + 2 * width).matrix()), border(width)
     {
         marks.assign(static_cast<std::size_t>(counts.x()) *
@@ -46,7 +47,7 @@ struct PaddedMarks
                      0);
         for (int k = 0; k < grid.counts().z(); ++k)
             for (int j = 0; j < grid.counts().y(); ++j)
-                std::copy_n(&grid.material()[grid.index(0, j, k)], grid.counts().x(),
+                std::copy_n(&of_grid[grid.index(0, j, k)], grid.counts().x(),
                             &marks[at(0, j, k)]);
     }
     std::size_t at(int i, int j, int k) const
@@ -110,11 +111,13 @@ std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
 
 } // namespace
 
-double fill_by_flood(VoxelGrid& grid, int max_radius,
-                     const std::function<bool(std::size_t)>& may_fill)
+EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
+                               const std::vector<std::uint8_t>& marks, int max_radius,
+                               const std::function<bool(std::size_t)>& may_fill)
 {
+    EnclosedVoxels enclosed{-1.0, std::vector<std::uint8_t>(grid.size(), 0)};
     const int most = max_radius;
-    const PaddedMarks padded(grid, most + 2);
+    const PaddedMarks padded(grid, marks, most + 2);
     std::vector<std::int8_t> reached;
     // Of each radius: free voxels that the flood does not reach, and the deepest of them.
     std::vector<std::size_t> inside(static_cast<std::size_t>(most) + 1, 0);
@@ -142,11 +145,11 @@ double fill_by_flood(VoxelGrid& grid, int max_radius,
                                       [&](std::size_t count)
                                       { return static_cast<double>(count) >= enough; }) -
                          inside.begin());
-    const double num_marks = static_cast<double>(
-        std::count(grid.material().begin(), grid.material().end(), std::uint8_t(1)));
+    const double num_marks = static_cast<double>(std::count_if(
+        marks.begin(), marks.end(), [](std::uint8_t mark) { return mark != 0; }));
     if (static_cast<double>(inside[static_cast<std::size_t>(best)]) <
         std::max(1.0, kMinInsideShare * num_marks))
-        return -1.0;
+        return enclosed;
     std::vector<std::uint8_t> outside(reached.size());
     for (std::size_t i = 0; i < reached.size(); ++i)
         outside[i] = reached[i] >= best;
@@ -157,18 +160,23 @@ double fill_by_flood(VoxelGrid& grid, int max_radius,
             for (int i = 0; i < grid.counts().x(); ++i)
             {
                 const std::size_t voxel = grid.index(i, j, k);
-                if (distances[padded.at(i, j, k)] > r_squared && may_fill(voxel))
-                    grid.material()[voxel] = 1;
+                enclosed.is_inside[voxel] =
+                    distances[padded.at(i, j, k)] > r_squared && may_fill(voxel);
             }
-    return best;
+    enclosed.radius = best;
+    return enclosed;
 }
 
 void spread(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double r)
 {
     const std::vector<float> distances = squared_distances(marks, grid.counts());
-    for (std::size_t i = 0; i < grid.size(); ++i)
-        if (distances[i] <= static_cast<float>(r * r))
-            grid.material()[i] = 1;
+    for_each_voxel(grid.inside_box(),
+                   [&](const Eigen::Vector3i& voxel)
+                   {
+                       const std::size_t i = grid.index(voxel);
+                       if (distances[i] <= static_cast<float>(r * r))
+                           grid.material()[i] = 1;
+                   });
 }
 
 void join_fragments(VoxelGrid& grid, int reach)
@@ -184,7 +192,7 @@ void join_fragments(VoxelGrid& grid, int reach)
             {
                 Eigen::Vector3i other = place;
                 other[axis] += step;
-                if (grid.contains(other))
+                if (grid.inside_box().contains(other))
                     visit(grid.index(other));
             }
     };

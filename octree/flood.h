@@ -3,19 +3,28 @@
 // their openings are closed; and the joining of what should be one piece.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "octree/voxel_grid.h"
 
 namespace cellwarp
 {
 
-/// Fills what marks enclose once openings up to a radius are closed: the smallest radius,
-/// at most \p max_radius [voxel], that seals. Nothing is added on the outside. Only
-/// voxels that \p may_fill accepts are filled. Returns the radius [voxel], or -1 if
-/// nothing is enclosed.
-double fill_by_flood(VoxelGrid& grid, int max_radius,
-                     const std::function<bool(std::size_t)>& may_fill);
+/// What a flood from outside does not reach.
+struct EnclosedVoxels
+{
+    double radius = -1.0; ///< of the openings that were closed [voxel]; -1: none enclosed
+    std::vector<std::uint8_t> is_inside; ///< of each voxel, marks among them
+};
+
+/// What \p marks (not 0) enclose once openings up to a radius are closed: the smallest
+/// radius, at most \p max_radius [voxel], that seals. Nothing on the outside is enclosed,
+/// and nothing but what \p may_fill accepts.
+EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
+                               const std::vector<std::uint8_t>& marks, int max_radius,
+                               const std::function<bool(std::size_t)>& may_fill);
 
 /// Adds to the material a ball of radius \p r [voxel] around each of \p marks: a sheet of
 /// points becomes connected. (A closing would take off again all that lies between.)

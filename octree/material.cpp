@@ -9,6 +9,7 @@
 #include "octree/flood.h"
 #include "octree/point_tree.h"
 #include "octree/surface_marks.h"
+#include "octree/touching.h"
 #include "octree/winding.h"
 
 namespace cellwarp
@@ -90,12 +91,55 @@ double material_bytes(const GridShape& grid_shape)
     return 12.0 * (inner + border).prod() + 20.0 * inner.prod();
 }
 
+namespace
+{
+
+/// Of a soup or a cloud: what its marks enclose, and of the voxels that the surface only
+/// touches those beside it. Which side of the surface the others are on nobody knows.
+void add_touched_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
+                        std::vector<std::uint8_t>& is_inside)
+{
+    std::vector<std::uint8_t> enclosed = is_inside;
+    for (std::size_t i = 0; i < enclosed.size(); ++i)
+        enclosed[i] = enclosed[i] && !marks[i];
+    for (std::size_t i = 0; i < enclosed.size(); ++i)
+    {
+        if (!marks[i])
+            continue;
+        is_inside[i] = 0;
+        const Eigen::Vector3i voxel = grid.coordinates(i);
+        for_each_voxel(
+            VoxelRange{voxel.array() - 1, voxel.array() + 1}.cut(grid.inside_box()),
+            [&](const Eigen::Vector3i& other)
+            { is_inside[i] |= enclosed[grid.index(other)]; });
+    }
+}
+
+/// Marks all that the samples touch where the material holds none of it: a speck in the
+/// corner between voxels.
+void hold_samples(const Shape& shape, VoxelGrid& grid)
+{
+    std::vector<Eigen::Vector3d> lost;
+    for (const Eigen::Vector3d& x : shape.samples)
+    {
+        bool is_held = false;
+        for_each_voxel(grid.touched(x), [&](const Eigen::Vector3i& voxel)
+                       { is_held |= grid.material()[grid.index(voxel)] != 0; });
+        if (!is_held)
+            lost.push_back(x);
+    }
+    for (const Eigen::Vector3d& x : lost)
+        for_each_voxel(grid.touched(x), [&](const Eigen::Vector3i& voxel)
+                       { grid.material()[grid.index(voxel)] = 1; });
+}
+
+} // namespace
+
 Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill)
 {
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
-    mark_surface(shape, grid);
-    const std::vector<std::uint8_t> marks = grid.material();
+    const std::vector<std::uint8_t> marks = surface_marks(shape, grid);
     const double voxel = grid_shape.voxel();
     const bool is_cloud = shape.triangles.empty();
     if (is_cloud)
@@ -107,38 +151,46 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
             ? std::clamp(static_cast<int>(std::ceil(material.spacing / voxel)), 1,
                          max_radius)
             : 0;
+    EnclosedVoxels enclosed{-1.0, std::vector<std::uint8_t>(grid.size(), 0)};
     if (fill == Fill::Solid)
     {
         const std::vector<Triangle> triangles = bounding_triangles(shape);
         const double open = open_edge_share(triangles);
         if (open == 0.0)
         {
-            fill_by_winding(shape, triangles, grid);
+            enclosed.is_inside = inside_by_winding(shape, triangles, grid);
             material.method = InsideMethod::Winding;
-            return material;
         }
-        std::vector<std::uint8_t> votes;
-        if (open < kNearlyClosed)
-            votes = inside_votes(shape, triangles, grid);
-        const double radius =
-            fill_by_flood(grid, max_radius,
-                          [&](std::size_t i) { return votes.empty() || votes[i] >= 4; });
-        if (radius >= 0)
+        else
         {
-            material.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
-            material.seal_radius = radius * voxel;
-            // A voxel on either side counts as well.
-            material.joins_below = (2.0 * radius + 2.0) * voxel;
-            if (is_cloud)
-                spread_sheets(grid, marks,
-                              std::max<double>(radius, reach_of_samples) + 1.0,
-                              0.5 * (reach_of_samples + 1));
-            join_fragments(grid,
-                           std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
-            return material;
+            std::vector<std::uint8_t> votes;
+            if (open < kNearlyClosed)
+                votes = inside_votes(shape, triangles, grid);
+            enclosed = enclosed_voxels(grid, marks, max_radius,
+                                       [&](std::size_t i)
+                                       { return votes.empty() || votes[i] >= 4; });
+            if (enclosed.radius >= 0)
+                material.method =
+                    votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
+            if (votes.empty())
+                add_touched_inside(grid, marks, enclosed.is_inside);
         }
     }
-    if (reach_of_samples > 0)
+    const double radius = enclosed.radius;
+    settle_material(grid, marks, enclosed.is_inside);
+    hold_samples(shape, grid);
+    if (radius >= 0)
+    {
+        material.seal_radius = radius * voxel;
+        // A voxel on either side counts as well.
+        material.joins_below = (2.0 * radius + 2.0) * voxel;
+        if (is_cloud)
+            spread_sheets(grid, marks, std::max<double>(radius, reach_of_samples) + 1.0,
+                          0.5 * (reach_of_samples + 1));
+        join_fragments(grid,
+                       std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
+    }
+    else if (reach_of_samples > 0)
     {
         material.joins_below = (reach_of_samples + 3.0) * voxel;
         spread(grid, marks, 0.5 * (reach_of_samples + 1));

@@ -52,7 +52,12 @@ std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
         buckets[bucket].push_back({voxel, sample, d});
     };
     for (std::size_t i = 0; i < samples.size(); ++i)
-        offer(grid.locate(samples[i]), static_cast<std::uint32_t>(i));
+        for_each_voxel(grid.touched(samples[i]),
+                       [&](const Eigen::Vector3i& voxel)
+                       {
+                           if (grid.material()[grid.index(voxel)])
+                               offer(voxel, static_cast<std::uint32_t>(i));
+                       });
     for (std::size_t bucket = 0; bucket < buckets.size(); ++bucket)
         for (std::size_t next = 0; next < buckets[bucket].size(); ++next)
         {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "octree/parallel.h"
 
@@ -13,14 +14,9 @@ namespace cellwarp
 namespace
 {
 
-/// Calls visit(voxel) for all of a block.
-template <class Visit>
-void for_each_voxel(const VoxelBlock& block, Visit&& visit)
+VoxelRange range_of(const VoxelBlock& block)
 {
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
-            for (int i = 0; i < block.width; ++i)
-                visit(Eigen::Vector3i(block.first + Eigen::Vector3i(i, j, k)));
+    return {block.first, block.first.array() + (block.width - 1)};
 }
 
 /// The first voxels of the rows along x.
@@ -96,7 +92,7 @@ std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
                             const Pieces& pieces, std::int32_t first, std::size_t count)
 {
     std::vector<int> sizes(count, 0);
-    for_each_voxel(block,
+    for_each_voxel(range_of(block),
                    [&](const Eigen::Vector3i& voxel)
                    {
                        const std::int32_t piece =
@@ -111,15 +107,15 @@ std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
     return is_crumb;
 }
 
-/// For each crumb of a leaf how many faces it has in common with each whole piece.
-std::map<std::int32_t, std::map<std::int32_t, int>>
+/// For each crumb of a leaf the whole pieces with which it has faces in common.
+std::map<std::int32_t, std::set<std::int32_t>>
 touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
            const std::vector<bool>& is_crumb)
 {
     const auto piece_at = [&](const Eigen::Vector3i& voxel)
     { return pieces.piece_of_voxel[grid.index(voxel)]; };
-    std::map<std::int32_t, std::map<std::int32_t, int>> touches;
-    for_each_voxel(block,
+    std::map<std::int32_t, std::set<std::int32_t>> touches;
+    for_each_voxel(range_of(block),
                    [&](const Eigen::Vector3i& voxel)
                    {
                        const std::int32_t piece = piece_at(voxel);
@@ -135,14 +131,15 @@ touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
                                const std::int32_t other = piece_at(next);
                                if (other >= 0 && other != piece &&
                                    !is_crumb[static_cast<std::size_t>(other)])
-                                   ++touches[piece][other];
+                                   touches[piece].insert(other);
                            }
                    });
     return touches;
 }
 
-/// For each piece that is a crumb the piece of another leaf that it touches most, for
-/// all others -1. \p first: of each leaf, and the end.
+/// For each piece that is a crumb the piece of another leaf that it touches, for all
+/// others -1. One that touches several is no crumb: it may be all that joins them.
+/// \p first: of each leaf, and the end.
 std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
                                    const Pieces& pieces,
                                    const std::vector<std::int32_t>& first)
@@ -164,11 +161,8 @@ std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
         for (const auto& [piece, others] :
              touches_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
                         is_crumb))
-            adopter[static_cast<std::size_t>(piece)] =
-                std::max_element(others.begin(), others.end(),
-                                 [](const auto& a, const auto& b)
-                                 { return a.second < b.second; })
-                    ->first;
+            if (others.size() == 1)
+                adopter[static_cast<std::size_t>(piece)] = *others.begin();
     return adopter;
 }
 
@@ -232,6 +226,20 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
         });
     pieces.leaf_of_piece = std::move(leaf_of_kept);
     return pieces;
+}
+
+std::int32_t piece_at(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+                      const Eigen::Vector3d& x)
+{
+    std::int32_t piece = piece_of_voxel[grid.index(grid.locate(x))];
+    if (piece < 0)
+        for_each_voxel(grid.touched(x),
+                       [&](const Eigen::Vector3i& voxel)
+                       {
+                           if (piece < 0)
+                               piece = piece_of_voxel[grid.index(voxel)];
+                       });
+    return std::max(piece, -1);
 }
 
 } // namespace cellwarp

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "octree/octree.h"
@@ -13,8 +14,8 @@ namespace cellwarp
 {
 
 /// Sorted by leaf; within a leaf by first voxel. Crumbs, pieces too small to be bodies
-/// beside another one in their leaf, belong to a piece of a neighbouring leaf: what is
-/// there follows it, but they count for nothing else.
+/// beside another one in their leaf that touch just one piece of the other leaves, belong
+/// to that piece: what is there follows it, but they count for nothing else.
 struct Pieces
 {
     std::vector<int> leaf_of_piece;
@@ -23,5 +24,11 @@ struct Pieces
 };
 
 Pieces find_pieces(const VoxelGrid& grid, const Octree& octree);
+
+/// The piece that holds a point: that of its voxel, or else the first of those that it
+/// touches; -1 if it touches no material. \p piece_of_voxel: negative where there is
+/// none.
+std::int32_t piece_at(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+                      const Eigen::Vector3d& x);
 
 } // namespace cellwarp

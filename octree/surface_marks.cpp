@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A triangle's range of voxels is cut in halves, and each half is tested for an axis
-// that separates it from the triangle: its normal, and the nine cross products of its
-// edges with the box's. The box's own axes are the range itself.
+// that separates it from the triangle: its normal, the nine cross products of its edges
+// with the box's, and the box's own. A box that is a little larger than the voxel tells
+// whether the triangle touches it, one a little smaller whether it reaches into it, and
+// one that is a thin slab around a side of it whether part of the triangle lies there.
+// Nothing depends on which of two neighbours is the upper one: the marks of a mirror
+// image are the mirror image of the marks.
 #include "octree/surface_marks.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 
@@ -18,121 +23,195 @@ namespace cellwarp
 namespace
 {
 
-void mark(std::uint8_t& voxel)
+using VoxelLines = std::array<std::vector<double>, 3>;
+
+/// Where voxels begin and end [voxel], as VoxelGrid::to_voxels() counts.
+VoxelLines lines_in_voxels(const VoxelGrid& grid)
 {
-    std::atomic_ref<std::uint8_t>(voxel).store(1, std::memory_order_relaxed);
+    VoxelLines lines;
+    for (int axis = 0; axis < 3; ++axis)
+        for (const double line : grid.lines(axis))
+            lines[static_cast<std::size_t>(axis)].push_back(
+                grid.to_voxels(Eigen::Vector3d::Constant(line))[axis]);
+    return lines;
+}
+
+void add_mark(std::uint8_t& voxel, std::uint8_t mark)
+{
+    std::atomic_ref<std::uint8_t>(voxel).fetch_or(mark, std::memory_order_relaxed);
 }
 
 /// Marks the voxels that one triangle (corners in voxel units) touches.
 class TriangleMarker
 {
 public:
-    TriangleMarker(VoxelGrid& grid, const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                   const Eigen::Vector3d& c)
-        : grid_(grid), corners_{a, b, c}
+    TriangleMarker(const VoxelGrid& grid, const VoxelLines& lines,
+                   const std::array<Eigen::Vector3d, 3>& corners,
+                   std::vector<std::uint8_t>& marks)
+        : grid_(grid), lines_(lines), marks_(marks)
     {
-        const Eigen::Vector3d edges[3] = {b - a, c - b, a - c};
+        const Eigen::Vector3d edges[3] = {
+            corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]};
         axes_[0] = edges[0].cross(edges[1]);
         for (int e = 0; e < 3; ++e)
             for (int k = 0; k < 3; ++k)
                 axes_[1 + 3 * e + k] = Eigen::Vector3d::Unit(k).cross(edges[e]);
         for (int s = 0; s < 10; ++s)
         {
-            double low = INFINITY, high = -INFINITY;
-            for (const Eigen::Vector3d& corner : corners_)
+            low_[s] = INFINITY;
+            high_[s] = -INFINITY;
+            for (const Eigen::Vector3d& corner : corners)
             {
-                low = std::min(low, axes_[s].dot(corner));
-                high = std::max(high, axes_[s].dot(corner));
+                low_[s] = std::min(low_[s], axes_[s].dot(corner));
+                high_[s] = std::max(high_[s], axes_[s].dot(corner));
             }
-            // Touching counts, also when rounding says otherwise.
-            const double slack =
-                1e-9 * (axes_[s].norm() + std::abs(low) + std::abs(high));
-            low_[s] = low - slack;
-            high_[s] = high + slack;
         }
-        Eigen::Vector3i first, last;
+        box_low_ = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
+        box_high_ = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2]);
+        VoxelRange range;
         for (int k = 0; k < 3; ++k)
         {
-            const double low = std::min({a[k], b[k], c[k]}),
-                         high = std::max({a[k], b[k], c[k]});
-            const double end = grid.counts()[k] - 1.0;
-            first[k] = static_cast<int>(std::clamp(std::floor(low), 0.0, end));
-            last[k] = static_cast<int>(std::clamp(std::floor(high), 0.0, end));
+            const double first = grid.inside_box().first[k],
+                         last = grid.inside_box().last[k];
+            range.first[k] = static_cast<int>(
+                std::clamp(std::floor(box_low_[k] - kTouch), first, last));
+            range.last[k] = static_cast<int>(
+                std::clamp(std::floor(box_high_[k] + kTouch), first, last));
         }
-        visit(first, last);
+        visit(range);
     }
 
 private:
-    bool is_separate(const Eigen::Vector3i& first, const Eigen::Vector3i& last) const
+    struct Box
     {
-        const Eigen::Vector3d half =
-            0.5 * (last - first + Eigen::Vector3i::Ones()).cast<double>();
-        const Eigen::Vector3d middle = first.cast<double>() + half;
+        Eigen::Vector3d low, high;
+    };
+
+    Box box_of(const VoxelRange& range) const
+    {
+        Box box;
+        for (int k = 0; k < 3; ++k)
+        {
+            const std::vector<double>& lines = lines_[static_cast<std::size_t>(k)];
+            box.low[k] = lines[static_cast<std::size_t>(range.first[k])];
+            box.high[k] = lines[static_cast<std::size_t>(range.last[k]) + 1];
+        }
+        return box;
+    }
+
+    bool meets(const Box& box) const
+    {
+        if ((box_low_.array() > box.high.array()).any() ||
+            (box_high_.array() < box.low.array()).any())
+            return false;
+        const Eigen::Vector3d half = 0.5 * (box.high - box.low);
+        const Eigen::Vector3d middle = 0.5 * (box.high + box.low);
         for (int s = 0; s < 10; ++s)
         {
             const double centre = axes_[s].dot(middle),
                          reach = axes_[s].cwiseAbs().dot(half);
             if (centre - reach > high_[s] || centre + reach < low_[s])
-                return true;
+                return false;
         }
-        return false;
+        return true;
     }
 
-    void visit(const Eigen::Vector3i& first, const Eigen::Vector3i& last)
+    /// The sides of a voxel in which part of the triangle lies.
+    std::uint8_t sides_in(const Box& box) const
     {
-        int axis = 0;
-        const int extent = (last - first).maxCoeff(&axis);
-        if (extent > 0 && is_separate(first, last))
-            return;
-        if (extent == 0)
-        {
-            if (!is_separate(first, last))
-                mark(grid_.material()[grid_.index(first)]);
-            return;
-        }
-        const int middle = (first[axis] + last[axis]) / 2;
-        Eigen::Vector3i low_last = last, high_first = first;
-        low_last[axis] = middle;
-        high_first[axis] = middle + 1;
-        visit(first, low_last);
-        visit(high_first, last);
+        std::uint8_t sides = 0;
+        for (int axis = 0; axis < 3; ++axis)
+            for (const bool is_upper : {false, true})
+            {
+                const double plane = is_upper ? box.high[axis] : box.low[axis];
+                if (box_low_[axis] < plane - 2.0 * kTouch ||
+                    box_high_[axis] > plane + 2.0 * kTouch)
+                    continue;
+                Box slab{box.low.array() + kTouch, box.high.array() - kTouch};
+                slab.low[axis] = plane - 2.0 * kTouch;
+                slab.high[axis] = plane + 2.0 * kTouch;
+                if (meets(slab))
+                    sides |= SurfaceMark::side(axis, is_upper);
+            }
+        return sides;
     }
 
-    VoxelGrid& grid_;
-    Eigen::Vector3d corners_[3];
+    void visit(const VoxelRange& range)
+    {
+        const Box box = box_of(range);
+        if (!meets({box.low.array() - kTouch, box.high.array() + kTouch}))
+            return;
+        int axis = 0;
+        if ((range.last - range.first).maxCoeff(&axis) == 0)
+        {
+            std::uint8_t mark = SurfaceMark::kTouched;
+            if (meets({box.low.array() + kTouch, box.high.array() - kTouch}))
+                mark |= SurfaceMark::kPenetrated;
+            add_mark(marks_[grid_.index(range.first)],
+                     static_cast<std::uint8_t>(mark | sides_in(box)));
+            return;
+        }
+        const int middle = (range.first[axis] + range.last[axis]) / 2;
+        VoxelRange low = range, high = range;
+        low.last[axis] = middle;
+        high.first[axis] = middle + 1;
+        visit(low);
+        visit(high);
+    }
+
+    const VoxelGrid& grid_;
+    const VoxelLines& lines_;
+    std::vector<std::uint8_t>& marks_;
     Eigen::Vector3d axes_[10];
     double low_[10], high_[10];
+    Eigen::Vector3d box_low_, box_high_;
 };
+
+/// Whether a block is one voxel, which a triangle with these corners then penetrates.
+bool is_one_voxel(const VoxelRange& a, const VoxelRange& b, const VoxelRange& c)
+{
+    return a.first == a.last && a.first == b.first && a.first == b.last &&
+           a.first == c.first && a.first == c.last;
+}
 
 } // namespace
 
-void mark_surface(const Shape& shape, VoxelGrid& grid)
+std::vector<std::uint8_t> surface_marks(const Shape& shape, const VoxelGrid& grid)
 {
-    parallel_ranges(
-        shape.samples.size(), 4096,
-        [&](std::size_t begin, std::size_t end)
-        {
-            for (std::size_t i = begin; i < end; ++i)
-                mark(grid.material()[grid.index(grid.locate(shape.samples[i]))]);
-        });
-    parallel_ranges(
-        shape.triangles.size(), 1024,
-        [&](std::size_t begin, std::size_t end)
-        {
-            for (std::size_t t = begin; t < end; ++t)
-            {
-                const Triangle& triangle = shape.triangles[t];
-                const Eigen::Vector3d a = grid.to_voxels(shape.samples[triangle[0]]);
-                const Eigen::Vector3d b = grid.to_voxels(shape.samples[triangle[1]]);
-                const Eigen::Vector3d c = grid.to_voxels(shape.samples[triangle[2]]);
-                // Most triangles of a fine mesh lie in the voxel of their corners.
-                const Eigen::Vector3i va = a.array().floor().cast<int>();
-                if (va == b.array().floor().cast<int>().matrix() &&
-                    va == c.array().floor().cast<int>().matrix())
-                    continue;
-                TriangleMarker(grid, a, b, c);
-            }
-        });
+    constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
+    std::vector<std::uint8_t> marks(grid.size(), 0);
+    const VoxelLines lines = lines_in_voxels(grid);
+    parallel_ranges(shape.triangles.size(), 1024,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t t = begin; t < end; ++t)
+                        {
+                            const Triangle& triangle = shape.triangles[t];
+                            const Eigen::Vector3d& a = shape.samples[triangle[0]];
+                            const Eigen::Vector3d& b = shape.samples[triangle[1]];
+                            const Eigen::Vector3d& c = shape.samples[triangle[2]];
+                            // Most triangles of a fine mesh lie in the voxel of their
+                            // corners.
+                            const VoxelRange of_a = grid.touched(a);
+                            if (is_one_voxel(of_a, grid.touched(b), grid.touched(c)))
+                                add_mark(marks[grid.index(of_a.first)], kInside);
+                            else
+                                TriangleMarker(grid, lines,
+                                               {grid.to_voxels(a), grid.to_voxels(b),
+                                                grid.to_voxels(c)},
+                                               marks);
+                        }
+                    });
+    std::vector<bool> is_used(shape.samples.size(), false);
+    for (const Triangle& triangle : shape.triangles)
+        for (const std::uint32_t sample : triangle)
+            is_used[sample] = true;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        if (!is_used[i])
+            for_each_voxel(grid.touched(shape.samples[i]),
+                           [&](const Eigen::Vector3i& voxel)
+                           { marks[grid.index(voxel)] |= kInside; });
+    return marks;
 }
 
 } // namespace cellwarp

@@ -1,16 +1,32 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Marks the voxels that the surface of a shape touches.
+// Which voxels the surface of a shape touches, and how.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "octree/material.h"
-#include "octree/voxel_grid.h"
 
 namespace cellwarp
 {
 
-/// Marks every voxel that a sample lies in or a triangle touches, also at its rim
-/// (conservative): the marks of a connected surface are connected through faces, and
-/// a flood through faces cannot leak across them.
-void mark_surface(const Shape& shape, VoxelGrid& grid);
+/// How the surface touches one voxel. A face of the shape that lies in the plane between
+/// two layers of voxels touches those on both sides alike: which of them is material
+/// depends on where the inside is (settle_material()).
+struct SurfaceMark
+{
+    static constexpr std::uint8_t kPenetrated = 1; ///< it reaches into the voxel
+    static constexpr std::uint8_t kTouched = 2;
+    /// Part of it lies in one side of the voxel.
+    static constexpr std::uint8_t side(int axis, bool is_upper)
+    {
+        return static_cast<std::uint8_t>(4 << (2 * axis + is_upper));
+    }
+    static constexpr std::uint8_t kSides = 0xfc;
+};
+
+/// For every voxel the SurfaceMark bits of the triangles and of the samples that are in
+/// none. A sample reaches into every voxel that it touches.
+std::vector<std::uint8_t> surface_marks(const Shape& shape, const VoxelGrid& grid);
 
 } // namespace cellwarp

@@ -19,6 +19,11 @@ constexpr int kMinVoxelsPerCoarsest = 4, kMinVoxelsPerLeaf = 2;
 /// into just so many [voxel]. The outermost voxels take up the difference.
 constexpr double kSlack = 0.5;
 
+/// The outermost voxels inside the box are no thinner than this [voxel]; what is left
+/// over makes the next ones thicker. A sliver would make a cell of next to no volume, and
+/// the place that stands for a voxel, the middle of its uncut cube, must lie inside.
+constexpr double kThinnest = 0.75;
+
 } // namespace
 
 GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth,
@@ -61,20 +66,25 @@ VoxelGrid::VoxelGrid(const GridShape& shape)
     for (int axis = 0; axis < 3; ++axis)
     {
         const int n = counts_[axis];
-        offset_[axis] = 0.5 * (shape.size[axis] - n * voxel);
+        const double size = shape.size[axis];
+        corner_[axis] = 0.5 * (size - n * voxel);
         std::vector<double>& lines = lines_[static_cast<std::size_t>(axis)];
         lines.resize(static_cast<std::size_t>(n) + 1);
         for (int i = 0; i <= n; ++i)
-            lines[static_cast<std::size_t>(i)] = offset_[axis] + i * voxel;
-        // A flat shape keeps a voxel's thickness; anything else ends at its box.
-        if (shape.size[axis] > voxel)
-            for (double& line : lines)
-                line = std::clamp(line, 0.0, shape.size[axis]);
-        if (shape.size[axis] > voxel)
-        {
-            lines.front() = 0.0;
-            lines.back() = shape.size[axis];
-        }
+            lines[static_cast<std::size_t>(i)] = corner_[axis] + i * voxel;
+        int& first = inside_box_.first[axis];
+        int& last = inside_box_.last[axis];
+        first = 0;
+        last = n - 1;
+        if (!(size > voxel))
+            continue; // a flat shape keeps its voxels; anything else ends at its box
+        // One or two are left where the box is hardly thicker than a voxel.
+        first = std::clamp(
+            static_cast<int>(std::ceil(-corner_[axis] / voxel - (1.0 - kThinnest))), 0,
+            (n - 1) / 2);
+        last = n - 1 - first;
+        std::fill(lines.begin(), lines.begin() + first + 1, 0.0);
+        std::fill(lines.begin() + last + 1, lines.end(), size);
     }
     material_.assign(static_cast<std::size_t>(counts_.x()) *
                          static_cast<std::size_t>(counts_.y()) *
@@ -92,17 +102,23 @@ Eigen::Vector3i VoxelGrid::coordinates(std::size_t index) const
 
 Eigen::Vector3d VoxelGrid::to_voxels(const Eigen::Vector3d& x) const
 {
-    return (x - offset_) / shape_.voxel();
+    return (x - corner_) / shape_.voxel();
 }
 
 Eigen::Vector3i VoxelGrid::locate(const Eigen::Vector3d& x) const
 {
-    const Eigen::Vector3d u = to_voxels(x);
-    Eigen::Vector3i v;
-    for (int axis = 0; axis < 3; ++axis)
-        v[axis] =
-            static_cast<int>(std::clamp(std::floor(u[axis]), 0.0, counts_[axis] - 1.0));
-    return v;
+    const Eigen::Array3d u = to_voxels(x).array().floor();
+    // As numbers: they may be too large for an int.
+    return u.max(inside_box_.first.cast<double>().array())
+        .min(inside_box_.last.cast<double>().array())
+        .cast<int>()
+        .matrix();
+}
+
+VoxelRange VoxelGrid::touched(const Eigen::Vector3d& x) const
+{
+    const Eigen::Vector3d slack = Eigen::Vector3d::Constant(kTouch * shape_.voxel());
+    return {locate(x - slack), locate(x + slack)};
 }
 
 Eigen::Vector3d VoxelGrid::centre(const Eigen::Vector3i& v) const

@@ -12,8 +12,10 @@
 namespace cellwarp
 {
 
-/// How the box of a shape is cut into leaves and voxels. All leaves and voxels
-/// are cubes, but for the outermost layer, which ends at the box.
+/// How the box of a shape is cut into leaves and voxels. All leaves are cubes, which may
+/// reach beyond the box; voxels are cubes but for the outermost layer, which ends at the
+/// box: it is 0.75 to 1.75 of them thick, at least half of one where the box is that
+/// thin.
 struct GridShape
 {
     Eigen::Vector3d size = Eigen::Vector3d::Zero();     ///< of the box, one corner at 0
@@ -35,6 +37,37 @@ GridShape grid_shape(const Eigen::Vector3d& size, int across, int max_depth,
 
 /// Number of voxels of the grid, as a floating-point number: it may be huge.
 double num_voxels(const GridShape& shape);
+
+/// What is nearer to a voxel than this touches it, and what reaches no deeper into it
+/// does no more than touch it [voxel]. Coordinates that were rounded to floats are off by
+/// less.
+inline constexpr double kTouch = 1e-3;
+
+/// A block of voxels: first and last one on each axis.
+struct VoxelRange
+{
+    Eigen::Vector3i first = Eigen::Vector3i::Zero(), last = Eigen::Vector3i::Zero();
+
+    bool contains(const Eigen::Vector3i& v) const
+    {
+        return (v.array() >= first.array()).all() && (v.array() <= last.array()).all();
+    }
+    /// The voxels of \p other that are also in this block.
+    VoxelRange cut(const VoxelRange& other) const
+    {
+        return {first.cwiseMax(other.first), last.cwiseMin(other.last)};
+    }
+};
+
+/// Calls visit(voxel) for all of a block.
+template <class Visit>
+void for_each_voxel(const VoxelRange& range, Visit&& visit)
+{
+    for (int k = range.first.z(); k <= range.last.z(); ++k)
+        for (int j = range.first.y(); j <= range.last.y(); ++j)
+            for (int i = range.first.x(); i <= range.last.x(); ++i)
+                visit(Eigen::Vector3i(i, j, k));
+}
 
 /// Which voxels hold material.
 class VoxelGrid
@@ -65,7 +98,15 @@ public:
 
     /// The voxel of a point: half-open boxes; beyond the border the nearest one.
     Eigen::Vector3i locate(const Eigen::Vector3d& x) const;
-    /// A point in units of voxels, from the grid's first corner.
+    /// The voxels that a point touches, to within kTouch: up to eight, the one of
+    /// locate() among them. Those on one axis are first[axis] to last[axis].
+    VoxelRange touched(const Eigen::Vector3d& x) const;
+    /// The voxels inside the box. The others of the grid have no extent.
+    const VoxelRange& inside_box() const { return inside_box_; }
+    /// The first corner of the grid's lattice: outside the box where that is no whole
+    /// number of leaves.
+    const Eigen::Vector3d& corner() const { return corner_; }
+    /// A point in units of voxels, from the corner.
     Eigen::Vector3d to_voxels(const Eigen::Vector3d& x) const;
     /// Where the voxels of one axis begin and end: counts + 1 positions.
     const std::vector<double>& lines(int axis) const
@@ -86,7 +127,8 @@ public:
 private:
     GridShape shape_;
     Eigen::Vector3i counts_;
-    Eigen::Vector3d offset_; ///< first corner of the uncut grid
+    Eigen::Vector3d corner_;
+    VoxelRange inside_box_;
     std::array<std::vector<double>, 3> lines_;
     std::vector<std::uint8_t> material_;
 };

@@ -231,15 +231,15 @@ double open_edge_share(const std::vector<Triangle>& triangles)
     return static_cast<double>(open) / static_cast<double>(total);
 }
 
-void fill_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
-                     VoxelGrid& grid)
+std::vector<std::uint8_t> inside_by_winding(const Shape& shape,
+                                            const std::vector<Triangle>& triangles,
+                                            const VoxelGrid& grid)
 {
+    std::vector<std::uint8_t> is_inside(grid.size(), 0);
     walk_columns(crossings(shape, triangles, grid, 2), grid, 2,
                  [&](std::size_t voxel, int below, int)
-                 {
-                     if (below != 0)
-                         grid.material()[voxel] = 1;
-                 });
+                 { is_inside[voxel] = below != 0; });
+    return is_inside;
 }
 
 std::vector<std::uint8_t> inside_votes(const Shape& shape,

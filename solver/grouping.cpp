@@ -18,6 +18,12 @@ Eigen::Vector3i halved(const Eigen::Vector3i& box)
 
 } // namespace
 
+GridPlace grid_place(const Cells& cells, int cell)
+{
+    const Cell& one = cells.cells[static_cast<std::size_t>(cell)];
+    return {one.box_centre - cells.corner, one.edge};
+}
+
 Members::Members(std::span<const int> group_of_node, int count)
     : first(static_cast<std::size_t>(count) + 1, 0), node(group_of_node.size())
 {

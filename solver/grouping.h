@@ -9,15 +9,19 @@
 
 #include <Eigen/Core>
 
+#include "octree/cells.h"
+
 namespace cellwarp
 {
 
-/// The leaf of a cell.
+/// Where the leaf of a cell lies in the octree's lattice.
 struct GridPlace
 {
-    Eigen::Vector3d box_centre;
+    Eigen::Vector3d box_centre; ///< from the lattice's corner
     double edge = 0.0;
 };
+
+GridPlace grid_place(const Cells& cells, int cell);
 
 /// Neighbours in compressed rows.
 struct Links

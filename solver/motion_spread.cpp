@@ -245,8 +245,7 @@ MotionSpread::MotionSpread(const Cells& cells, const Glue& glue,
     std::vector<GridPlace> places;
     for (std::size_t i = 0; i < n; ++i)
     {
-        const Cell& cell = cells.cells[i];
-        places.push_back({cell.box_centre, cell.edge});
+        places.push_back(grid_place(cells, static_cast<int>(i)));
         region[i] = constraints[i].hold == Hold::Free ? -1 : region_of_cell[i];
         if (region[i] >= 0)
             is_there[static_cast<std::size_t>(region[i])] = true;

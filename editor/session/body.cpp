@@ -197,7 +197,7 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
     std::vector<int> cell_of_sample;
     cell_of_sample.reserve(rest->samples.size());
     for (const Eigen::Vector3d& x : rest->samples)
-        cell_of_sample.push_back(pieces.piece_of_voxel[grid.index(grid.locate(x))]);
+        cell_of_sample.push_back(piece_at(grid, pieces.piece_of_voxel, x));
     return {std::move(rest),  std::move(octree),         std::move(pieces),
             std::move(cells), std::move(cell_of_sample), {}};
 }

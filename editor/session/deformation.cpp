@@ -154,12 +154,14 @@ struct Deformation::Map
 
     WorkFrame frame;
     VoxelGrid grid;
-    std::vector<std::int32_t> piece_of_voxel; ///< or the nearest one
-    Cells cells;                              ///< without faces
+    /// Where there is no material: -2 less the nearest piece.
+    std::vector<std::int32_t> piece_of_voxel;
+    Cells cells; ///< without faces
     std::deque<RegionFade> fades;
     std::unique_ptr<const Field> field;
 
 private:
+    int cell_at(const Eigen::Vector3d& x) const;
     void read_material(const StoredField& stored, const std::string& path);
     void read_cells(const StoredField& stored);
     FieldParts read_field(const StoredField& stored);
@@ -221,9 +223,20 @@ void Deformation::Map::read_material(const StoredField& stored, const std::strin
     for (std::size_t run = 0; run < stored.run_lengths.size(); ++run)
         piece_of_voxel.insert(piece_of_voxel.end(), stored.run_lengths[run],
                               stored.run_pieces[run]);
-    spread_labels(piece_of_voxel, grid.counts());
-    if (piece_of_voxel.front() < 0)
+    std::vector<std::int32_t> nearest = piece_of_voxel;
+    spread_labels(nearest, grid.counts());
+    if (nearest.front() < 0)
         throw malformed({path, 0, "section 'run pieces'"}, "there is no material");
+    for (std::size_t i = 0; i < nearest.size(); ++i)
+        if (piece_of_voxel[i] < 0)
+            piece_of_voxel[i] = -2 - nearest[i];
+}
+
+/// A sample of the session's model is in the cell that it has there.
+int Deformation::Map::cell_at(const Eigen::Vector3d& x) const
+{
+    const std::int32_t piece = piece_at(grid, piece_of_voxel, x);
+    return piece >= 0 ? piece : -2 - piece_of_voxel[grid.index(grid.locate(x))];
 }
 
 void Deformation::Map::read_cells(const StoredField& stored)
@@ -300,7 +313,7 @@ void Deformation::Map::carry(const Carried& carried) const
                                 throw Error(Fault::Malformed,
                                             "a point is too far from the field's box "
                                             "(more than 1e100 of its size)");
-                            own[i] = piece_of_voxel[grid.index(grid.locate(work[i]))];
+                            own[i] = cell_at(work[i]);
                         }
                     });
     cellwarp::carry(*field, frame, work, own, carried);

@@ -33,8 +33,6 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
 {
     const VoxelGrid& grid = body.rest->material.grid;
     const Cell& a = body.cells.cells[static_cast<std::size_t>(face.a)];
-    // The leaf of the lower cell: that of the upper one need not touch it, if what does
-    // is a crumb that belongs to the upper cell.
     const VoxelBlock block =
         voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(a.leaf)]);
     const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;

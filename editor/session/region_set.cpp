@@ -205,9 +205,8 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
             if (voxels_[r].empty())
                 for (const std::uint32_t i : regions_[r].samples)
                 {
-                    const std::size_t piece = static_cast<std::size_t>(
-                        pieces
-                            .piece_of_voxel[grid.index(grid.locate(shape_->samples[i]))]);
+                    const std::size_t piece =
+                        static_cast<std::size_t>(body.cell_of_sample[i]);
                     part[piece] = kTokenShare * body.cells.cells[piece].volume;
                 }
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)

@@ -151,11 +151,7 @@ public:
         energy_.emplace(built_.cells, glue_, constraints_,
                         find_components(built_.cells, constraints_));
         for (int u = 0; u < energy_->num_unknown_cells(); ++u)
-        {
-            const Cell& cell =
-                built_.cells.cells[static_cast<std::size_t>(energy_->cell_of_unknown(u))];
-            places_.push_back({cell.box_centre, cell.edge});
-        }
+            places_.push_back(grid_place(built_.cells, energy_->cell_of_unknown(u)));
     }
 
     GlueEnergy& energy() { return *energy_; }

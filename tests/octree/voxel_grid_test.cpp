@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/voxel_grid.h"
 
+#include <random>
+
 #include <gtest/gtest.h>
 
 namespace cellwarp
@@ -17,6 +19,53 @@ TEST(VoxelGrid, covers_the_box_exactly)
             EXPECT_GE(grid.lines(axis)[i], grid.lines(axis)[i - 1]);
     }
     EXPECT_EQ(grid.shape().coarsest, Eigen::Vector3i(10, 4, 1));
+}
+
+TEST(VoxelGrid, voxels_inside_the_box_are_no_slivers_and_the_others_have_no_extent)
+{
+    std::mt19937 rng(5);
+    for (int trial = 0; trial < 500; ++trial)
+    {
+        SCOPED_TRACE(trial);
+        const Eigen::Vector3d size(1.0, std::uniform_real_distribution(0.05, 1.0)(rng),
+                                   static_cast<double>(rng() % 12 + 1) / 12.0);
+        const VoxelGrid grid(grid_shape(size, static_cast<int>(rng() % 20) + 1,
+                                        static_cast<int>(rng() % 3), 0.0));
+        const VoxelRange inside = grid.inside_box();
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            if (!(size[axis] > grid.shape().voxel()))
+                continue;
+            // As many at one end as at the other.
+            EXPECT_EQ(inside.first[axis], grid.counts()[axis] - 1 - inside.last[axis]);
+            for (int i = 0; i < grid.counts()[axis]; ++i)
+            {
+                const double extent = grid.extent(axis, i) / grid.shape().voxel();
+                if (i < inside.first[axis] || i > inside.last[axis])
+                    EXPECT_EQ(extent, 0.0);
+                else
+                {
+                    EXPECT_GT(extent,
+                              size[axis] > 1.5 * grid.shape().voxel() ? 0.749 : 0.499);
+                    EXPECT_LT(extent, 1.751);
+                }
+            }
+            Eigen::Vector3d beyond = 0.5 * size;
+            beyond[axis] = size[axis];
+            EXPECT_TRUE(inside.contains(grid.locate(beyond)));
+            EXPECT_EQ(grid.locate(beyond)[axis], inside.last[axis]);
+        }
+    }
+}
+
+TEST(VoxelGrid, a_point_between_voxels_touches_all_of_them)
+{
+    const VoxelGrid grid(grid_shape({1, 1, 1}, 4, 0, 0.0));
+    const VoxelRange one = grid.touched({0.28, 0.53, 0.97});
+    EXPECT_EQ(one.first, one.last);
+    const VoxelRange corner = grid.touched({0.25, 0.5, 1.0});
+    EXPECT_EQ(corner.first, Eigen::Vector3i(3, 7, 15));
+    EXPECT_EQ(corner.last, Eigen::Vector3i(4, 8, 15));
 }
 
 TEST(VoxelGrid, a_side_of_whole_leaves_is_cut_into_just_so_many)

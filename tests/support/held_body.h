@@ -55,11 +55,7 @@ struct HeldBody
     {
         std::vector<GridPlace> places;
         for (int u = 0; u < energy.num_unknown_cells(); ++u)
-        {
-            const Cell& cell =
-                cells.cells[static_cast<std::size_t>(energy.cell_of_unknown(u))];
-            places.push_back({cell.box_centre, cell.edge});
-        }
+            places.push_back(grid_place(cells, energy.cell_of_unknown(u)));
         return places;
     }
 };

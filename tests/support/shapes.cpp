@@ -60,6 +60,80 @@ Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n)
     return shape;
 }
 
+Shape blocks_shape(const std::array<std::vector<double>, 3>& lines,
+                   const std::function<bool(int, int, int)>& holds)
+{
+    Eigen::Vector3i counts;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+        counts[static_cast<Eigen::Index>(axis)] =
+            static_cast<int>(lines[axis].size()) - 1;
+    const auto is_held = [&](const Eigen::Vector3i& block)
+    {
+        return (block.array() >= 0).all() && (block.array() < counts.array()).all() &&
+               holds(block.x(), block.y(), block.z());
+    };
+    Shape shape;
+    std::map<std::array<int, 3>, std::uint32_t> known;
+    const auto sample = [&](const Eigen::Vector3i& at)
+    {
+        const auto [found, is_new] = known.try_emplace(
+            {at.x(), at.y(), at.z()}, static_cast<std::uint32_t>(shape.samples.size()));
+        if (is_new)
+            shape.samples.emplace_back(lines[0][static_cast<std::size_t>(at.x())],
+                                       lines[1][static_cast<std::size_t>(at.y())],
+                                       lines[2][static_cast<std::size_t>(at.z())]);
+        return found->second;
+    };
+    for (int k = 0; k < counts.z(); ++k)
+        for (int j = 0; j < counts.y(); ++j)
+            for (int i = 0; i < counts.x(); ++i)
+                for (int axis = 0; axis < 3; ++axis)
+                    for (const int side : {0, 1})
+                    {
+                        const Eigen::Vector3i block(i, j, k);
+                        const Eigen::Vector3i normal = Eigen::Vector3i::Unit(axis);
+                        if (!is_held(block) || is_held(block + (side ? normal : -normal)))
+                            continue;
+                        const Eigen::Vector3i u = Eigen::Vector3i::Unit((axis + 1) % 3),
+                                              v = Eigen::Vector3i::Unit((axis + 2) % 3);
+                        const Eigen::Vector3i corner = block + side * normal;
+                        const std::uint32_t a = sample(corner), b = sample(corner + u),
+                                            c = sample(corner + u + v),
+                                            d = sample(corner + v);
+                        if (side)
+                            shape.triangles.insert(shape.triangles.end(),
+                                                   {{a, b, c}, {a, c, d}});
+                        else
+                            shape.triangles.insert(shape.triangles.end(),
+                                                   {{a, c, b}, {a, d, c}});
+                    }
+    return shape;
+}
+
+Shape l_prism()
+{
+    return blocks_shape({std::vector{0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0},
+                         std::vector{0.0, 0.5, 1.0, 1.5, 2.0},
+                         std::vector{0.0, 0.5, 1.0}},
+                        [](int i, int j, int) { return i < 4 || j < 2; });
+}
+
+Shape comb()
+{
+    return blocks_shape({std::vector{0.0, 0.66, 1.32, 1.98, 2.485, 2.99, 3.495, 4.0},
+                         std::vector{0.0, 0.225, 0.45, 0.55, 0.775, 1.0},
+                         std::vector{0.0, 0.25, 0.5, 0.75, 1.0}},
+                        [](int i, int j, int) { return i < 3 || j != 2; });
+}
+
+Shape steps()
+{
+    return blocks_shape({std::vector{0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0},
+                         std::vector{0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0},
+                         std::vector{0.0, 0.5, 1.0}},
+                        [](int i, int j, int) { return j / 2 <= i / 2; });
+}
+
 Shape joined(const Shape& a, const Shape& b)
 {
     Shape shape = a;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <random>
 #include <string>
 #include <vector>
@@ -22,6 +23,18 @@ namespace cellwarp::support
 
 /// A triangulated closed box of \p n quads along its unit edge, low to high corner.
 Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n = 4);
+
+/// The closed surface of blocks: those between the lines along the axes (ascending) that
+/// \p holds(i, j, k) takes. Two triangles a side of a block.
+Shape blocks_shape(const std::array<std::vector<double>, 3>& lines,
+                   const std::function<bool(int, int, int)>& holds);
+
+/// An L-prism 4 x 2 x 1, as blocks of half a unit.
+Shape l_prism();
+/// A comb of two teeth 4 x 1 x 1, slit from x = 1.98 on between y = 0.45 and 0.55.
+Shape comb();
+/// Four steps 1 x 1 x 1 each, one above the other.
+Shape steps();
 
 /// Two shapes in one.
 Shape joined(const Shape& a, const Shape& b);

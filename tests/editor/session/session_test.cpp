@@ -121,6 +121,29 @@ TEST(Session, all_regions_moved_by_one_rigid_motion_move_every_sample_by_it)
     }
 }
 
+TEST(Session, plain_boxes_of_any_sides_are_solved)
+{
+    // The grid overhangs some of them by whole voxels.
+    for (const Eigen::Vector3d& size :
+         {Eigen::Vector3d(4, 1.5, 1), Eigen::Vector3d(2, 1.5, 2),
+          Eigen::Vector3d(8, 3, 2), Eigen::Vector3d(3, 2, 1), Eigen::Vector3d(1, 1.5, 3),
+          Eigen::Vector3d(3, 4, 1.5), Eigen::Vector3d(2, 3, 8), Eigen::Vector3d(1, 4, 2)})
+    {
+        SCOPED_TRACE(size.transpose());
+        SessionSettings s;
+        s.cells.max_depth = kUsualDepth;
+        s.cells.threshold = kUsualThreshold;
+        const Session session =
+            played(model(support::box_shape({0, 0, 0}, size, 2)),
+                   "units relative\nfixed a box 0 0 0 1 .1 1\n"
+                   "handle b sphere .5 1 .5 .06\nframe 1\nmove b translate 0 .4 0\n",
+                   s);
+        EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+        for (const Cell& cell : session.rig()->body().cells.cells)
+            ASSERT_GT(cell.volume, 1e-3 * std::pow(cell.edge, 3));
+    }
+}
+
 TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
 {
     for (const FieldKind kind : {FieldKind::Rbf, FieldKind::Blend, FieldKind::Closest4})

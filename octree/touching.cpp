@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A face of a solid that lies in the plane between two layers of voxels has its material
+// on one side. To take both would make the solid thicker by a layer, to take always the
+// upper one would give a shape and its mirror image different material. So:
+// - a voxel one side of which holds part of the surface is material unless the voxel
+//   across that side is so already (it is inside, or the surface reaches into it);
+// - a voxel that is touched in an edge or corner alone is material if two parts of the
+//   material meet there that are not connected around it: a sheet that runs diagonally
+//   through the edges of voxels would fall apart without.
+// Each rule looks only at what the one before it has left, so that the order of the
+// voxels does not matter.
+#include "octree/touching.h"
+
+#include <algorithm>
+#include <array>
+
+#include "octree/parallel.h"
+#include "octree/surface_marks.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Whether some voxel across a side in which the surface lies is not \p material.
+bool bounds_nothing(const VoxelGrid& grid, const std::vector<std::uint8_t>& material,
+                    std::uint8_t mark, const Eigen::Vector3i& voxel)
+{
+    for (int axis = 0; axis < 3; ++axis)
+        for (const bool is_upper : {false, true})
+        {
+            if (!(mark & SurfaceMark::side(axis, is_upper)))
+                continue;
+            Eigen::Vector3i across = voxel;
+            across[axis] += is_upper ? 1 : -1;
+            if (!grid.inside_box().contains(across) || !material[grid.index(across)])
+                return true;
+        }
+    return false;
+}
+
+/// Number of parts, connected through sides, of the material in the 26 voxels around one.
+int parts_around(const VoxelGrid& grid, const std::vector<std::uint8_t>& material,
+                 const Eigen::Vector3i& voxel)
+{
+    constexpr int kMiddle = 13;
+    const auto step = [](int i)
+    { return Eigen::Vector3i(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1); };
+    std::array<bool, 27> is_left{};
+    for (int i = 0; i < 27; ++i)
+    {
+        const Eigen::Vector3i other = voxel + step(i);
+        is_left[static_cast<std::size_t>(i)] =
+            i != kMiddle && grid.contains(other) && material[grid.index(other)];
+    }
+    int parts = 0;
+    for (int seed = 0; seed < 27; ++seed)
+    {
+        if (!is_left[static_cast<std::size_t>(seed)])
+            continue;
+        ++parts;
+        is_left[static_cast<std::size_t>(seed)] = false;
+        std::array<int, 27> stack;
+        std::size_t height = 0;
+        stack[height++] = seed;
+        while (height > 0)
+        {
+            const int from = stack[--height];
+            for (int to = 0; to < 27; ++to)
+                if (is_left[static_cast<std::size_t>(to)] &&
+                    (step(from) - step(to)).cwiseAbs().sum() == 1)
+                {
+                    is_left[static_cast<std::size_t>(to)] = false;
+                    stack[height++] = to;
+                }
+        }
+    }
+    return parts;
+}
+
+} // namespace
+
+void settle_material(VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
+                     const std::vector<std::uint8_t>& is_inside)
+{
+    std::vector<std::uint8_t>& material = grid.material();
+    std::fill(material.begin(), material.end(), std::uint8_t(0));
+    for_each_voxel(grid.inside_box(),
+                   [&](const Eigen::Vector3i& voxel)
+                   {
+                       const std::size_t i = grid.index(voxel);
+                       material[i] =
+                           is_inside[i] || (marks[i] & SurfaceMark::kPenetrated);
+                   });
+    // Adds what \p is_needed, asked for all that is only touched, finds in the material
+    // as it is.
+    const auto add = [&](auto&& is_needed)
+    {
+        std::vector<std::uint8_t> next = material;
+        parallel_ranges(material.size(), 65536,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            for (std::size_t i = begin; i < end; ++i)
+                                if (marks[i] && !material[i])
+                                    next[i] = is_needed(i, grid.coordinates(i));
+                        });
+        material = std::move(next);
+    };
+    add([&](std::size_t i, const Eigen::Vector3i& voxel)
+        { return bounds_nothing(grid, material, marks[i], voxel); });
+    add(
+        [&](std::size_t i, const Eigen::Vector3i& voxel)
+        {
+            return !(marks[i] & SurfaceMark::kSides) &&
+                   parts_around(grid, material, voxel) != 1;
+        });
+}
+
+} // namespace cellwarp
