@@ -135,6 +135,16 @@ Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
            eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
 }
 
+/// Of the glue between two cells; without a root where both are the same.
+double face_factor(std::span<const double> cell_factors, int a, int b)
+{
+    if (cell_factors.empty())
+        return 1.0;
+    const double of_a = cell_factors[static_cast<std::size_t>(a)];
+    const double of_b = cell_factors[static_cast<std::size_t>(b)];
+    return of_a == of_b ? of_a : std::sqrt(of_a) * std::sqrt(of_b);
+}
+
 /// What larger cells beside a face take over of its glue: see above.
 struct TakenOver
 {
@@ -170,7 +180,7 @@ std::vector<TakenOver> taken_over(const Cells& cells, const Glue& glue,
                 continue;
             // A half: the sibling gives the other.
             const double part =
-                0.5 * face.area / face.distance * std::abs(step[other.axis]) / small.edge;
+                0.5 * glue.faces[f].stiffness * std::abs(step[other.axis]) / small.edge;
             taken[g].stiffness += part;
             taken[g].moment[face.axis] += 0.5 * small.edge * (is_a_small ? -part : part);
         }
@@ -207,25 +217,22 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         glue.faces[static_cast<std::size_t>(border.face)].length = border.length;
         is_border[static_cast<std::size_t>(border.face)] = true;
     }
+    for (std::size_t f = 0; f < cells.faces.size(); ++f)
+    {
+        GlueFace& face = glue.faces[f];
+        face.stiffness =
+            face_factor(cell_factors, face.a, face.b) * cells.faces[f].area / face.length;
+    }
     const std::vector<TakenOver> taken = taken_over(cells, glue, is_border);
     for (std::size_t f = 0; f < cells.faces.size(); ++f)
     {
         const Face& face = cells.faces[f];
         const Cell& a = cells.cells[static_cast<std::size_t>(face.a)];
         const Cell& b = cells.cells[static_cast<std::size_t>(face.b)];
-        double factor = 1.0;
-        if (!cell_factors.empty())
-        {
-            const double fa = cell_factors[static_cast<std::size_t>(face.a)];
-            const double fb = cell_factors[static_cast<std::size_t>(face.b)];
-            if (fa != 1.0 && fb != 1.0)
-                factor = fa == fb ? fa : std::sqrt(fa) * std::sqrt(fb);
-        }
         GlueFace& out = glue.faces[f];
-        const double whole = face.area / out.length;
-        const double left = std::max(whole - taken[f].stiffness, kLeastLeft * whole);
-        out.stiffness = factor * left;
-        const Eigen::Vector3d place = face.centre + taken[f].moment / left;
+        out.stiffness =
+            std::max(out.stiffness - taken[f].stiffness, kLeastLeft * out.stiffness);
+        const Eigen::Vector3d place = face.centre + taken[f].moment / out.stiffness;
         out.reach_a = place - a.centre;
         out.reach_b = place - b.centre;
         Eigen::Matrix3d moment =

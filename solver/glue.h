@@ -45,9 +45,8 @@ struct BorderGlue
 };
 
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
-/// takes the geometric mean of its two where both differ from 1, else 1.
-/// Empty: all 1. \p across: how much of the second moments normal to a face counts, 1 for
-/// all; kSolidAcross or kShellAcross.
+/// takes the geometric mean of its two. Empty: all 1. \p across: how much of the second
+/// moments normal to a face counts, 1 for all; kSolidAcross or kShellAcross.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders = {}, double across = 1.0);
 

@@ -49,8 +49,10 @@ constexpr double kOver = 1.7;
 constexpr float kLargest = 2.0f, kSmallest = kLargest / 6.0f;
 
 /// Bodies that are coupled by less than this share of what holds each of them are not
-/// joined: a soft neighbour would stiffen with a stiff one.
-constexpr double kWeak = 0.01;
+/// joined: a soft neighbour would stiffen with a stiff one. Across a border from plain to
+/// 1e8 times as stiff material, whose glue is the geometric mean, the share is 0.01 to
+/// 0.02.
+constexpr double kWeak = 0.03;
 
 /// So few bodies are solved for exactly; also when a level has hardly fewer bodies than
 /// the one before.

@@ -59,6 +59,29 @@ Matrix12 glue_hessian(const GlueFace& face, const Pose& a, const Pose& b,
     return H;
 }
 
+/// Two levels of splits in the middle of a block, corners of small cells included.
+Cells cells_of_three_sizes()
+{
+    const Shape shape = support::box_shape({0, 0, 0}, {6, 6, 6});
+    const GridShape grid = grid_shape({6, 6, 6}, 6, 2, 0.0);
+    const Material material = find_material(shape, grid, Fill::Solid);
+    const MaterialTest test = material_test(material.grid);
+    Octree octree(grid, test);
+    for (const int level : {0, 1})
+    {
+        std::vector<int> inside;
+        for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+        {
+            const Eigen::Vector3i at = octree.leaves()[i].corner;
+            if (octree.leaves()[i].level == level && at.minCoeff() >= 8 + 2 * level &&
+                (at.array() < Eigen::Array3i(16, 14, 12)).all())
+                inside.push_back(static_cast<int>(i));
+        }
+        octree = octree.split(inside, test);
+    }
+    return build_cells(material.grid, octree, find_pieces(material.grid, octree));
+}
+
 /// What constant strain F = R U, agreeing with the cells in their anchors, leaves.
 struct Unbalanced
 {
@@ -238,13 +261,16 @@ TEST(Glue, at_rest_exact_and_gauss_newton_agree)
               1e-12);
 }
 
-TEST(Glue, is_stiffened_where_both_cells_are)
+TEST(Glue, is_as_stiff_as_the_geometric_mean_of_its_cells)
 {
     const Cells cells = two_cells();
     const double plain = build_glue(cells, {}).faces[0].stiffness;
     EXPECT_EQ(build_glue(cells, std::vector<double>{20, 20}).faces[0].stiffness,
               20 * plain);
-    EXPECT_EQ(build_glue(cells, std::vector<double>{20, 1}).faces[0].stiffness, plain);
+    // Without a jump where a factor goes through 1.
+    for (const double soft : {0.9999, 1.0, 1.0001})
+        EXPECT_NEAR(build_glue(cells, std::vector<double>{soft, 1e8}).faces[0].stiffness,
+                    1e4 * std::sqrt(soft) * plain, 1e-6 * plain);
     EXPECT_NEAR(build_glue(cells, std::vector<double>{4, 9}).faces[0].stiffness,
                 6 * plain, 1e-12);
 }
@@ -276,26 +302,7 @@ TEST(Glue, balances_cells_that_the_surface_cuts_under_constant_strain)
 
 TEST(Glue, balances_cells_of_different_sizes_under_constant_strain)
 {
-    // Two levels of splits in the middle of a block, corners of small cells included.
-    const Shape shape = support::box_shape({0, 0, 0}, {6, 6, 6});
-    const GridShape grid = grid_shape({6, 6, 6}, 6, 2, 0.0);
-    const Material material = find_material(shape, grid, Fill::Solid);
-    const MaterialTest test = material_test(material.grid);
-    Octree octree(grid, test);
-    for (const int level : {0, 1})
-    {
-        std::vector<int> inside;
-        for (std::size_t i = 0; i < octree.leaves().size(); ++i)
-        {
-            const Eigen::Vector3i at = octree.leaves()[i].corner;
-            if (octree.leaves()[i].level == level && at.minCoeff() >= 8 + 2 * level &&
-                (at.array() < Eigen::Array3i(16, 14, 12)).all())
-                inside.push_back(static_cast<int>(i));
-        }
-        octree = octree.split(inside, test);
-    }
-    const Cells cells =
-        build_cells(material.grid, octree, find_pieces(material.grid, octree));
+    const Cells cells = cells_of_three_sizes();
     std::mt19937 rng(8);
     const Eigen::Matrix3d R = support::random_rotation(rng);
     const auto is_inside = [](const Cell& cell)
@@ -313,6 +320,19 @@ TEST(Glue, balances_cells_of_different_sizes_under_constant_strain)
     const Unbalanced sheared = unbalanced(cells, stretch, R, is_inside);
     EXPECT_LT(sheared.force, 1e-12);
     EXPECT_LT(sheared.moment, 0.06); // the force is 0.19 where nothing is taken over
+}
+
+TEST(Glue, of_a_stiff_body_is_a_multiple_of_a_plain_ones_also_between_sizes)
+{
+    const Cells cells = cells_of_three_sizes();
+    const Glue plain = build_glue(cells, {});
+    const Glue stiff = build_glue(cells, std::vector<double>(cells.size(), 1e3));
+    for (std::size_t f = 0; f < plain.faces.size(); ++f)
+    {
+        EXPECT_NEAR(stiff.faces[f].stiffness, 1e3 * plain.faces[f].stiffness,
+                    1e-9 * stiff.faces[f].stiffness);
+        EXPECT_LT((stiff.faces[f].reach_a - plain.faces[f].reach_a).norm(), 1e-12);
+    }
 }
 
 TEST(Glue, energy_of_a_stretched_bar_converges_to_the_continuum)
