@@ -6,6 +6,8 @@
 // cell, by least squares over its neighbours' anchors. What a neighbour is off from it is
 // of second order, second derivatives of the map times the square of the size. A
 // prescribed cell is looked at where its glue ends: past that it tells nothing of strain.
+// It knows no strain itself. What it is off from the map that the free cell's other
+// neighbours tell is its error: nothing where the strain is even up to the border.
 #include "solver/refinement.h"
 
 #include <algorithm>
@@ -68,6 +70,37 @@ View view_of(const Cells& cells, const GlueFace& glue, const Face& face,
     return view;
 }
 
+/// The map around a cell that is not rigid, by all its neighbours but the one over
+/// \p without (-1: none).
+LocalMap fitted_map(const Cells& cells, const Glue& glue,
+                    std::span<const Constraint> constraints, std::span<const Pose> poses,
+                    std::size_t i, int without = -1)
+{
+    const Cell& cell = cells.cells[i];
+    LocalMap map;
+    map.place = image(poses[i], cell.centre, cell.anchor);
+    Eigen::Matrix3d steps =
+        Eigen::Matrix3d::Identity() * (2.0 * kOwnWeight * std::pow(cell.edge, 3));
+    Eigen::Matrix3d places = poses[i].R * steps;
+    Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+    for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
+    {
+        const int face = glue.faces_of_cell[static_cast<std::size_t>(k)];
+        if (face == without)
+            continue;
+        const std::size_t f = static_cast<std::size_t>(face);
+        const View view =
+            view_of(cells, glue.faces[f], cells.faces[f], constraints, poses, i);
+        steps += view.weight * view.step * view.step.transpose();
+        places += view.weight * (view.place - map.place) * view.step.transpose();
+        turns += view.weight * view.turn * view.step.transpose();
+    }
+    const Eigen::Matrix3d inverse = steps.inverse();
+    map.gradient = places * inverse;
+    map.turning = turns * inverse;
+    return map;
+}
+
 } // namespace
 
 std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
@@ -75,35 +108,36 @@ std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
                                  std::span<const Pose> poses)
 {
     std::vector<LocalMap> maps(cells.size());
-    parallel_for(
-        cells.size(),
-        [&](std::size_t i)
-        {
-            const Cell& cell = cells.cells[i];
-            LocalMap& map = maps[i];
-            map.place = image(poses[i], cell.centre, cell.anchor);
-            map.gradient = poses[i].R;
-            if (is_rigid(constraints[i]))
-                return;
-            Eigen::Matrix3d steps =
-                Eigen::Matrix3d::Identity() * (2.0 * kOwnWeight * std::pow(cell.edge, 3));
-            Eigen::Matrix3d places = poses[i].R * steps;
-            Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
-            for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
-            {
-                const std::size_t f = static_cast<std::size_t>(
-                    glue.faces_of_cell[static_cast<std::size_t>(k)]);
-                const View view =
-                    view_of(cells, glue.faces[f], cells.faces[f], constraints, poses, i);
-                steps += view.weight * view.step * view.step.transpose();
-                places += view.weight * (view.place - map.place) * view.step.transpose();
-                turns += view.weight * view.turn * view.step.transpose();
-            }
-            const Eigen::Matrix3d inverse = steps.inverse();
-            map.gradient = places * inverse;
-            map.turning = turns * inverse;
-        });
+    parallel_for(cells.size(),
+                 [&](std::size_t i)
+                 {
+                     if (!is_rigid(constraints[i]))
+                     {
+                         maps[i] = fitted_map(cells, glue, constraints, poses, i);
+                         return;
+                     }
+                     const Cell& cell = cells.cells[i];
+                     maps[i].place = image(poses[i], cell.centre, cell.anchor);
+                     maps[i].gradient = poses[i].R;
+                 });
     return maps;
+}
+
+double least_stretch(const Cells& cells, const Glue& glue,
+                     std::span<const Constraint> constraints, std::span<const Pose> poses)
+{
+    const std::vector<LocalMap> maps = local_maps(cells, glue, constraints, poses);
+    double least = 1.0;
+    for (std::size_t i = 0; i < maps.size(); ++i)
+    {
+        if (is_rigid(constraints[i]))
+            continue;
+        const Eigen::Matrix3d stretch = poses[i].R.transpose() * maps[i].gradient;
+        const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(
+            0.5 * (stretch + stretch.transpose()), Eigen::EigenvaluesOnly);
+        least = std::min(least, eigen.eigenvalues()[0]);
+    }
+    return least;
 }
 
 std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
@@ -111,6 +145,13 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
                                 std::span<const Pose> poses)
 {
     const std::vector<LocalMap> maps = local_maps(cells, glue, constraints, poses);
+    // What is over a face of a free cell, against a map around the cell.
+    const auto miss = [&](std::size_t cell, std::size_t face, const LocalMap& map)
+    {
+        const View view =
+            view_of(cells, glue.faces[face], cells.faces[face], constraints, poses, cell);
+        return (view.place - map.place - map.gradient * view.step).norm();
+    };
     std::vector<double> errors(cells.size(), 0.0);
     parallel_for(
         cells.size(),
@@ -120,11 +161,18 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
             {
                 const std::size_t f = static_cast<std::size_t>(
                     glue.faces_of_cell[static_cast<std::size_t>(k)]);
-                const View view =
-                    view_of(cells, glue.faces[f], cells.faces[f], constraints, poses, i);
-                errors[i] = std::max(
-                    errors[i],
-                    (view.place - maps[i].place - maps[i].gradient * view.step).norm());
+                const Face& face = cells.faces[f];
+                const std::size_t other = static_cast<std::size_t>(
+                    static_cast<std::size_t>(face.a) == i ? face.b : face.a);
+                if (!is_rigid(constraints[i]))
+                    errors[i] = std::max(errors[i], miss(i, f, maps[i]));
+                else if (!is_rigid(constraints[other]))
+                    errors[i] = std::max(
+                        errors[i],
+                        miss(
+                            other, f,
+                            fitted_map(cells, glue, constraints, poses, other,
+                                       glue.faces_of_cell[static_cast<std::size_t>(k)])));
             }
             errors[i] *= kHalfWay;
         });

@@ -33,6 +33,12 @@ std::vector<LocalMap> local_maps(const Cells& cells, const Glue& glue,
                                  std::span<const Constraint> constraints,
                                  std::span<const Pose> poses);
 
+/// The least share of its length to which the material is pressed together anywhere, by
+/// the maps around the free cells; negative where it is turned inside out.
+double least_stretch(const Cells& cells, const Glue& glue,
+                     std::span<const Constraint> constraints,
+                     std::span<const Pose> poses);
+
 /// How far the body is, at the borders of each cell, from the affine map around it: what
 /// rigid motions and a blend of them cannot follow [length].
 std::vector<double> cell_errors(const Cells& cells, const Glue& glue,

@@ -9,6 +9,15 @@
 namespace cellwarp
 {
 
+/// The way of a frame gone again in its last cells, because it might have missed a lower
+/// minimum.
+enum class SecondStart
+{
+    None,
+    Dropped, ///< it led no lower
+    Taken
+};
+
 /// What one frame took and reached. Lengths are relative to the diagonal.
 struct FrameReport
 {
@@ -16,6 +25,7 @@ struct FrameReport
     SolveReport solve; ///< of the last step; iterations of all
     int steps = 0;
     int recuts = 0; ///< times that other cells were made
+    SecondStart second_start = SecondStart::None;
     std::size_t cells = 0;
     int cells_at_limit = 0; ///< above the threshold, but at the deepest level
     double handle_residual = 0.0;

@@ -279,10 +279,24 @@ std::optional<Rig> Recutting::coarser(const Rig& rig)
 
 std::optional<Rig> Recutting::recut(const Rig& rig, Body cells) const
 {
-    const Body& old = rig.body();
-    if (cells.octree.leaves() == old.octree.leaves())
+    if (cells.octree.leaves() == rig.body().octree.leaves())
         return std::nullopt;
-    const auto body = std::make_shared<const Body>(std::move(cells));
+    return handed_to(std::make_shared<const Body>(std::move(cells)), rig);
+}
+
+Rig Recutting::in_cells_of(const Rig& other, const std::shared_ptr<const Body>& body,
+                           const RigState& state) const
+{
+    Rig rig(body, regions_, rig_settings_);
+    rig.set_state(state);
+    if (other.body().octree.leaves() == body->octree.leaves())
+        return rig;
+    return handed_to(other.shared_body(), rig);
+}
+
+Rig Recutting::handed_to(const std::shared_ptr<const Body>& body, const Rig& rig) const
+{
+    const Body& old = rig.body();
     const std::vector<LocalMap> maps =
         local_maps(old.cells, rig.glue(), rig.constraints(), rig.poses());
     const std::vector<Pose> poses =

@@ -38,6 +38,10 @@ public:
     /// the threshold.
     std::optional<Rig> coarser(const Rig& rig);
 
+    /// The rig that is in \p state in the cells of \p body, in those of \p other.
+    Rig in_cells_of(const Rig& other, const std::shared_ptr<const Body>& body,
+                    const RigState& state) const;
+
     bool is_adaptive() const;
     /// Of the leaves that finer() last looked at, those that the threshold would split
     /// but the depth does not let.
@@ -56,6 +60,7 @@ private:
     std::vector<int> crowded_leaves(const Body& body) const;
     Body with_homes(Body body);
     std::optional<Rig> recut(const Rig& rig, Body cells) const;
+    Rig handed_to(const std::shared_ptr<const Body>& body, const Rig& rig) const;
     /// Regions, one of each motion, that have material in a leaf.
     std::vector<std::vector<int>>
     differing_regions(const Rig& rig, std::span<const Motion> motions) const;

@@ -21,6 +21,7 @@
 #include "io/number.h"
 #include "octree/parallel.h"
 #include "solver/field/turning.h"
+#include "solver/refinement.h"
 
 namespace cellwarp
 {
@@ -49,6 +50,16 @@ constexpr double kUncancelledShare = 1e-3;
 
 /// More cells at the depth limit than this get a warning [cells].
 constexpr double kManyAtLimit = 0.02;
+
+/// Where the material is pressed together to less than this share of its length it folds.
+constexpr double kFold = 0.3;
+
+/// By what factor the energy of smaller cells may be larger: it converges from either
+/// side, but not by more.
+constexpr double kRise = 1.02;
+
+/// Energies that differ by a smaller share are one minimum.
+constexpr double kSameEnergy = 1e-5;
 
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
@@ -518,6 +529,7 @@ struct Session::FrameSolve
     double gradient_scale = 0.0; ///< before any guess makes the first gradient small
     double energy_before = 0.0;  ///< of the last step of the way
     int part = 1, parts = 1;     ///< of the way
+    bool has_risen = false;      ///< the energy, when cells were split
     SolveReport total;
 
     bool is_out_of_time() const
@@ -556,8 +568,16 @@ void Session::solve_on(FrameSolve& frame, bool is_last)
     frame.total = solve;
 }
 
-/// Takes the regions to where this frame has them, in steps.
-void Session::travel(FrameSolve& frame, int& steps)
+/// Where a frame began, and in which cells.
+struct Session::FrameStart
+{
+    std::shared_ptr<const Body> body;
+    RigState state;
+};
+
+/// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
+/// one is solved to the tolerance asked for.
+void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
 {
     StageState& s = *state_;
     frame.parts = s.plan.num_parts;
@@ -575,7 +595,7 @@ void Session::travel(FrameSolve& frame, int& steps)
         }
         frame.energy_before = s.rig.energy();
         s.rig.carry_others();
-        solve_on(frame, frame.part == frame.parts && !s.recutting.is_adaptive());
+        solve_on(frame, frame.part == frame.parts && ends_exactly);
         ++steps;
         if (frame.total.stop == Stop::NotPositiveDefinite)
             break;
@@ -606,14 +626,59 @@ void Session::recut(FrameSolve& frame, FrameReport& report)
 {
     const auto go_on = [&]
     { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
-    for (const auto change : {&Recutting::coarser, &Recutting::finer})
-        while (go_on() && takes(change, report))
-            solve_on(frame, false);
+    while (go_on() && takes(&Recutting::coarser, report))
+        solve_on(frame, false);
+    for (double before = state_->rig.energy();
+         go_on() && takes(&Recutting::finer, report);)
+    {
+        solve_on(frame, false);
+        const double after = state_->rig.energy();
+        frame.has_risen |= after > kRise * before;
+        before = after;
+    }
     if (go_on())
         solve_on(frame, true);
     while (go_on() && takes(&Recutting::coarser, report))
         solve_on(frame, true);
     report.cells_at_limit = state_->recutting.num_at_limit();
+}
+
+/// Whether there are signs of a lower minimum than the one found: a direction in which
+/// the energy still falls, a fold, which may have formed in large cells where small ones
+/// would have it elsewhere, or an energy that rose in smaller cells.
+bool Session::may_miss_a_minimum(const FrameSolve& frame) const
+{
+    const Rig& rig = state_->rig;
+    return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite &&
+           (frame.total.is_saddle || frame.has_risen ||
+            least_stretch(rig.body().cells, rig.glue(), rig.constraints(), rig.poses()) <
+                kFold);
+}
+
+/// Goes the way of the frame again, in the cells in which it ended, and stays where that
+/// leads if it is lower.
+void Session::start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report)
+{
+    StageState& s = *state_;
+    const double energy = s.rig.energy();
+    Rig other = s.recutting.in_cells_of(s.rig, start.body, start.state);
+    std::swap(s.rig, other);
+    FrameSolve second;
+    second.start = frame.start;
+    second.gradient_scale = frame.gradient_scale;
+    travel(second, report.steps, true);
+    const bool is_lower = second.total.stop == Stop::Converged &&
+                          s.rig.energy() < (1.0 - kSameEnergy) * energy;
+    report.second_start = is_lower ? SecondStart::Taken : SecondStart::Dropped;
+    if (!is_lower)
+    {
+        std::swap(s.rig, other);
+        frame.total.add_earlier(second.total);
+        return;
+    }
+    second.total.add_earlier(frame.total);
+    frame = second;
+    recut(frame, report);
 }
 
 /// Parts the material that this frame's motions part, before anything moves.
@@ -650,10 +715,16 @@ void Session::solve_frame(FrameReport& report)
         s.field.reset(); // it is of the last frame's cells
         s.rig.forget_way();
         part_regions(report);
+        const FrameStart start{s.rig.shared_body(), s.rig.state()};
         FrameSolve frame;
-        travel(frame, report.steps);
-        if (s.recutting.is_adaptive())
+        const bool is_adaptive = s.recutting.is_adaptive();
+        travel(frame, report.steps, !is_adaptive);
+        if (is_adaptive)
+        {
             recut(frame, report);
+            if (report.recuts > 0 && may_miss_a_minimum(frame))
+                start_again(start, frame, report);
+        }
         s.last_solve = frame.total;
         s.last_solve.energy_before = frame.energy_before;
     }

@@ -153,7 +153,10 @@ private:
     bool stands() const;
     void move_regions(double t);
     void solve_on(FrameSolve& frame, bool is_last);
-    void travel(FrameSolve& frame, int& steps);
+    struct FrameStart;
+    void travel(FrameSolve& frame, int& steps, bool ends_exactly);
+    bool may_miss_a_minimum(const FrameSolve& frame) const;
+    void start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report);
     bool takes(std::optional<Rig> (Recutting::*change)(const Rig&), FrameReport& report);
     void recut(FrameSolve& frame, FrameReport& report);
     void part_regions(FrameReport& report);

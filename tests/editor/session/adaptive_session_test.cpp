@@ -155,7 +155,7 @@ TEST(AdaptiveSession, errors_fall_with_the_threshold)
     ASSERT_EQ(wanted.rig()->body().cells.size(), 4096u);
     double last_error = INFINITY;
     std::size_t last_cells = 0;
-    for (const double threshold : {1e-1, 3e-3, 3e-4})
+    for (const double threshold : {1e-1, 2e-3, 3e-4})
     {
         SCOPED_TRACE(threshold);
         const Session session = played(text, adaptive(threshold));
@@ -300,6 +300,54 @@ TEST(AdaptiveSession, a_rigid_motion_of_all_regions_refines_nothing)
                adaptive(1e-9));
     EXPECT_EQ(session.frames()[0].recuts, 0);
     EXPECT_EQ(leaves(session).size(), 64u);
+}
+
+TEST(AdaptiveSession, even_strain_refines_nothing)
+{
+    // 4 x 1 x 1, held in its first quarter and from its third on: half of it stretches.
+    SessionSettings s;
+    s.cells.across = 16;
+    s.cells.max_depth = 2;
+    s.cells.threshold = 2e-3;
+    Session session(
+        scan_geometry("bar.obj",
+                      support::obj_text(support::box_shape({0, 0, 0}, {4, 1, 1}, 4))),
+        handles("fixed foot box -1 -1 -1 1 2 2\nhandle head box 3 -1 -1 5 2 2\n"
+                "frame 1\nmove head translate 1 0 0\n"),
+        s);
+    session.next_frame(true);
+    EXPECT_EQ(leaves(session).size(), 256u);
+    EXPECT_EQ(session.frames()[0].recuts, 0);
+    // Strain of a half in a volume of two.
+    const double diagonal = session.rig()->rest().frame.diagonal();
+    EXPECT_NEAR(session.rig()->energy() * std::pow(std::sqrt(18.0) / diagonal, 3), 0.5,
+                1e-6);
+}
+
+TEST(AdaptiveSession, small_cells_find_the_minimum_of_uniform_ones_where_a_fold_forms)
+{
+    const Shape bar = support::box_shape({0, 0, 0}, {1, 1, 4}, 6);
+    const auto bent = [&](double threshold, int min_depth)
+    {
+        SessionSettings s;
+        s.cells.across = 6;
+        s.cells.max_depth = 2;
+        s.cells.min_depth = min_depth;
+        s.cells.threshold = threshold;
+        Session session(scan_geometry("bar.obj", support::obj_text(bar)),
+                        handles("fixed foot box -1 -1 -1 2 2 2.5\n"
+                                "handle head box -1 -1 3.8 2 2 5\nframe 1\n"
+                                "move head rotate 1 0 0 60 about 0.5 0.5 3.4\n"),
+                        s);
+        session.next_frame(true);
+        return session;
+    };
+    const Session uniform = bent(0.0, 2), adaptive = bent(1e-9, 0);
+    EXPECT_EQ(uniform.frames()[0].second_start, SecondStart::None);
+    EXPECT_EQ(adaptive.frames()[0].second_start, SecondStart::Taken);
+    EXPECT_NEAR(adaptive.rig()->energy() / uniform.rig()->energy(), 1.0, 1e-6);
+    EXPECT_LT(largest_difference(adaptive.patch().samples, uniform.patch().samples),
+              1e-3 * std::sqrt(18.0));
 }
 
 TEST(AdaptiveSession, a_budget_of_time_that_runs_out_leaves_a_state_to_draw)
