@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/point_tree.h"
 
+#include <algorithm>
 #include <cstdint>
 
 #include <nanoflann.hpp>
@@ -68,14 +69,19 @@ PointTree::Neighbour PointTree::nearest(const Eigen::Vector3d& x) const
 void PointTree::nearest(const Eigen::Vector3d& x, std::size_t count,
                         std::vector<Neighbour>& out) const
 {
-    constexpr std::size_t kMax = 16;
-    std::uint32_t index[kMax];
-    double squared[kMax];
-    const std::size_t found =
-        index_->tree.knnSearch(x.data(), std::min(count, kMax), index, squared);
+    const std::size_t most = std::min(count, points().size());
+    // Two arrays for the search; most callers ask for few.
+    constexpr std::size_t kFew = 32;
+    std::uint32_t few_indices[kFew];
+    double few_squares[kFew];
+    std::vector<std::uint32_t> many_indices(most > kFew ? most : 0);
+    std::vector<double> many_squares(many_indices.size());
+    std::uint32_t* const indices = most > kFew ? many_indices.data() : few_indices;
+    double* const squares = most > kFew ? many_squares.data() : few_squares;
+    const std::size_t found = index_->tree.knnSearch(x.data(), most, indices, squares);
     out.clear();
     for (std::size_t i = 0; i < found; ++i)
-        out.push_back({index[i], squared[i]});
+        out.push_back({indices[i], squares[i]});
 }
 
 } // namespace cellwarp

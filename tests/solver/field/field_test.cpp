@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/field/field.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -587,6 +588,19 @@ TEST(RegionFade, further_nodes_count_once_and_not_where_a_sample_is)
     const RegionFade fade(c.bar.cells, samples, further);
     EXPECT_EQ(fade.nodes().size(), num_samples + 1);
     EXPECT_EQ(fade.nodes().back(), further.front().place);
+}
+
+TEST(RegionFade, a_node_of_which_there_are_24_copies_counts_once)
+{
+    // A corner of eight cells, each of which has it on three sides.
+    const RegionCase c;
+    std::vector<RegionFade::Node> further;
+    for (int place = 0; place < 5; ++place)
+        for (int copy = 0; copy < 24; ++copy)
+            further.push_back({{0.6 + 0.2 * place, 1.1, 1.1}, c.cells[0]});
+    std::shuffle(further.begin(), further.end(), std::mt19937(1));
+    const RegionFade fade(c.bar.cells, c.nodes(), further);
+    EXPECT_EQ(fade.nodes().size(), c.samples.size() + 5);
 }
 
 TEST(RegionFade, fades_without_a_step_and_ends)
