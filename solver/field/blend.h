@@ -29,15 +29,34 @@ struct Influence
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero(); ///< of the weight
 };
 
-/// The point of a box nearest to \p x. Its faces count as inside, also where rounding
-/// puts \p x beyond them.
+/// So far beyond its faces a box still counts as holding a point [edge]: rounding.
+inline constexpr double kBoxSlack = 1e-9;
+
+/// The point of a box nearest to \p x; of one that it holds, that one.
 Eigen::Vector3d nearest_in_box(const Eigen::Vector3d& centre, double edge,
                                const Eigen::Vector3d& x);
 
-/// Continuous weights (1 - d/s)^2+, d the distance to the centre of a cell's box
-/// and s its edge, over the point's own cell and the cells reached from it through
-/// glue between cells of positive weight. So parts that only lie side by side don't
-/// pull at each other. On a regular grid at most eight are positive.
+/// How far from its box a cell resists as it does farther off, but for a half [edge].
+inline constexpr double kShell = 0.1;
+
+/// How much a cell resists at a place to whatever is reached through it (blend.cpp);
+/// \p rest = 1 - d/s > 0. Of one place, or of several.
+template <class Number>
+Number passing_resistance(const Number& squared_distance_to_box, double edge,
+                          const Number& rest)
+{
+    const double shell = kShell * edge;
+    return 0.4 * squared_distance_to_box /
+           ((squared_distance_to_box + shell * shell) * rest * rest);
+}
+
+/// Weights (1 - d/s)^2+, d the distance to the centre of a cell's box and s its edge,
+/// over the point's own cell and the cells reached from it through glue between cells of
+/// positive weight: parts that only lie side by side don't pull at each other. A cell
+/// that is reached but narrowly, through cells that hardly count themselves, counts less
+/// (blend.cpp says how much). So the weights are continuous through all material, and
+/// their gradients but at the boxes' centres. On a regular grid at most eight are
+/// positive.
 class ClosestCells
 {
 public:
@@ -62,6 +81,16 @@ public:
     }
 
 private:
+    struct Resistance
+    {
+        double value = 0.0;
+        Eigen::Vector3d slope = Eigen::Vector3d::Zero();
+    };
+    void reach(const Eigen::Vector3d& place, int own, std::vector<Influence>& out,
+               bool& is_narrow) const;
+    Resistance resistance_at(const Eigen::Vector3d& place, int cell) const;
+    void narrow(const Eigen::Vector3d& place, int own, std::vector<Influence>& out) const;
+
     std::vector<Eigen::Vector3d> box_centres_;
     std::vector<double> edges_;
     std::vector<int> first_neighbour_, neighbours_;

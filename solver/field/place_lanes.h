@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -59,17 +58,25 @@ public:
                                             bool wants_gradient);
 
 private:
-    /// Of the cells that count by their distance (bits), those that are reached through
-    /// glue between such.
-    std::uint64_t reached(std::uint64_t counting);
-    void find_one_by_one(const PlaceVectors& places);
+    using PlaceMarks = Eigen::Array<bool, kPlaces, 1>;
+    void find_ways(const Eigen::Vector3d& middle);
+    void ask_for_ways();
+    PlaceMarks find_plain(const PlaceVectors& places, bool wants_gradient);
+    PlaceMarks narrow_places(const PlaceVectors& inside,
+                             std::span<const PlaceNumbers> rests) const;
+    void find_alone(const PlaceVectors& places, int place);
 
     const ClosestCells& closest_;
     int own_ = 0;
-    std::vector<int> near_;            ///< cells that may count, ascending
-    std::vector<std::uint64_t> glued_; ///< of each, bits of these
-    std::uint64_t own_bit_ = 0;
-    std::uint64_t last_counting_ = 0, last_reached_ = 0;
+    std::vector<int> near_; ///< cells that may count, ascending
+    // Of each of these, by its number there:
+    std::vector<double> away_;     ///< squared distance over edge
+    std::vector<int> hops_;        ///< glued faces between it and the own cell
+    std::vector<int> lead_;        ///< the one before it on a way; the own one's: -1
+    std::vector<char> is_regular_; ///< that way is one of a regular grid
+    std::vector<char> is_asked_;   ///< whether that way is short, or another through it
+    std::vector<int> order_;       ///< all of them, by hops
+    bool has_asked_ = false;
     std::vector<InfluenceOnPlaces> found_;
     std::vector<Influence> single_;
 };

@@ -182,7 +182,13 @@ std::vector<Eigen::Vector3d> random_points(const Shape& shape, int count, unsign
     return points;
 }
 
-Built built(const Shape& shape, int across, int depth, Fill fill, double max_voxel)
+namespace
+{
+
+/// \p divided: how the coarsest octree is divided.
+template <class Divided>
+Built built_in(const Shape& shape, int across, int depth, Fill fill, double max_voxel,
+               const Divided& divided)
 {
     Eigen::Vector3d high = shape.samples.front();
     for (const Eigen::Vector3d& x : shape.samples)
@@ -190,10 +196,38 @@ Built built(const Shape& shape, int across, int depth, Fill fill, double max_vox
     const GridShape grid = grid_shape(high, across, depth, max_voxel);
     Material material = find_material(shape, grid, fill);
     const MaterialTest test = material_test(material.grid);
-    Octree octree = Octree(grid, test).split_all(depth, test);
+    Octree octree = divided(Octree(grid, test), test);
     Pieces pieces = find_pieces(material.grid, octree);
     Cells cells = build_cells(material.grid, octree, pieces);
     return {std::move(material), std::move(octree), std::move(pieces), std::move(cells)};
+}
+
+} // namespace
+
+Built built(const Shape& shape, int across, int depth, Fill fill, double max_voxel)
+{
+    return built_in(shape, across, depth, fill, max_voxel,
+                    [&](const Octree& coarsest, const MaterialTest& test)
+                    { return coarsest.split_all(depth, test); });
+}
+
+Built built_mixed(const Shape& shape, int across, int depth, unsigned seed,
+                  double max_voxel)
+{
+    const auto divided = [&](Octree octree, const MaterialTest& test)
+    {
+        std::mt19937 rng(seed);
+        for (int level = 0; level < depth; ++level)
+        {
+            std::vector<int> some;
+            for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+                if (rng() % 3 == 0)
+                    some.push_back(static_cast<int>(i));
+            octree = octree.split(some, test);
+        }
+        return octree;
+    };
+    return built_in(shape, across, depth, Fill::Solid, max_voxel, divided);
 }
 
 Built bar(int nx, int ny, int nz)

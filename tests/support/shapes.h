@@ -56,6 +56,11 @@ struct Built
 Built built(const Shape& shape, int across, int depth = 0, Fill fill = Fill::Solid,
             double max_voxel = 0.0);
 
+/// The same in cells of all sizes down to \p depth: \p depth times one leaf in three,
+/// chosen by a seeded generator, is divided.
+Built built_mixed(const Shape& shape, int across, int depth, unsigned seed,
+                  double max_voxel = 0.0);
+
 /// A bar of cells, counts along the axes, by itself.
 Built bar(int nx, int ny, int nz);
 

@@ -13,21 +13,14 @@ namespace
 
 using support::Built;
 
-/// Two slabs side by side, joined at one end, in cells of two sizes.
+/// Two slabs side by side, joined at one end, in cells of three sizes.
 Built slabs()
 {
-    Built all = support::built(
+    return support::built_mixed(
         support::joined(support::box_shape({0, 0, 0}, {8, 3, 4}, 1),
                         support::joined(support::box_shape({0, 3.5, 0}, {8, 6.5, 4}, 1),
                                         support::box_shape({0, 2.5, 0}, {1, 4, 4}, 1))),
-        8, 1);
-    std::vector<int> some;
-    for (std::size_t i = 0; i < all.octree.leaves().size(); i += 5)
-        some.push_back(static_cast<int>(i));
-    all.octree = all.octree.split(some, material_test(all.material.grid));
-    all.pieces = find_pieces(all.material.grid, all.octree);
-    all.cells = build_cells(all.material.grid, all.octree, all.pieces);
-    return all;
+        8, 2, 5);
 }
 
 } // namespace

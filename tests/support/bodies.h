@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Shapes whose material comes close to itself, for tests of what follows the glue.
+#pragma once
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp::support
+{
+
+/// 4 x 1 x 1 with a slit 0.1 wide from one end to x = 1.98: two fingers.
+Shape comb();
+
+/// Two bars at a right angle, 4 x 2 x 1: the one along x up to y = \p width, the one
+/// along y up to x = 1 + \p width.
+Shape angle(double width = 1.0);
+
+/// The hand of the samples: fingers one percent of the diagonal apart.
+Shape hand();
+
+/// Mirror images and quarter turns, moved to the origin.
+Shape turned(Shape shape, const Eigen::Matrix3d& Q);
+
+} // namespace cellwarp::support
