@@ -19,6 +19,12 @@ using support::random_vector;
 namespace
 {
 
+struct Place
+{
+    Eigen::Vector3d x;
+    int own = -1;
+};
+
 /// Where material is, and in what cells.
 struct Ground
 {
@@ -39,23 +45,20 @@ struct Ground
     {
         return pieces.piece_of_voxel[grid.index(grid.locate(x))];
     }
-    bool is_in_its_box(const Eigen::Vector3d& x, int cell) const
+    bool is_in_its_box(const Place& place) const
     {
-        const Cell& c = cells.cells[static_cast<std::size_t>(cell)];
-        return nearest_in_box(c.box_centre, c.edge, x) == x;
+        const Cell& c = cells.cells[static_cast<std::size_t>(place.own)];
+        return nearest_in_box(c.box_centre, c.edge, place.x) == place.x;
     }
-    /// Whether the material goes on from one cell to the other.
-    bool goes_on(int a, int b) const
+    /// Whether the material goes on from one place to the next. A crumb goes on in the
+    /// cell that it follows, whose box does not hold it, and in no other one.
+    bool goes_on(const Place& a, const Place& b) const
     {
-        const auto near = cells.neighbours_of(a);
-        return a == b || std::find(near.begin(), near.end(), b) != near.end();
+        const auto near = cells.neighbours_of(a.own);
+        return a.own == b.own ||
+               (is_in_its_box(a) && is_in_its_box(b) &&
+                std::find(near.begin(), near.end(), b.own) != near.end());
     }
-};
-
-struct Place
-{
-    Eigen::Vector3d x;
-    int own = -1;
 };
 
 /// Steps of a line; of those in the material without a break from one to the next.
@@ -67,16 +70,12 @@ std::vector<std::vector<Place>> runs_of(const Ground& ground, const Eigen::Vecto
     {
         const Eigen::Vector3d x = a + (b - a) * i / num_steps;
         const int own = ground.own(x);
-        // A crumb follows a cell beside its leaf: no cell's box holds it.
-        if (own < 0 || !ground.is_in_its_box(x, own))
-        {
-            if (!runs.back().empty())
-                runs.emplace_back();
-            continue;
-        }
-        if (!runs.back().empty() && !ground.goes_on(runs.back().back().own, own))
+        const bool goes_on = own >= 0 && !runs.back().empty() &&
+                             ground.goes_on(runs.back().back(), {x, own});
+        if (!goes_on && !runs.back().empty())
             runs.emplace_back();
-        runs.back().push_back({x, own});
+        if (own >= 0)
+            runs.back().push_back({x, own});
     }
     if (runs.back().empty())
         runs.pop_back();

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/parallel.h"
-#include "tests/support/shapes.h"
+#include "tests/support/bodies.h"
 
 namespace cellwarp
 {
@@ -263,6 +263,33 @@ TEST(Field, reproduces_a_rigid_motion)
             EXPECT_LT((x + value.displacement - motion(x)).norm(), 1e-11);
             EXPECT_LT((value.gradient + Eigen::Matrix3d::Identity() - motion.R).norm(),
                       1e-9);
+        }
+    }
+}
+
+TEST(Field, reproduces_a_rigid_motion_where_fingers_share_leaves)
+{
+    const Motion motion{rotation_about({0.6, 0, 0.8}, 2.0), {0.5, -0.3, 0.2}};
+    for (const int depth : {0, 2})
+    {
+        const Built comb = support::built_mixed(support::comb(), 4, depth, 1, 0.02);
+        const std::vector<Constraint> constraints(comb.cells.size());
+        std::mt19937 rng(7);
+        for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
+        {
+            const Field field =
+                fit_field(kind, comb.cells, rigid(comb, motion), constraints, {});
+            for (int trial = 0; trial < 500; ++trial)
+            {
+                const Eigen::Vector3d x = point_in(rng, 4, 1, 1);
+                if (own_cell(comb, x) < 0)
+                    continue;
+                const FieldValue value = field.value(x, own_cell(comb, x));
+                EXPECT_LT((x + value.displacement - motion(x)).norm(), 1e-9);
+                EXPECT_LT(
+                    (value.gradient + Eigen::Matrix3d::Identity() - motion.R).norm(),
+                    1e-8);
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/shapes.h"
+#include "tests/support/bodies.h"
 
 namespace cellwarp
 {
@@ -23,16 +23,15 @@ Built slabs()
         8, 2, 5);
 }
 
-} // namespace
-
-TEST(PlaceInfluences, have_the_bits_of_those_of_each_place)
+/// Eight places of each cell, with what they get alone. \p most: cells that count at one
+/// of them.
+void compare(const Built& built, int& most)
 {
-    const Built built = slabs();
     const ClosestCells closest(built.cells);
     PlaceInfluences influences(closest);
     std::mt19937 rng(2);
     std::vector<Influence> alone;
-    int most = 0;
+    most = 0;
     for (std::size_t own = 0; own < built.cells.size(); ++own)
     {
         const Cell& cell = built.cells.cells[own];
@@ -68,7 +67,28 @@ TEST(PlaceInfluences, have_the_bits_of_those_of_each_place)
             most = std::max(most, static_cast<int>(next));
         }
     }
+}
+
+} // namespace
+
+TEST(PlaceInfluences, have_the_bits_of_those_of_each_place)
+{
+    int most = 0;
+    compare(slabs(), most);
     EXPECT_GE(most, 8);
+}
+
+TEST(PlaceInfluences, have_the_bits_of_those_of_each_place_where_ways_are_narrow)
+{
+    int most = 0;
+    for (const Built& built : {support::built(support::comb(), 4, 0, Fill::Solid, 0.02),
+                               support::built(support::comb(), 9, 0, Fill::Solid, 0.02),
+                               support::built_mixed(support::comb(), 4, 2, 1, 0.02),
+                               support::built_mixed(support::hand(), 12, 2, 2, 0.02)})
+    {
+        compare(built, most);
+        EXPECT_GE(most, 3);
+    }
 }
 
 } // namespace cellwarp

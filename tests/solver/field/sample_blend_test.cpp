@@ -10,7 +10,7 @@
 #include "octree/parallel.h"
 #include "solver/field/turning.h"
 #include "tests/support/allocations.h"
-#include "tests/support/shapes.h"
+#include "tests/support/bodies.h"
 
 namespace cellwarp
 {
@@ -186,6 +186,27 @@ TEST(SampleBlend, equals_the_field_with_fades_and_normals)
 TEST(SampleBlend, equals_the_field_around_pins)
 {
     const Case c = held_bar(true);
+    SampleBlend blend = c.blend();
+    blend.apply(c.poses, c.motions);
+    const Difference d = difference(c, blend, FieldKind::Blend);
+    EXPECT_LT(d.place, 1e-6);
+    EXPECT_LT(d.normal, 2e-5);
+}
+
+TEST(SampleBlend, equals_the_field_where_fingers_share_leaves)
+{
+    Eigen::Matrix3d upright; // its length along z
+    upright << 0, -1, 0, 0, 0, 1, -1, 0, 0;
+    Case c(support::built_mixed(support::turned(support::comb(), upright), 4, 1, 1, 0.02),
+           4.0, 1.0);
+    c.motions.clear();
+    std::mt19937 rng(9);
+    for (std::size_t i = 0; i < c.poses.size(); ++i) // fingers apart
+        c.poses[i].p += random_vector(rng, 0.1);
+    for (int i = 0; i < 10000; ++i)
+        c.add({random_number(rng, 0, 1), random_number(rng, 0, 1),
+               random_number(rng, 0, 4)});
+    c.add_normals(rng);
     SampleBlend blend = c.blend();
     blend.apply(c.poses, c.motions);
     const Difference d = difference(c, blend, FieldKind::Blend);
