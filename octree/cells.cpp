@@ -1,4 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// How stiff a face is when its two cells turn against each other by a small omega. A
+// point r from the centre of the cross-section opens by omega x r. Two parts of that are
+// not strain but only say that a cell, which is rigid, is longer than its glue:
+// - Turned about the face's normal (a twist), a wide flat face would open by its width,
+//   though a film is twisted as easily as it is bent. The faces of the other axes take
+//   part in a twist, so that each counts no more than its lesser moment S1. With
+//     M = S1 I + (S2 - S1) e1 e1^T,
+//   e1 along the shorter side of the face, S1 <= S2 its second moments, equal cubes bend
+//   with S1 = S2 = h^2 / 12 by the same stiffness about all axes, also about those that
+//   lie askew to the cells; a film along the axes bends and twists with t^2 / 12.
+// - In a sheet with the normal n, which may lie askew, what opens along n: the next point
+//   of a bent sheet is off the tangent plane there, no more. So a line of length l and
+//   width t at r counts as
+//     t^2 / 12 (I - n n^T) + [r]x^T (I - n n^T) [r]x + l^2 / 12 n n^T:
+//   bending and twisting by its thickness alone, turning in its own plane by its length,
+//   and a sheet that is curved within a face by its shape.
 #include "octree/cells.h"
 
 #include <algorithm>
@@ -6,6 +22,9 @@
 #include <map>
 #include <numeric>
 #include <tuple>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 
 #include "octree/parallel.h"
 
@@ -65,7 +84,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                     box_centre,
                     box_centre,
                     edge * edge * edge,
-                    edge * edge / 12.0 * Eigen::Matrix3d::Identity()};
+                    edge * edge / 12.0 * Eigen::Matrix3d::Identity(),
+                    box_centre};
         return;
     }
     std::vector<Eigen::Vector3d> first(cells.size(), Eigen::Vector3d::Zero());
@@ -104,14 +124,59 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     }
 }
 
-/// Faces from the pieces of one leaf to those above it on each axis.
+/// What is added up over the pairs of voxels of one face.
+struct FaceSum
+{
+    double contact = 0.0; ///< of all pairs
+    double area = 0.0;    ///< of those that are no sheet's
+    Eigen::Vector3d contact_first = Eigen::Vector3d::Zero(), first = contact_first;
+    Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
+};
+
+/// M of a solid cross-section with the second moment \p S, in the plane across \p axis.
+Eigen::Matrix3d turning_of(const Eigen::Matrix3d& S, int axis)
+{
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    Eigen::Matrix2d in_face;
+    in_face << S(u, u), S(u, v), S(v, u), S(v, v);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(in_face);
+    const double least = std::max(eigen.eigenvalues()[0], 0.0);
+    Eigen::Vector3d shorter = Eigen::Vector3d::Zero();
+    shorter[u] = eigen.eigenvectors()(0, 0);
+    shorter[v] = eigen.eigenvectors()(1, 0);
+    return least * Eigen::Matrix3d::Identity() +
+           (eigen.eigenvalues()[1] - least) * shorter * shorter.transpose();
+}
+
+/// Sums run from \p origin, to keep their digits.
+Face face_of(const FaceSum& sum, const Eigen::Vector3d& origin, int axis)
+{
+    Face face;
+    face.axis = axis;
+    face.contact = sum.contact;
+    face.area = sum.area;
+    if (!(sum.area > 0))
+    {
+        face.centre = origin + sum.contact_first / sum.contact;
+        return face;
+    }
+    const Eigen::Vector3d mean = sum.first / sum.area;
+    face.centre = origin + mean;
+    face.turning = turning_of(sum.second / sum.area - mean * mean.transpose(), axis);
+    return face;
+}
+
+/// Faces from the pieces of one leaf to those above it on each axis, without sheets.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
-                             const Pieces& pieces, std::size_t leaf_index)
+                             const Pieces& pieces,
+                             const std::vector<std::uint8_t>& is_sheet,
+                             std::size_t leaf_index)
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
-    std::map<std::tuple<int, int, int>, Face> found;
+    const Eigen::Vector3d origin = grid.centre(block.first);
+    std::map<std::tuple<int, int, int>, FaceSum> found;
     std::tuple<int, int, int> last_key(-1, -1, -1);
-    Face* last_face = nullptr;
+    FaceSum* sum = nullptr;
     for (int axis = 0; axis < 3; ++axis)
     {
         const int u = (axis + 1) % 3, v = (axis + 2) % 3;
@@ -127,36 +192,147 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 below[v] = block.first[v] + j;
                 Eigen::Vector3i above = below;
                 above[axis] += 1;
-                const int a = pieces.piece_of_voxel[grid.index(below)];
-                const int b = pieces.piece_of_voxel[grid.index(above)];
+                const std::size_t low = grid.index(below), high = grid.index(above);
+                const int a = pieces.piece_of_voxel[low];
+                const int b = pieces.piece_of_voxel[high];
                 if (a < 0 || b < 0 || a == b ||
                     pieces.leaf_of_piece[static_cast<std::size_t>(a)] !=
                         static_cast<int>(leaf_index))
                     continue;
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
-                Eigen::Vector3d centre = grid.centre(below);
-                centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
+                Eigen::Vector3d x = grid.centre(below) - origin;
+                x[axis] =
+                    grid.lines(axis)[static_cast<std::size_t>(last) + 1] - origin[axis];
                 const std::tuple<int, int, int> face_key(a, axis, b);
                 if (face_key != last_key)
-                    last_face = &found[face_key];
+                    sum = &found[face_key];
                 last_key = face_key;
-                last_face->area += area;
-                last_face->centre += area * centre;
+                sum->contact += area;
+                sum->contact_first += area * x;
+                if (!is_sheet.empty() && is_sheet[low] && is_sheet[high])
+                    continue;
+                sum->area += area;
+                sum->first += area * x;
+                sum->second += area * (x * x.transpose());
+                for (const int side : {u, v})
+                    sum->second(side, side) +=
+                        area / 12.0 * std::pow(grid.extent(side, below[side]), 2);
             }
     }
     std::vector<Face> faces;
-    for (auto& [key, face] : found)
+    for (const auto& [key, of_face] : found)
     {
+        Face& face = faces.emplace_back(face_of(of_face, origin, std::get<1>(key)));
         std::tie(face.a, face.axis, face.b) = key;
-        face.centre /= face.area;
-        faces.push_back(face);
     }
     return faces;
 }
 
+/// Where sheets touch through their voxels alone, as much of a line holds them together
+/// [voxel]: no more than keeps a cell from being loose.
+constexpr double kTouch = 0.01;
+
+/// [r]x^T (I - n n^T) [r]x
+Eigen::Matrix3d opening_in_sheet(const Eigen::Vector3d& r, const Eigen::Vector3d& n)
+{
+    const Eigen::Vector3d off = n.cross(r);
+    return r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose() -
+           off * off.transpose();
+}
+
+/// The sheets' part in one face.
+struct SheetSection
+{
+    double area = 0.0;
+    Eigen::Vector3d first = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
+};
+
+/// Of every face. Those are sorted by (a, axis, b).
+std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pieces,
+                                         const Sheets& sheets,
+                                         const std::vector<Face>& faces)
+{
+    const std::size_t step[3] = {1, static_cast<std::size_t>(grid.counts().x()),
+                                 static_cast<std::size_t>(grid.counts().x()) *
+                                     static_cast<std::size_t>(grid.counts().y())};
+    const auto key = [](const Face& face)
+    { return std::tuple(face.a, face.axis, face.b); };
+    std::vector<std::pair<std::size_t, const SheetCrossing*>> crossings;
+    std::vector<SheetSection> sections(faces.size());
+    for (const SheetCrossing& crossing : sheets.crossings)
+    {
+        const std::size_t above = crossing.below + step[crossing.axis];
+        const std::tuple wanted(pieces.piece_of_voxel[crossing.below], crossing.axis,
+                                pieces.piece_of_voxel[above]);
+        const auto found = std::lower_bound(faces.begin(), faces.end(), wanted,
+                                            [&](const Face& face, const auto& of)
+                                            { return key(face) < of; });
+        if (found == faces.end() || key(*found) != wanted)
+            continue; // within one cell
+        const std::size_t f = static_cast<std::size_t>(found - faces.begin());
+        crossings.emplace_back(f, &crossing);
+        sections[f].area += crossing.area;
+        sections[f].first += crossing.area * crossing.centre;
+    }
+    const double bending = sheets.thickness * sheets.thickness / 12.0;
+    for (const auto& [f, crossing] : crossings)
+    {
+        SheetSection& section = sections[f];
+        const Eigen::Vector3d& n = crossing->normal;
+        const Eigen::Matrix3d across = n * n.transpose();
+        section.turning +=
+            crossing->area / section.area *
+            (bending * (Eigen::Matrix3d::Identity() - across) +
+             opening_in_sheet(crossing->centre - section.first / section.area, n) +
+             crossing->length * crossing->length / 12.0 * across);
+    }
+    return sections;
+}
+
+/// Adds a sheet's section to what a face has of solid material.
+void add_section(Face& face, const SheetSection& section, double thickness, double voxel)
+{
+    const double sheet = std::max(section.area, kTouch * thickness * voxel);
+    const Eigen::Matrix3d turning =
+        section.area > 0
+            ? section.turning
+            : Eigen::Matrix3d(face.contact / 12.0 * Eigen::Matrix3d::Identity());
+    const Eigen::Vector3d centre =
+        section.area > 0 ? Eigen::Vector3d(section.first / section.area) : face.centre;
+    const double whole = face.area + sheet;
+    face.sheet_share = sheet / whole;
+    const double solid_share = face.area / whole;
+    const Eigen::Vector3d apart = centre - face.centre;
+    face.turning = solid_share * face.turning + face.sheet_share * turning +
+                   solid_share * face.sheet_share *
+                       (apart.squaredNorm() * Eigen::Matrix3d::Identity() -
+                        apart * apart.transpose());
+    if (face.area == 0.0)
+        face.centre = centre;
+    face.area = whole;
+}
+
+void place_middles(const Pieces& pieces, const Sheets& sheets, std::vector<Cell>& cells)
+{
+    std::vector<double> areas(cells.size(), 0.0);
+    std::vector<Eigen::Vector3d> sums(cells.size(), Eigen::Vector3d::Zero());
+    for (const SheetPatch& patch : sheets.patches)
+    {
+        const std::size_t piece =
+            static_cast<std::size_t>(pieces.piece_of_voxel[patch.voxel]);
+        areas[piece] += patch.area;
+        sums[piece] += patch.area * patch.centre;
+    }
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        cells[c].middle =
+            areas[c] > 0 ? Eigen::Vector3d(sums[c] / areas[c]) : cells[c].centre;
+}
+
 } // namespace
 
-Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces)
+Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                  const std::vector<std::uint8_t>& is_sheet, const Sheets& sheets)
 {
     const std::size_t num_leaves = octree.leaves().size();
     Cells result;
@@ -174,7 +350,7 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 grid, octree, pieces, i,
                 std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
                 static_cast<int>(first[i]));
-            faces[i] = leaf_faces(grid, octree, pieces, i);
+            faces[i] = leaf_faces(grid, octree, pieces, is_sheet, i);
         });
     std::vector<std::vector<int>> neighbours(result.size());
     for (std::vector<Face>& of_leaf : faces)
@@ -187,6 +363,16 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
             neighbours[b].push_back(face.a);
             result.faces.push_back(face);
         }
+    place_middles(pieces, sheets, result.cells);
+    if (!is_sheet.empty())
+    {
+        const std::vector<SheetSection> sections =
+            sheet_sections(grid, pieces, sheets, result.faces);
+        for (std::size_t f = 0; f < sections.size(); ++f)
+            if (sections[f].area > 0 || result.faces[f].area == 0.0)
+                add_section(result.faces[f], sections[f], sheets.thickness,
+                            grid.shape().voxel());
+    }
     result.first_neighbour.push_back(0);
     for (std::vector<int>& of_cell : neighbours)
     {

@@ -67,6 +67,10 @@ public:
     Eigen::Vector3i locate(const Eigen::Vector3d& x) const;
     /// A point in units of voxels, from the grid's first corner.
     Eigen::Vector3d to_voxels(const Eigen::Vector3d& x) const;
+    Eigen::Vector3d from_voxels(const Eigen::Vector3d& x) const
+    {
+        return offset_ + shape_.voxel() * x;
+    }
     /// Where the voxels of one axis begin and end: counts + 1 positions.
     const std::vector<double>& lines(int axis) const
     {

@@ -23,6 +23,10 @@ namespace cellwarp::support
 /// A triangulated closed box of \p n quads along its unit edge, low to high corner.
 Shape box_shape(const Eigen::Vector3d& low, const Eigen::Vector3d& high, int n = 4);
 
+/// An open sheet in the plane z = 0, from the origin along x and y; \p n quads along its
+/// shorter side.
+Shape sheet_shape(double length, double width, int n = 4);
+
 /// Two shapes in one.
 Shape joined(const Shape& a, const Shape& b);
 
