@@ -198,6 +198,7 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         object.integer("max_depth", scene.max_depth, 0, 20);
         object.number("threshold", scene.threshold, 0.0, 1e300);
         object.number("gap", scene.gap, 1e-6, 1.0);
+        object.number("thickness", scene.thickness, 1e-6, 1.0);
         object.integer("max_cells", scene.max_cells, 1, std::int64_t(1) << 31);
         if (const Json* frame = object.find("frame"))
             scene.frame = read_frame(*frame, scene);
@@ -240,6 +241,7 @@ std::string scene_text(const SceneFile& scene)
     put("cells", "max_depth", scene.max_depth);
     put("cells", "threshold", scene.threshold);
     put("cells", "gap", scene.gap);
+    put("cells", "thickness", scene.thickness);
     put("cells", "max_cells", scene.max_cells);
     if (scene.frame)
     {

@@ -30,6 +30,7 @@ struct SceneFile
     std::optional<std::int64_t> max_depth;
     std::optional<double> threshold;
     std::optional<double> gap;
+    std::optional<double> thickness;
     std::optional<std::int64_t> max_cells;
     std::optional<FrameBox> frame;
     std::optional<std::string> drag;    ///< "blend" or "closest4"

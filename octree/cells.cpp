@@ -1,4 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// How stiff a face is when its two cells turn against each other by a small omega. A
+// point r from the centre of the cross-section opens by omega x r. Two parts of that are
+// not strain but only say that a cell, which is rigid, is longer than its glue:
+// - Turned about the face's normal (a twist), a wide flat face would open by its width,
+//   though a film is twisted as easily as it is bent. So what counts about the normal is
+//   S1 (1 + S1 / S2), of the second moments S1 <= S2 in the face: both of them in a
+//   square, the lesser alone in a film. A film that is bent askew to the cells is as
+//   stiff then as along them; a block of n whole cells is too stiff by 0.4 / n^2 at most.
+//   S is the mean of both cells', weighted by their volumes: where the surface cuts them,
+//   the faces' own moments would be now large, now small from one face to the next, and
+//   the minimiser takes three times as many iterations. S1 is at least that of a film of
+//   a fifth of the glue's length, lest cells that touch by a voxel's width dangle.
+// - In a sheet with the normal n, which may lie askew, what opens along n: the next point
+//   of a bent sheet is off the tangent plane there, no more. So a line of length l and
+//   width t at r counts as
+//     t^2 / 12 (I - n n^T) + [r]x^T (I - n n^T) [r]x + l^2 / 12 n n^T:
+//   bending and twisting by its thickness alone, turning in its own plane by its length,
+//   and a sheet that is curved within a face by its shape.
 #include "octree/cells.h"
 
 #include <algorithm>
@@ -7,6 +25,9 @@
 #include <numeric>
 #include <stdexcept>
 #include <tuple>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 
 #include "octree/parallel.h"
 
@@ -62,7 +83,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                     box_centre,
                     box_centre,
                     edge * edge * edge,
-                    edge * edge / 12.0 * Eigen::Matrix3d::Identity()};
+                    edge * edge / 12.0 * Eigen::Matrix3d::Identity(),
+                    box_centre};
         return;
     }
     std::vector<Eigen::Vector3d> first(cells.size(), Eigen::Vector3d::Zero());
@@ -115,15 +137,49 @@ bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& piece
            (voxel.array() < block.first.array() + block.width).all();
 }
 
-/// Faces from the pieces of one leaf to those above it on each axis. Crumbs have none:
-/// there would be faces of leaves that do not touch.
+/// What is added up over the pairs of voxels of one face.
+struct FaceSum
+{
+    double contact = 0.0; ///< of all pairs
+    double area = 0.0;    ///< of those that are no sheet's
+    Eigen::Vector3d contact_first = Eigen::Vector3d::Zero(), first = contact_first;
+};
+
+/// Solid material turns no more easily than a film of this thickness [distance].
+constexpr double kLeastThickness = 0.2;
+
+/// M of a solid face.
+Eigen::Matrix3d turning_of(const Face& face, const Cell& a, const Cell& b)
+{
+    const Eigen::Matrix3d S =
+        (a.volume * a.second_moment + b.volume * b.second_moment) / (a.volume + b.volume);
+    const int u = (face.axis + 1) % 3, v = (face.axis + 2) % 3;
+    Eigen::Matrix2d in_face;
+    in_face << S(u, u), S(u, v), S(v, u), S(v, v);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(in_face);
+    const double least = std::pow(kLeastThickness * face.distance, 2) / 12.0;
+    const double S1 = std::max(eigen.eigenvalues()[0], least);
+    const double S2 = std::max(eigen.eigenvalues()[1], least);
+    Eigen::Vector3d shorter = Eigen::Vector3d::Zero();
+    shorter[u] = eigen.eigenvectors()(0, 0);
+    shorter[v] = eigen.eigenvectors()(1, 0);
+    Eigen::Matrix3d M =
+        S1 * Eigen::Matrix3d::Identity() + (S2 - S1) * shorter * shorter.transpose();
+    M(face.axis, face.axis) += S1 * S1 / S2;
+    return M;
+}
+
+/// Faces from the pieces of one leaf to those above it on each axis, without sheets.
+/// Crumbs have none: there would be faces of leaves that do not touch.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
-                             const Pieces& pieces, std::size_t leaf_index)
+                             const Pieces& pieces,
+                             const std::vector<std::uint8_t>& is_sheet,
+                             std::size_t leaf_index)
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
-    std::map<std::tuple<int, int, int>, Face> found;
+    std::map<std::tuple<int, int, int>, FaceSum> found;
     std::tuple<int, int, int> last_key(-1, -1, -1);
-    Face* last_face = nullptr;
+    FaceSum* sum = nullptr;
     for (int axis = 0; axis < 3; ++axis)
     {
         const int u = (axis + 1) % 3, v = (axis + 2) % 3;
@@ -139,8 +195,9 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 below[v] = block.first[v] + j;
                 Eigen::Vector3i above = below;
                 above[axis] += 1;
-                const int a = pieces.piece_of_voxel[grid.index(below)];
-                const int b = pieces.piece_of_voxel[grid.index(above)];
+                const std::size_t low = grid.index(below), high = grid.index(above);
+                const int a = pieces.piece_of_voxel[low];
+                const int b = pieces.piece_of_voxel[high];
                 if (a < 0 || b < 0 || a == b ||
                     !is_at_home(grid, octree, pieces, below, a) ||
                     !is_at_home(grid, octree, pieces, above, b))
@@ -150,25 +207,135 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
                 const std::tuple<int, int, int> face_key(a, axis, b);
                 if (face_key != last_key)
-                    last_face = &found[face_key];
+                    sum = &found[face_key];
                 last_key = face_key;
-                last_face->area += area;
-                last_face->centre += area * centre;
+                sum->contact += area;
+                sum->contact_first += area * centre;
+                if (!is_sheet.empty() && is_sheet[low] && is_sheet[high])
+                    continue;
+                sum->area += area;
+                sum->first += area * centre;
             }
     }
     std::vector<Face> faces;
-    for (auto& [key, face] : found)
+    for (const auto& [key, of_face] : found)
     {
+        Face& face = faces.emplace_back();
         std::tie(face.a, face.axis, face.b) = key;
-        face.centre /= face.area;
-        faces.push_back(face);
+        face.contact = of_face.contact;
+        face.area = of_face.area;
+        face.centre = of_face.area > 0
+                          ? Eigen::Vector3d(of_face.first / of_face.area)
+                          : Eigen::Vector3d(of_face.contact_first / of_face.contact);
     }
     return faces;
 }
 
+/// Where sheets touch through their voxels alone, as much of a line holds them together
+/// [voxel]: no more than keeps a cell from being loose.
+constexpr double kTouch = 0.01;
+
+/// [r]x^T (I - n n^T) [r]x
+Eigen::Matrix3d opening_in_sheet(const Eigen::Vector3d& r, const Eigen::Vector3d& n)
+{
+    const Eigen::Vector3d off = n.cross(r);
+    return r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose() -
+           off * off.transpose();
+}
+
+/// The sheets' part in one face.
+struct SheetSection
+{
+    double area = 0.0;
+    Eigen::Vector3d first = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
+};
+
+/// Of every face. Those are sorted by (a, axis, b).
+std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pieces,
+                                         const Sheets& sheets,
+                                         const std::vector<Face>& faces)
+{
+    const std::size_t step[3] = {1, static_cast<std::size_t>(grid.counts().x()),
+                                 static_cast<std::size_t>(grid.counts().x()) *
+                                     static_cast<std::size_t>(grid.counts().y())};
+    const auto key = [](const Face& face)
+    { return std::tuple(face.a, face.axis, face.b); };
+    std::vector<std::pair<std::size_t, const SheetCrossing*>> crossings;
+    std::vector<SheetSection> sections(faces.size());
+    for (const SheetCrossing& crossing : sheets.crossings)
+    {
+        const std::size_t above = crossing.below + step[crossing.axis];
+        const std::tuple wanted(pieces.piece_of_voxel[crossing.below], crossing.axis,
+                                pieces.piece_of_voxel[above]);
+        const auto found = std::lower_bound(faces.begin(), faces.end(), wanted,
+                                            [&](const Face& face, const auto& of)
+                                            { return key(face) < of; });
+        if (found == faces.end() || key(*found) != wanted)
+            continue; // within one cell
+        const std::size_t f = static_cast<std::size_t>(found - faces.begin());
+        crossings.emplace_back(f, &crossing);
+        sections[f].area += crossing.area;
+        sections[f].first += crossing.area * crossing.centre;
+    }
+    const double bending = sheets.thickness * sheets.thickness / 12.0;
+    for (const auto& [f, crossing] : crossings)
+    {
+        SheetSection& section = sections[f];
+        const Eigen::Vector3d& n = crossing->normal;
+        const Eigen::Matrix3d across = n * n.transpose();
+        section.turning +=
+            crossing->area / section.area *
+            (bending * (Eigen::Matrix3d::Identity() - across) +
+             opening_in_sheet(crossing->centre - section.first / section.area, n) +
+             crossing->length * crossing->length / 12.0 * across);
+    }
+    return sections;
+}
+
+/// Adds a sheet's section to what a face has of solid material.
+void add_section(Face& face, const SheetSection& section, double thickness, double voxel)
+{
+    const double sheet = std::max(section.area, kTouch * thickness * voxel);
+    const Eigen::Matrix3d turning =
+        section.area > 0
+            ? section.turning
+            : Eigen::Matrix3d(face.contact / 12.0 * Eigen::Matrix3d::Identity());
+    const Eigen::Vector3d centre =
+        section.area > 0 ? Eigen::Vector3d(section.first / section.area) : face.centre;
+    const double whole = face.area + sheet;
+    face.sheet_share = sheet / whole;
+    const double solid_share = face.area / whole;
+    const Eigen::Vector3d apart = centre - face.centre;
+    face.turning = solid_share * face.turning + face.sheet_share * turning +
+                   solid_share * face.sheet_share *
+                       (apart.squaredNorm() * Eigen::Matrix3d::Identity() -
+                        apart * apart.transpose());
+    if (face.area == 0.0)
+        face.centre = centre;
+    face.area = whole;
+}
+
+void place_middles(const Pieces& pieces, const Sheets& sheets, std::vector<Cell>& cells)
+{
+    std::vector<double> areas(cells.size(), 0.0);
+    std::vector<Eigen::Vector3d> sums(cells.size(), Eigen::Vector3d::Zero());
+    for (const SheetPatch& patch : sheets.patches)
+    {
+        const std::size_t piece =
+            static_cast<std::size_t>(pieces.piece_of_voxel[patch.voxel]);
+        areas[piece] += patch.area;
+        sums[piece] += patch.area * patch.centre;
+    }
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        cells[c].middle =
+            areas[c] > 0 ? Eigen::Vector3d(sums[c] / areas[c]) : cells[c].centre;
+}
+
 } // namespace
 
-Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces)
+Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                  const std::vector<std::uint8_t>& is_sheet, const Sheets& sheets)
 {
     const std::size_t num_leaves = octree.leaves().size();
     Cells result;
@@ -187,7 +354,7 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 grid, octree, pieces, i,
                 std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
                 static_cast<int>(first[i]));
-            faces[i] = leaf_faces(grid, octree, pieces, i);
+            faces[i] = leaf_faces(grid, octree, pieces, is_sheet, i);
         });
     std::vector<std::vector<int>> neighbours(result.size());
     for (std::vector<Face>& of_leaf : faces)
@@ -196,10 +363,22 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
             const std::size_t a = static_cast<std::size_t>(face.a);
             const std::size_t b = static_cast<std::size_t>(face.b);
             face.distance = 0.5 * (result.cells[a].edge + result.cells[b].edge);
+            if (face.area > 0)
+                face.turning = turning_of(face, result.cells[a], result.cells[b]);
             neighbours[a].push_back(face.b);
             neighbours[b].push_back(face.a);
             result.faces.push_back(face);
         }
+    place_middles(pieces, sheets, result.cells);
+    if (!is_sheet.empty())
+    {
+        const std::vector<SheetSection> sections =
+            sheet_sections(grid, pieces, sheets, result.faces);
+        for (std::size_t f = 0; f < sections.size(); ++f)
+            if (sections[f].area > 0 || result.faces[f].area == 0.0)
+                add_section(result.faces[f], sections[f], sheets.thickness,
+                            grid.shape().voxel());
+    }
     result.first_neighbour.push_back(0);
     for (std::vector<int>& of_cell : neighbours)
     {

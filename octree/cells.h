@@ -10,6 +10,7 @@
 
 #include "octree/octree.h"
 #include "octree/pieces.h"
+#include "octree/sheet.h"
 #include "octree/voxel_grid.h"
 
 namespace cellwarp
@@ -28,6 +29,8 @@ struct Cell
     double volume = 0.0;
     /// (1/V) int (x - centre)(x - centre)^T over the piece.
     Eigen::Matrix3d second_moment = Eigen::Matrix3d::Zero();
+    /// Centroid of the sheets in the piece; of the piece where there are none.
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
 };
 
 /// Where two cells touch: cell a below cell b along the axis.
@@ -35,9 +38,14 @@ struct Face
 {
     int a = 0, b = 0;
     int axis = 0;
-    double area = 0.0;
+    double area = 0.0;                                ///< of the material's cross-section
     Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< of what they share
     double distance = 0.0; ///< of the boxes' centres along the axis
+    /// With M: a relative turn by omega opens the cross-section, on average over it and
+    /// squared, by omega^T M omega [length^2]. cells.cpp says what counts.
+    Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
+    double sheet_share = 0.0; ///< of the cross-section
+    double contact = 0.0;     ///< area where voxels of both touch
 };
 
 /// Rest state: immutable once built. Faces are sorted by (a, axis, b).
@@ -62,7 +70,10 @@ struct Cells
     }
 };
 
-Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces);
+/// Without \p sheets all material is as thick as its voxels.
+Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
+                  const std::vector<std::uint8_t>& is_sheet = {},
+                  const Sheets& sheets = {});
 
 /// Number of the connected component of each cell (through the glue), numbered by
 /// their first cells.

@@ -35,19 +35,48 @@ int max_seal_radius(const GridShape& grid_shape)
         100);
 }
 
+/// What is inside and not touched by the surface.
+std::vector<std::uint8_t> beyond_marks(std::vector<std::uint8_t> is_inside,
+                                       const std::vector<std::uint8_t>& marks)
+{
+    for (std::size_t i = 0; i < is_inside.size(); ++i)
+        is_inside[i] = is_inside[i] && !marks[i];
+    return is_inside;
+}
+
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
 /// beside a closed body must hold together as well. Lengths in voxels.
-void spread_sheets(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double reach,
-                   double r)
+void spread_sheets(VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
+                   const std::vector<std::uint8_t>& inside, double reach, double r)
 {
-    std::vector<std::uint8_t> inside = grid.material();
-    for (std::size_t i = 0; i < inside.size(); ++i)
-        inside[i] = inside[i] && !marks[i];
     const std::vector<float> distances = squared_distances(inside, grid.counts());
     std::vector<std::uint8_t> sheet = marks;
     for (std::size_t i = 0; i < sheet.size(); ++i)
         sheet[i] = marks[i] && distances[i] > static_cast<float>(reach * reach);
     spread(grid, sheet, r);
+}
+
+/// Voxels between a surface and the inside that it bounds: how far its outer ones are
+/// from the nearest one inside, also at a corner [voxel].
+constexpr double kWall = 3.0;
+
+/// The voxels of material that are not \p inside, nor near enough to it to bound it;
+/// empty if there are none.
+std::vector<std::uint8_t>
+sheet_voxels(const VoxelGrid& grid, const std::vector<std::uint8_t>& inside, double reach)
+{
+    const std::vector<float> distances = squared_distances(inside, grid.counts());
+    std::vector<std::uint8_t> is_sheet(grid.size());
+    bool has_any = false;
+    for (std::size_t i = 0; i < is_sheet.size(); ++i)
+    {
+        is_sheet[i] =
+            grid.material()[i] && distances[i] > static_cast<float>(reach * reach);
+        has_any = has_any || is_sheet[i];
+    }
+    if (!has_any)
+        is_sheet.clear();
+    return is_sheet;
 }
 
 } // namespace
@@ -99,9 +128,7 @@ namespace
 void add_touched_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
                         std::vector<std::uint8_t>& is_inside)
 {
-    std::vector<std::uint8_t> enclosed = is_inside;
-    for (std::size_t i = 0; i < enclosed.size(); ++i)
-        enclosed[i] = enclosed[i] && !marks[i];
+    const std::vector<std::uint8_t> enclosed = beyond_marks(is_inside, marks);
     for (std::size_t i = 0; i < enclosed.size(); ++i)
     {
         if (!marks[i])
@@ -176,26 +203,31 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
                 add_touched_inside(grid, marks, enclosed.is_inside);
         }
     }
-    const double radius = enclosed.radius;
     settle_material(grid, marks, enclosed.is_inside);
     hold_samples(shape, grid);
-    if (radius >= 0)
+    if (material.method == InsideMethod::Winding)
+        return material;
+    if (material.method == InsideMethod::None)
     {
-        material.seal_radius = radius * voxel;
-        // A voxel on either side counts as well.
-        material.joins_below = (2.0 * radius + 2.0) * voxel;
-        if (is_cloud)
-            spread_sheets(grid, marks, std::max<double>(radius, reach_of_samples) + 1.0,
-                          0.5 * (reach_of_samples + 1));
-        join_fragments(grid,
-                       std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
+        if (reach_of_samples > 0)
+        {
+            material.joins_below = (reach_of_samples + 3.0) * voxel;
+            spread(grid, marks, 0.5 * (reach_of_samples + 1));
+            join_fragments(grid, reach_of_samples);
+        }
+        material.is_sheet = grid.material();
+        return material;
     }
-    else if (reach_of_samples > 0)
-    {
-        material.joins_below = (reach_of_samples + 3.0) * voxel;
-        spread(grid, marks, 0.5 * (reach_of_samples + 1));
-        join_fragments(grid, reach_of_samples);
-    }
+    const double radius = enclosed.radius;
+    material.seal_radius = radius * voxel;
+    // A voxel on either side counts as well.
+    material.joins_below = (2.0 * radius + 2.0) * voxel;
+    const std::vector<std::uint8_t> inside = beyond_marks(enclosed.is_inside, marks);
+    const double wall = std::max<double>(radius, reach_of_samples) + 1.0;
+    if (is_cloud)
+        spread_sheets(grid, marks, inside, wall, 0.5 * (reach_of_samples + 1));
+    join_fragments(grid, std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
+    material.is_sheet = sheet_voxels(grid, inside, std::max(wall, kWall));
     return material;
 }
 

@@ -52,6 +52,9 @@ struct Material
     /// Parts nearer than this may be joined, because the samples leave openings as wide;
     /// 0 where the voxels alone decide.
     double joins_below = 0.0;
+    /// For every voxel whether it is the material of a sheet: of a surface that bounds no
+    /// inside. Empty where there is no sheet.
+    std::vector<std::uint8_t> is_sheet = {};
 };
 
 /// The voxels of \p shape on the grid \p grid_shape. Every voxel that a triangle

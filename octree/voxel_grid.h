@@ -108,6 +108,10 @@ public:
     const Eigen::Vector3d& corner() const { return corner_; }
     /// A point in units of voxels, from the corner.
     Eigen::Vector3d to_voxels(const Eigen::Vector3d& x) const;
+    Eigen::Vector3d from_voxels(const Eigen::Vector3d& x) const
+    {
+        return corner_ + shape_.voxel() * x;
+    }
     /// Where the voxels of one axis begin and end: counts + 1 positions.
     const std::vector<double>& lines(int axis) const
     {

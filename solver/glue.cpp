@@ -1,21 +1,27 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // [Botsch07] integrates |T_a - T_b|^2 over both cells where they are. Here each of them
-// is first slid to have its centroid at the centre x of the face that they share. With D
-// = T_a - T_b, which is affine, and a cell's second moment S,
-//   int_C |D|^2 = V ( |D(x)|^2 + tr(dR S dR^T) ),   dR = R_a - R_b,
-// so over both cells, divided by V_a + V_b and with
-// S = (V_a S_a + V_b S_b) / (V_a + V_b) = sum_k l_k l_k^T,
-//   E = w ( |D(x)|^2 + sum_k |R_a l_k - R_b l_k|^2 ),   w = area / length.
-// Both tend to int |grad phi - R|^2 as cells become small. But
-// - What S has along the face makes up just what a bar of whole cells bends too easily by
-//   without it; what it has across comes on top, and is too much: by 1 / n^2 in a bar of
-//   n cells. Unslid, it would be 4 / n^2. Larger cells would be stiffer than smaller
-//   ones, and where both meet the map would be worse than with the larger alone. So
-//   solids are given a tenth of it, enough to hold films of material that are thinner
-//   than a cell; over the face alone, without any, is the energy of [Botsch06]. A shell
-//   has no thickness but its cells'. Measured: RMS error of the armadillo with 1,700
-//   cells 2.5e-3 of the diagonal with all of S, 1.4e-3 with a twentieth; of a plate one
-//   cell thick, refined in places, 4.2e-3 and 0.8e-3.
+// is first slid along the face's normal until its centroid is in the face that they
+// share, and of its second moments what counts is what the face itself has. With D = T_a
+// - T_b, which is affine, x the centre of the face and S second moments about it,
+//   E = w ( |D(x)|^2 + tr(dR S dR^T) ),   dR = R_a - R_b,   w = area / length.
+// As cells become small this tends to int |grad phi - R|^2: a material with E = 2, nu =
+// 0.
+// - Moments across the face come on top of that. In a film of thickness t the moments in
+//   the face give t^3 / 12 a curvature squared, as the continuum does, whatever the
+//   cells; those across would add t h^2 / 12 for cells of edge h. Unslid, a bar of n
+//   cells would be too stiff by 4 / n^2. Larger cells would be stiffer than smaller ones,
+//   and where both meet the map would be worse than with the larger alone. Without any
+//   moments it would be too soft by 1 / n^2, and a film would not bend at all: that is
+//   [Botsch06].
+// - Of the moments in the face only what is strain counts (cells.cpp). It is given as the
+//   quadratic form M of a small relative turn omega, omega^T M omega; then
+//     S = tr M / 2 I - M,   M = tr S I - S,
+//   and for a turn by any angle about the axis n
+//     tr(dR S dR^T) = 4 sin^2(angle / 2) n^T M n,
+//   never negative while M is positive, though S itself may have a negative eigenvalue:
+//   a sheet turns hard in its plane and bends easily about both other axes, which no sum
+//   of squares of moments does. M is kept above (length / 100)^2 / 12, so that no face,
+//   however small, is a hinge.
 // - Slid, a field of constant strain F = R U balances every cell of one size, cut by the
 //   surface or not. Let the T_i agree with it at the boxes' centres q_i: the gap is then
 //   (F - R)(q_b - q_a), normal to the face and as long as the cells are apart. So the
@@ -23,6 +29,16 @@
 //   field does; forces and moments of a cell add up to those of the field on what is left
 //   open, where it has no traction. Between centroids, which lie anywhere in pieces, they
 //   do not: forces of first order would be left along every surface.
+// - In a sheet the place x is half way between the centroids g_a and g_b of what both
+//   cells hold of it. Let it be bent to the height k s^2 / 2 and the T_i be tangent to it
+//   at the g_i: where the tangent planes of a and b cut, half way, there is no gap, and
+//   what the energy has is t^3 / 12 k^2. At the centre of the cut they would part by k h
+//   times how far that is off, and as t is much less than h, a sheet that lies askew to
+//   the cells would be up to 13 times too stiff. At a border it is half way from the free
+//   cell's to where the glue ends. Measured on plane sheets with t = 0.15 h, lying along
+//   two axes, one or none, smoothly bent and twisted: 0.96 to 1.04 of the plate's energy;
+//   at the centres of the cuts, after relaxing, 1.0 to 2.2; with all second moments of
+//   the strip in which the face cuts the sheet 1 to 45.
 //
 // Where a cell B meets smaller ones, q_B - q_s is not normal to the face: it has a part
 // t, half a small edge h along each axis of the face, towards the middle of B's side.
@@ -45,16 +61,21 @@
 //   2 m [ (d r^T + r d^T) / 2 - (d . r) I ],   that of omega_b the same with -d;
 // with g_v the gradient in v, the blocks of (v, omega) gain [g_v]x / 2.
 //
-// With C = sum_k r_bk r_ak^T over the moments (C = R_b S R_a^T) their parts are
-//   gradient   -2 w sum_k r_ak x r_bk, which is what is skew in C,
-//   diagonal    2 w (tr A I - A),  A = R_a S R_a^T, curvature 2 w (A - sym C - tr(A - C)
-//   I), coupling   -2 w (tr C I - C).
+// With C = R_b S R_a^T, which is sum_k r_bk r_ak^T over the columns of a root of S, the
+// moments' parts are
+//   gradient   what is skew in C, times -2 w,
+//   diagonal    2 w (tr C I - sym C), with the curvature,
+//   coupling   -2 w K,  K = tr C I - C.
+// Their Gauss-Newton diagonal would be 2 w (tr A I - A), A = R_a S R_a^T; since S need
+// not be positive, it is 2 w (K K^T)^1/2 for a and 2 w (K^T K)^1/2 for b in its place:
+// with K = U D V^T the whole is (U, -V) D (U, -V)^T. At rest all of them are M.
 #include "solver/glue.h"
 
 #include <cmath>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 
 #include "octree/parallel.h"
 
@@ -64,20 +85,24 @@ namespace cellwarp
 namespace
 {
 
-/// The gaps of a face: T_a - T_b at its centre and of the turned moment roots.
-struct Gaps
+/// The gap of a face: T_a - T_b at its place.
+struct Gap
 {
-    Eigen::Vector3d arm_a, arm_b;   ///< R_a reach_a, R_b reach_b
-    Eigen::Vector3d open;           ///< T_a - T_b
-    Eigen::Matrix3d root_a, root_b; ///< R l_k as columns
+    Eigen::Vector3d arm_a, arm_b; ///< R_a reach_a, R_b reach_b
+    Eigen::Vector3d open;         ///< T_a - T_b
 
-    Gaps(const GlueFace& face, const Pose& a, const Pose& b)
+    Gap(const GlueFace& face, const Pose& a, const Pose& b)
         : arm_a(a.R * face.reach_a), arm_b(b.R * face.reach_b),
-          open(a.p + arm_a - b.p - arm_b), root_a(a.R * face.moment_root),
-          root_b(b.R * face.moment_root)
+          open(a.p + arm_a - b.p - arm_b)
     {
     }
 };
+
+/// C: the moments as b and a have turned them.
+Eigen::Matrix3d turned_moment(const GlueFace& face, const Pose& a, const Pose& b)
+{
+    return b.R * face.moment * a.R.transpose();
+}
 
 /// sym(d r^T) - (d . r) I
 Eigen::Matrix3d arm_curvature(const Eigen::Vector3d& d, const Eigen::Vector3d& r)
@@ -92,21 +117,26 @@ Eigen::Matrix3d inertia(const Eigen::Matrix3d& M)
     return M.trace() * Eigen::Matrix3d::Identity() - M;
 }
 
-/// The diagonal block of the cell with the one given arm, the gap as seen from it, and
-/// its moment roots.
-Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
-                                     const Eigen::Vector3d& d,
-                                     const Eigen::Matrix3d& root,
-                                     const Eigen::Matrix3d& other_root, double share)
+/// (K K^T)^1/2
+Eigen::Matrix3d left_stretch(const Eigen::Matrix3d& K)
 {
-    const Eigen::Matrix3d A = root * root.transpose();
-    Eigen::Matrix3d turn = inertia(arm * arm.transpose()) + inertia(A);
+    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(K, Eigen::ComputeFullU);
+    return svd.matrixU() * svd.singularValues().asDiagonal() * svd.matrixU().transpose();
+}
+
+/// The diagonal block of the cell with the one given arm, the gap as seen from it, and
+/// the turned moments with its own side on the left or, transposed, on the right.
+Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
+                                     const Eigen::Vector3d& d, const Eigen::Matrix3d& C,
+                                     double share)
+{
+    Eigen::Matrix3d turn = inertia(arm * arm.transpose());
     Eigen::Matrix3d mixed = cross_matrix(arm); // angular, linear
+    if (share < 1)
+        turn += (1.0 - share) * left_stretch(inertia(C));
     if (share > 0)
     {
-        const Eigen::Matrix3d C = other_root * root.transpose(), D = A - C;
-        turn += share * (arm_curvature(d, arm) + 0.5 * (D + D.transpose()) -
-                         D.trace() * Eigen::Matrix3d::Identity());
+        turn += share * (arm_curvature(d, arm) + inertia(0.5 * (C + C.transpose())));
         mixed -= 0.5 * share * cross_matrix(d);
     }
     Eigen::Matrix<double, 6, 6> H;
@@ -116,6 +146,9 @@ Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
     H.bottomRightCorner<3, 3>().setIdentity();
     return stretch * H;
 }
+
+/// No face turns more easily than a film of this thickness [its glue's length].
+constexpr double kLeastThickness = 0.01;
 
 /// Of the stiffness of a face this much stays where larger cells are beside it: a third
 /// is left by two of them; what is cut by the surface may come out at less.
@@ -128,11 +161,30 @@ bool differ_in_size(const Cell& a, const Cell& b)
     return a.edge != b.edge && a.anchor == a.box_centre && b.anchor == b.box_centre;
 }
 
-Eigen::Matrix3d square_root(const Eigen::Matrix3d& S)
+/// S of a face: see above.
+Eigen::Matrix3d moment_of(const Face& face)
 {
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(S);
-    return eigen.eigenvectors() *
-           eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+    const double least = std::pow(kLeastThickness * face.distance, 2) / 12.0;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(face.turning);
+    const Eigen::Matrix3d M =
+        eigen.eigenvalues()[0] >= least
+            ? face.turning
+            : Eigen::Matrix3d(eigen.eigenvectors() *
+                              eigen.eigenvalues().cwiseMax(least).asDiagonal() *
+                              eigen.eigenvectors().transpose());
+    return 0.5 * M.trace() * Eigen::Matrix3d::Identity() - M;
+}
+
+/// Half way between what both cells hold of a sheet; at a border of the given length from
+/// the free cell's to there.
+Eigen::Vector3d sheet_place(const Face& face, const Cell& a, const Cell& b,
+                            const BorderGlue* border)
+{
+    if (!border)
+        return 0.5 * (a.middle + b.middle);
+    const Eigen::Vector3d& free = border->is_a_rigid ? b.middle : a.middle;
+    const Eigen::Vector3d& held = border->is_a_rigid ? a.middle : b.middle;
+    return free + 0.5 * border->length / face.distance * (held - free);
 }
 
 /// Of the glue between two cells; without a root where both are the same.
@@ -191,7 +243,7 @@ std::vector<TakenOver> taken_over(const Cells& cells, const Glue& glue,
 } // namespace
 
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const BorderGlue> borders, double across)
+                std::span<const BorderGlue> borders)
 {
     Glue glue;
     std::vector<std::vector<int>> of_cell(cells.size());
@@ -212,10 +264,12 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         glue.first_face.push_back(static_cast<int>(glue.faces_of_cell.size()));
     }
     std::vector<bool> is_border(cells.faces.size(), false);
+    std::vector<const BorderGlue*> border_of(cells.faces.size(), nullptr);
     for (const BorderGlue& border : borders)
     {
         glue.faces[static_cast<std::size_t>(border.face)].length = border.length;
         is_border[static_cast<std::size_t>(border.face)] = true;
+        border_of[static_cast<std::size_t>(border.face)] = &border;
     }
     for (std::size_t f = 0; f < cells.faces.size(); ++f)
     {
@@ -232,38 +286,36 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         GlueFace& out = glue.faces[f];
         out.stiffness =
             std::max(out.stiffness - taken[f].stiffness, kLeastLeft * out.stiffness);
-        const Eigen::Vector3d place = face.centre + taken[f].moment / out.stiffness;
+        Eigen::Vector3d place = face.centre + taken[f].moment / out.stiffness;
+        if (face.sheet_share > 0)
+            place += face.sheet_share * (sheet_place(face, a, b, border_of[f]) - place);
         out.reach_a = place - a.centre;
         out.reach_b = place - b.centre;
-        Eigen::Matrix3d moment =
-            (a.volume * a.second_moment + b.volume * b.second_moment) /
-            (a.volume + b.volume);
-        moment.row(face.axis) *= std::sqrt(across);
-        moment.col(face.axis) *= std::sqrt(across);
-        out.moment_root = square_root(moment);
+        out.moment = moment_of(face);
     }
     return glue;
 }
 
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b)
 {
-    const Gaps gaps(face, a, b);
+    const Gap gap(face, a, b);
+    const Eigen::Matrix3d turn = a.R - b.R;
     return face.stiffness *
-           (gaps.open.squaredNorm() + (gaps.root_a - gaps.root_b).squaredNorm());
+           (gap.open.squaredNorm() + (turn * face.moment).cwiseProduct(turn).sum());
 }
 
 Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
                                            const Pose& b)
 {
-    const Gaps gaps(face, a, b);
+    const Gap gap(face, a, b);
     const double stretch = 2.0 * face.stiffness;
-    const Eigen::Vector3d force = stretch * gaps.open;
-    const Eigen::Matrix3d C = gaps.root_b * gaps.root_a.transpose();
+    const Eigen::Vector3d force = stretch * gap.open;
+    const Eigen::Matrix3d C = turned_moment(face, a, b);
     const Eigen::Vector3d turn =
         stretch *
         Eigen::Vector3d(C(1, 2) - C(2, 1), C(2, 0) - C(0, 2), C(0, 1) - C(1, 0));
     Eigen::Matrix<double, 12, 1> gradient;
-    gradient << turn + gaps.arm_a.cross(force), force, -turn - gaps.arm_b.cross(force),
+    gradient << turn + gap.arm_a.cross(force), force, -turn - gap.arm_b.cross(force),
         -force;
     return gradient;
 }
@@ -271,27 +323,27 @@ Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
 Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
                                             const Pose& b, Curvature curvature)
 {
-    const Gaps gaps(face, a, b);
-    return diagonal(2.0 * face.stiffness, gaps.arm_a, gaps.open, gaps.root_a, gaps.root_b,
+    const Gap gap(face, a, b);
+    return diagonal(2.0 * face.stiffness, gap.arm_a, gap.open, turned_moment(face, a, b),
                     curvature.share);
 }
 
 Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
                                             const Pose& b, Curvature curvature)
 {
-    const Gaps gaps(face, a, b);
-    return diagonal(2.0 * face.stiffness, gaps.arm_b, -gaps.open, gaps.root_b,
-                    gaps.root_a, curvature.share);
+    const Gap gap(face, a, b);
+    return diagonal(2.0 * face.stiffness, gap.arm_b, -gap.open,
+                    turned_moment(face, a, b).transpose(), curvature.share);
 }
 
 GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
 {
-    const Gaps gaps(face, a, b);
+    const Gap gap(face, a, b);
     const double stretch = 2.0 * face.stiffness;
     // (omega_a x r_a) . (omega_b x r_b) = omega_a^T (r_a . r_b I - r_b r_a^T) omega_b
     const Eigen::Matrix3d C =
-        gaps.arm_b * gaps.arm_a.transpose() + gaps.root_b * gaps.root_a.transpose();
-    return {stretch * inertia(C), stretch * gaps.arm_a, stretch * gaps.arm_b, stretch};
+        gap.arm_b * gap.arm_a.transpose() + turned_moment(face, a, b);
+    return {stretch * inertia(C), stretch * gap.arm_a, stretch * gap.arm_b, stretch};
 }
 
 Eigen::Matrix<double, 6, 6> GlueCoupling::matrix() const

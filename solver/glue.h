@@ -24,8 +24,9 @@ struct GlueFace
     double length = 0.0;    ///< over which it stretches
     double stiffness = 0.0; ///< w_ij [length], times the factor of stiff regions
     Eigen::Vector3d reach_a, reach_b; ///< from the centroids to the face's centre
-    /// Columns l_k with sum l_k l_k^T = the volume-weighted mean of the second moments.
-    Eigen::Matrix3d moment_root;
+    /// S with tr S I - S = M, what turning counts (Face::turning); M is positive
+    /// definite, S need not be.
+    Eigen::Matrix3d moment;
 };
 
 /// The glue of a set of cells. Rest state: immutable.
@@ -42,22 +43,17 @@ struct BorderGlue
 {
     int face = 0;
     double length = 0.0;
+    bool is_a_rigid = false; ///< else b
 };
 
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
-/// takes the geometric mean of its two. Empty: all 1. \p across: how much of the second
-/// moments normal to a face counts, 1 for all; kSolidAcross or kShellAcross.
+/// takes the geometric mean of its two. Empty: all 1.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const BorderGlue> borders = {}, double across = 1.0);
+                std::span<const BorderGlue> borders = {});
 
-/// A solid bends by its thickness; a shell, whose thickness nobody gave, by the size of
-/// its cells. glue.cpp says what is gained.
-inline constexpr double kSolidAcross = 0.1, kShellAcross = 1.0;
-
-/// E_ij of one face: w_ij / (V_i + V_j) int |T_i - T_j|^2 over both cells, each slid to
-/// have its centroid on the face [length^3]. Zero if and only if both cells make the
-/// same rigid motion (for second moments of full rank). After [Botsch07]; glue.cpp says
-/// why slid.
+/// E_ij of one face: w_ij times the mean of |T_i - T_j|^2 over the cross-section of the
+/// material, of which glue.cpp says what counts [length^3]. Zero if and only if both
+/// cells make the same rigid motion. After [Botsch07].
 double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
 
 /// Derivative of the energy of one face in the twists of a (0..5) and b (6..11),

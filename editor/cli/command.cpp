@@ -81,6 +81,11 @@ void SessionFlags::add_to(CLI::App& app)
         fmt::format("parts farther apart than this, of the diagonal, are never "
                     "glued (default {})",
                     defaults.cells.gap));
+    app.add_option(
+        "--thickness", thickness,
+        fmt::format("of shells and open sheets, of the diagonal; solids ignore "
+                    "it (default {})",
+                    defaults.cells.thickness));
     app.add_option("--max-cells", max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
     app.add_option(
@@ -142,6 +147,7 @@ SessionRequest read_request(const SessionFlags& flags)
     take("--max-depth", flags.max_depth, scene.max_depth, 0, 20);
     take("--threshold", flags.threshold, scene.threshold, 0.0, 1e300);
     take("--gap", flags.gap, scene.gap, 1e-6, 1.0);
+    take("--thickness", flags.thickness, scene.thickness, 1e-6, 1.0);
     take("--max-cells", flags.max_cells, scene.max_cells, 1, std::int64_t(1) << 31);
     if (flags.fill)
         scene.fill = flags.fill;

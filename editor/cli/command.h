@@ -39,7 +39,7 @@ struct SessionFlags
     std::string model;
     std::string columns;
     std::string handles, sel, def;
-    std::optional<double> threshold, gap, time;
+    std::optional<double> threshold, gap, thickness, time;
     std::optional<std::int64_t> max_depth, across, max_cells, max_iterations;
     std::optional<std::string> fill, solver, max_memory;
     bool is_preview = false, is_tight = false;

@@ -148,9 +148,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g})",
             joined, settings.gap));
-    return std::make_shared<const RestShape>(RestShape{frame, std::move(shape.samples),
-                                                       std::move(material), across,
-                                                       std::move(warnings)});
+    Sheets sheets = find_sheets(shape, material, settings.thickness * frame.diagonal());
+    return std::make_shared<const RestShape>(
+        RestShape{frame, std::move(shape.samples), std::move(material), std::move(sheets),
+                  across, std::move(warnings)});
 }
 
 Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& settings)
@@ -193,7 +194,8 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
 {
     const VoxelGrid& grid = rest->material.grid;
     Pieces pieces = find_pieces(grid, octree);
-    Cells cells = build_cells(grid, octree, pieces);
+    Cells cells =
+        build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets);
     std::vector<int> cell_of_sample;
     cell_of_sample.reserve(rest->samples.size());
     for (const Eigen::Vector3d& x : rest->samples)

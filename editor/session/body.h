@@ -19,6 +19,7 @@
 #include "octree/material.h"
 #include "octree/octree.h"
 #include "octree/pieces.h"
+#include "octree/sheet.h"
 
 namespace cellwarp
 {
@@ -40,7 +41,8 @@ struct CellSettings
     double threshold = INFINITY;
     /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.
     std::function<std::vector<double>(const Rig&)> errors = {};
-    double gap = 0.008; ///< [diagonal] parts farther apart are never glued
+    double gap = 0.008;      ///< [diagonal] parts farther apart are never glued
+    double thickness = 0.01; ///< [diagonal] of sheets: of what bounds no inside
     std::int64_t max_cells = 200000;
     double max_memory = 0.0;       ///< [byte], 0: no limit
     std::optional<FrameBox> frame; ///< default: the model's bounding box
@@ -53,6 +55,7 @@ struct RestShape
     WorkFrame frame;
     std::vector<Eigen::Vector3d> samples; ///< rest places [work]
     Material material;
+    Sheets sheets;
     int across = 0; ///< coarsest cells along the longest side
     std::vector<std::string> warnings;
 };

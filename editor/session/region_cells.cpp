@@ -256,7 +256,8 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
                 {static_cast<int>(f),
                  border_length(body, regions,
                                static_cast<std::size_t>(std::max(of_a, of_b)), face,
-                               of_a >= 0)});
+                               of_a >= 0),
+                 of_a >= 0});
     }
     return borders;
 }

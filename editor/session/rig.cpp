@@ -44,9 +44,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
             fmt::format("stiffness differs by a factor of {:.1g}: the soft "
                         "parts keep few digits",
                         *stiffest / *softest));
-    glue_ = build_glue(cells, factors, border_glue(*body_, *regions_, region_of_cell_),
-                       rest().material.method == InsideMethod::None ? kShellAcross
-                                                                    : kSolidAcross);
+    glue_ = build_glue(cells, factors, border_glue(*body_, *regions_, region_of_cell_));
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());

@@ -15,6 +15,7 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     if (cells.threshold == 0.0)
         cells.min_depth = cells.max_depth;
     cells.gap = scene.gap.value_or(cells.gap);
+    cells.thickness = scene.thickness.value_or(cells.thickness);
     cells.max_cells = scene.max_cells.value_or(cells.max_cells);
     cells.frame = scene.frame;
     cells.frame_file = scene.path;

@@ -180,8 +180,8 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> const
     std::vector<Eigen::Vector3d> open(cells.size(), Eigen::Vector3d::Zero());
     for (const Face& face : cells.faces)
     {
-        open[static_cast<std::size_t>(face.a)][face.axis] -= face.area;
-        open[static_cast<std::size_t>(face.b)][face.axis] += face.area;
+        open[static_cast<std::size_t>(face.a)][face.axis] -= face.contact;
+        open[static_cast<std::size_t>(face.b)][face.axis] += face.contact;
     }
     // Next to prescribed cells the surface is not free.
     for (const Face& face : cells.faces)

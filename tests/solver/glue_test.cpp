@@ -20,6 +20,9 @@ using Matrix12 = Eigen::Matrix<double, 12, 12>;
 namespace
 {
 
+/// Second moments of the face of two_cells(): 2 x 1.5.
+constexpr double kLong = 4.0 / 12.0, kShort = 2.25 / 12.0;
+
 /// Two boxes of different size that share a face.
 Cells two_cells()
 {
@@ -38,6 +41,7 @@ Cells two_cells()
     face.area = 3.0;
     face.centre = {1, 0.1, 0};
     face.distance = 0.75;
+    face.turning = Eigen::Vector3d(kShort, kShort, kLong).asDiagonal();
     cells.faces.push_back(face);
     return cells;
 }
@@ -45,6 +49,19 @@ Cells two_cells()
 GlueFace one_face()
 {
     return build_glue(two_cells(), {}).faces[0];
+}
+
+/// The same two boxes full of a thin sheet that lies askew in them.
+GlueFace sheet_face()
+{
+    Cells cells = two_cells();
+    const Eigen::Vector3d n = Eigen::Vector3d(0.3, -0.5, 0.8).normalized();
+    cells.faces[0].turning =
+        0.0025 / 12.0 * Eigen::Matrix3d::Identity() + 0.3 * n * n.transpose();
+    cells.faces[0].sheet_share = 1.0;
+    cells.cells[0].middle = {0.4, 0.1, 0.2};
+    cells.cells[1].middle = {1.2, 0, 0.1};
+    return build_glue(cells, {}).faces[0];
 }
 
 /// Rows and columns 0..5 belong to a, 6..11 to b.
@@ -143,36 +160,58 @@ TEST(Glue, is_zero_for_a_common_rigid_motion_and_only_then)
     }
 }
 
-TEST(Glue, is_the_integral_over_both_cells_slid_to_their_face)
+TEST(Glue, is_the_gap_and_what_the_turn_opens_by_any_angle)
 {
-    // Brute force: 2-point Gauss rule on each axis integrates quadratics exactly.
     std::mt19937 rng(2);
-    const Cells cells = two_cells();
-    const GlueFace face = one_face();
-    const Eigen::Vector3d sizes[2] = {{1, 2, 1.5}, {0.5, 2, 1.5}};
-    for (int trial = 0; trial < 20; ++trial)
-    {
-        const Pose poses[2] = {random_pose(rng, 1.0), random_pose(rng, 1.0)};
-        double integral = 0.0, volume = 0.0;
-        for (std::size_t i = 0; i < 2; ++i)
+    for (const GlueFace& face : {one_face(), sheet_face()})
+        for (int trial = 0; trial < 20; ++trial)
         {
-            volume += cells.cells[i].volume;
-            for (int k = 0; k < 8; ++k)
-            {
-                const Eigen::Vector3d corner(k & 1 ? 1 : -1, k & 2 ? 1 : -1,
-                                             k & 4 ? 1 : -1);
-                const Eigen::Vector3d x =
-                    cells.faces[0].centre +
-                    corner.cwiseProduct(sizes[i]) / (2.0 * std::sqrt(3.0));
-                const Eigen::Vector3d d = image(poses[0], cells.cells[0].centre, x) -
-                                          image(poses[1], cells.cells[1].centre, x);
-                integral += cells.cells[i].volume / 8.0 * d.squaredNorm();
-            }
+            const Pose a = random_pose(rng, 1.0);
+            const Eigen::Vector3d axis = random_vector(rng, 1.0).normalized();
+            const double angle = support::random_number(rng, -3.0, 3.0);
+            const Eigen::Vector3d gap = random_vector(rng, 1.0);
+            // b is turned about an axis that stands in a, about the place, and shifted.
+            Pose b{a.R * rotation_about(axis, angle), a.p + a.R * face.reach_a + gap};
+            b.p -= b.R * face.reach_b;
+            const Eigen::Matrix3d M =
+                face.moment.trace() * Eigen::Matrix3d::Identity() - face.moment;
+            const double wanted =
+                4.0 * (gap.squaredNorm() +
+                       4.0 * std::pow(std::sin(0.5 * angle), 2) * axis.dot(M * axis));
+            EXPECT_NEAR(glue_energy(face, a, b), wanted, 1e-12 * wanted);
         }
-        const double weight = 3.0 / 0.75;
-        const double wanted = weight / volume * integral;
-        EXPECT_NEAR(glue_energy(face, poses[0], poses[1]), wanted, 1e-12 * wanted);
-    }
+}
+
+TEST(Glue, turns_as_its_cross_section_says)
+{
+    const GlueFace face = one_face();
+    const Eigen::Matrix3d M =
+        face.moment.trace() * Eigen::Matrix3d::Identity() - face.moment;
+    EXPECT_LT((M - two_cells().faces[0].turning).norm(), 1e-15);
+}
+
+TEST(Glue, is_no_hinge_however_small_its_cross_section)
+{
+    Cells cells = two_cells();
+    cells.faces[0].turning.setZero();
+    const GlueFace face = build_glue(cells, {}).faces[0];
+    const Pose a{Eigen::Matrix3d::Identity(), cells.cells[0].centre};
+    const Pose b{Eigen::Matrix3d::Identity(), cells.cells[1].centre};
+    const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(glue_hessian(face, a, b, kExact));
+    EXPECT_LT(eigen.eigenvalues()[5], 1e-12);
+    EXPECT_GT(eigen.eigenvalues()[6], 1e-6);
+}
+
+TEST(Glue, of_a_sheet_acts_half_way_between_what_the_cells_have_of_it)
+{
+    const Cells cells = two_cells();
+    const GlueFace face = sheet_face();
+    EXPECT_LT(
+        (cells.cells[0].centre + face.reach_a - Eigen::Vector3d(0.8, 0.05, 0.15)).norm(),
+        1e-15);
+    EXPECT_LT(
+        (cells.cells[1].centre + face.reach_b - Eigen::Vector3d(0.8, 0.05, 0.15)).norm(),
+        1e-15);
 }
 
 TEST(Glue, of_a_pure_shift_is_weight_times_its_square)
@@ -187,10 +226,10 @@ TEST(Glue, of_a_pure_shift_is_weight_times_its_square)
 TEST(Glue, gradient_and_hessian_match_finite_differences)
 {
     std::mt19937 rng(3);
-    const GlueFace face = one_face();
     for (int trial = 0; trial < 20; ++trial)
     {
         SCOPED_TRACE(trial);
+        const GlueFace face = trial % 2 ? sheet_face() : one_face();
         const Pose a = random_pose(rng, 1.0), b = random_pose(rng, 1.0);
         const auto energy = [&](const Vector12& t)
         { return glue_energy(face, twisted(a, t.head<6>()), twisted(b, t.tail<6>())); };
@@ -222,10 +261,11 @@ TEST(Glue, gauss_newton_block_is_semi_definite_with_the_rigid_null_space)
 {
     std::mt19937 rng(4);
     const GlueFace face = one_face();
-    for (int trial = 0; trial < 20; ++trial)
+    for (int trial = 0; trial < 40; ++trial)
     {
+        const GlueFace either = trial % 2 ? sheet_face() : face;
         const Pose a = random_pose(rng, 1.0), b = random_pose(rng, 1.0);
-        const Matrix12 H = glue_hessian(face, a, b, kGaussNewton);
+        const Matrix12 H = glue_hessian(either, a, b, kGaussNewton);
         const Eigen::SelfAdjointEigenSolver<Matrix12> eigen(H);
         EXPECT_GT(eigen.eigenvalues()[0], -1e-12 * eigen.eigenvalues()[11]);
     }
@@ -255,10 +295,11 @@ TEST(Glue, at_rest_exact_and_gauss_newton_agree)
     const Cells cells = two_cells();
     const Pose a{Eigen::Matrix3d::Identity(), cells.cells[0].centre};
     const Pose b{Eigen::Matrix3d::Identity(), cells.cells[1].centre};
-    EXPECT_LT((glue_hessian(one_face(), a, b, kExact) -
-               glue_hessian(one_face(), a, b, kGaussNewton))
-                  .norm(),
-              1e-12);
+    for (const GlueFace& face : {one_face(), sheet_face()})
+        EXPECT_LT(
+            (glue_hessian(face, a, b, kExact) - glue_hessian(face, a, b, kGaussNewton))
+                .norm(),
+            1e-12);
 }
 
 TEST(Glue, is_as_stiff_as_the_geometric_mean_of_its_cells)

@@ -55,7 +55,7 @@ struct Block
     {
         Pieces pieces = find_pieces(material.grid, octree);
         Cells cells = build_cells(material.grid, octree, pieces);
-        Glue glue = build_glue(cells, {}, {}, kSolidAcross);
+        Glue glue = build_glue(cells, {});
         std::vector<Constraint> free(cells.size());
         return {octree, std::move(pieces), std::move(cells), std::move(glue),
                 std::move(free)};
@@ -260,9 +260,9 @@ TEST(Refinement, a_prescribed_neighbour_is_looked_at_where_its_glue_ends)
     std::vector<BorderGlue> borders;
     for (std::size_t f = 0; f < row.cells.faces.size(); ++f)
         if (row.cells.faces[f].a == 0)
-            borders.push_back({static_cast<int>(f), 0.7});
+            borders.push_back({static_cast<int>(f), 0.7, true});
     ASSERT_EQ(borders.size(), 1u);
-    row.glue = build_glue(row.cells, {}, borders, kSolidAcross);
+    row.glue = build_glue(row.cells, {}, borders);
     const double stretch = 1.5;
     std::vector<Pose> poses;
     for (const Cell& cell : row.cells.cells)

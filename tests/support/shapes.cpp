@@ -134,6 +134,28 @@ Shape steps()
                         [](int i, int j, int) { return j / 2 <= i / 2; });
 }
 
+Shape sheet_shape(double length, double width, int n)
+{
+    const double edge = std::min(length, width) / n;
+    const int nx = static_cast<int>(std::lround(length / edge));
+    const int ny = static_cast<int>(std::lround(width / edge));
+    Shape shape;
+    for (int i = 0; i <= nx; ++i)
+        for (int j = 0; j <= ny; ++j)
+            shape.samples.emplace_back(length * i / nx, width * j / ny, 0.0);
+    const auto vertex = [&](int i, int j)
+    { return static_cast<std::uint32_t>(i * (ny + 1) + j); };
+    for (int i = 0; i < nx; ++i)
+        for (int j = 0; j < ny; ++j)
+        {
+            shape.triangles.push_back(
+                {vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1)});
+            shape.triangles.push_back(
+                {vertex(i, j), vertex(i + 1, j + 1), vertex(i, j + 1)});
+        }
+    return shape;
+}
+
 Shape joined(const Shape& a, const Shape& b)
 {
     Shape shape = a;

@@ -35,6 +35,9 @@ Shape l_prism();
 Shape comb();
 /// Four steps 1 x 1 x 1 each, one above the other.
 Shape steps();
+/// An open sheet in the plane z = 0, from the origin along x and y; \p n quads along its
+/// shorter side.
+Shape sheet_shape(double length, double width, int n = 4);
 
 /// Two shapes in one.
 Shape joined(const Shape& a, const Shape& b);

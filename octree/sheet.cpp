@@ -1,0 +1,346 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The material of a sheet of thickness t with the unit normal n is a slab. A plane with
+// the unit normal e cuts it in a strip as long as the line in which it cuts the sheet and
+//   t / |n x e|
+// wide: with these cross-sections the areas of the faces of a cell, each times its
+// normal, add up to the slab's open sides, whatever the angles, as they do for a solid.
+// Counted in voxels a sheet would have up to sqrt 3 times its area, by how it lies to
+// their axes.
+//
+// Every triangle is cut at the planes between finest leaves. A vertex on a plane counts
+// as above it, so that of the triangles that meet in an edge there exactly one crosses. A
+// sheet that lies in a plane between leaves belongs to both sides by halves: every
+// part is looked up a little to either side of the sheet.
+#include "octree/sheet.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <tuple>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "octree/parallel.h"
+#include "octree/point_tree.h"
+#include "octree/winding.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// How far to either side of a sheet its voxels are looked up, and what counts as lying
+/// in a plane [voxel].
+constexpr double kAside = 1e-6;
+
+/// Neighbours of a point that tell its tangent plane and how densely the points lie.
+constexpr std::size_t kNeighbours = 12;
+
+/// The sides of a point's square, over those of its share of the area. They overlap, and
+/// each counts the less: so the number of squares between two cells varies little.
+constexpr double kOverlap = 2.0;
+
+using Polygon = std::vector<Eigen::Vector3d>;
+
+/// Cuts triangles (corners in voxel units) at the planes between finest leaves.
+class SheetCutter
+{
+public:
+    SheetCutter(const Material& material, Sheets& out) : material_(material), out_(out) {}
+
+    /// \p weight: how much of its area counts.
+    void add(const std::array<Eigen::Vector3d, 3>& corners, double weight)
+    {
+        const Eigen::Vector3d cross =
+            (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        if (!(cross.norm() > 0))
+            return;
+        normal_ = cross.normalized();
+        weight_ = weight;
+        add_patches(Polygon(corners.begin(), corners.end()), 0);
+        for (int axis = 0; axis < 3; ++axis)
+            add_crossings(corners, axis);
+    }
+
+private:
+    const VoxelGrid& grid() const { return material_.grid; }
+    double width() const { return grid().shape().voxels_per_leaf; }
+    double plane_below(double x) const { return std::floor(x / width()) * width(); }
+
+    /// The voxel of a point, if it is a sheet's.
+    std::optional<Eigen::Vector3i> sheet_voxel(const Eigen::Vector3d& x) const
+    {
+        const VoxelRange& inside = grid().inside_box();
+        const Eigen::Vector3i voxel = Eigen::Vector3i(x.array().floor().cast<int>())
+                                          .cwiseMax(inside.first)
+                                          .cwiseMin(inside.last);
+        if (!material_.is_sheet[grid().index(voxel)])
+            return std::nullopt;
+        return voxel;
+    }
+
+    /// Calls visit(voxel, share) for the sheet's voxels on both sides of it at a point of
+    /// it; the shares are halves, or 1 where only one side has one. \p found(point) is
+    /// the voxel for a point.
+    template <class Find, class Visit>
+    void visit_sides(const Eigen::Vector3d& x, Find&& find, Visit&& visit) const
+    {
+        const auto over = find(x + kAside * normal_), under = find(x - kAside * normal_);
+        const double share = over && under ? 0.5 : 1.0;
+        if (over)
+            visit(*over, share);
+        if (under)
+            visit(*under, share);
+    }
+
+    void add_patches(const Polygon& polygon, int axis)
+    {
+        if (axis == 3)
+            return add_patch(polygon);
+        double low = INFINITY, high = -INFINITY;
+        for (const Eigen::Vector3d& x : polygon)
+        {
+            low = std::min(low, x[axis]);
+            high = std::max(high, x[axis]);
+        }
+        double plane = plane_below(low) + width();
+        if (high - low < 2 * kAside || high <= plane)
+            return add_patches(polygon, axis + 1);
+        Polygon rest = polygon, below;
+        for (; plane < high; plane += width())
+        {
+            cut(rest, axis, plane, below);
+            if (below.size() >= 3)
+                add_patches(below, axis + 1);
+        }
+        if (rest.size() >= 3)
+            add_patches(rest, axis + 1);
+    }
+
+    /// Parts a convex polygon at a plane: what is above stays.
+    static void cut(Polygon& polygon, int axis, double plane, Polygon& below)
+    {
+        Polygon above;
+        below.clear();
+        for (std::size_t i = 0; i < polygon.size(); ++i)
+        {
+            const Eigen::Vector3d& p = polygon[i];
+            const Eigen::Vector3d& q = polygon[(i + 1) % polygon.size()];
+            const bool is_below = p[axis] < plane;
+            (is_below ? below : above).push_back(p);
+            if (is_below == (q[axis] < plane))
+                continue;
+            Eigen::Vector3d x = p + (plane - p[axis]) / (q[axis] - p[axis]) * (q - p);
+            x[axis] = plane;
+            below.push_back(x);
+            above.push_back(x);
+        }
+        polygon.swap(above);
+    }
+
+    void add_patch(const Polygon& polygon)
+    {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        double area = 0.0;
+        for (std::size_t k = 2; k < polygon.size(); ++k)
+        {
+            const double part =
+                0.5 * (polygon[k - 1] - polygon[0]).cross(polygon[k] - polygon[0]).norm();
+            area += part;
+            sum += part / 3.0 * (polygon[0] + polygon[k - 1] + polygon[k]);
+        }
+        if (!(area > 0))
+            return;
+        const Eigen::Vector3d centre = sum / area;
+        const double voxel = grid().shape().voxel();
+        visit_sides(
+            centre, [&](const Eigen::Vector3d& x) { return sheet_voxel(x); },
+            [&](const Eigen::Vector3i& at, double share)
+            {
+                out_.patches.push_back({grid().index(at),
+                                        share * weight_ * area * voxel * voxel,
+                                        grid().from_voxels(centre)});
+            });
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const double plane = std::round(centre[axis] / width()) * width();
+            if (std::all_of(polygon.begin(), polygon.end(),
+                            [&](const Eigen::Vector3d& x)
+                            { return std::abs(x[axis] - plane) < kAside; }))
+                add_crossing(centre, axis, plane, std::sqrt(area), area);
+        }
+    }
+
+    /// The line in which the triangle crosses each plane of one axis, cut at the planes
+    /// of the others.
+    void add_crossings(const std::array<Eigen::Vector3d, 3>& corners, int axis)
+    {
+        const auto [low, high] = std::minmax_element(corners.begin(), corners.end(),
+                                                     [&](const auto& p, const auto& q)
+                                                     { return p[axis] < q[axis]; });
+        for (double plane = plane_below((*low)[axis]) + width(); plane <= (*high)[axis];
+             plane += width())
+        {
+            if (!((*low)[axis] < plane))
+                continue;
+            std::vector<Eigen::Vector3d> ends;
+            for (std::size_t k = 0; k < 3; ++k)
+            {
+                const Eigen::Vector3d& p = corners[k];
+                const Eigen::Vector3d& q = corners[(k + 1) % 3];
+                if ((p[axis] < plane) != (q[axis] < plane))
+                    ends.push_back(p + (plane - p[axis]) / (q[axis] - p[axis]) * (q - p));
+            }
+            if (ends.size() == 2)
+                add_line(ends[0], ends[1], axis, plane);
+        }
+    }
+
+    void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, int axis,
+                  double plane)
+    {
+        std::vector<double> cuts = {0.0, 1.0};
+        for (const int other : {(axis + 1) % 3, (axis + 2) % 3})
+        {
+            const double low = std::min(from[other], to[other]);
+            const double high = std::max(from[other], to[other]);
+            for (double at = plane_below(low) + width(); at < high; at += width())
+                cuts.push_back((at - from[other]) / (to[other] - from[other]));
+        }
+        std::sort(cuts.begin(), cuts.end());
+        const double length = (to - from).norm();
+        // Of a sheet that nearly lies in the plane the strip ends with the leaf.
+        const double slant =
+            std::sqrt(std::max(0.0, 1.0 - normal_[axis] * normal_[axis]));
+        const double thickness = out_.thickness / grid().shape().voxel();
+        const double across = std::min(thickness / std::max(slant, 1e-12), width());
+        for (std::size_t k = 1; k < cuts.size(); ++k)
+        {
+            const double part = (cuts[k] - cuts[k - 1]) * length;
+            if (part > 0)
+                add_crossing(from + 0.5 * (cuts[k - 1] + cuts[k]) * (to - from), axis,
+                             plane, part, part * across);
+        }
+    }
+
+    /// Lengths in voxels.
+    void add_crossing(const Eigen::Vector3d& centre, int axis, double plane,
+                      double length, double area)
+    {
+        const int above = static_cast<int>(std::lround(plane));
+        const auto find = [&](const Eigen::Vector3d& x) -> std::optional<Eigen::Vector3i>
+        {
+            Eigen::Vector3d side = x;
+            side[axis] = above - 0.5;
+            const std::optional<Eigen::Vector3i> below = sheet_voxel(side);
+            side[axis] = above + 0.5;
+            return sheet_voxel(side) ? below : std::nullopt;
+        };
+        const double voxel = grid().shape().voxel();
+        visit_sides(centre, find,
+                    [&](const Eigen::Vector3i& below, double share)
+                    {
+                        out_.crossings.push_back({grid().index(below), axis,
+                                                  length * voxel,
+                                                  share * weight_ * area * voxel * voxel,
+                                                  grid().from_voxels(centre), normal_});
+                    });
+    }
+
+    const Material& material_;
+    Sheets& out_;
+    Eigen::Vector3d normal_ = Eigen::Vector3d::UnitX();
+    double weight_ = 1.0;
+};
+
+/// The square of one point of a cloud, as two triangles; nothing where its neighbours
+/// span no plane.
+struct PointSquare
+{
+    Eigen::Vector3d centre, half_u, half_v;
+};
+std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
+{
+    const Eigen::Vector3d& x = tree.points()[point];
+    std::vector<PointTree::Neighbour> near;
+    tree.nearest(x, kNeighbours + 1, near);
+    if (near.size() < 4)
+        return std::nullopt;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const PointTree::Neighbour& one : near)
+        mean += tree.points()[one.index] / static_cast<double>(near.size());
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (const PointTree::Neighbour& one : near)
+        spread += (tree.points()[one.index] - mean) *
+                  (tree.points()[one.index] - mean).transpose();
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+    // A circle that holds k neighbours has, on average, the area of k points.
+    constexpr double kPi = 3.14159265358979323846;
+    const double area =
+        kPi * near.back().distance_squared / static_cast<double>(near.size() - 1);
+    const double half = 0.5 * kOverlap * std::sqrt(area);
+    return PointSquare{x, half * eigen.eigenvectors().col(1),
+                       half * eigen.eigenvectors().col(2)};
+}
+
+std::vector<Eigen::Vector3d> places_of(std::vector<Eigen::Vector3d> points)
+{
+    const auto key = [](const Eigen::Vector3d& p)
+    { return std::tuple(p.x(), p.y(), p.z()); };
+    std::sort(points.begin(), points.end(),
+              [&](const auto& a, const auto& b) { return key(a) < key(b); });
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    return points;
+}
+
+void add_points(const Shape& shape, const Material& material, SheetCutter& cutter)
+{
+    const VoxelGrid& grid = material.grid;
+    const std::vector<Eigen::Vector3d> places = places_of(shape.samples);
+    if (places.empty())
+        return;
+    const PointTree tree(places);
+    std::vector<std::optional<PointSquare>> squares(places.size());
+    parallel_for(places.size(),
+                 [&](std::size_t i)
+                 {
+                     if (material.is_sheet[grid.index(grid.locate(places[i]))])
+                         squares[i] = square_of(tree, i);
+                 });
+    for (const std::optional<PointSquare>& square : squares)
+    {
+        if (!square)
+            continue;
+        const auto corner = [&](double u, double v) {
+            return grid.to_voxels(square->centre + u * square->half_u +
+                                  v * square->half_v);
+        };
+        const double weight = 1.0 / (kOverlap * kOverlap);
+        cutter.add({corner(-1, -1), corner(1, -1), corner(1, 1)}, weight);
+        cutter.add({corner(-1, -1), corner(1, 1), corner(-1, 1)}, weight);
+    }
+}
+
+} // namespace
+
+Sheets find_sheets(const Shape& shape, const Material& material, double thickness)
+{
+    Sheets sheets;
+    sheets.thickness = thickness;
+    if (material.is_sheet.empty())
+        return sheets;
+    SheetCutter cutter(material, sheets);
+    if (shape.triangles.empty())
+        add_points(shape, material, cutter);
+    for (const Triangle& t : bounding_triangles(shape))
+        cutter.add({material.grid.to_voxels(shape.samples[t[0]]),
+                    material.grid.to_voxels(shape.samples[t[1]]),
+                    material.grid.to_voxels(shape.samples[t[2]])},
+                   1.0);
+    return sheets;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/sheet.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "octree/cells.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+using support::random_rotation;
+
+namespace
+{
+
+constexpr double kThickness = 0.04;
+
+/// 3 x 2, turned and moved so that its box begins at 0.
+Shape sheet(const Eigen::Matrix3d& R, int quads)
+{
+    Shape shape = support::sheet_shape(3.0, 2.0, quads);
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY);
+    for (Eigen::Vector3d& x : shape.samples)
+    {
+        x = R * x;
+        low = low.cwiseMin(x);
+    }
+    for (Eigen::Vector3d& x : shape.samples)
+        x -= low;
+    return shape;
+}
+
+struct Cut
+{
+    Material material;
+    Sheets sheets;
+    Cells cells;
+};
+Cut cut(const Shape& shape, int across, int depth = 0, double max_voxel = 0.0)
+{
+    Eigen::Vector3d high = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& x : shape.samples)
+        high = high.cwiseMax(x);
+    const GridShape grid = grid_shape(high, across, depth, max_voxel);
+    Material material = find_material(shape, grid, Fill::Shell);
+    Sheets sheets = find_sheets(shape, material, kThickness);
+    const MaterialTest test = material_test(material.grid);
+    const Octree octree = Octree(grid, test).split_all(depth, test);
+    Cells cells = build_cells(material.grid, octree, find_pieces(material.grid, octree),
+                              material.is_sheet, sheets);
+    return {std::move(material), std::move(sheets), std::move(cells)};
+}
+
+double area_of(const Sheets& sheets)
+{
+    double area = 0.0;
+    for (const SheetPatch& patch : sheets.patches)
+        area += patch.area;
+    return area;
+}
+
+/// Of each axis the volume of all cross-sections times the distance of their planes.
+Eigen::Vector3d volumes_of(const Cells& cells)
+{
+    Eigen::Vector3d volumes = Eigen::Vector3d::Zero();
+    for (const Face& face : cells.faces)
+        volumes[face.axis] += face.area * face.distance;
+    return volumes;
+}
+
+} // namespace
+
+TEST(Sheet, has_its_own_area_however_it_lies)
+{
+    std::mt19937 rng(1);
+    for (int trial = 0; trial < 10; ++trial)
+        for (const int quads : {1, 37})
+            EXPECT_NEAR(area_of(cut(sheet(random_rotation(rng), quads), 12).sheets), 6.0,
+                        1e-9);
+}
+
+TEST(Sheet, has_cross_sections_of_its_own_volume_however_it_lies)
+{
+    std::mt19937 rng(2);
+    for (int trial = 0; trial < 10; ++trial)
+    {
+        const Eigen::Matrix3d R = random_rotation(rng);
+        const Eigen::Vector3d volumes = volumes_of(cut(sheet(R, 20), 40).cells);
+        for (int axis = 0; axis < 3; ++axis)
+            if (std::abs(R(axis, 2)) < 0.8) // others have few crossings to average over
+                EXPECT_NEAR(volumes[axis], 6.0 * kThickness, 0.05 * 6.0 * kThickness)
+                    << axis;
+    }
+}
+
+TEST(Sheet, in_a_plane_between_cells_belongs_to_both_sides)
+{
+    // Two crossed sheets put the middle of the box, and so that of the first, between
+    // the two middle layers of cells.
+    Shape shape = sheet(Eigen::Matrix3d::Identity(), 6);
+    for (Eigen::Vector3d& x : shape.samples)
+        x.z() += 0.75;
+    Shape ends = shape;
+    for (Eigen::Vector3d& x : ends.samples)
+        x = Eigen::Vector3d(0.0, x.y(), 0.5 * x.x());
+    const Cut both = cut(support::joined(shape, ends), 12);
+    double below = 0.0, above = 0.0, across = 0.0;
+    for (std::size_t c = 0; c < both.cells.size(); ++c)
+        EXPECT_TRUE(both.cells.cells[c].middle.allFinite());
+    for (const SheetPatch& patch : both.sheets.patches)
+        if (patch.centre.x() > 0.3)
+            (both.material.grid.centre(both.material.grid.coordinates(patch.voxel)).z() <
+                     0.75
+                 ? below
+                 : above) += patch.area;
+    for (const SheetCrossing& crossing : both.sheets.crossings)
+        if (crossing.axis == 2 && crossing.centre.x() > 0.3)
+            across += crossing.area;
+    EXPECT_NEAR(below + above, 2.0 * 2.75, 1e-9);
+    if (below > 0) // where the voxels of both sides are material
+    {
+        EXPECT_NEAR(below, above, 1e-9);
+        EXPECT_NEAR(across, 2.0 * 2.75, 1e-9);
+    }
+}
+
+TEST(Sheet, of_points_has_nearly_the_area_of_the_surface)
+{
+    std::mt19937 rng(3);
+    Shape cloud;
+    cloud.samples = support::random_points(sheet(random_rotation(rng), 1), 12000, 4);
+    // A tenth more: what is said of points at the rim.
+    EXPECT_NEAR(area_of(cut(cloud, 16, 0, 0.02).sheets), 6.0, 0.6);
+}
+
+TEST(Sheet, of_a_triangle_that_is_there_twice_counts_once)
+{
+    std::mt19937 rng(5);
+    Shape shape = sheet(random_rotation(rng), 8);
+    const double once = area_of(cut(shape, 12).sheets);
+    const std::vector<Triangle> copy = shape.triangles;
+    for (const Triangle& t : copy)
+        shape.triangles.push_back({t[0], t[2], t[1]});
+    EXPECT_NEAR(area_of(cut(shape, 12).sheets), once, 1e-9);
+}
+
+TEST(Sheet, is_not_what_bounds_an_inside)
+{
+    const Shape box = support::box_shape({0, 0, 0}, {1, 1, 1}, 4);
+    const Material closed =
+        find_material(box, grid_shape({1, 1, 1}, 8, 0, 0.03), Fill::Solid);
+    EXPECT_TRUE(closed.is_sheet.empty());
+    // Beside an open sheet only that is one.
+    Shape both = support::sheet_shape(3.0, 1.0, 24);
+    for (Eigen::Vector3d& x : both.samples)
+        x += Eigen::Vector3d(0, 2, 0.513);
+    both = support::joined(box, both);
+    const Material material =
+        find_material(both, grid_shape({3, 3, 1}, 24, 0, 0.03), Fill::Solid);
+    ASSERT_FALSE(material.is_sheet.empty());
+    const VoxelGrid& grid = material.grid;
+    std::size_t sheets = 0;
+    for (std::size_t i = 0; i < grid.size(); ++i)
+        if (grid.material()[i])
+        {
+            const bool is_beside = grid.centre(grid.coordinates(i)).y() > 1.5;
+            EXPECT_EQ(material.is_sheet[i] != 0, is_beside);
+            sheets += is_beside;
+        }
+    EXPECT_GT(sheets, 1000u);
+}
+
+} // namespace cellwarp
