@@ -70,11 +70,15 @@ private:
     double width() const { return grid().shape().voxels_per_leaf; }
     double plane_below(double x) const { return std::floor(x / width()) * width(); }
 
-    /// The voxel of a point, if it is a sheet's.
+    /// The voxel of a point, if it is a sheet's. As in VoxelGrid::locate(), beyond the
+    /// border the nearest one.
     std::optional<Eigen::Vector3i> sheet_voxel(const Eigen::Vector3d& x) const
     {
-        const Eigen::Vector3i voxel = x.array().floor().cast<int>();
-        if (!grid().contains(voxel) || !material_.is_sheet[grid().index(voxel)])
+        Eigen::Vector3i voxel;
+        for (int axis = 0; axis < 3; ++axis)
+            voxel[axis] = static_cast<int>(
+                std::clamp(std::floor(x[axis]), 0.0, grid().counts()[axis] - 1.0));
+        if (!material_.is_sheet[grid().index(voxel)])
             return std::nullopt;
         return voxel;
     }
@@ -228,6 +232,8 @@ private:
                       double length, double area)
     {
         const int above = static_cast<int>(std::lround(plane));
+        if (above <= 0 || above >= grid().counts()[axis])
+            return; // the border of the grid
         const auto find = [&](const Eigen::Vector3d& x) -> std::optional<Eigen::Vector3i>
         {
             Eigen::Vector3d side = x;
