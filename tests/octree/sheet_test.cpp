@@ -124,7 +124,7 @@ TEST(Sheet, in_a_plane_between_cells_belongs_to_both_sides)
         if (crossing.axis == 2 && crossing.centre.x() > 1e-6)
             across += crossing.area;
     EXPECT_NEAR(below + above, 6.0, 1e-9);
-    if (below > 0) // where the voxels of both sides are material
+    if (below > 1.0) // where the voxels of both sides are marked
     {
         EXPECT_NEAR(below, above, 1e-9);
         EXPECT_NEAR(across, 6.0, 1e-9);
