@@ -70,7 +70,8 @@ private:
     double width() const { return grid().shape().voxels_per_leaf; }
     double plane_below(double x) const { return std::floor(x / width()) * width(); }
 
-    /// The voxel of a point, if it is a sheet's.
+    /// The voxel of a point, if it is a sheet's. As in VoxelGrid::locate(), beyond the
+    /// border the nearest one.
     std::optional<Eigen::Vector3i> sheet_voxel(const Eigen::Vector3d& x) const
     {
         const VoxelRange& inside = grid().inside_box();
@@ -231,6 +232,8 @@ private:
                       double length, double area)
     {
         const int above = static_cast<int>(std::lround(plane));
+        if (above <= 0 || above >= grid().counts()[axis])
+            return; // the border of the grid
         const auto find = [&](const Eigen::Vector3d& x) -> std::optional<Eigen::Vector3i>
         {
             Eigen::Vector3d side = x;

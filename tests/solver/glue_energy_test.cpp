@@ -2,8 +2,10 @@
 #include "solver/glue_energy.h"
 
 #include <algorithm>
+#include <tuple>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include "octree/parallel.h"
@@ -55,6 +57,76 @@ HeldBody bar_with_pins()
     return body;
 }
 
+/// A thin sheet that lies askew, in a few cells of its own thickness.
+HeldBody sheet()
+{
+    Shape shape = support::sheet_shape(2.0, 1.0, 8);
+    const Eigen::Matrix3d R = rotation_about(Eigen::Vector3d(1, -1, 0).normalized(), 0.5);
+    for (Eigen::Vector3d& x : shape.samples)
+        x = R * x + Eigen::Vector3d(0.2, 0.0, 1.0);
+    const GridShape grid = grid_shape({2, 2, 2}, 4, 0, 0.0);
+    const Material material = find_material(shape, grid, Fill::Shell);
+    const Octree octree(grid, material_test(material.grid));
+    HeldBody body(build_cells(material.grid, octree, find_pieces(material.grid, octree),
+                              material.is_sheet, find_sheets(shape, material, 0.02)));
+    body.prescribe([](const Cell& cell) { return cell.centre.x() < 0.6; });
+    return body;
+}
+
+/// Of what moves: the smallest curvature of the energy, over the largest.
+double least_curvature(GlueEnergy& energy)
+{
+    energy.linearise(kExact);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+        support::dense_hessian(energy), Eigen::EigenvaluesOnly);
+    return eigen.eigenvalues().minCoeff() / eigen.eigenvalues().maxCoeff();
+}
+
+/// A row of \p n cells of edge 1, its ends held at their centres by pins or prescribed,
+/// and by how much it is compressed.
+struct Column
+{
+    HeldBody body;
+
+    Column(int n, bool is_first_pinned, bool is_last_pinned)
+        : body(support::bar(n, 1, 1).cells)
+    {
+        for (std::size_t i = 0; i < body.cells.size(); ++i)
+        {
+            const Eigen::Vector3d& centre = body.cells.cells[i].centre;
+            const bool is_first = centre.x()<1.0, is_last = centre.x()> n - 1.0;
+            if ((is_first && is_first_pinned) || (is_last && is_last_pinned))
+                body.pin(i, centre);
+            else if (is_first || is_last)
+                body.constraints[i].hold = Hold::Prescribed;
+        }
+    }
+    bool is_stable(double strain)
+    {
+        std::vector<Pose> poses = body.rest();
+        for (std::size_t i = 0; i < poses.size(); ++i)
+        {
+            poses[i].p.x() *= 1.0 - strain;
+            body.constraints[i].held_now = poses[i].p;
+        }
+        GlueEnergy energy = body.energy();
+        energy.set_held_points(body.constraints);
+        energy.set_poses(poses);
+        return least_curvature(energy) > 0;
+    }
+    /// The strain at which it buckles.
+    double critical_strain()
+    {
+        double stable = 0.0, buckled = 0.5;
+        for (int k = 0; k < 20; ++k)
+        {
+            const double strain = 0.5 * (stable + buckled);
+            (is_stable(strain) ? stable : buckled) = strain;
+        }
+        return 0.5 * (stable + buckled);
+    }
+};
+
 /// Only one of its points is given, and that has moved.
 HeldBody bar_on_one_pin()
 {
@@ -65,6 +137,57 @@ HeldBody bar_on_one_pin()
 }
 
 } // namespace
+
+TEST(GlueEnergy, has_the_derivatives_of_its_value_in_a_sheet)
+{
+    std::mt19937 rng(11);
+    HeldBody body = sheet();
+    GlueEnergy energy = body.energy();
+    ASSERT_GT(energy.num_unknown_cells(), 6);
+    for (int trial = 0; trial < 3; ++trial)
+    {
+        SCOPED_TRACE(trial);
+        energy.set_poses(random_poses(body, rng));
+        support::check_energy(energy, rng);
+    }
+}
+
+TEST(GlueEnergy, of_thin_material_has_no_mechanism)
+{
+    // Films, needles and combs that a cell holds only a voxel of, and a sheet.
+    Shape comb = support::box_shape({0, 0, 0}, {4, 1, 0.3}, 1);
+    for (int tooth = 0; tooth < 4; ++tooth)
+        comb = support::joined(
+            comb, support::box_shape({tooth + 0.3, 0.9, 0}, {tooth + 0.6, 2.5, 0.2}, 1));
+    std::vector<HeldBody> bodies;
+    for (const Shape& shape : {support::box_shape({0, 0, 0}, {4, 3, 0.05}, 1),
+                               support::box_shape({0, 0, 0}, {4, 0.05, 0.05}, 1), comb})
+        bodies.emplace_back(support::built(shape, 8, 0, Fill::Solid, 0.1).cells);
+    bodies.push_back(sheet());
+    for (HeldBody& body : bodies)
+    {
+        body.prescribe([](const Cell& cell) { return cell.centre.x() < 0.6; });
+        GlueEnergy energy = body.energy();
+        ASSERT_GT(energy.num_unknown_cells(), 5);
+        EXPECT_GT(least_curvature(energy), 1e-9);
+    }
+}
+
+TEST(GlueEnergy, of_a_compressed_column_buckles_at_eulers_load)
+{
+    // E = 2: a strain e is a force of 2 A e, and I = A / 12. The clamped-free column of
+    // half the length is the pinned one.
+    const double length = 24.0, bending = 1.0 / 12.0;
+    for (const auto& [load, first, last] :
+         {std::tuple(9.8696044, true, true), std::tuple(20.1907286, true, false),
+          std::tuple(39.4784176, false, false)})
+    {
+        Column column(25, first, last);
+        const double euler = load * bending / (length * length);
+        // Shear takes part: 1 / P = 1 / P_euler + 1 / (G A), G = 1.
+        EXPECT_NEAR(column.critical_strain(), euler / (1.0 + 2.0 * euler), 0.05 * euler);
+    }
+}
 
 TEST(GlueEnergy, has_the_derivatives_of_its_value_in_free_cells)
 {

@@ -213,10 +213,11 @@ TEST(Minimize, threads_do_not_change_a_bit)
 TEST(Minimize, the_prototype_cases_take_the_prototypes_iterations)
 {
     // 2,048 cells, both ends clamped two layers deep, one turned, in one jump: the
-    // prototype took 15 Gauss-Newton and 10 Newton iterations to 1e-9 of energy.
+    // prototype took 15 Gauss-Newton and 10 Newton iterations to 1e-9 of energy, with all
+    // second moments; without those across the faces Newton's method takes two more.
     const Motion motion = turned_end(0.75 * std::numbers::pi, 32, 8, 8);
     for (const auto& [method, most] :
-         {std::pair(Method::GaussNewton, 20), {Method::Newton, 14}})
+         {std::pair(Method::GaussNewton, 20), {Method::Newton, 16}})
     {
         Problem p(32, 8, 8, motion, 2);
         Minimizer minimizer = p.minimizer();
