@@ -251,21 +251,19 @@ Eigen::Vector4d weights_of(const TetMesh& mesh, const Tet& tet, const Eigen::Vec
     return {1.0 - rest.sum(), rest.x(), rest.y(), rest.z()};
 }
 
-/// How far a place with these weights is inside the nearest face's plane; negative
-/// outside.
-double depth_in(const TetMesh& mesh, const Tet& tet, const Eigen::Vector4d& weights)
+/// How far a place with these weights is from the tetrahedron, or a little more: from
+/// where the negative ones are 0. 0 inside.
+double distance_from(const TetMesh& mesh, const Tet& tet, const Eigen::Vector4d& weights,
+                     const Eigen::Vector3d& x)
 {
-    const double volume = six_volumes(mesh, tet);
-    double depth = INFINITY;
+    if (weights.minCoeff() >= 0)
+        return 0.0;
+    const Eigen::Vector4d inside = weights.cwiseMax(0.0) / weights.cwiseMax(0.0).sum();
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < 4; ++k)
-    {
-        const auto point = [&](std::size_t i) -> const Eigen::Vector3d&
-        { return mesh.points[static_cast<std::size_t>(tet[(k + i) % 4])]; };
-        const double two_areas = (point(2) - point(1)).cross(point(3) - point(1)).norm();
-        depth =
-            std::min(depth, weights[static_cast<Eigen::Index>(k)] * volume / two_areas);
-    }
-    return depth;
+        place += inside[static_cast<Eigen::Index>(k)] *
+                 mesh.points[static_cast<std::size_t>(tet[k])];
+    return (x - place).norm();
 }
 
 } // namespace
@@ -331,7 +329,7 @@ TetFinder::Found TetFinder::find(const Eigen::Vector3d& x) const
 {
     const Eigen::Vector3i bin = bin_of(x);
     Found found;
-    double best = -INFINITY;
+    double best = INFINITY;
     // One ring of bins beyond the first that has a tetrahedron: the nearest may be there.
     for (int ring = 0, last = counts_.maxCoeff(); ring <= last; ++ring)
     {
@@ -344,16 +342,16 @@ TetFinder::Found TetFinder::find(const Eigen::Vector3d& x) const
                     {
                         const Tet& tet = mesh_.tets[t];
                         const Eigen::Vector4d weights = weights_of(mesh_, tet, x);
-                        const double depth = depth_in(mesh_, tet, weights);
-                        if (depth > best)
+                        const double distance = distance_from(mesh_, tet, weights, x);
+                        if (distance < best)
                         {
-                            best = depth;
+                            best = distance;
                             found = {t, weights};
                         }
                     }
-        if (best >= 0)
+        if (best == 0)
             break;
-        if (best > -INFINITY)
+        if (best < INFINITY)
             last = std::min(last, ring + 1);
     }
     return found;

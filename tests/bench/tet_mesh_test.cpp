@@ -139,4 +139,14 @@ TEST(TetFinder, finds_the_tetrahedron_of_a_place_and_the_nearest_one_outside)
     }
 }
 
+TEST(TetFinder, a_flat_tetrahedron_far_away_is_not_the_nearest)
+{
+    TetMesh mesh;
+    mesh.points = {{0, 0, 0},   {1, 0, 0},     {0, 1, 0},     {1, 1, 1e-3}, // flat
+                   {2, 0, 0.2}, {2.5, 0, 0.2}, {2, 0.5, 0.2}, {2, 0, 0.7}};
+    mesh.tets = {{0, 1, 2, 3}, {4, 5, 6, 7}};
+    EXPECT_EQ(TetFinder(mesh).find({2.1, 0.1, 0}).tet, 1u);
+    EXPECT_EQ(TetFinder(mesh).find({0.9, 0.1, 0.01}).tet, 0u);
+}
+
 } // namespace cellwarp::bench
