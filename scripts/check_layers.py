@@ -49,7 +49,7 @@ LIBRARIES = {
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
-    "CGAL/": {"tests/bench/arap_peer.cpp"},
+    "CGAL/": {"tests/bench/arap_peer.cpp", "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},

@@ -28,6 +28,7 @@ struct SweepFlags
 {
     SessionFlags session;
     std::string output, thresholds, depths, iterations, interpolators;
+    std::optional<std::string> against;
     std::int64_t runs = SweepSettings().runs;
     bool has_no_pictures = false;
 };
@@ -241,7 +242,12 @@ int run(SweepFlags flags, const CommonFlags& common)
             flags.session.model +
                 ": has no frame, and a sweep needs a deformation to measure (name "
                 "a handle file with frames in the scene or by --handles)");
-    const SweepInput input{request.model, request.read, std::move(*request.handles)};
+    SweepInput input{request.model, request.read, std::move(*request.handles)};
+    if (flags.against)
+    {
+        report.against = *flags.against;
+        input.against = read_against(*flags.against, input);
+    }
 
     Progress progress(common);
     report.result = run_sweep(input, report.settings,
@@ -322,6 +328,10 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
     command->add_option("--iterations", flags->iterations,
                         "limits of one frame's iterations, each tried with all cells and "
                         "interpolators beside none (default none)");
+    command->add_option("--against", flags->against,
+                        "a result from elsewhere, samples like the model's in any format "
+                        "that is read: each run's distance from it, at the most and RMS, "
+                        "of the diagonal (columns against_max and against_rms)");
     command->add_option(
         "--runs", flags->runs,
         fmt::format("of each case but the reference, for medians (default {})",

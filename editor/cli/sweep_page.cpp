@@ -118,6 +118,16 @@ double rms_of(const SweepRow& row)
     return row.error.rms;
 }
 
+/// 0, which no logarithmic axis shows, where there is nothing to compare with.
+double against_largest_of(const SweepRow& row)
+{
+    return row.against ? row.against->largest : 0.0;
+}
+double against_rms_of(const SweepRow& row)
+{
+    return row.against ? row.against->rms : 0.0;
+}
+
 /// 0, which no logarithmic axis shows, where the field is the finest itself.
 double field_largest_of(const SweepRow& row)
 {
@@ -371,12 +381,34 @@ std::string field_part(const SweepReport& report)
            field_table(rows);
 }
 
+/// Empty where there is no result from elsewhere.
+std::string against_part(const SweepReport& report)
+{
+    if (report.against.empty())
+        return "";
+    std::string page =
+        "<h2>Against a result from elsewhere</h2>\n<div class=\"plots\">\n";
+    for (const auto& [title, y] :
+         {std::pair("Largest distance from elsewhere over seconds", &against_largest_of),
+          std::pair("RMS distance from elsewhere over seconds", &against_rms_of)})
+        page += figure(
+            svg_of(error_plot(report.result.rows, title, "seconds", seconds_of, y)));
+    return page + fmt::format("</div>\n<p class=\"soft\">Distances of the samples after "
+                              "the last frame from those of {}, of the rest model's "
+                              "diagonal.</p>\n",
+                              in_markup(report.against));
+}
+
 std::string table(const SweepReport& report)
 {
+    const bool has_against = !report.against.empty();
     std::string page =
         "<h2>All runs</h2>\n<div class=\"wide\"><table>\n<thead><tr>"
         "<th class=\"word\">kind</th><th>threshold</th><th>depth</th>"
-        "<th class=\"word\">interpolator</th><th>largest error</th><th>RMS error</th>"
+        "<th class=\"word\">interpolator</th><th>largest error</th><th>RMS error</th>";
+    if (has_against)
+        page += "<th>largest from elsewhere</th><th>RMS</th>";
+    page +=
         "<th>cells</th><th>iterations</th><th>seconds</th><th>load s</th><th>cells s</th>"
         "<th>solve s</th><th>fit s</th><th>apply s</th><th>peak MB</th><th>energy</th>"
         "<th>gradient</th><th class=\"word\">stop</th></tr></thead>\n<tbody>\n";
@@ -394,20 +426,22 @@ std::string table(const SweepReport& report)
         last = of.kind;
         if (!row.is_done())
         {
-            page += fmt::format("<td colspan=\"14\" class=\"word\">{}</td></tr>\n",
-                                in_markup(row.failure));
+            page += fmt::format("<td colspan=\"{}\" class=\"word\">{}</td></tr>\n",
+                                has_against ? 16 : 14, in_markup(row.failure));
             continue;
         }
         const StageSeconds& s = row.seconds;
+        page += deviation_fields(row.error);
+        if (has_against)
+            page += deviation_fields(row.against);
         page += fmt::format(
-            "<td>{:.3g}</td><td>{:.3g}</td><td>{}</td><td>{}</td><td>{:.3g}</td>"
+            "<td>{}</td><td>{}</td><td>{:.3g}</td>"
             "<td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td><td>{:.3g}</td>"
             "<td>{:.0f}</td><td>{:.6g}</td><td>{:.1e}</td><td "
             "class=\"word\">{}</td></tr>\n",
-            row.error.largest, row.error.rms, with_commas(row.cells), row.iterations,
-            s.total, s.load, s.cells, s.solve, s.field_fit, s.field_apply, row.peak_mb,
-            row.frames.back().solve.energy_after, row.frames.back().solve.gradient,
-            stop_name(row.stop));
+            with_commas(row.cells), row.iterations, s.total, s.load, s.cells, s.solve,
+            s.field_fit, s.field_apply, row.peak_mb, row.frames.back().solve.energy_after,
+            row.frames.back().solve.gradient, stop_name(row.stop));
     }
     return page + "</tbody></table></div>\n";
 }
@@ -464,6 +498,7 @@ std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
     page += listed(sweep_sentences(report));
     page += pictures_part(pictures);
     page += plots(report);
+    page += against_part(report);
     page += field_part(report);
     page += table(report);
     page += conditions(report);

@@ -105,6 +105,11 @@ Json row_json(const SweepRow& row)
     }
     json["max_error"] = row.error.largest;
     json["rms_error"] = row.error.rms;
+    if (row.against)
+    {
+        json["against_max"] = row.against->largest;
+        json["against_rms"] = row.against->rms;
+    }
     json["error_parts"] = parts_json(row.parts);
     json["from_coarser"] =
         row.from_coarser ? deviation_json(*row.from_coarser) : Json(nullptr);
@@ -223,6 +228,13 @@ std::string order_sentence(const Convergence& found)
     return text + ".";
 }
 
+std::string against_sentence(const SweepReport& report)
+{
+    const Deviation& found = report.result.rows.front().against.value();
+    return fmt::format("The reference is off {} by at most {:.2g}, RMS {:.2g}.",
+                       report.against, found.largest, found.rms);
+}
+
 /// "0.12 of its cells" or "1.3 times its cells".
 std::string times_text(double share, const char* what)
 {
@@ -286,6 +298,8 @@ Json sweep_json(const SweepReport& report)
                  {"settings", settings_json(report)},
                  {"machine", machine_json(report)},
                  {"peak_is_of", report.result.is_peak_of_run ? "run" : "process"}};
+    if (!report.against.empty())
+        json["against"] = report.against;
     json["rows"] = Json::array();
     for (const SweepRow& row : report.result.rows)
         json["rows"].push_back(row_json(row));
@@ -313,7 +327,8 @@ std::string sweep_csv(const SweepReport& report)
         "kind,threshold,max_depth,interpolator,max_iterations,max_error,rms_error,"
         "finest_interpolator,field_max,field_rms,cells_max,cells_rms,cells,cell_edge,"
         "iterations,seconds,load_seconds,cells_seconds,solve_seconds,field_fit_seconds,"
-        "field_apply_seconds,peak_mb,energy,gradient,stop,scene\n";
+        "field_apply_seconds,peak_mb,energy,gradient,stop,scene";
+    csv += report.against.empty() ? "\n" : ",against_max,against_rms\n";
     for (const SweepRow& row : report.result.rows)
     {
         const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
@@ -325,6 +340,10 @@ std::string sweep_csv(const SweepReport& report)
         fields.insert(fields.end(), measured.begin(), measured.end());
         fields.push_back(stop_of(row));
         fields.push_back(in_csv(report.scene));
+        if (!report.against.empty())
+            for (double Deviation::*const measure :
+                 {&Deviation::largest, &Deviation::rms})
+                fields.push_back(row.against ? shortest((*row.against).*measure) : "");
         csv += fmt::format("{}\n", fmt::join(fields, ","));
     }
     return csv;
@@ -333,6 +352,8 @@ std::string sweep_csv(const SweepReport& report)
 std::vector<std::string> sweep_sentences(const SweepReport& report)
 {
     std::vector<std::string> sentences;
+    if (!report.against.empty())
+        sentences.push_back(against_sentence(report));
     for (const Convergence& found : convergence_of(report.result.rows))
         sentences.push_back(order_sentence(found));
     for (int depth = 0; depth < report.settings.max_depth; ++depth)

@@ -19,6 +19,7 @@ struct SweepReport
 {
     std::string scene; ///< as the user named it
     std::string model;
+    std::string against; ///< file of the result from elsewhere; empty: none
     SweepSettings settings;
     SweepResult result;
     Machine machine;
@@ -30,11 +31,12 @@ struct SweepReport
 Json sweep_json(const SweepReport& report);
 
 /// A header, then a line for each row. Numbers have all their digits; what a row has not
-/// is empty.
+/// is empty. The columns against_max and against_rms are there, as the last ones, where
+/// there is a result from elsewhere.
 std::string sweep_csv(const SweepReport& report);
 
-/// The orders of convergence, what the fields add to the cells' own error, and what
-/// adaptive cells save, one a sentence.
+/// How far the reference is from a result from elsewhere, the orders of convergence, what
+/// the fields add to the cells' own error, and what adaptive cells save, one a sentence.
 std::vector<std::string> sweep_sentences(const SweepReport& report);
 
 /// "fill solid, 32 cells across, ..."

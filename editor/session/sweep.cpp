@@ -273,6 +273,8 @@ private:
             result_.across = run.session.rig()->rest().across;
             diagonal_ = bounding_box(geometry.samples).size().norm();
             result_.reference = run.session.patch().samples;
+            check_count(result_.reference, input_.against);
+            compare_with_elsewhere(row, result_.reference);
             row.parts = parts_of(row.of, run.session);
             describe(row, run.session);
             keep_warnings(row, run.session);
@@ -326,11 +328,11 @@ private:
             if (!is_first)
                 return;
             const std::vector<Eigen::Vector3d>& samples = run.session.patch().samples;
-            if (samples.size() != result_.reference.size())
-                throw Error(Fault::File, input_.model + ": changed while it was swept");
+            check_count(samples, result_.reference);
             describe(row, run.session);
             keep_warnings(row, run.session);
             row.error = deviation(samples, result_.reference, diagonal_);
+            compare_with_elsewhere(row, samples);
             row.parts = parts_of(row.of, run.session);
             compare_with_coarser(r, samples);
         }
@@ -341,6 +343,21 @@ private:
             row.failure = error.what();
             result_.warnings.push_back(case_name(row.of) + ": " + row.failure);
         }
+    }
+
+    /// The model is read anew for each run.
+    void check_count(const std::vector<Eigen::Vector3d>& samples,
+                     const std::vector<Eigen::Vector3d>& others) const
+    {
+        if (!others.empty() && samples.size() != others.size())
+            throw Error(Fault::File, input_.model + ": changed while it was swept");
+    }
+
+    void compare_with_elsewhere(SweepRow& row,
+                                const std::vector<Eigen::Vector3d>& samples) const
+    {
+        if (!input_.against.empty())
+            row.against = deviation(samples, input_.against, diagonal_);
     }
 
     void compare_with_coarser(std::size_t r, const std::vector<Eigen::Vector3d>& samples)
@@ -391,6 +408,21 @@ private:
 };
 
 } // namespace
+
+std::vector<Eigen::Vector3d> read_against(const std::string& path,
+                                          const SweepInput& input)
+{
+    std::vector<Eigen::Vector3d> samples =
+        read_geometry(path, input.read).geometry.samples;
+    const std::size_t wanted =
+        read_geometry(input.model, input.read).geometry.samples.size();
+    if (samples.size() != wanted)
+        throw malformed(
+            {path, 0, ""},
+            fmt::format("has {} samples, need {}, those of {} in the same order",
+                        samples.size(), wanted, input.model));
+    return samples;
+}
 
 std::string kind_name(SweepKind kind)
 {

@@ -68,7 +68,14 @@ struct SweepInput
     std::string model;
     ReadOptions read;
     HandleFile handles;
+    /// A result from elsewhere, with which every row is compared; empty: none.
+    std::vector<Eigen::Vector3d> against = {};
 };
+
+/// The samples of a result from elsewhere, in any format that is read. Throws
+/// Fault::Malformed where they are not as many as those of \p input's model.
+std::vector<Eigen::Vector3d> read_against(const std::string& path,
+                                          const SweepInput& input);
 
 struct SweepSettings
 {
@@ -117,6 +124,8 @@ struct SweepRow
     std::string failure; ///< why there is no result; all below is empty then
     Deviation error;     ///< after the last frame, from the reference
     ErrorParts parts;
+    /// From the result that comes from elsewhere, if there is one.
+    std::optional<Deviation> against;
     /// Of uniform cells: the distance from those one level coarser.
     std::optional<Deviation> from_coarser;
     std::size_t cells = 0; ///< of the last stage, as those below
@@ -167,7 +176,8 @@ std::vector<SweepCase> sweep_cases(const SweepSettings& settings);
 /// Runs the reference, then all cases \p settings.runs times in turn, so that what slows
 /// the machine for a while meets all of them. A case that a budget or its regions forbid
 /// gets a row that says so. Throws Error where the reference cannot be had;
-/// Fault::Budget then names a max_depth that can. \pre there is a frame
+/// Fault::Budget then names a max_depth that can. \pre there is a frame; what the rows
+/// are compared with has as many samples as the model
 SweepResult run_sweep(const SweepInput& input, const SweepSettings& settings,
                       const std::function<void(const SweepProgress&)>& watch = {});
 

@@ -100,6 +100,15 @@ nlohmann::json without_times(nlohmann::json json)
     return json;
 }
 
+/// The samples of a file as text in columns: another format than the bar's.
+std::string as_columns(const std::string& path)
+{
+    std::string text;
+    for (const Eigen::Vector3d& x : read_geometry(path).geometry.samples)
+        text += shortest(x.x()) + " " + shortest(x.y()) + " " + shortest(x.z()) + "\n";
+    return text;
+}
+
 } // namespace
 
 TEST(SweepCommand, csv_has_its_columns_and_a_line_for_every_run)
@@ -168,6 +177,70 @@ TEST(SweepCommand, json_has_every_key_and_goes_to_stdout_too)
     EXPECT_TRUE(json["rows"][1]["error_parts"]["field"].is_null());
     EXPECT_TRUE(json["rows"][0]["threshold"].is_null());
     EXPECT_EQ(json["rows"][3]["threshold"], 1e-2);
+}
+
+TEST(SweepCommand, every_run_is_compared_with_a_file_from_elsewhere)
+{
+    const Files files;
+    ASSERT_EQ(run({"deform", files.model, "--handles", files.handles, "-o", files.out,
+                   "--across", "8", "--gap", "0.1", "--max-depth", "0"})
+                  .code,
+              0);
+    const std::string other = files.folder.write("other.xyz", as_columns(files.out));
+    const Result result = files.sweep({"--no-pictures", "--json", "--against", other});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const std::string csv = files.report("report.csv");
+    EXPECT_TRUE(contains(csv, ",gradient,stop,scene,against_max,against_rms\n"));
+    const auto rows = parsed_csv(csv);
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    EXPECT_EQ(json["against"], other);
+    ASSERT_EQ(json["rows"].size(), rows.size());
+    for (std::size_t r = 0; r < rows.size(); ++r)
+    {
+        SCOPED_TRACE(rows[r].at("kind") + " " + rows[r].at("interpolator"));
+        const double largest = parse_double(rows[r].at("against_max")).value();
+        const double rms = parse_double(rows[r].at("against_rms")).value();
+        EXPECT_EQ(json["rows"][r]["against_max"], largest);
+        EXPECT_EQ(json["rows"][r]["against_rms"], rms);
+        EXPECT_LE(rms, largest);
+        EXPECT_LT(largest, 0.1);
+    }
+    EXPECT_EQ(rows[1].at("against_max"), "0") << "the cells that the file is from";
+    EXPECT_GT(parse_double(rows[0].at("against_rms")).value(), 1e-4);
+    const std::string page = files.report("report.html");
+    for (const char* part :
+         {"Against a result from elsewhere", "RMS distance from elsewhere over seconds",
+          "<th>largest from elsewhere</th>", "other.xyz"})
+        EXPECT_TRUE(contains(page, part)) << part;
+}
+
+TEST(SweepCommand, without_a_file_from_elsewhere_no_report_tells_of_one)
+{
+    const Files files;
+    const Result result = files.sweep({"--no-pictures", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    for (const std::string& text :
+         {result.out, files.report("report.csv"), files.report("report.html")})
+        EXPECT_FALSE(contains(text, "against_") || contains(text, "elsewhere"));
+}
+
+TEST(SweepCommand, a_file_from_elsewhere_that_does_not_fit_fails_before_any_work)
+{
+    const Files files;
+    const std::string few = files.folder.write("few.xyz", "0 0 0\n1 0 0\n");
+    const std::string bad = files.folder.write("bad.xyz", "0 0 zero\n");
+    // So few cells that the work itself would fail with 5.
+    const auto against = [&](const std::string& path) {
+        return files.sweep({"--no-pictures", "--max-cells", "10", "--against", path});
+    };
+    const Result of_few = against(few);
+    EXPECT_EQ(of_few.code, 3);
+    EXPECT_TRUE(contains(of_few.err, "error: " + few + ": has 2 samples, need "))
+        << of_few.err;
+    EXPECT_EQ(against(bad).code, 3);
+    EXPECT_EQ(against(files.folder / "none.obj").code, 4);
+    EXPECT_EQ(against(files.model).code, 5);
+    EXPECT_FALSE(std::filesystem::exists(files.reports));
 }
 
 TEST(SweepCommand, reports_are_the_same_but_for_times_and_memory)

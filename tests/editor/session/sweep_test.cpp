@@ -173,6 +173,39 @@ TEST(Sweep, fields_have_names_that_read_back)
         EXPECT_FALSE(field_of_name(name)) << name;
 }
 
+TEST(Sweep, every_row_is_compared_with_a_result_from_elsewhere)
+{
+    SweptBar bar;
+    bar.settings.max_depth = 1;
+    const SweepResult alone = bar.run();
+    for (const SweepRow& row : alone.rows)
+        EXPECT_FALSE(row.against);
+    bar.input.against = alone.reference;
+    for (const SweepRow& row : bar.run().rows)
+    {
+        SCOPED_TRACE(case_name(row.of));
+        EXPECT_EQ(row.against.value().largest, row.error.largest);
+        EXPECT_EQ(row.against.value().rms, row.error.rms);
+    }
+    const double diagonal = std::sqrt(1.0 + 1.0 + 16.0);
+    for (Eigen::Vector3d& x : bar.input.against)
+        x.y() += 0.5 * diagonal;
+    const SweepRow& reference = bar.run().rows.front();
+    EXPECT_NEAR(reference.against.value().largest, 0.5, 1e-12);
+    EXPECT_NEAR(reference.against.value().rms, 0.5, 1e-12);
+}
+
+TEST(Sweep, a_result_from_elsewhere_has_as_many_samples_as_the_model)
+{
+    const SweptBar bar;
+    const std::string other = bar.folder.write("other.xyz", "0 0 0\n1 0 0\n");
+    const std::size_t count = read_geometry(bar.input.model).geometry.samples.size();
+    EXPECT_EQ(error_of(Fault::Malformed, [&] { read_against(other, bar.input); }),
+              other + ": has 2 samples, need " + std::to_string(count) + ", those of " +
+                  bar.input.model + " in the same order");
+    EXPECT_EQ(read_against(bar.input.model, bar.input).size(), count);
+}
+
 TEST(Sweep, distances_are_of_the_diagonal)
 {
     const std::vector<Eigen::Vector3d> a = {{0, 0, 0}, {1, 0, 0}},
