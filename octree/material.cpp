@@ -7,6 +7,7 @@
 
 #include "octree/distance_transform.h"
 #include "octree/flood.h"
+#include "octree/hollows.h"
 #include "octree/point_tree.h"
 #include "octree/surface_marks.h"
 #include "octree/winding.h"
@@ -18,9 +19,16 @@ namespace
 {
 
 /// Largest opening that is closed to find an inside, as a radius [of the diagonal].
-/// The bunny's two base holes need 0.03; a bowl, about as wide as it is long, stays
-/// a shell.
+/// The bunny's two base holes need 0.03.
 constexpr double kMaxSealRadius = 0.04;
+
+/// Above this radius of an opening [of the diagonal] hollows are nearer to the closed
+/// shape than what a flood leaves (the table in README, "Wide openings").
+constexpr double kWideRadius = 0.015;
+
+/// Largest opening of a hollow, as a radius [of the diagonal]. A pot without its lid is
+/// solid; the sample vase, whose rim needs 0.16, stays a shell.
+constexpr double kMaxHollowRadius = 0.125;
 
 /// A surface counts as nearly closed below this share of open edges. A soup that
 /// lost every third triangle has more than half of its edges open.
@@ -32,6 +40,15 @@ int max_seal_radius(const GridShape& grid_shape)
     return std::clamp(
         static_cast<int>(kMaxSealRadius * grid_shape.size.norm() / grid_shape.voxel()), 1,
         100);
+}
+
+/// Which openings are closed where a flood needed \p seal_radius [voxel] (negative: where
+/// it found no inside up to \p max_seal). Below two voxels marks are no surface.
+Openings wide_openings(const GridShape& grid_shape, double seal_radius, double max_seal)
+{
+    const double narrowest = std::max(2.0, seal_radius < 0 ? max_seal : seal_radius);
+    const double widest = kMaxHollowRadius * grid_shape.size.norm() / grid_shape.voxel();
+    return {narrowest, std::max(narrowest, widest)};
 }
 
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
@@ -83,7 +100,8 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
 double material_bytes(const GridShape& grid_shape)
 {
     // The flood works on a grid with a border: marks, two bytes; distances, four, in a
-    // sweep each; the grid itself: marks, labels and distances.
+    // sweep each; the grid itself: marks, labels and distances. Hollows, with a narrower
+    // border and after the flood, take less.
     const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
     const Eigen::Array3d inner =
         grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
@@ -120,21 +138,43 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
         std::vector<std::uint8_t> votes;
         if (open < kNearlyClosed)
             votes = inside_votes(shape, triangles, grid);
-        const double radius =
-            fill_by_flood(grid, max_radius,
-                          [&](std::size_t i) { return votes.empty() || votes[i] >= 4; });
+        const auto may_fill = [&](std::size_t i)
+        { return votes.empty() || votes[i] >= 4; };
+        const double radius = fill_by_flood(grid, max_radius, may_fill);
         if (radius >= 0)
         {
             material.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
             material.seal_radius = radius * voxel;
             // A voxel on either side counts as well.
             material.joins_below = (2.0 * radius + 2.0) * voxel;
+        }
+        if (radius < 0 || radius * voxel > kWideRadius * grid_shape.size.norm())
+        {
+            std::vector<std::uint8_t> flooded = std::move(grid.material());
+            grid.material() = marks;
+            const double closed = fill_hollows(
+                grid, wide_openings(grid_shape, radius, max_radius), may_fill);
+            if (closed >= 0)
+            {
+                material.method = InsideMethod::Wrap;
+                material.seal_radius = closed * voxel;
+            }
+            else
+                grid.material() = std::move(flooded);
+        }
+        if (material.method != InsideMethod::None)
+        {
+            // How far the inside may be from the marks around it [voxel].
+            const double away = material.method == InsideMethod::Wrap ? 1.0 : radius;
             if (is_cloud)
-                spread_sheets(grid, marks,
-                              std::max<double>(radius, reach_of_samples) + 1.0,
+                spread_sheets(grid, marks, std::max<double>(away, reach_of_samples) + 1.0,
                               0.5 * (reach_of_samples + 1));
-            join_fragments(grid,
-                           std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
+            const int reach =
+                std::max({1, reach_of_samples, static_cast<int>(2 * radius)});
+            join_fragments(grid, reach);
+            if (reach_of_samples > 0)
+                material.joins_below =
+                    std::max(material.joins_below, (reach + 2.0) * voxel);
             return material;
         }
     }
@@ -157,6 +197,8 @@ const char* inside_name(InsideMethod method)
         return "rays";
     case InsideMethod::Flood:
         return "flood";
+    case InsideMethod::Wrap:
+        return "wrap";
     case InsideMethod::None:
         break;
     }
