@@ -7,6 +7,7 @@
 
 #include "octree/distance_transform.h"
 #include "octree/flood.h"
+#include "octree/hollows.h"
 #include "octree/point_tree.h"
 #include "octree/surface_marks.h"
 #include "octree/touching.h"
@@ -19,9 +20,16 @@ namespace
 {
 
 /// Largest opening that is closed to find an inside, as a radius [of the diagonal].
-/// The bunny's two base holes need 0.03; a bowl, about as wide as it is long, stays
-/// a shell.
+/// The bunny's two base holes need 0.03.
 constexpr double kMaxSealRadius = 0.04;
+
+/// Above this radius of an opening [of the diagonal] hollows are nearer to the closed
+/// shape than what a flood leaves (the table in README, "Wide openings").
+constexpr double kWideRadius = 0.015;
+
+/// Largest opening of a hollow, as a radius [of the diagonal]. A pot without its lid is
+/// solid; the sample vase, whose rim needs 0.16, stays a shell.
+constexpr double kMaxHollowRadius = 0.125;
 
 /// A surface counts as nearly closed below this share of open edges. A soup that
 /// lost every third triangle has more than half of its edges open.
@@ -42,6 +50,15 @@ std::vector<std::uint8_t> beyond_marks(std::vector<std::uint8_t> is_inside,
     for (std::size_t i = 0; i < is_inside.size(); ++i)
         is_inside[i] = is_inside[i] && !marks[i];
     return is_inside;
+}
+
+/// Which openings are closed where a flood needed \p seal_radius [voxel] (negative: where
+/// it found no inside up to \p max_seal). Below two voxels marks are no surface.
+Openings wide_openings(const GridShape& grid_shape, double seal_radius, double max_seal)
+{
+    const double narrowest = std::max(2.0, seal_radius < 0 ? max_seal : seal_radius);
+    const double widest = kMaxHollowRadius * grid_shape.size.norm() / grid_shape.voxel();
+    return {narrowest, std::max(narrowest, widest)};
 }
 
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
@@ -113,7 +130,8 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
 double material_bytes(const GridShape& grid_shape)
 {
     // The flood works on a grid with a border: marks, two bytes; distances, four, in a
-    // sweep each; the grid itself: marks, labels and distances.
+    // sweep each; the grid itself: marks, labels and distances. Hollows, with a narrower
+    // border and after the flood, take less.
     const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
     const Eigen::Array3d inner =
         grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
@@ -160,6 +178,84 @@ void hold_samples(const Shape& shape, VoxelGrid& grid)
                        { grid.material()[grid.index(voxel)] = 1; });
 }
 
+/// The inside of a shape that no closed surface bounds.
+struct OpenInside
+{
+    InsideMethod method = InsideMethod::None;
+    std::vector<std::uint8_t> is_inside; ///< of each voxel
+    double flood_radius = -1.0; ///< at which the flood was kept out [voxel]; -1: at none
+    double seal_radius = 0.0;   ///< of the widest opening that was closed [voxel]
+};
+
+/// \p votes: inside_votes() of a nearly closed surface, else empty.
+OpenInside open_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
+                       const std::vector<std::uint8_t>& votes)
+{
+    const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };
+    const GridShape& shape = grid.shape();
+    const int max_radius = max_seal_radius(shape);
+    EnclosedVoxels flooded = enclosed_voxels(grid, marks, max_radius, may_fill);
+    const double radius = flooded.radius;
+    OpenInside found{InsideMethod::None, std::move(flooded.is_inside), radius,
+                     std::max(radius, 0.0)};
+    if (radius >= 0)
+        found.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
+    if (radius < 0 || radius * shape.voxel() > kWideRadius * shape.size.norm())
+    {
+        EnclosedVoxels hollows = hollow_voxels(
+            grid, marks, wide_openings(shape, radius, max_radius), may_fill);
+        if (hollows.radius >= 0)
+        {
+            found.method = InsideMethod::Wrap;
+            found.is_inside = std::move(hollows.is_inside);
+            found.seal_radius = hollows.radius;
+        }
+    }
+    // Rays tell of each voxel whether it is inside; the others only of those beyond the
+    // marks.
+    if (found.method != InsideMethod::Votes)
+        add_touched_inside(grid, marks, found.is_inside);
+    return found;
+}
+
+/// Of a shape that encloses nothing: a cloud's points are spread to their spacing.
+void make_shell(const std::vector<std::uint8_t>& marks, int reach_of_samples,
+                Material& material)
+{
+    if (reach_of_samples > 0)
+    {
+        material.joins_below = (reach_of_samples + 3.0) * material.grid.shape().voxel();
+        spread(material.grid, marks, 0.5 * (reach_of_samples + 1));
+        join_fragments(material.grid, reach_of_samples);
+    }
+    material.is_sheet = material.grid.material();
+}
+
+/// Joins what the samples leave apart, and tells the sheets from what bounds the inside.
+void join_open_parts(const OpenInside& found, const std::vector<std::uint8_t>& marks,
+                     int reach_of_samples, Material& material)
+{
+    VoxelGrid& grid = material.grid;
+    const double voxel = grid.shape().voxel();
+    material.method = found.method;
+    material.seal_radius = found.seal_radius * voxel;
+    const int reach =
+        std::max({1, reach_of_samples, static_cast<int>(2 * found.flood_radius)});
+    // A voxel on either side counts as well.
+    if (found.flood_radius >= 0)
+        material.joins_below = (2.0 * found.flood_radius + 2.0) * voxel;
+    if (reach_of_samples > 0)
+        material.joins_below = std::max(material.joins_below, (reach + 2.0) * voxel);
+    // How far the inside may be from the marks around it.
+    const double away = found.method == InsideMethod::Wrap ? 1.0 : found.flood_radius;
+    const double wall = std::max<double>(away, reach_of_samples) + 1.0;
+    const std::vector<std::uint8_t> inside = beyond_marks(found.is_inside, marks);
+    if (reach_of_samples > 0)
+        spread_sheets(grid, marks, inside, wall, 0.5 * (reach_of_samples + 1));
+    join_fragments(grid, reach);
+    material.is_sheet = sheet_voxels(grid, inside, std::max(wall, kWall));
+}
+
 } // namespace
 
 Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill)
@@ -167,67 +263,43 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
     const std::vector<std::uint8_t> marks = surface_marks(shape, grid);
-    const double voxel = grid_shape.voxel();
-    const bool is_cloud = shape.triangles.empty();
-    if (is_cloud)
+    if (shape.triangles.empty())
         material.spacing = point_spacing(shape.samples);
-    const int max_radius = max_seal_radius(grid_shape);
     // How far apart neighbouring samples of a cloud are [voxel].
     const int reach_of_samples =
         material.spacing > 0
-            ? std::clamp(static_cast<int>(std::ceil(material.spacing / voxel)), 1,
-                         max_radius)
+            ? std::clamp(
+                  static_cast<int>(std::ceil(material.spacing / grid_shape.voxel())), 1,
+                  max_seal_radius(grid_shape))
             : 0;
-    EnclosedVoxels enclosed{-1.0, std::vector<std::uint8_t>(grid.size(), 0)};
+    const auto settle = [&](const std::vector<std::uint8_t>& is_inside)
+    {
+        settle_material(grid, marks, is_inside);
+        hold_samples(shape, grid);
+    };
     if (fill == Fill::Solid)
     {
         const std::vector<Triangle> triangles = bounding_triangles(shape);
         const double open = open_edge_share(triangles);
         if (open == 0.0)
         {
-            enclosed.is_inside = inside_by_winding(shape, triangles, grid);
             material.method = InsideMethod::Winding;
+            settle(inside_by_winding(shape, triangles, grid));
+            return material;
         }
-        else
+        const OpenInside found =
+            open_inside(grid, marks,
+                        open < kNearlyClosed ? inside_votes(shape, triangles, grid)
+                                             : std::vector<std::uint8_t>());
+        if (found.method != InsideMethod::None)
         {
-            std::vector<std::uint8_t> votes;
-            if (open < kNearlyClosed)
-                votes = inside_votes(shape, triangles, grid);
-            enclosed = enclosed_voxels(grid, marks, max_radius,
-                                       [&](std::size_t i)
-                                       { return votes.empty() || votes[i] >= 4; });
-            if (enclosed.radius >= 0)
-                material.method =
-                    votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
-            if (votes.empty())
-                add_touched_inside(grid, marks, enclosed.is_inside);
+            settle(found.is_inside);
+            join_open_parts(found, marks, reach_of_samples, material);
+            return material;
         }
     }
-    settle_material(grid, marks, enclosed.is_inside);
-    hold_samples(shape, grid);
-    if (material.method == InsideMethod::Winding)
-        return material;
-    if (material.method == InsideMethod::None)
-    {
-        if (reach_of_samples > 0)
-        {
-            material.joins_below = (reach_of_samples + 3.0) * voxel;
-            spread(grid, marks, 0.5 * (reach_of_samples + 1));
-            join_fragments(grid, reach_of_samples);
-        }
-        material.is_sheet = grid.material();
-        return material;
-    }
-    const double radius = enclosed.radius;
-    material.seal_radius = radius * voxel;
-    // A voxel on either side counts as well.
-    material.joins_below = (2.0 * radius + 2.0) * voxel;
-    const std::vector<std::uint8_t> inside = beyond_marks(enclosed.is_inside, marks);
-    const double wall = std::max<double>(radius, reach_of_samples) + 1.0;
-    if (is_cloud)
-        spread_sheets(grid, marks, inside, wall, 0.5 * (reach_of_samples + 1));
-    join_fragments(grid, std::max({1, reach_of_samples, static_cast<int>(2 * radius)}));
-    material.is_sheet = sheet_voxels(grid, inside, std::max(wall, kWall));
+    settle(std::vector<std::uint8_t>(grid.size(), 0));
+    make_shell(marks, reach_of_samples, material);
     return material;
 }
 
@@ -241,6 +313,8 @@ const char* inside_name(InsideMethod method)
         return "rays";
     case InsideMethod::Flood:
         return "flood";
+    case InsideMethod::Wrap:
+        return "wrap";
     case InsideMethod::None:
         break;
     }

@@ -37,10 +37,11 @@ enum class InsideMethod
     None,    ///< shell
     Winding, ///< closed surface: winding number
     Votes,   ///< nearly closed surface: most of six rays
-    Flood    ///< soup or cloud: what a flood from outside does not reach
+    Flood,   ///< soup or cloud: what a flood from outside does not reach
+    Wrap     ///< wide openings: hollows behind them, in an alpha wrap
 };
 
-/// "winding number", "rays", "flood", or "none".
+/// "winding number", "rays", "flood", "wrap" or "none".
 const char* inside_name(InsideMethod method);
 
 struct Material

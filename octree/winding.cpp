@@ -11,6 +11,8 @@
 #include <tuple>
 #include <utility>
 
+#include "octree/wrap/side.h"
+
 namespace cellwarp
 {
 
@@ -60,18 +62,49 @@ struct Crossing
     }
 };
 
-/// Side of the point (x, y) seen along the edge a -> b, never 0: a point on the
-/// edge counts as moved by an infinitely small (e, e^2), the same for both
-/// triangles of the edge.
+/// Side of the point (x, y) seen along the edge a -> b: a point on the edge counts as
+/// moved by an infinitely small (e, e^2), the same for all edges. With exact signs every
+/// column is beside every vertex and edge, and a closed surface has as many ways in as
+/// out. 0 if the edge is a point.
 int side(const double* a, const double* b, double x, double y)
 {
+    // The order of the ends counts where signs are rounded.
     const bool swapped = std::pair(b[0], b[1]) < std::pair(a[0], a[1]);
     if (swapped)
         std::swap(a, b);
-    const double cross = (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
-    const double value = cross != 0 ? cross : b[1] != a[1] ? -(b[1] - a[1]) : b[0] - a[0];
-    const int sign = value > 0 ? 1 : value < 0 ? -1 : 0;
+    int sign = side_of_line(a, b, x, y);
+    if (sign == 0)
+        sign = a[1] < b[1] ? -1 : a[1] > b[1] || a[0] < b[0] ? 1 : 0;
     return swapped ? -sign : sign;
+}
+
+/// Height at (x, y), in the triangle of corners p with heights h. Between the two edges
+/// that a line along the shorter side of its projection meets: safe for needles.
+double height_at(const double (&p)[3][2], const double (&h)[3], double x, double y)
+{
+    const auto extent = [&](int d) {
+        return std::max({p[0][d], p[1][d], p[2][d]}) -
+               std::min({p[0][d], p[1][d], p[2][d]});
+    };
+    const int along = extent(0) >= extent(1) ? 0 : 1, across = 1 - along;
+    const double at = along == 0 ? x : y, place = along == 0 ? y : x;
+    double ends[2], heights[2];
+    int met = 0;
+    for (int k = 0; k < 3; ++k)
+    {
+        const int next = (k + 1) % 3;
+        if ((p[k][along] <= at) == (p[next][along] <= at))
+            continue;
+        const double t = (at - p[k][along]) / (p[next][along] - p[k][along]);
+        ends[met] = p[k][across] + t * (p[next][across] - p[k][across]);
+        heights[met++] = h[k] + t * (h[next] - h[k]);
+    }
+    if (met < 2) // the point is at the triangle's end
+        return *std::max_element(h, h + 3);
+    if (ends[0] == ends[1])
+        return 0.5 * (heights[0] + heights[1]);
+    const double s = std::clamp((place - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
+    return heights[0] + s * (heights[1] - heights[0]);
 }
 
 std::vector<Crossing> crossings(const Shape& shape,
@@ -107,22 +140,11 @@ std::vector<Crossing> crossings(const Shape& shape,
                           s2 = side(p[2], p[0], x, y);
                 if (s0 != s1 || s1 != s2 || s0 == 0)
                     continue;
-                const double area = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) -
-                                    (p[1][1] - p[0][1]) * (p[2][0] - p[0][0]);
-                if (area == 0)
-                    continue;
-                const double w1 = ((x - p[0][0]) * (p[2][1] - p[0][1]) -
-                                   (y - p[0][1]) * (p[2][0] - p[0][0])) /
-                                  area;
-                const double w2 = ((p[1][0] - p[0][0]) * (y - p[0][1]) -
-                                   (p[1][1] - p[0][1]) * (x - p[0][0])) /
-                                  area;
                 const std::uint64_t column =
                     static_cast<std::uint64_t>(j) *
                         static_cast<std::uint64_t>(grid.counts()[u]) +
                     static_cast<std::uint64_t>(i);
-                found.push_back(
-                    {column, h[0] + w1 * (h[1] - h[0]) + w2 * (h[2] - h[0]), s0});
+                found.push_back({column, height_at(p, h, x, y), s0});
             }
     }
     std::sort(found.begin(), found.end());

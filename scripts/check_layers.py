@@ -12,7 +12,8 @@ import sys
 ROOMS = {
     "io": {"io", "io/import"},
     "io/import": {"io/import", "io"},
-    "octree": {"octree"},
+    "octree": {"octree", "octree/wrap"},
+    "octree/wrap": {"octree/wrap", "octree"},
     "solver": {"solver", "octree"},
     "solver/field": {"solver/field", "solver", "octree"},
     "editor/session": {"editor/session", "io", "octree", "solver", "solver/field"},
@@ -49,11 +50,13 @@ LIBRARIES = {
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
-    "CGAL/": {"tests/bench/arap_peer.cpp", "tests/bench/tet_fill.cpp"},
+    "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "tests/bench/arap_peer.cpp",
+              "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
-            "io/import": {"io/geometry.cpp"}}
+            "io/import": {"io/geometry.cpp"},
+            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 

@@ -29,6 +29,8 @@ for path, text in (("octree/b.cpp", '#include "solver/glue.h"\n'),
                    ("io/b.cpp", '#include "octree/a.h"\n'),
                    ("solver/b.cpp", '#include "solver/field/rbf.h"\n'),
                    ("solver/b.cpp", "#include <cholmod.h>\n"),
+                   ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n"),
+                   ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n'),
                    ("editor/cli/deform.cpp", '#include "editor/picture/picture.h"\n'),
                    ("editor/session/b.cpp", '#include "utils/x.h"\n')):
     code, message = check({**good, path: text})

@@ -20,6 +20,9 @@ namespace
 /// no two parts farther apart than the gap touch voxels that share a face.
 const double kVoxelsPerGap = std::sqrt(6.0);
 
+/// A wider opening is worth a word before it is closed [diagonal].
+constexpr double kWideOpening = 0.08;
+
 /// By how much samples may lie outside a given frame [diagonal].
 constexpr double kFrameSlack = 1e-6;
 
@@ -142,6 +145,12 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     std::vector<std::string> warnings;
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None)
         warnings.push_back("nothing is enclosed: the shape is treated as a shell");
+    const double opening = 2.0 * material.seal_radius / frame.diagonal();
+    if (opening > kWideOpening)
+        warnings.push_back(
+            fmt::format("an opening of about {:.2g} of the diagonal is taken as closed: "
+                        "the shape is solid (--fill shell leaves it open)",
+                        opening));
     const double joined = material.joins_below / frame.diagonal();
     if (joined > settings.gap)
         warnings.push_back(fmt::format(

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a build without CGAL has instead of a wrap.
+#include "octree/wrap/wrap.h"
+
+namespace cellwarp
+{
+
+bool has_alpha_wrap()
+{
+    return false;
+}
+
+Shape alpha_wrap(std::span<const Eigen::Vector3d>, double, double)
+{
+    return {};
+}
+
+} // namespace cellwarp

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/wrap/wrap.h"
+
+#include <cfenv>
+#include <numbers>
+#include <thread>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "octree/winding.h"
+#include "tests/support/pot.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+double volume(const Shape& shape)
+{
+    double six = 0.0;
+    for (const Triangle& t : shape.triangles)
+        six += shape.samples[t[0]].dot(shape.samples[t[1]].cross(shape.samples[t[2]]));
+    return six / 6.0;
+}
+
+} // namespace
+
+TEST(AlphaWrap, is_closed_and_holds_all_points_at_its_offset)
+{
+    const Shape ball =
+        support::level_set([](const Eigen::Vector3d& x) { return x.norm() - 1.0; },
+                           {-1.2, -1.2, -1.2}, {1.2, 1.2, 1.2}, 0.1);
+    const Shape wrap = alpha_wrap(ball.samples, 0.3, 0.05);
+    EXPECT_EQ(open_edge_share(wrap.triangles), 0.0);
+    // Between the ball and the ball of its offset, but for the flat of its triangles.
+    EXPECT_GT(volume(wrap), 0.97 * 4.0 / 3.0 * std::numbers::pi);
+    EXPECT_LT(volume(wrap), 4.0 / 3.0 * std::numbers::pi * 1.05 * 1.05 * 1.05);
+    EXPECT_TRUE(has_alpha_wrap());
+}
+
+TEST(AlphaWrap, closes_what_a_ball_cannot_enter)
+{
+    const Shape pot = support::pot(0.08);
+    const Shape open = support::with_hole(pot, {0, 0.8, 0}, 0.4);
+    EXPECT_GT(volume(alpha_wrap(open.samples, 0.6, 0.03)), volume(pot));
+    EXPECT_LT(volume(alpha_wrap(open.samples, 0.3, 0.03)), 0.5 * volume(pot));
+}
+
+TEST(AlphaWrap, is_the_same_in_every_thread_and_leaves_the_rounding_alone)
+{
+    const Shape pot = support::pot(0.1);
+    const Shape first = alpha_wrap(pot.samples, 0.2, 0.03);
+    Shape second;
+    std::thread([&] { second = alpha_wrap(pot.samples, 0.2, 0.03); }).join();
+    EXPECT_EQ(first.samples, second.samples);
+    EXPECT_EQ(first.triangles, second.triangles);
+    EXPECT_EQ(std::fegetround(), FE_TONEAREST);
+}
+
+TEST(AlphaWrap, of_no_points_is_empty)
+{
+    EXPECT_TRUE(alpha_wrap({}, 0.2, 0.03).triangles.empty());
+}
+
+} // namespace cellwarp
