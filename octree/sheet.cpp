@@ -43,6 +43,10 @@ constexpr std::size_t kNeighbours = 12;
 /// each counts the less: so the number of squares between two cells varies little.
 constexpr double kOverlap = 2.0;
 
+/// How wide the strip is at the most in which a plane cuts a sheet [thickness], unless a
+/// leaf is wider.
+constexpr double kWidest = 4.0;
+
 using Polygon = std::vector<Eigen::Vector3d>;
 
 /// Cuts triangles (corners in voxel units) at the planes between finest leaves.
@@ -213,11 +217,12 @@ private:
         }
         std::sort(cuts.begin(), cuts.end());
         const double length = (to - from).norm();
-        // Of a sheet that nearly lies in the plane the strip ends with the leaf.
+        // Of a sheet that nearly lies in the plane the strip ends somewhere.
         const double slant =
             std::sqrt(std::max(0.0, 1.0 - normal_[axis] * normal_[axis]));
         const double thickness = out_.thickness / grid().shape().voxel();
-        const double across = std::min(thickness / std::max(slant, 1e-12), width());
+        const double widest = std::max(kWidest * thickness, width());
+        const double across = std::min(thickness / std::max(slant, 1e-12), widest);
         for (std::size_t k = 1; k < cuts.size(); ++k)
         {
             const double part = (cuts[k] - cuts[k - 1]) * length;

@@ -371,6 +371,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         maybe(scene.max_depth, std::int64_t(rng() % 21));
         maybe(scene.threshold, double(rng()) * 5e-324);
         maybe(scene.gap, 1e-6 + double(rng()) / 3e10);
+        maybe(scene.thickness, 1e-6 + double(rng()) / 3e10);
         maybe(scene.max_cells, std::int64_t(1 + rng() / 2));
         if (rng() % 2)
         {
@@ -395,6 +396,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         EXPECT_EQ(again.max_depth, scene.max_depth);
         EXPECT_EQ(again.threshold, scene.threshold);
         EXPECT_EQ(again.gap, scene.gap);
+        EXPECT_EQ(again.thickness, scene.thickness);
         EXPECT_EQ(again.max_cells, scene.max_cells);
         EXPECT_EQ(again.drag, scene.drag);
         EXPECT_EQ(again.release, scene.release);

@@ -31,7 +31,7 @@ TEST(SceneFile, reads_every_key)
     const SceneFile scene = parse_scene("dir/s.json", R"({
         "cellwarp": 1, "model": "a.obj", "handles": "/b.handles",
         "cells": {"fill": "shell", "across": 20, "max_depth": 2, "threshold": 0.01,
-                  "gap": 0.02, "max_cells": 5000,
+                  "gap": 0.02, "thickness": 0.03, "max_cells": 5000,
                   "frame": {"origin": [1, 2, 3], "axes": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
                             "size": [4, 5, 0]}},
         "field": {"drag": "closest4", "release": "rbf-global"}})");
@@ -42,6 +42,7 @@ TEST(SceneFile, reads_every_key)
     EXPECT_EQ(scene.max_depth, 2);
     EXPECT_EQ(scene.threshold, 0.01);
     EXPECT_EQ(scene.gap, 0.02);
+    EXPECT_EQ(scene.thickness, 0.03);
     EXPECT_EQ(scene.max_cells, 5000);
     ASSERT_TRUE(scene.frame);
     EXPECT_EQ(scene.frame->axes[1][0], -1.0);

@@ -100,6 +100,16 @@ TEST(Sheet, has_cross_sections_of_its_own_volume_however_it_lies)
     }
 }
 
+TEST(Sheet, has_cross_sections_of_its_own_volume_in_cells_smaller_than_it_is_thick)
+{
+    // Leaves of 0.0125 at the deepest level, and a thickness of 0.04.
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 0).normalized()).matrix();
+    const Eigen::Vector3d volumes = volumes_of(cut(sheet(R, 20), 60, 2).cells);
+    for (int axis = 0; axis < 2; ++axis)
+        EXPECT_NEAR(volumes[axis], 6.0 * kThickness, 0.05 * 6.0 * kThickness) << axis;
+}
+
 TEST(Sheet, in_a_plane_between_cells_belongs_to_both_sides)
 {
     // Two crossed sheets put the middle of the box, and so that of the first, between
