@@ -40,19 +40,6 @@ Shape prism(const std::vector<Eigen::Vector2d>& corners,
 
 } // namespace
 
-Shape comb()
-{
-    return prism({{0, 0},
-                  {4, 0},
-                  {4, 0.45},
-                  {1.98, 0.45},
-                  {1.98, 0.55},
-                  {4, 0.55},
-                  {4, 1},
-                  {0, 1}},
-                 {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 7}, {4, 5, 6}, {4, 6, 7}});
-}
-
 Shape angle(double width)
 {
     return prism({{0, 0}, {4, 0}, {4, width}, {1 + width, width}, {1 + width, 2}, {0, 2}},

@@ -7,9 +7,6 @@
 namespace cellwarp::support
 {
 
-/// 4 x 1 x 1 with a slit 0.1 wide from one end to x = 1.98: two fingers.
-Shape comb();
-
 /// Two bars at a right angle, 4 x 2 x 1: the one along x up to y = \p width, the one
 /// along y up to x = 1 + \p width.
 Shape angle(double width = 1.0);
