@@ -2,14 +2,13 @@
 // How stiff a face is when its two cells turn against each other by a small omega. A
 // point r from the centre of the cross-section opens by omega x r.
 // - In solid material M = tr S I - S, of the second moments S in the face alone: the mean
-// of
-//   both cells', weighted by their volumes. Where the surface cuts cells, the faces' own
-//   moments would be now large, now small from one face to the next, and the minimiser
-//   takes three times as many iterations. About the face's normal (a twist) less would
-//   do: a film is twisted as easily as it is bent, and one that lies askew to the cells
-//   in its own plane is too stiff by this; a block of n whole cells is by 0.4 / n^2 at
-//   most. But half of it there costs the armadillo 43 iterations in place of 26. No
-//   moment counts less than that of a film of a fifth of the glue's length, lest cells
+//   of both cells', weighted by their volumes. Where the surface cuts cells, the faces'
+//   own moments would be now large, now small from one face to the next, and the
+//   minimiser takes three times as many iterations. About the face's normal (a twist)
+//   less would do: a film is twisted as easily as it is bent, and one that lies askew to
+//   the cells in its own plane is too stiff by this; a block of n whole cells is by 0.4 /
+//   n^2 at most. But half of it there costs the armadillo 43 iterations in place of 26.
+//   No moment counts less than that of a film of a fifth of the glue's length, lest cells
 //   that touch by a voxel's width dangle.
 // - In a sheet with the normal n, which may lie askew, what opens along n: the next point
 //   of a bent sheet is off the tangent plane there, no more. So a line of length l and
