@@ -341,7 +341,7 @@ void check_stage(const Reader& reader, const StoredField& stage)
     reader.require(are_offsets(stage.first_neighbour, cells, stage.neighbours.size()) &&
                        are_below(stage.neighbours, cells),
                    "the neighbours are wrong");
-    reader.require(stage.kind >= 0 && stage.kind <= 3, "the kind of field is unknown");
+    reader.require(stage.kind >= 0 && stage.kind <= 4, "the kind of field is unknown");
     const std::size_t fits = stage.rbf_origins.size() / 3;
     reader.require(
         stage.rbf_origins.size() == 3 * fits &&
@@ -363,7 +363,7 @@ void check_stage(const Reader& reader, const StoredField& stage)
         for (const double weight : stage.membership_weights)
             reader.require(weight > 0 && weight <= 1, "a weight is not in (0, 1]");
     }
-    reader.require(stage.kind != 3 || fits == 1, "there is not one global RBF");
+    reader.require(stage.kind < 3 || fits == 1, "there is not one global RBF");
 }
 
 void check_region(const Reader& reader, const StoredRegion& region, std::size_t cells)

@@ -66,7 +66,8 @@ struct StoredField
     std::vector<double> poses;                 ///< "poses": 12 each: R by rows, p
     std::vector<std::uint8_t> is_idle;         ///< "idle": at rest whatever else moves
     // The field.
-    std::int32_t kind = 0;         ///< "kind": 0 blend, 1 closest4, 2 rbf, 3 rbf-global
+    std::int32_t kind = 0;         ///< "kind": 0 blend, 1 closest4, 2 rbf, 3 rbf-global,
+                                   ///< 4 rbf-centres
     std::uint32_t num_centres = 0; ///< "centre count" of an RBF
     double residual = 0.0;         ///< "residual" of its fit
     std::vector<std::int32_t> first_membership; ///< "members 1": cells + 1 offsets (rbf)

@@ -190,6 +190,7 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         root.fail("model", "is missing");
     scene.model = beside(path, *model);
     scene.handles = handles ? beside(path, *handles) : "";
+    root.text("energy", scene.energy, {"cellwarp", "botsch07"});
     if (const Json* cells = root.find("cells"))
     {
         Object object(*cells, scene, "cells.");
@@ -236,6 +237,10 @@ std::string scene_text(const SceneFile& scene)
         else if (json.contains(part))
             json[part].erase(key);
     };
+    if (scene.energy)
+        json["energy"] = *scene.energy;
+    else
+        json.erase("energy");
     put("cells", "fill", scene.fill);
     put("cells", "across", scene.across);
     put("cells", "max_depth", scene.max_depth);

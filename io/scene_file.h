@@ -25,6 +25,7 @@ struct SceneFile
     std::string path;
     std::string model;                  ///< resolved against the scene file
     std::string handles;                ///< resolved; empty if none
+    std::optional<std::string> energy;  ///< "cellwarp" or "botsch07"
     std::optional<std::string> fill;    ///< "solid" or "shell"
     std::optional<std::int64_t> across; ///< >= 1
     std::optional<std::int64_t> max_depth;

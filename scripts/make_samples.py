@@ -309,7 +309,7 @@ fixed  foot  box -0.1 -0.1 -0.1  1.1 0.06 1.1
 handle rim   box -0.1 0.93 -0.1  1.1 1.1 1.1
 frame 1
 move rim rotate 0 0 1 -30  translate 0.2 0.1 0
-""", ',\n  "cells": {"fill": "shell", "across": 28}')
+""", ',\n  "cells": {"fill": "shell", "across": 28, "thickness": 0.03}')
 
 
 def cloud(folder):

@@ -197,6 +197,21 @@ double face_factor(std::span<const double> cell_factors, int a, int b)
     return of_a == of_b ? of_a : std::sqrt(of_a) * std::sqrt(of_b);
 }
 
+/// The integral over both cells where they are [Botsch07]: about the centroid of the two,
+/// with the second moments of both.
+void measure_over_cells(const Cell& a, const Cell& b, Eigen::Vector3d& place,
+                        Eigen::Matrix3d& moment)
+{
+    const double volume = a.volume + b.volume;
+    place = (a.volume * a.centre + b.volume * b.centre) / volume;
+    moment.setZero();
+    for (const Cell* const cell : {&a, &b})
+    {
+        const Eigen::Vector3d off = cell->centre - place;
+        moment += cell->volume / volume * (cell->second_moment + off * off.transpose());
+    }
+}
+
 /// What larger cells beside a face take over of its glue: see above.
 struct TakenOver
 {
@@ -243,7 +258,7 @@ std::vector<TakenOver> taken_over(const Cells& cells, const Glue& glue,
 } // namespace
 
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const BorderGlue> borders)
+                std::span<const BorderGlue> borders, const Departures& departures)
 {
     Glue glue;
     std::vector<std::vector<int>> of_cell(cells.size());
@@ -274,10 +289,13 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
     for (std::size_t f = 0; f < cells.faces.size(); ++f)
     {
         GlueFace& face = glue.faces[f];
-        face.stiffness =
-            face_factor(cell_factors, face.a, face.b) * cells.faces[f].area / face.length;
+        const double area =
+            departures.glue_in_face ? cells.faces[f].area : cells.faces[f].contact;
+        face.stiffness = face_factor(cell_factors, face.a, face.b) * area / face.length;
     }
-    const std::vector<TakenOver> taken = taken_over(cells, glue, is_border);
+    const std::vector<TakenOver> taken = departures.level_changes
+                                             ? taken_over(cells, glue, is_border)
+                                             : std::vector<TakenOver>(cells.faces.size());
     for (std::size_t f = 0; f < cells.faces.size(); ++f)
     {
         const Face& face = cells.faces[f];
@@ -289,9 +307,11 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         Eigen::Vector3d place = face.centre + taken[f].moment / out.stiffness;
         if (face.sheet_share > 0)
             place += face.sheet_share * (sheet_place(face, a, b, border_of[f]) - place);
+        out.moment = moment_of(face);
+        if (!departures.glue_in_face)
+            measure_over_cells(a, b, place, out.moment);
         out.reach_a = place - a.centre;
         out.reach_b = place - b.centre;
-        out.moment = moment_of(face);
     }
     return glue;
 }

@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "octree/cells.h"
+#include "solver/departures.h"
 #include "solver/energy.h"
 #include "solver/pose.h"
 
@@ -48,8 +49,10 @@ struct BorderGlue
 
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
 /// takes the geometric mean of its two. Empty: all 1.
+/// \p departures: glue_in_face and level_changes count here.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const BorderGlue> borders = {});
+                std::span<const BorderGlue> borders = {},
+                const Departures& departures = {});
 
 /// E_ij of one face: w_ij times the mean of |T_i - T_j|^2 over the cross-section of the
 /// material, of which glue.cpp says what counts [length^3]. Zero if and only if both

@@ -43,8 +43,9 @@ void for_each(std::size_t count, Body&& body)
 
 GlueEnergy::GlueEnergy(const Cells& cells, const Glue& glue,
                        std::span<const Constraint> constraints,
-                       std::span<const Component> components)
-    : glue_(glue), constraints_(constraints.begin(), constraints.end())
+                       std::span<const Component> components, bool has_rigid_steps)
+    : glue_(glue), has_rigid_steps_(has_rigid_steps),
+      constraints_(constraints.begin(), constraints.end())
 {
     first_.push_back(0);
     for (std::size_t i = 0; i < cells.size(); ++i)
@@ -340,7 +341,8 @@ void GlueEnergy::move(const Eigen::VectorXd& step, double length)
                  if (sizes_[u] == 6)
                      twist.tail<3>() =
                          length * (R * Eigen::Map<const Eigen::Vector3d>(x + 3));
-                 poses_[cell] = moved(base_[cell], twist);
+                 poses_[cell] = has_rigid_steps_ ? moved(base_[cell], twist)
+                                                 : shape_matched(base_[cell], twist);
                  if (sizes_[u] == 3)
                      poses_[cell] =
                          held_at_pin(poses_[cell], constraints_[cell], centres_[cell]);

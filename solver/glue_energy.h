@@ -19,10 +19,12 @@ namespace cellwarp
 class GlueEnergy final : public Energy
 {
 public:
-    /// \p components from find_components(). The state is rest.
+    /// \p components from find_components(). The state is rest. \p has_rigid_steps: see
+    /// Departures; second derivatives are those of rigid steps, which at a minimum is
+    /// one.
     GlueEnergy(const Cells& cells, const Glue& glue,
                std::span<const Constraint> constraints,
-               std::span<const Component> components);
+               std::span<const Component> components, bool has_rigid_steps = true);
 
     const std::vector<Pose>& poses() const { return poses_; }
     /// Those of the unknown cells, in their order.
@@ -67,6 +69,7 @@ private:
     void find_face_gradients() const;
 
     Glue glue_;
+    bool has_rigid_steps_;
     std::vector<Eigen::Vector3d> centres_;
     std::vector<Constraint> constraints_;
     std::vector<int> unknown_of_cell_; ///< -1 where there is none

@@ -42,8 +42,9 @@ private:
 
 Minimizer::Minimizer(const Cells& cells, const Glue& glue,
                      std::span<const Constraint> constraints,
-                     std::span<const Component> components)
-    : energy_(std::make_unique<GlueEnergy>(cells, glue, constraints, components))
+                     std::span<const Component> components, bool has_rigid_steps)
+    : energy_(std::make_unique<GlueEnergy>(cells, glue, constraints, components,
+                                           has_rigid_steps))
 {
     energy_->linearise(kGaussNewton);
     preconditioner_ = std::make_unique<CellPreconditioner>(*energy_, cells);

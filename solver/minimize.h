@@ -29,10 +29,11 @@ struct Residual
 class Minimizer
 {
 public:
-    /// Keeps copies of what it needs; \p components from find_components().
+    /// Keeps copies of what it needs; \p components from find_components();
+    /// \p has_rigid_steps as in GlueEnergy.
     Minimizer(const Cells& cells, const Glue& glue,
               std::span<const Constraint> constraints,
-              std::span<const Component> components);
+              std::span<const Component> components, bool has_rigid_steps = true);
 
     ~Minimizer();
     Minimizer(Minimizer&&) noexcept;

@@ -85,6 +85,12 @@ Pose moved(const Pose& pose, const Twist& twist)
             pose.p + v + (turn + omega.cross(turn)) / (s * (s + 1.0))};
 }
 
+Pose shape_matched(const Pose& pose, const Twist& twist)
+{
+    return {reorthonormalised(closest_rotation(twist.head<3>()) * pose.R),
+            pose.p + twist.tail<3>()};
+}
+
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R)
 {
     const Eigen::Quaterniond q(R);

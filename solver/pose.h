@@ -58,6 +58,10 @@ Eigen::Matrix3d rotation_about(const Eigen::Vector3d& axis, double angle);
 /// one rigid body keep their places to each other.
 Pose moved(const Pose& pose, const Twist& twist);
 
+/// The same by shape matching alone: turned by the closest rotation, shifted by the
+/// linear part. [Botsch07]
+Pose shape_matched(const Pose& pose, const Twist& twist);
+
 /// Axis times angle in [0, pi] of a rotation. For an angle of pi, where both signs
 /// of the axis will do, the axis whose largest component is positive.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);

@@ -179,6 +179,22 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
     return errors;
 }
 
+std::vector<double> pair_gaps(const Cells& cells, const Glue& glue,
+                              std::span<const Pose> poses)
+{
+    std::vector<double> gaps(cells.size(), 0.0);
+    for (const GlueFace& face : glue.faces)
+    {
+        const std::size_t a = static_cast<std::size_t>(face.a),
+                          b = static_cast<std::size_t>(face.b);
+        const double gap =
+            std::sqrt(glue_energy(face, poses[a], poses[b]) / face.stiffness);
+        gaps[a] = std::max(gaps[a], gap);
+        gaps[b] = std::max(gaps[b], gap);
+    }
+    return gaps;
+}
+
 namespace
 {
 

@@ -45,6 +45,11 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
                                 std::span<const Constraint> constraints,
                                 std::span<const Pose> poses);
 
+/// The largest gap of each cell to a neighbour: the root of the mean squared distance of
+/// their two motions over what both are measured on [length]. [Botsch07]
+std::vector<double> pair_gaps(const Cells& cells, const Glue& glue,
+                              std::span<const Pose> poses);
+
 /// The poses of the cells of another octree of the same material: what stays keeps its
 /// pose, children follow the local map of their parent, what merges the mean of its
 /// parts.

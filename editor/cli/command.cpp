@@ -11,6 +11,7 @@
 
 #include "editor/session/peak_memory.h"
 #include "editor/session/scene_settings.h"
+#include "editor/session/sweep.h"
 #include "io/error.h"
 #include "io/number.h"
 
@@ -73,8 +74,8 @@ void SessionFlags::add_to(CLI::App& app)
         "--threshold", threshold,
         fmt::format(
             "cells whose error is larger are split, of the diagonal; 0: all, down "
-            "to --max-depth (default {})",
-            kUsualThreshold));
+            "to --max-depth (default {}; {} with --energy botsch07)",
+            kUsualThreshold, kUsualGap));
     app.add_option("--fill", fill, "solid or shell (default solid)");
     app.add_option(
         "--gap", gap,
@@ -88,10 +89,13 @@ void SessionFlags::add_to(CLI::App& app)
                     defaults.cells.thickness));
     app.add_option("--max-cells", max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
+    app.add_option("--energy", energy,
+                   "cellwarp, or botsch07: the paper's own method as a whole, its "
+                   "fields and solver among it (default cellwarp)");
     app.add_option(
         "--solver", solver,
         "newton, gauss-newton or gauss-newton-direct, which factorises in each "
-        "iteration (default newton)");
+        "iteration (default newton; gauss-newton with --energy botsch07)");
     app.add_option("--max-iterations", max_iterations,
                    fmt::format("of one frame (default {})", defaults.max_iterations));
     app.add_flag("--tight", is_tight, "solve to a gradient of 1e-10 instead of 1e-6");
@@ -154,6 +158,11 @@ SessionRequest read_request(const SessionFlags& flags)
     if (scene.fill && *scene.fill != "solid" && *scene.fill != "shell")
         throw Error(Fault::Usage,
                     "--fill: got " + in_quotes(*scene.fill) + ", need solid or shell");
+    if (flags.energy)
+        scene.energy = flags.energy;
+    if (scene.energy && *scene.energy != "cellwarp" && *scene.energy != "botsch07")
+        throw Error(Fault::Usage, "--energy: got " + in_quotes(*scene.energy) +
+                                      ", need cellwarp or botsch07");
     request.settings = settings_of(scene, flags.is_preview);
     SessionSettings& settings = request.settings;
     if (flags.max_iterations)
@@ -164,18 +173,20 @@ SessionRequest read_request(const SessionFlags& flags)
         settings.time_budget = in_range("--time", *flags.time, 0.0, 1e9);
     settings.cells.max_memory =
         flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
-    const std::string solver = flags.solver.value_or("newton");
-    if (solver == "gauss-newton")
+    const std::string solver = flags.solver.value_or("");
+    if (solver == "newton")
+        settings.method = Method::Newton;
+    else if (solver == "gauss-newton")
         settings.method = Method::GaussNewton;
     else if (solver == "gauss-newton-direct")
         settings.method = Method::GaussNewtonDirect;
-    else if (solver != "newton")
+    else if (flags.solver)
         throw Error(Fault::Usage,
                     "--solver: got " + in_quotes(solver) +
                         ", need newton, gauss-newton or gauss-newton-direct");
     if (flags.is_tight)
         settings.gradient_tolerance = 1e-10;
-    request.release = scene.release.value_or("rbf");
+    request.release = field_name(settings.field);
     return request;
 }
 

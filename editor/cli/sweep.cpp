@@ -30,7 +30,7 @@ struct SweepFlags
     std::string output, thresholds, depths, iterations, interpolators;
     std::optional<std::string> against;
     std::int64_t runs = SweepSettings().runs;
-    bool has_no_pictures = false;
+    bool has_no_pictures = false, takes_back = false;
 };
 
 /// Most runs of a case, and most iterations that can be asked for.
@@ -94,11 +94,12 @@ std::vector<FieldChoice> fields_of(const std::string& list)
     {
         const std::optional<FieldChoice> field = field_of_name(part);
         if (!field)
-            throw Error(Fault::Usage, "--interpolators: got " + in_quotes(part) +
-                                          ", need rbf, blend, closest4, rbf-global or "
-                                          "rbf:CORE:SUPPORT:REACH (1 <= CORE, 0 < "
-                                          "SUPPORT <= REACH <= 64), with commas "
-                                          "between");
+            throw Error(Fault::Usage,
+                        "--interpolators: got " + in_quotes(part) +
+                            ", need rbf, blend, closest4, rbf-global, rbf-centres or "
+                            "rbf:CORE:SUPPORT:REACH (1 <= CORE, 0 < "
+                            "SUPPORT <= REACH <= 64), with commas "
+                            "between");
         if (std::find(fields.begin(), fields.end(), *field) == fields.end())
             fields.push_back(*field);
     }
@@ -114,6 +115,12 @@ SweepSettings sweep_settings(const SweepFlags& flags, const SessionSettings& ses
         throw Error(Fault::Usage,
                     fmt::format("--runs: got {}, need 1 to {}", flags.runs, kMaxRuns));
     settings.runs = static_cast<int>(flags.runs);
+    settings.takes_back = flags.takes_back;
+    if (flags.takes_back && !(flags.thresholds.empty() && flags.interpolators.empty() &&
+                              flags.depths.empty() && flags.iterations.empty()))
+        throw Error(Fault::Usage,
+                    "--departures has its own cells and fields: leave out --thresholds, "
+                    "--depths, --interpolators and --iterations");
     if (!flags.thresholds.empty())
         settings.thresholds = thresholds_of(flags.thresholds);
     if (!flags.interpolators.empty())
@@ -321,7 +328,8 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
                         "deepest levels of adaptive cells, up to --max-depth (default "
                         "that alone)");
     command->add_option("--interpolators", flags->interpolators,
-                        "of rbf, blend, closest4, rbf-global and rbf:CORE:SUPPORT:REACH, "
+                        "of rbf, blend, closest4, rbf-global, rbf-centres (through the "
+                        "cells' centres alone) and rbf:CORE:SUPPORT:REACH, "
                         "the local one with clusters of other sizes, in cells (rbf: "
                         "3:2:2.5); each is also compared with the finest of them of the "
                         "same poses, rbf-global or else rbf (default rbf,blend)");
@@ -336,6 +344,11 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
         "--runs", flags->runs,
         fmt::format("of each case but the reference, for medians (default {})",
                     defaults.runs));
+    command->add_flag("--departures", flags->takes_back,
+                      "what each departure from [Botsch07] brings: instead of "
+                      "thresholds, the session with each of them taken back alone, and "
+                      "with all (--energy botsch07), in uniform and adaptive cells "
+                      "(column without)");
     command->add_flag("--no-pictures", flags->has_no_pictures,
                       "no pictures in report.html");
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });

@@ -417,10 +417,11 @@ std::string table(const SweepReport& report)
     {
         const SweepCase& of = row.of;
         page += fmt::format(
-            "<tr{}><td class=\"word\">{}{}</td><td>{}</td><td>{}</td>"
+            "<tr{}><td class=\"word\">{}{}{}</td><td>{}</td><td>{}</td>"
             "<td class=\"word\">{}</td>",
             last && *last != of.kind ? " class=\"begins\"" : "", kind_name(of.kind),
             of.is_limited ? fmt::format(", {} iterations", of.max_iterations) : "",
+            of.taken_back ? ", without " + of.taken_back->name : "",
             of.kind == SweepKind::Adaptive ? fmt::format("{:g}", of.threshold) : "",
             of.depth, field_name(of.field));
         last = of.kind;

@@ -98,6 +98,8 @@ Json row_json(const SweepRow& row)
                  {"max_iterations", row.of.max_iterations},
                  {"is_limited", row.of.is_limited},
                  {"stop", stop_of(row)}};
+    if (row.of.taken_back)
+        json["without"] = row.of.taken_back->name;
     if (!row.is_done())
     {
         json["failure"] = row.failure;
@@ -328,7 +330,9 @@ std::string sweep_csv(const SweepReport& report)
         "finest_interpolator,field_max,field_rms,cells_max,cells_rms,cells,cell_edge,"
         "iterations,seconds,load_seconds,cells_seconds,solve_seconds,field_fit_seconds,"
         "field_apply_seconds,peak_mb,energy,gradient,stop,scene";
-    csv += report.against.empty() ? "\n" : ",against_max,against_rms\n";
+    if (!report.against.empty())
+        csv += ",against_max,against_rms";
+    csv += report.settings.takes_back ? ",without\n" : "\n";
     for (const SweepRow& row : report.result.rows)
     {
         const bool is_adaptive = row.of.kind == SweepKind::Adaptive;
@@ -344,6 +348,8 @@ std::string sweep_csv(const SweepReport& report)
             for (double Deviation::*const measure :
                  {&Deviation::largest, &Deviation::rms})
                 fields.push_back(row.against ? shortest((*row.against).*measure) : "");
+        if (report.settings.takes_back)
+            fields.push_back(row.of.taken_back ? row.of.taken_back->name : "");
         csv += fmt::format("{}\n", fmt::join(fields, ","));
     }
     return csv;
@@ -354,6 +360,16 @@ std::vector<std::string> sweep_sentences(const SweepReport& report)
     std::vector<std::string> sentences;
     if (!report.against.empty())
         sentences.push_back(against_sentence(report));
+    if (report.settings.takes_back)
+    {
+        for (const SweepRow& row : report.result.rows)
+            if (row.is_done() && row.of.kind != SweepKind::Reference)
+                sentences.push_back(fmt::format(
+                    "{}: error at most {:.2g}, RMS {:.2g}, {} cells, {:.2g} s.",
+                    case_name(row.of), row.error.largest, row.error.rms, row.cells,
+                    row.seconds.total));
+        return sentences;
+    }
     for (const Convergence& found : convergence_of(report.result.rows))
         sentences.push_back(order_sentence(found));
     for (int depth = 0; depth < report.settings.max_depth; ++depth)

@@ -45,11 +45,6 @@ bool is_same_work(const SceneFile& a, const SceneFile& b)
            a.fill == b.fill && a.release == b.release && a.drag == b.drag;
 }
 
-FieldKind drag_field(const SceneFile& scene)
-{
-    return scene.drag == "closest4" ? FieldKind::Closest4 : FieldKind::Blend;
-}
-
 } // namespace
 
 struct SolveDesk::State
@@ -206,21 +201,23 @@ struct SolveDesk::State
             std::make_shared<const std::vector<Eigen::Vector3d>>(session->rest_samples());
         out.stage_print = session->stage_print();
         const auto& regions = rig.regions().regions();
+        const SessionSettings preview = settings_of(request.scene, true);
         if (std::any_of(regions.begin(), regions.end(),
                         [](const Region& region) {
                             return region.role == Role::Handle ||
                                    region.role == Role::Pin;
                         }))
-            out.drag.emplace(DragSource{model,
-                                        out.rest,
-                                        rig.shared_body(),
-                                        rig.shared_regions(),
-                                        rig.state(),
-                                        session->recutting(),
-                                        {default_memory_limit(), Method::Newton},
-                                        drag_field(request.scene),
-                                        view,
-                                        session->stage_print()});
+            out.drag.emplace(
+                DragSource{model,
+                           out.rest,
+                           rig.shared_body(),
+                           rig.shared_regions(),
+                           rig.state(),
+                           session->recutting(),
+                           {default_memory_limit(), preview.method, preview.departures},
+                           preview.field.kind,
+                           view,
+                           session->stage_print()});
         return out;
     }
 

@@ -21,8 +21,8 @@ using Points = std::vector<std::array<double, 2>>;
 
 bool is_told(const SweepRow& row, SweepKind kind, const FieldChoice& field)
 {
-    return row.is_done() && !row.of.is_limited && row.of.kind == kind &&
-           row.of.field == field;
+    return row.is_done() && !row.of.is_limited && !row.of.taken_back &&
+           row.of.kind == kind && row.of.field == field;
 }
 
 std::vector<FieldChoice> fields_of(std::span<const SweepRow> rows)

@@ -263,7 +263,7 @@ FieldParts Deformation::Map::read_field(const StoredField& stored)
     parts.is_idle.assign(stored.is_idle.begin(), stored.is_idle.end());
     parts.num_centres = stored.num_centres;
     parts.residual = stored.residual;
-    if (parts.kind == FieldKind::RbfGlobal)
+    if (is_dense(parts.kind))
         parts.global = fit_at(stored, 0);
     if (parts.kind == FieldKind::Rbf)
     {

@@ -196,6 +196,8 @@ std::optional<Rig> Recutting::parted(const Rig& rig, std::span<const Motion> mot
 
 std::vector<double> Recutting::errors_of(const Rig& rig) const
 {
+    if (!rig_settings_.departures.affine_errors)
+        return pair_gaps(rig.body().cells, rig.glue(), rig.poses());
     return settings_.errors ? settings_.errors(rig)
                             : cell_errors(rig.body().cells, rig.glue(), rig.constraints(),
                                           rig.poses());

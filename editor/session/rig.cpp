@@ -10,6 +10,7 @@
 #include "editor/session/region_cells.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "solver/refinement.h"
 
 namespace cellwarp
 {
@@ -44,7 +45,12 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
             fmt::format("stiffness differs by a factor of {:.1g}: the soft "
                         "parts keep few digits",
                         *stiffest / *softest));
-    glue_ = build_glue(cells, factors, border_glue(*body_, *regions_, region_of_cell_));
+    const Departures& departures = settings.departures;
+    glue_ = build_glue(cells, factors,
+                       departures.measured_borders
+                           ? border_glue(*body_, *regions_, region_of_cell_)
+                           : std::vector<BorderGlue>(),
+                       departures);
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());
@@ -54,7 +60,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
     std::vector<Component> components = find_components(cells, constraints_);
     check_memory("equations",
                  Multigrid::memory_estimate(cells.size(), cells.faces.size()), settings);
-    minimizer_.emplace(cells, glue_, constraints_, components);
+    minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     spread_.emplace(cells, glue_, constraints_, region_of_cell_,
@@ -285,13 +291,10 @@ SolveReport Rig::solve(const SolveOptions& options)
 
 double Rig::largest_gap() const
 {
-    double largest = 0.0;
-    for (const GlueFace& face : glue_.faces)
-        largest =
-            std::max(largest, glue_energy(face, poses_[static_cast<std::size_t>(face.a)],
-                                          poses_[static_cast<std::size_t>(face.b)]) /
-                                  face.stiffness);
-    return std::sqrt(largest) / rest().frame.diagonal();
+    const std::vector<double> gaps = pair_gaps(body_->cells, glue_, poses_);
+    return gaps.empty()
+               ? 0.0
+               : *std::max_element(gaps.begin(), gaps.end()) / rest().frame.diagonal();
 }
 
 } // namespace cellwarp

@@ -22,6 +22,7 @@ struct RigSettings
 {
     double max_memory = 0.0; ///< [byte], 0: no limit
     Method method = Method::Newton;
+    Departures departures = {};
 };
 
 /// Where the cells of a rig are.

@@ -4,6 +4,18 @@
 namespace cellwarp
 {
 
+void use(const Departures& departures, SessionSettings& settings)
+{
+    settings.departures = departures;
+    if (departures == kBotsch07)
+        settings.method = Method::GaussNewton;
+    FieldKind& field = settings.field.kind;
+    if (field == FieldKind::Rbf && !departures.local_rbf)
+        field = FieldKind::RbfCentres;
+    if (field == FieldKind::Blend && !departures.blend)
+        field = FieldKind::Closest4;
+}
+
 SessionSettings settings_of(const SceneFile& scene, bool is_preview)
 {
     SessionSettings settings;
@@ -11,7 +23,8 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     cells.fill = scene.fill == "shell" ? Fill::Shell : Fill::Solid;
     cells.across = static_cast<int>(scene.across.value_or(cells.across));
     cells.max_depth = static_cast<int>(scene.max_depth.value_or(kUsualDepth));
-    cells.threshold = scene.threshold.value_or(kUsualThreshold);
+    const bool is_paper = scene.energy == "botsch07";
+    cells.threshold = scene.threshold.value_or(is_paper ? kUsualGap : kUsualThreshold);
     if (cells.threshold == 0.0)
         cells.min_depth = cells.max_depth;
     cells.gap = scene.gap.value_or(cells.gap);
@@ -19,12 +32,19 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     cells.max_cells = scene.max_cells.value_or(cells.max_cells);
     cells.frame = scene.frame;
     cells.frame_file = scene.path;
+    if (is_paper)
+        use(kBotsch07, settings);
+    const Departures& departures = settings.departures;
     if (is_preview || scene.release == "blend")
         settings.field =
-            scene.drag == "closest4" ? FieldKind::Closest4 : FieldKind::Blend;
+            scene.drag.value_or(departures.blend ? "blend" : "closest4") == "closest4"
+                ? FieldKind::Closest4
+                : FieldKind::Blend;
+    else if (scene.release == "rbf-global")
+        settings.field = FieldKind::RbfGlobal;
     else
-        settings.field =
-            scene.release == "rbf-global" ? FieldKind::RbfGlobal : FieldKind::Rbf;
+        settings.field = scene.release || departures.local_rbf ? FieldKind::Rbf
+                                                               : FieldKind::RbfCentres;
     return settings;
 }
 

@@ -187,6 +187,11 @@ Session::Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
     start_stage(make_rest(0, patch_));
 }
 
+RigSettings Session::rig_settings() const
+{
+    return {settings_.cells.max_memory, settings_.method, settings_.departures};
+}
+
 std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage, Patch samples)
 {
     auto rest = std::make_shared<StageRest>();
@@ -216,8 +221,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
         handles_.path);
     const auto start = std::make_shared<StageStart>(
         StageStart{rest_, regions, units,
-                   Recutting(rest_->shape, regions, settings_.cells,
-                             {settings_.cells.max_memory, settings_.method})});
+                   Recutting(rest_->shape, regions, settings_.cells, rig_settings())});
     Rig rig = start->recutting.first();
     for (std::string& warning : start->recutting.take_warnings())
         warnings_.push_back(std::move(warning));
@@ -288,9 +292,8 @@ void Session::go_to(const KeptState& kept)
     stage_ = state.place.stage;
     frame_ = state.place.frame;
     state_ = std::make_unique<StageState>(
-        state.start,
-        Rig(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
-            state.start->regions, {settings_.cells.max_memory, settings_.method}));
+        state.start, Rig(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
+                         state.start->regions, rig_settings()));
     state_->rig.set_state(state.rig);
     state_->steps = state.steps;
     state_->last_solve = state.last_solve;
@@ -327,14 +330,12 @@ void Session::keep_state()
 
 void Session::check_memory_of(const FieldChoice& field) const
 {
-    if (field.kind != FieldKind::RbfGlobal)
+    if (!is_dense(field.kind))
         return;
     const Rig& rig = state_->rig;
-    std::vector<int> all(rig.poses().size());
-    std::iota(all.begin(), all.end(), 0);
-    const std::size_t centres = CentreChoice(rig.body().cells, rig.constraints())
-                                    .centres_of(all, rig.poses())
-                                    .points.size();
+    const std::size_t centres =
+        centres_of_all(field.kind, rig.body().cells, rig.constraints(), rig.poses())
+            .points.size();
     const double bytes = RbfSystem::memory_estimate(centres);
     if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
         throw Error(Fault::Budget,
@@ -792,9 +793,9 @@ void Session::move_samples(FrameReport& report)
     }
     s.field = std::make_unique<Field>(std::move(*field));
     const FieldKind kind = settings_.field.kind;
-    ++(kind == FieldKind::Rbf         ? parts_.rbf
-       : kind == FieldKind::RbfGlobal ? parts_.rbf_global
-                                      : parts_.blend);
+    ++(kind == FieldKind::Rbf ? parts_.rbf
+       : is_dense(kind)       ? parts_.rbf_global
+                              : parts_.blend);
     report.fit_ms = ms_since(start);
 
     start = Clock::now();

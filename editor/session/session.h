@@ -46,8 +46,9 @@ struct SessionSettings
     double gradient_tolerance = 1e-6;
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldChoice field = FieldKind::Rbf;
-    bool keeps_fields = false; ///< of commits, for field_file()
-    bool keeps_states = false; ///< to go back to, for take()
+    Departures departures = {}; ///< from [Botsch07]; of the cells and their solution
+    bool keeps_fields = false;  ///< of commits, for field_file()
+    bool keeps_states = false;  ///< to go back to, for take()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};
@@ -136,6 +137,7 @@ private:
         int num_parts = 1;
     };
 
+    RigSettings rig_settings() const;
     std::shared_ptr<const StageRest> make_rest(std::size_t stage, Patch samples);
     void start_stage(std::shared_ptr<const StageRest> rest);
     void go_to(const KeptState& state);

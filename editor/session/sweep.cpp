@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/peak_memory.h"
+#include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/number.h"
 
@@ -80,6 +81,8 @@ SessionSettings session_settings(const SweepSettings& settings, const SweepCase&
     session.cells.min_depth = of.kind == SweepKind::Adaptive ? 0 : of.depth;
     session.cells.threshold = of.threshold;
     session.field = of.field;
+    if (of.taken_back)
+        use(of.taken_back->departures, session);
     session.max_iterations = of.max_iterations;
     session.watch = {};
     if (of.kind == SweepKind::Reference)
@@ -454,14 +457,16 @@ std::string field_name(const FieldChoice& field)
                                  shortest(field.clusters.reach));
     case FieldKind::RbfGlobal:
         return "rbf-global";
+    case FieldKind::RbfCentres:
+        return "rbf-centres";
     }
     return {};
 }
 
 std::optional<FieldChoice> field_of_name(const std::string& name)
 {
-    for (const FieldKind field :
-         {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf, FieldKind::RbfGlobal})
+    for (const FieldKind field : {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf,
+                                  FieldKind::RbfGlobal, FieldKind::RbfCentres})
         if (field_name(field) == name)
             return field;
     if (!name.starts_with(kClustersPrefix))
@@ -489,7 +494,37 @@ std::string case_name(const SweepCase& of)
     std::string name = fmt::format("{}, {}", cells_name(of), field_name(of.field));
     if (of.is_limited)
         name += fmt::format(", {} iterations", of.max_iterations);
+    if (of.taken_back)
+        name += ", without " + of.taken_back->name;
     return name;
+}
+
+const std::vector<TakenBack>& departures_taken_back()
+{
+    static const std::vector<TakenBack> all = []
+    {
+        using Flag = bool Departures::*;
+        std::vector<TakenBack> found;
+        for (const auto& [name, flag, field] :
+             {std::tuple("glue in the face", Flag(&Departures::glue_in_face),
+                         FieldKind::Rbf),
+              {"handing over at level changes", &Departures::level_changes,
+               FieldKind::Rbf},
+              {"measured borders", &Departures::measured_borders, FieldKind::Rbf},
+              {"rigid steps", &Departures::rigid_steps, FieldKind::Rbf},
+              {"errors from the affine map", &Departures::affine_errors, FieldKind::Rbf},
+              {"the blend along the glue", &Departures::blend, FieldKind::Blend},
+              {"local RBFs", &Departures::local_rbf, FieldKind::Rbf}})
+        {
+            Departures departures;
+            departures.*flag = false;
+            found.push_back({name, departures, field});
+        }
+        for (const FieldKind field : {FieldKind::Rbf, FieldKind::Blend})
+            found.push_back({"all (botsch07)", kBotsch07, field});
+        return found;
+    }();
+    return all;
 }
 
 Deviation deviation(const std::vector<Eigen::Vector3d>& samples,
@@ -528,11 +563,49 @@ std::size_t num_frames(const HandleFile& handles)
     return count;
 }
 
+namespace
+{
+
+/// Nothing taken back, then each departure, in the coarsest cells and in adaptive ones.
+std::vector<SweepCase> taken_back_cases(const SweepSettings& settings)
+{
+    std::vector<SweepCase> cases;
+    const auto add = [&](const FieldChoice& field, const TakenBack* taken_back)
+    {
+        const int deepest = settings.max_depth;
+        const int limit = settings.session.max_iterations;
+        cases.push_back(
+            {SweepKind::Uniform, 0, deepest, INFINITY, field, limit, false, taken_back});
+        const bool has_gaps = taken_back && !taken_back->departures.affine_errors;
+        cases.push_back({SweepKind::Adaptive, deepest, deepest,
+                         has_gaps ? kUsualGap : kUsualThreshold, field, limit, false,
+                         taken_back});
+    };
+    for (const FieldKind field : {FieldKind::Rbf, FieldKind::Blend})
+        add(field, nullptr);
+    for (const TakenBack& taken_back : departures_taken_back())
+    {
+        SessionSettings of_field;
+        of_field.field = taken_back.field;
+        use(taken_back.departures, of_field);
+        add(of_field.field, &taken_back);
+    }
+    return cases;
+}
+
+} // namespace
+
 std::vector<SweepCase> sweep_cases(const SweepSettings& settings)
 {
     const int deepest = settings.max_depth;
     std::vector<SweepCase> cases = {{SweepKind::Reference, deepest, deepest, INFINITY,
                                      FieldKind::Rbf, kReferenceIterations, false}};
+    if (settings.takes_back)
+    {
+        const std::vector<SweepCase> more = taken_back_cases(settings);
+        cases.insert(cases.end(), more.begin(), more.end());
+        return cases;
+    }
     std::vector<int> depths = settings.depths;
     if (depths.empty())
         depths = {deepest};

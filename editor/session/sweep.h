@@ -28,14 +28,26 @@ enum class SweepKind
 /// "reference", "uniform" or "adaptive".
 std::string kind_name(SweepKind kind);
 
-/// "rbf", "blend", "closest4" or "rbf-global"; "rbf:2:2:3" of other clusters than the
-/// release's, by their core, support and reach.
+/// "rbf", "blend", "closest4", "rbf-global" or "rbf-centres"; "rbf:2:2:3" of other
+/// clusters than the release's, by their core, support and reach.
 std::string field_name(const FieldChoice& field);
 /// Nothing if there is no such field.
 std::optional<FieldChoice> field_of_name(const std::string& name);
 
 /// What the reference is solved to; relative, as SessionSettings::gradient_tolerance.
 inline constexpr double kReferenceTolerance = 1e-10;
+
+/// Departures from [Botsch07] with one of them taken back, or all.
+struct TakenBack
+{
+    std::string name; ///< of what is taken back: "glue in the face", ..., "botsch07"
+    Departures departures;
+    FieldKind field = FieldKind::Rbf; ///< of the session; use() makes the paper's of it
+};
+
+/// Each departure taken back alone, in the order of Departures, and then all, with the
+/// release field and with that of drags.
+const std::vector<TakenBack>& departures_taken_back();
 
 /// One choice of cells, field and iterations.
 struct SweepCase
@@ -47,6 +59,7 @@ struct SweepCase
     FieldChoice field = FieldKind::Rbf;
     int max_iterations = 0;  ///< of one frame
     bool is_limited = false; ///< stopped early on purpose: it need not converge
+    const TakenBack* taken_back = nullptr; ///< of departures_taken_back(); null: nothing
 
     /// Of the grid in whose voxels the material is found: uniform cells of every depth
     /// have the reference's material.
@@ -88,6 +101,9 @@ struct SweepSettings
     std::vector<FieldChoice> fields = {FieldKind::Rbf, FieldKind::Blend};
     /// Of one frame. Each is tried with all cells and fields, beside no such limit.
     std::vector<int> iteration_limits;
+    /// Instead of thresholds: each departure taken back, in the coarsest cells and in
+    /// adaptive ones of the usual threshold of its errors.
+    bool takes_back = false;
     int runs = 3; ///< of each case but the reference; times and memory are medians
 };
 

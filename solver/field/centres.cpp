@@ -261,4 +261,19 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
     return centres;
 }
 
+RbfCentres cell_centres(const Cells& cells, std::span<const Constraint> constraints,
+                        std::span<const Pose> poses)
+{
+    RbfCentres centres;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+    {
+        if (constraints[i].hold == Hold::Idle)
+            continue;
+        const Cell& cell = cells.cells[i];
+        centres.points.push_back(cell.anchor);
+        centres.displacements.push_back(displacement(poses[i], cell.centre, cell.anchor));
+    }
+    return centres;
+}
+
 } // namespace cellwarp

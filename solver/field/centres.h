@@ -26,6 +26,10 @@ struct RbfCentres
 std::vector<std::vector<Eigen::Vector3d>>
 border_points(const Cells& cells, std::span<const Constraint> constraints);
 
+/// The anchor of every cell that is not idle, and nothing else.
+RbfCentres cell_centres(const Cells& cells, std::span<const Constraint> constraints,
+                        std::span<const Pose> poses);
+
 /// Chooses the centres: the anchor of every cell that is not idle; the corners of
 /// prescribed ones, whose motion is known, and more points where free cells meet them; of
 /// other cells at a free surface a point there; and where the material is one cell thick,

@@ -24,6 +24,17 @@ constexpr int kRingsThatCount = 4;
 
 } // namespace
 
+RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
+                          std::span<const Constraint> constraints,
+                          std::span<const Pose> poses)
+{
+    if (kind == FieldKind::RbfCentres)
+        return cell_centres(cells, constraints, poses);
+    std::vector<int> all(cells.size());
+    std::iota(all.begin(), all.end(), 0);
+    return CentreChoice(cells, constraints).centres_of(all, poses);
+}
+
 Field::Field(const Cells& cells, FieldParts parts)
     : cells_(cells), parts_(std::move(parts)), closest_(cells),
       regions_(parts_.regions, cells.size())
@@ -361,14 +372,11 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
             return std::nullopt;
         parts.residual = local_->residual();
     }
-    if (kind_ == FieldKind::Rbf || kind_ == FieldKind::RbfGlobal)
+    if (kind_ == FieldKind::Rbf || is_dense(kind_))
     {
-        std::vector<int> all(cells_.size());
-        std::iota(all.begin(), all.end(), 0);
-        const RbfCentres centres =
-            CentreChoice(cells_, constraints_).centres_of(all, poses);
+        const RbfCentres centres = centres_of_all(kind_, cells_, constraints_, poses);
         parts.num_centres = centres.points.size();
-        if (kind_ == FieldKind::RbfGlobal)
+        if (is_dense(kind_))
         {
             RbfSystem::Fit fit = RbfSystem(centres.points).fit(centres.displacements);
             parts.global = std::make_shared<const RbfField>(std::move(fit.field));
@@ -480,7 +488,7 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
                                             const FieldParts& field) const
 {
     std::vector<bool> follows(cells_.size(), false);
-    if (kind_ == FieldKind::Closest4 || kind_ == FieldKind::RbfGlobal)
+    if (kind_ == FieldKind::Closest4 || is_dense(kind_))
         return follows;
     for (std::size_t i = 0; i < constraints_.size(); ++i)
     {

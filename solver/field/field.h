@@ -14,6 +14,7 @@
 #include "octree/cells.h"
 #include "solver/constraints.h"
 #include "solver/field/blend.h"
+#include "solver/field/centres.h"
 #include "solver/field/local_rbf.h"
 #include "solver/field/rbf.h"
 #include "solver/field/region_fade.h"
@@ -24,11 +25,23 @@ namespace cellwarp
 
 enum class FieldKind
 {
-    Blend,    ///< continuous blend of the closest cells
-    Closest4, ///< the paper's four closest
-    Rbf,      ///< triharmonic, local along the glue
-    RbfGlobal ///< one dense triharmonic interpolant of all cells
+    Blend,     ///< continuous blend of the closest cells
+    Closest4,  ///< the paper's four closest
+    Rbf,       ///< triharmonic, local along the glue
+    RbfGlobal, ///< one dense triharmonic interpolant of all cells
+    RbfCentres ///< the same through the cells' own centres alone, as [Botsch07] has it
 };
+
+/// Whether a field is one RBF of all cells.
+constexpr bool is_dense(FieldKind kind)
+{
+    return kind == FieldKind::RbfGlobal || kind == FieldKind::RbfCentres;
+}
+
+/// The centres of an RBF of all cells.
+RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
+                          std::span<const Constraint> constraints,
+                          std::span<const Pose> poses);
 
 /// Clusters of the release field, by their distance from the RBF through all cells:
 /// largest and RMS [1e-5 diagonal], and the largest difference of the gradient; time of a
@@ -65,7 +78,7 @@ struct FieldParts
     std::vector<Pose> poses;
     std::vector<char> is_idle;              ///< a cell: it holds its material at rest
     std::optional<LocalRbf> local;          ///< of FieldKind::Rbf
-    std::shared_ptr<const RbfField> global; ///< of FieldKind::RbfGlobal
+    std::shared_ptr<const RbfField> global; ///< of a dense one
     std::size_t num_centres = 0;            ///< of an RBF
     double residual = 0.0; ///< largest distance between a displacement given and reached
     std::vector<MovedRegion> regions;

@@ -386,6 +386,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         }
         maybe(scene.drag, rng() % 2 ? "blend" : "closest4");
         maybe(scene.release, rng() % 2 ? "rbf-global" : "blend");
+        maybe(scene.energy, rng() % 2 ? "cellwarp" : "botsch07");
         const std::string text = scene_text(scene);
         const SceneFile again = parse_scene(scene.path, text);
         EXPECT_TRUE(again.warnings.empty());
@@ -400,6 +401,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         EXPECT_EQ(again.max_cells, scene.max_cells);
         EXPECT_EQ(again.drag, scene.drag);
         EXPECT_EQ(again.release, scene.release);
+        EXPECT_EQ(again.energy, scene.energy);
         ASSERT_EQ(again.frame.has_value(), scene.frame.has_value());
         if (scene.frame)
         {

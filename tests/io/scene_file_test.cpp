@@ -30,6 +30,7 @@ TEST(SceneFile, reads_every_key)
 {
     const SceneFile scene = parse_scene("dir/s.json", R"({
         "cellwarp": 1, "model": "a.obj", "handles": "/b.handles",
+        "energy": "botsch07",
         "cells": {"fill": "shell", "across": 20, "max_depth": 2, "threshold": 0.01,
                   "gap": 0.02, "thickness": 0.03, "max_cells": 5000,
                   "frame": {"origin": [1, 2, 3], "axes": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
@@ -37,6 +38,7 @@ TEST(SceneFile, reads_every_key)
         "field": {"drag": "closest4", "release": "rbf-global"}})");
     EXPECT_EQ(scene.model, "dir/a.obj");
     EXPECT_EQ(scene.handles, "/b.handles");
+    EXPECT_EQ(scene.energy, "botsch07");
     EXPECT_EQ(scene.fill, "shell");
     EXPECT_EQ(scene.across, 20);
     EXPECT_EQ(scene.max_depth, 2);

@@ -315,6 +315,40 @@ TEST(Cli, scenes_name_their_parts_and_flags_win)
     EXPECT_EQ(json["across"], 12);
 }
 
+TEST(Cli, the_papers_method_is_a_choice_of_the_scene_and_of_a_flag)
+{
+    const Files files;
+    const auto deformed =
+        [&](const std::string& energy, const std::vector<std::string>& more)
+    {
+        const std::string scene = files.folder.write(
+            energy + ".json", R"({"cellwarp": 1, "model": "bar.obj",
+                "handles": "bar.handles", "energy": ")" +
+                                  energy + R"(", "cells": {"across": 8}})");
+        std::vector<std::string> words = {"deform",  scene,         "-o",
+                                          files.out, "--overwrite", "--json"};
+        words.insert(words.end(), more.begin(), more.end());
+        const Result result = run(words);
+        EXPECT_EQ(result.code, 0) << result.err;
+        return nlohmann::json::parse(result.out);
+    };
+    const nlohmann::json own = deformed("cellwarp", {}), paper = deformed("botsch07", {});
+    EXPECT_EQ(own["field"]["kind"], "rbf");
+    EXPECT_EQ(paper["field"]["kind"], "rbf-centres");
+    EXPECT_EQ(paper["field"]["centres"], paper["cells"]);
+    // The integral over both cells is stiffer than what is in their face.
+    EXPECT_GT(paper["frames"][0]["energy_after"].get<double>(),
+              1.05 * own["frames"][0]["energy_after"].get<double>());
+    EXPECT_EQ(deformed("cellwarp", {"--energy", "botsch07"})["frames"][0]["energy_after"],
+              paper["frames"][0]["energy_after"]);
+    EXPECT_EQ(deformed("botsch07", {"--energy", "cellwarp"})["frames"][0]["energy_after"],
+              own["frames"][0]["energy_after"]);
+    EXPECT_EQ(run({"deform", files.model, "--handles", files.handles, "-o", files.out,
+                   "--energy", "cell"})
+                  .code,
+              2);
+}
+
 TEST(Cli, the_surveys_pair_and_stdout_work)
 {
     const Files files;

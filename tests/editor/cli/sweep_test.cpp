@@ -214,6 +214,28 @@ TEST(SweepCommand, every_run_is_compared_with_a_file_from_elsewhere)
         EXPECT_TRUE(contains(page, part)) << part;
 }
 
+TEST(SweepCommand, departures_are_taken_back_in_a_column_of_their_own)
+{
+    const Files files;
+    const std::string folder = files.folder / "departures";
+    const Result result = run({"sweep", files.model, "--handles", files.handles, "-o",
+                               folder, "--across", "8", "--gap", "0.1", "--max-depth",
+                               "1", "--runs", "1", "--no-pictures", "--departures"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const std::string csv = support::bytes_of(folder + "/report.csv");
+    EXPECT_TRUE(contains(csv, ",stop,scene,without\n"));
+    const auto rows = parsed_csv(csv);
+    EXPECT_EQ(rows.size(), 23u);
+    EXPECT_EQ(rows[1].at("without"), "");
+    EXPECT_EQ(rows.back().at("without"), "all (botsch07)");
+    EXPECT_EQ(rows.back().at("interpolator"), "closest4");
+    EXPECT_TRUE(contains(result.out, "uniform 0, rbf, without measured borders: error "));
+    EXPECT_EQ(run({"sweep", files.model, "--handles", files.handles, "-o", folder,
+                   "--overwrite", "--departures", "--thresholds", "1e-3"})
+                  .code,
+              2);
+}
+
 TEST(SweepCommand, without_a_file_from_elsewhere_no_report_tells_of_one)
 {
     const Files files;
