@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -49,6 +51,66 @@ TEST(Cells, moments_are_those_of_the_material)
         EXPECT_NEAR(std::abs(cell.centre.z() - 0.75), 0.375, 1e-9);
     }
     EXPECT_NEAR(volume, 24.0, 1e-9);
+}
+
+TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alike)
+{
+    // A rough surface leaves crumbs in the corners of boxes.
+    Shape shape = box_shape({0, 0, 0}, {2, 1, 1}, 12);
+    std::mt19937 rng(9);
+    for (Eigen::Vector3d& x : shape.samples)
+        x += support::random_vector(rng, 0.06);
+    Eigen::Vector3d low = shape.samples[0], high = low;
+    for (const Eigen::Vector3d& x : shape.samples)
+    {
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    for (Eigen::Vector3d& x : shape.samples)
+        x -= low;
+    Shape mirrored = shape;
+    for (Eigen::Vector3d& x : mirrored.samples)
+        x.x() = high.x() - low.x() - x.x();
+    for (Triangle& triangle : mirrored.triangles)
+        std::swap(triangle[1], triangle[2]);
+    std::vector<double> areas[2];
+    std::size_t num_crumbs = 0;
+    for (const bool is_mirrored : {false, true})
+    {
+        const Built body =
+            built(is_mirrored ? mirrored : shape, 10, 1, Fill::Solid, 0.01);
+        std::set<std::tuple<int, int, int>> pairs;
+        for (const Face& face : body.cells.faces)
+        {
+            const auto block = [&](int cell)
+            {
+                return voxel_block(
+                    body.material.grid.shape(),
+                    body.octree.leaves()[static_cast<std::size_t>(
+                        body.cells.cells[static_cast<std::size_t>(cell)].leaf)]);
+            };
+            const VoxelBlock below = block(face.a), above = block(face.b);
+            ASSERT_EQ(below.first[face.axis] + below.width, above.first[face.axis]);
+            EXPECT_TRUE(pairs.emplace(face.a, face.axis, face.b).second);
+            areas[is_mirrored].push_back(face.area);
+        }
+        for (std::size_t voxel = 0; voxel < body.material.grid.size(); ++voxel)
+            if (const int piece = body.pieces.piece_of_voxel[voxel]; piece >= 0)
+            {
+                const VoxelBlock own = voxel_block(
+                    body.material.grid.shape(),
+                    body.octree.leaves()[static_cast<std::size_t>(
+                        body.pieces.leaf_of_piece[static_cast<std::size_t>(piece)])]);
+                const Eigen::Vector3i v = body.material.grid.coordinates(voxel);
+                num_crumbs += (v.array() < own.first.array()).any() ||
+                              (v.array() >= own.first.array() + own.width).any();
+            }
+        std::sort(areas[is_mirrored].begin(), areas[is_mirrored].end());
+    }
+    EXPECT_GT(num_crumbs, 0u);
+    ASSERT_EQ(areas[0].size(), areas[1].size());
+    for (std::size_t f = 0; f < areas[0].size(); ++f)
+        EXPECT_NEAR(areas[0][f], areas[1][f], 1e-9);
 }
 
 TEST(Cells, faces_add_up_to_the_sections)
