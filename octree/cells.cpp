@@ -129,11 +129,10 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
                 const Eigen::Vector3i& voxel, int piece)
 {
-    const VoxelBlock block = voxel_block(
-        grid.shape(), octree.leaves()[static_cast<std::size_t>(
-                          pieces.leaf_of_piece[static_cast<std::size_t>(piece)])]);
-    return (voxel.array() >= block.first.array()).all() &&
-           (voxel.array() < block.first.array() + block.width).all();
+    const int leaf = pieces.leaf_of_piece[static_cast<std::size_t>(piece)];
+    return is_in(
+        voxel_block(grid.shape(), octree.leaves()[static_cast<std::size_t>(leaf)]),
+        voxel);
 }
 
 /// What is added up over the pairs of voxels of one face.
@@ -145,7 +144,7 @@ struct FaceSum
 };
 
 /// Solid material turns no more easily than a film of this thickness [distance].
-constexpr double kLeastThickness = 0.2;
+constexpr double kLeastFilm = 0.2;
 
 /// M of a solid face.
 Eigen::Matrix3d turning_of(const Face& face, const Cell& a, const Cell& b)
@@ -156,7 +155,7 @@ Eigen::Matrix3d turning_of(const Face& face, const Cell& a, const Cell& b)
     Eigen::Matrix2d in_face;
     in_face << S(u, u), S(u, v), S(v, u), S(v, v);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(in_face);
-    const double least = std::pow(kLeastThickness * face.distance, 2) / 12.0;
+    const double least = std::pow(kLeastFilm * face.distance, 2) / 12.0;
     const double S1 = std::max(eigen.eigenvalues()[0], least);
     const double S2 = std::max(eigen.eigenvalues()[1], least);
     Eigen::Vector3d shorter = Eigen::Vector3d::Zero();
@@ -232,7 +231,7 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
 
 /// Where sheets touch through their voxels alone, as much of a line holds them together
 /// [voxel]: no more than keeps a cell from being loose.
-constexpr double kTouch = 0.01;
+constexpr double kSheetTouch = 0.01;
 
 /// [r]x^T (I - n n^T) [r]x
 Eigen::Matrix3d opening_in_sheet(const Eigen::Vector3d& r, const Eigen::Vector3d& n)
@@ -295,7 +294,7 @@ std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pi
 /// Adds a sheet's section to what a face has of solid material.
 void add_section(Face& face, const SheetSection& section, double thickness, double voxel)
 {
-    const double sheet = std::max(section.area, kTouch * thickness * voxel);
+    const double sheet = std::max(section.area, kSheetTouch * thickness * voxel);
     const Eigen::Matrix3d turning =
         section.area > 0
             ? section.turning

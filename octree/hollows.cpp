@@ -10,7 +10,9 @@
 // opening, and a groove outside stays outside, though samples leave gaps between the two.
 //
 // Wraps are tried from the narrowest up; each adds the hollows that no smaller one
-// closed. The widest comes first: it tells whether there is anything to look for.
+// closed. The widest comes first: it tells whether there is anything to look for. Before
+// that it is tried on a grid of larger voxels, which takes a tenth of the time and is
+// enough for most shapes that have no hollow: open sheets.
 #include "octree/hollows.h"
 
 #include <algorithm>
@@ -36,6 +38,10 @@ constexpr double kRadiusStep = 1.25;
 
 /// How far the wrap stays away from the marks' centres [voxel].
 constexpr double kOffset = 1.0;
+
+/// How many voxels of the first, coarse look the radius of the narrowest opening has, and
+/// how much less room counts there: voxels that large misjudge it by as much.
+constexpr double kCoarseRadius = 4.0, kCoarseRoom = 0.7;
 
 /// Free voxels around the grid: the wrap and what lies just outside of it fit in.
 constexpr int kBorder = 4;
@@ -186,6 +192,27 @@ bool add_hollows(const Lattice& lattice, const Flags& enclosed, double radius,
     return true;
 }
 
+/// Whether larger voxels show room for a hollow.
+bool may_have_hollows(const VoxelGrid& grid, const Flags& marks, const Openings& openings)
+{
+    const int scale = std::max(1, static_cast<int>(openings.narrowest / kCoarseRadius));
+    if (scale == 1)
+        return true;
+    GridShape shape;
+    shape.coarsest = (grid.counts().array() + scale - 1) / scale;
+    shape.size = shape.coarsest.cast<double>();
+    shape.voxels_per_leaf = 1;
+    const VoxelGrid coarse(shape);
+    Flags coarse_marks(coarse.size(), 0);
+    for (std::size_t i = 0; i < marks.size(); ++i)
+        if (marks[i])
+            coarse_marks[coarse.index(grid.coordinates(i) / scale)] = 1;
+    const Lattice lattice(coarse, coarse_marks);
+    return is_any_left(lattice, lattice.enclosed(openings.widest / scale),
+                       Flags(lattice.size(), 0),
+                       kCoarseRoom * openings.narrowest / scale);
+}
+
 } // namespace
 
 EnclosedVoxels hollow_voxels(const VoxelGrid& grid,
@@ -195,6 +222,8 @@ EnclosedVoxels hollow_voxels(const VoxelGrid& grid,
 {
     EnclosedVoxels found{-1.0, std::vector<std::uint8_t>(grid.size(), 0)};
     if (!has_alpha_wrap())
+        return found;
+    if (!may_have_hollows(grid, marks, openings))
         return found;
     const Lattice lattice(grid, marks);
     const Flags widest = lattice.enclosed(openings.widest);

@@ -24,7 +24,7 @@ namespace
 constexpr double kMaxSealRadius = 0.04;
 
 /// Above this radius of an opening [of the diagonal] hollows are nearer to the closed
-/// shape than what a flood leaves (the table in README, "Wide openings").
+/// shape than what a flood leaves (docs/benchmarks.md).
 constexpr double kWideRadius = 0.015;
 
 /// Largest opening of a hollow, as a radius [of the diagonal]. A pot without its lid is

@@ -28,7 +28,7 @@ struct Shape
 enum class Fill
 {
     Solid, ///< the surface and what it encloses
-    Shell  ///< the surface alone: one voxel thick, or a cloud's spacing
+    Shell  ///< the surface alone: what it touches, or a cloud's spacing
 };
 
 /// How the inside was told from the outside.
@@ -58,8 +58,9 @@ struct Material
     std::vector<std::uint8_t> is_sheet = {};
 };
 
-/// The voxels of \p shape on the grid \p grid_shape. Every voxel that a triangle
-/// or sample touches is material (conservative, so connected through faces), and
+/// The voxels of \p shape on the grid \p grid_shape. Every voxel into which a triangle or
+/// sample reaches is material, of those that it only touches what holds the surface
+/// together (settle_material()), and
 /// for Fill::Solid the inside; if nothing is enclosed, the result is a shell.
 /// Memory: see material_bytes().
 Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill);

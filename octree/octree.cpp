@@ -265,6 +265,12 @@ VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf)
             shape.voxels_per_leaf << (shape.max_depth - leaf.level)};
 }
 
+bool is_in(const VoxelBlock& block, const Eigen::Vector3i& voxel)
+{
+    return (voxel.array() >= block.first.array()).all() &&
+           (voxel.array() < block.first.array() + block.width).all();
+}
+
 MaterialTest material_test(const VoxelGrid& grid)
 {
     return [&grid](const Leaf& leaf)

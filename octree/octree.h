@@ -85,5 +85,6 @@ struct VoxelBlock
     int width;
 };
 VoxelBlock voxel_block(const GridShape& shape, const Leaf& leaf);
+bool is_in(const VoxelBlock& block, const Eigen::Vector3i& voxel);
 
 } // namespace cellwarp

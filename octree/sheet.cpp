@@ -7,10 +7,11 @@
 // Counted in voxels a sheet would have up to sqrt 3 times its area, by how it lies to
 // their axes.
 //
-// Every triangle is cut at the planes between finest leaves. A vertex on a plane counts
-// as above it, so that of the triangles that meet in an edge there exactly one crosses. A
-// sheet that lies in a plane between leaves belongs to both sides by halves: every
-// part is looked up a little to either side of the sheet.
+// Every triangle is cut at the planes between finest leaves: half of it with the vertices
+// on a plane counted as above, half as below. So of two triangles that meet in an edge
+// there each has half of the crossing, and a mirror image has the same. A sheet that lies
+// in a plane between leaves belongs to both sides by halves: every part is looked up a
+// little to either side of the sheet.
 #include "octree/sheet.h"
 
 #include <algorithm>
@@ -46,6 +47,9 @@ constexpr double kOverlap = 2.0;
 /// How wide the strip is at the most in which a plane cuts a sheet [thickness], unless a
 /// leaf is wider.
 constexpr double kWidest = 4.0;
+
+/// An axis that appears shorter than this in a tangent plane gives it no square.
+constexpr double kLeastShare = 1e-6;
 
 using Polygon = std::vector<Eigen::Vector3d>;
 
@@ -186,26 +190,29 @@ private:
         const auto [low, high] = std::minmax_element(corners.begin(), corners.end(),
                                                      [&](const auto& p, const auto& q)
                                                      { return p[axis] < q[axis]; });
-        for (double plane = plane_below((*low)[axis]) + width(); plane <= (*high)[axis];
+        for (double plane = plane_below((*low)[axis]); plane <= (*high)[axis];
              plane += width())
-        {
-            if (!((*low)[axis] < plane))
-                continue;
-            std::vector<Eigen::Vector3d> ends;
-            for (std::size_t k = 0; k < 3; ++k)
+            for (const bool is_on_above : {false, true})
             {
-                const Eigen::Vector3d& p = corners[k];
-                const Eigen::Vector3d& q = corners[(k + 1) % 3];
-                if ((p[axis] < plane) != (q[axis] < plane))
-                    ends.push_back(p + (plane - p[axis]) / (q[axis] - p[axis]) * (q - p));
+                const auto is_above = [&](const Eigen::Vector3d& p)
+                { return is_on_above ? p[axis] >= plane : p[axis] > plane; };
+                std::vector<Eigen::Vector3d> ends;
+                for (std::size_t k = 0; k < 3; ++k)
+                {
+                    const Eigen::Vector3d& p = corners[k];
+                    const Eigen::Vector3d& q = corners[(k + 1) % 3];
+                    if (is_above(p) != is_above(q))
+                        ends.push_back(p +
+                                       (plane - p[axis]) / (q[axis] - p[axis]) * (q - p));
+                }
+                if (ends.size() == 2)
+                    add_line(ends[0], ends[1], axis, plane, 0.5);
             }
-            if (ends.size() == 2)
-                add_line(ends[0], ends[1], axis, plane);
-        }
     }
 
+    /// \p share: how much of the line counts.
     void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, int axis,
-                  double plane)
+                  double plane, double share)
     {
         std::vector<double> cuts = {0.0, 1.0};
         for (const int other : {(axis + 1) % 3, (axis + 2) % 3})
@@ -228,7 +235,7 @@ private:
             const double part = (cuts[k] - cuts[k - 1]) * length;
             if (part > 0)
                 add_crossing(from + 0.5 * (cuts[k - 1] + cuts[k]) * (to - from), axis,
-                             plane, part, part * across);
+                             plane, part, share * part * across);
         }
     }
 
@@ -264,11 +271,13 @@ private:
     double weight_ = 1.0;
 };
 
-/// The square of one point of a cloud, as two triangles; nothing where its neighbours
-/// span no plane.
+/// What stands for one point of a cloud: squares in its tangent plane, with a side along
+/// each of the grid's axes as it appears there. One square would have to have some
+/// direction, and neighbours that lie evenly around tell none.
 struct PointSquare
 {
-    Eigen::Vector3d centre, half_u, half_v;
+    Eigen::Vector3d centre, normal;
+    double half = 0.0; ///< of a side
 };
 std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
 {
@@ -290,8 +299,7 @@ std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
     const double area =
         kPi * near.back().distance_squared / static_cast<double>(near.size() - 1);
     const double half = 0.5 * kOverlap * std::sqrt(area);
-    return PointSquare{x, half * eigen.eigenvectors().col(1),
-                       half * eigen.eigenvectors().col(2)};
+    return PointSquare{x, eigen.eigenvectors().col(0), half};
 }
 
 std::vector<Eigen::Vector3d> places_of(std::vector<Eigen::Vector3d> points)
@@ -322,13 +330,22 @@ void add_points(const Shape& shape, const Material& material, SheetCutter& cutte
     {
         if (!square)
             continue;
-        const auto corner = [&](double u, double v) {
-            return grid.to_voxels(square->centre + u * square->half_u +
-                                  v * square->half_v);
-        };
-        const double weight = 1.0 / (kOverlap * kOverlap);
-        cutter.add({corner(-1, -1), corner(1, -1), corner(1, 1)}, weight);
-        cutter.add({corner(-1, -1), corner(1, 1), corner(-1, 1)}, weight);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const Eigen::Vector3d along =
+                Eigen::Vector3d::Unit(axis) - square->normal[axis] * square->normal;
+            // The squares of these lengths add up to 2.
+            const double share = 0.5 * along.squaredNorm();
+            if (!(share > kLeastShare))
+                continue;
+            const Eigen::Vector3d u = square->half * along.normalized();
+            const Eigen::Vector3d v = square->normal.cross(u);
+            const auto corner = [&](double a, double b)
+            { return grid.to_voxels(square->centre + a * u + b * v); };
+            const double weight = share / (kOverlap * kOverlap);
+            cutter.add({corner(-1, -1), corner(1, -1), corner(1, 1)}, weight);
+            cutter.add({corner(-1, -1), corner(1, 1), corner(-1, 1)}, weight);
+        }
     }
 }
 

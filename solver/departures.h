@@ -34,6 +34,12 @@ struct Departures
     bool operator==(const Departures&) const = default;
 };
 
-inline constexpr Departures kBotsch07{false, false, false, false, false, false, false};
+inline constexpr Departures kBotsch07{.glue_in_face = false,
+                                      .level_changes = false,
+                                      .measured_borders = false,
+                                      .rigid_steps = false,
+                                      .affine_errors = false,
+                                      .blend = false,
+                                      .local_rbf = false};
 
 } // namespace cellwarp

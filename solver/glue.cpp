@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // [Botsch07] integrates |T_a - T_b|^2 over both cells where they are. Here each of them
-// is first slid along the face's normal until its centroid is in the face that they
-// share, and of its second moments what counts is what the face itself has. With D = T_a
-// - T_b, which is affine, x the centre of the face and S second moments about it,
+// is first slid to have its centroid at the centre x of the face that they share, and of
+// its second moments those along the face count. With D = T_a - T_b, which is affine, and
+// S second moments about x,
 //   E = w ( |D(x)|^2 + tr(dR S dR^T) ),   dR = R_a - R_b,   w = area / length.
 // As cells become small this tends to int |grad phi - R|^2: a material with E = 2, nu =
 // 0.
@@ -13,15 +13,16 @@
 //   and where both meet the map would be worse than with the larger alone. Without any
 //   moments it would be too soft by 1 / n^2, and a film would not bend at all: that is
 //   [Botsch06].
-// - Of the moments in the face only what is strain counts (cells.cpp). It is given as the
+// - What counts of the moments is found with the cells (cells.cpp): in solids all along
+//   the face, in sheets what is strain. It is given as the
 //   quadratic form M of a small relative turn omega, omega^T M omega; then
 //     S = tr M / 2 I - M,   M = tr S I - S,
 //   and for a turn by any angle about the axis n
 //     tr(dR S dR^T) = 4 sin^2(angle / 2) n^T M n,
 //   never negative while M is positive, though S itself may have a negative eigenvalue:
 //   a sheet turns hard in its plane and bends easily about both other axes, which no sum
-//   of squares of moments does. M is kept above (length / 100)^2 / 12, so that no face,
-//   however small, is a hinge.
+//   of squares of moments does. M is kept above (distance / 100)^2 / 12, distance that of
+//   the boxes' centres, so that no face, however small, is a hinge.
 // - Slid, a field of constant strain F = R U balances every cell of one size, cut by the
 //   surface or not. Let the T_i agree with it at the boxes' centres q_i: the gap is then
 //   (F - R)(q_b - q_a), normal to the face and as long as the cells are apart. So the
@@ -148,7 +149,7 @@ Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
 }
 
 /// No face turns more easily than a film of this thickness [its glue's length].
-constexpr double kLeastThickness = 0.01;
+constexpr double kHingeThickness = 0.01;
 
 /// Of the stiffness of a face this much stays where larger cells are beside it: a third
 /// is left by two of them; what is cut by the surface may come out at less.
@@ -164,7 +165,7 @@ bool differ_in_size(const Cell& a, const Cell& b)
 /// S of a face: see above.
 Eigen::Matrix3d moment_of(const Face& face)
 {
-    const double least = std::pow(kLeastThickness * face.distance, 2) / 12.0;
+    const double least = std::pow(kHingeThickness * face.distance, 2) / 12.0;
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(face.turning);
     const Eigen::Matrix3d M =
         eigen.eigenvalues()[0] >= least
@@ -302,13 +303,18 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         const Cell& a = cells.cells[static_cast<std::size_t>(face.a)];
         const Cell& b = cells.cells[static_cast<std::size_t>(face.b)];
         GlueFace& out = glue.faces[f];
-        out.stiffness =
-            std::max(out.stiffness - taken[f].stiffness, kLeastLeft * out.stiffness);
-        Eigen::Vector3d place = face.centre + taken[f].moment / out.stiffness;
+        // What is left is no less than a share; no more than is taken moves the place.
+        const double can_be_taken = (1.0 - kLeastLeft) * out.stiffness;
+        const double is_taken = std::min(taken[f].stiffness, can_be_taken);
+        out.stiffness -= is_taken;
+        Eigen::Vector3d place = face.centre;
+        if (is_taken > 0)
+            place += is_taken / taken[f].stiffness * taken[f].moment / out.stiffness;
         if (face.sheet_share > 0)
             place += face.sheet_share * (sheet_place(face, a, b, border_of[f]) - place);
-        out.moment = moment_of(face);
-        if (!departures.glue_in_face)
+        if (departures.glue_in_face)
+            out.moment = moment_of(face);
+        else
             measure_over_cells(a, b, place, out.moment);
         out.reach_a = place - a.centre;
         out.reach_b = place - b.centre;

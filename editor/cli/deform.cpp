@@ -107,9 +107,7 @@ Json frame_json(const FrameReport& report)
             {"stop", stop_name(report.solve.stop)},
             {"handle_residual", report.handle_residual},
             {"max_pair_gap", report.max_pair_gap},
-            {"second_start", report.second_start == SecondStart::Taken     ? "taken"
-                             : report.second_start == SecondStart::Dropped ? "dropped"
-                                                                           : "none"},
+            {"second_start", second_start_name(report.second_start)},
             {"steps", report.steps},
             {"cells", report.cells},
             {"recuts", report.recuts},

@@ -116,6 +116,9 @@ SweepSettings sweep_settings(const SweepFlags& flags, const SessionSettings& ses
                     fmt::format("--runs: got {}, need 1 to {}", flags.runs, kMaxRuns));
     settings.runs = static_cast<int>(flags.runs);
     settings.takes_back = flags.takes_back;
+    if (flags.takes_back && session.departures == kBotsch07)
+        throw Error(Fault::Usage, "--departures compares with botsch07 by itself: leave "
+                                  "out --energy, and the scene's");
     if (flags.takes_back && !(flags.thresholds.empty() && flags.interpolators.empty() &&
                               flags.depths.empty() && flags.iterations.empty()))
         throw Error(Fault::Usage,

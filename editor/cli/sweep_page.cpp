@@ -154,9 +154,10 @@ struct Group
 std::string line_name(const SweepCase& of)
 {
     const bool has_depth = of.kind == SweepKind::Adaptive && of.is_above_reference();
-    return fmt::format("{}{}, {}", kind_name(of.kind),
+    return fmt::format("{}{}, {}{}", kind_name(of.kind),
                        has_depth ? fmt::format(" to depth {}", of.depth) : "",
-                       field_name(of.field));
+                       field_name(of.field),
+                       of.taken_back ? ", without " + of.taken_back->name : "");
 }
 
 /// Uniform and adaptive rows by field and depth; those stopped early are left out.
@@ -243,7 +244,8 @@ LogPlot iterations_plot(const std::vector<SweepRow>& rows)
         Group same{case_name(of), group.colour, group.kind, {}};
         for (const SweepRow& row : rows)
             if (row.is_done() && row.of.kind == of.kind && row.of.depth == of.depth &&
-                row.of.field == of.field && row.of.threshold == of.threshold)
+                row.of.field == of.field && row.of.threshold == of.threshold &&
+                row.of.taken_back == of.taken_back)
                 same.rows.push_back(&row);
         std::sort(same.rows.begin(), same.rows.end(),
                   [](const SweepRow* a, const SweepRow* b)

@@ -42,7 +42,8 @@ bool is_same_work(const SceneFile& a, const SceneFile& b)
 {
     return a.across == b.across && a.max_depth == b.max_depth &&
            a.max_cells == b.max_cells && a.threshold == b.threshold && a.gap == b.gap &&
-           a.fill == b.fill && a.release == b.release && a.drag == b.drag;
+           a.thickness == b.thickness && a.energy == b.energy && a.fill == b.fill &&
+           a.release == b.release && a.drag == b.drag;
 }
 
 } // namespace

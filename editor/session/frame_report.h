@@ -18,6 +18,9 @@ enum class SecondStart
     Taken
 };
 
+/// "none", "dropped" or "taken".
+const char* second_start_name(SecondStart start);
+
 /// What one frame took and reached. Lengths are relative to the diagonal.
 struct FrameReport
 {

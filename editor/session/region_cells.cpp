@@ -35,6 +35,10 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
     const Cell& a = body.cells.cells[static_cast<std::size_t>(face.a)];
     const VoxelBlock block =
         voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(a.leaf)]);
+    // What touches may be a crumb that belongs to the upper cell, from another leaf.
+    const Cell& b = body.cells.cells[static_cast<std::size_t>(face.b)];
+    const VoxelBlock above_block =
+        voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(b.leaf)]);
     const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
     Eigen::Vector3i below;
     below[axis] = block.first[axis] + block.width - 1;
@@ -46,7 +50,8 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
             Eigen::Vector3i above = below;
             ++above[axis];
             const std::vector<std::int32_t>& piece = body.pieces.piece_of_voxel;
-            if (piece[grid.index(below)] == face.a && piece[grid.index(above)] == face.b)
+            if (piece[grid.index(below)] == face.a &&
+                piece[grid.index(above)] == face.b && is_in(above_block, above))
                 visit(below, above);
         }
 }

@@ -109,6 +109,20 @@ bool is_closed(const Geometry& geometry)
 
 } // namespace
 
+const char* second_start_name(SecondStart start)
+{
+    switch (start)
+    {
+    case SecondStart::None:
+        return "none";
+    case SecondStart::Dropped:
+        return "dropped";
+    case SecondStart::Taken:
+        return "taken";
+    }
+    return "";
+}
+
 /// Everything that belongs to one stage.
 struct Session::StageState
 {
@@ -531,6 +545,7 @@ struct Session::FrameSolve
     double energy_before = 0.0;  ///< of the last step of the way
     int part = 1, parts = 1;     ///< of the way
     bool has_risen = false;      ///< the energy, when cells were split
+    int iterations_before = 0;   ///< of an earlier way of the same frame
     SolveReport total;
 
     bool is_out_of_time() const
@@ -544,7 +559,7 @@ struct Session::FrameSolve
 void Session::solve_on(FrameSolve& frame, bool is_last)
 {
     StageState& s = *state_;
-    const int done = std::max(0, frame.total.iterations);
+    const int done = frame.iterations_before + std::max(0, frame.total.iterations);
     SolveOptions options;
     options.method = settings_.method;
     options.stop = settings_.stop;
@@ -650,7 +665,7 @@ void Session::recut(FrameSolve& frame, FrameReport& report)
 bool Session::may_miss_a_minimum(const FrameSolve& frame) const
 {
     const Rig& rig = state_->rig;
-    return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite &&
+    return frame.total.stop == Stop::Converged &&
            (frame.total.is_saddle || frame.has_risen ||
             least_stretch(rig.body().cells, rig.glue(), rig.constraints(), rig.poses()) <
                 kFold);
@@ -667,6 +682,7 @@ void Session::start_again(const FrameStart& start, FrameSolve& frame, FrameRepor
     FrameSolve second;
     second.start = frame.start;
     second.gradient_scale = frame.gradient_scale;
+    second.iterations_before = frame.total.iterations;
     travel(second, report.steps, true);
     const bool is_lower = second.total.stop == Stop::Converged &&
                           s.rig.energy() < (1.0 - kSameEnergy) * energy;
@@ -678,6 +694,7 @@ void Session::start_again(const FrameStart& start, FrameSolve& frame, FrameRepor
         return;
     }
     second.total.add_earlier(frame.total);
+    second.iterations_before = 0; // they are in the total now
     frame = second;
     recut(frame, report);
 }

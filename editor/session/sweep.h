@@ -40,7 +40,8 @@ inline constexpr double kReferenceTolerance = 1e-10;
 /// Departures from [Botsch07] with one of them taken back, or all.
 struct TakenBack
 {
-    std::string name; ///< of what is taken back: "glue in the face", ..., "botsch07"
+    std::string
+        name; ///< of what is taken back: "glue in the face", ..., "all (botsch07)"
     Departures departures;
     FieldKind field = FieldKind::Rbf; ///< of the session; use() makes the paper's of it
 };

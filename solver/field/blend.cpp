@@ -242,22 +242,11 @@ Closest4& Closest4::operator=(Closest4&&) noexcept = default;
 void Closest4::influences(const Eigen::Vector3d& x, std::vector<Influence>& out) const
 {
     std::vector<PointTree::Neighbour> near;
-    tree_->points.nearest(x, 5, near);
+    tree_->points.nearest(x, 4, near);
     out.clear();
-    const double fifth = std::sqrt(near.back().distance_squared);
-    double sum = 0.0;
-    for (std::size_t i = 0; i < std::min<std::size_t>(4, near.size()); ++i)
-    {
-        const double rest = near.size() > 4 && fifth > 0
-                                ? 1.0 - std::sqrt(near[i].distance_squared) / fifth
-                                : 1.0;
-        out.push_back(
-            {static_cast<int>(near[i].index), rest * rest, Eigen::Vector3d::Zero()});
-        sum += rest * rest;
-    }
-    for (Influence& influence : out)
-        influence.weight =
-            sum > 0 ? influence.weight / sum : 1.0 / static_cast<double>(out.size());
+    for (const PointTree::Neighbour& one : near)
+        out.push_back({static_cast<int>(one.index),
+                       1.0 / static_cast<double>(near.size()), Eigen::Vector3d::Zero()});
 }
 
 FieldValue blended(std::span<const Influence> influences, std::span<const Pose> poses,

@@ -96,9 +96,8 @@ private:
     std::vector<int> first_neighbour_, neighbours_;
 };
 
-/// The four closest cells by centre, weights (1 - d_i / d_5)^2 with d_5 the
-/// distance of the fifth, equal where all of these vanish. The map jumps where the
-/// set changes. [Botsch07], weights of [Sumner07]
+/// The four closest cells by centre, all with the same weight. The map jumps where the
+/// set changes. [Botsch07]
 class Closest4
 {
 public:
