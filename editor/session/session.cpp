@@ -52,7 +52,7 @@ constexpr double kUncancelledShare = 1e-3;
 constexpr double kManyAtLimit = 0.02;
 
 /// Where the material is pressed together to less than this share of its length it folds.
-constexpr double kFold = 0.3;
+constexpr double kFold = 0.2;
 
 /// By what factor the energy of smaller cells may be larger: it converges from either
 /// side, but not by more.
