@@ -140,6 +140,26 @@ double least_stretch(const Cells& cells, const Glue& glue,
     return least;
 }
 
+namespace
+{
+
+/// Whether a cell has another face along the axis of \p face: without one its neighbours
+/// do not tell what strain to expect there.
+bool has_other_along(const Glue& glue, const Cells& cells, std::size_t cell,
+                     std::size_t face)
+{
+    for (int k = glue.first_face[cell]; k < glue.first_face[cell + 1]; ++k)
+    {
+        const std::size_t other =
+            static_cast<std::size_t>(glue.faces_of_cell[static_cast<std::size_t>(k)]);
+        if (other != face && cells.faces[other].axis == cells.faces[face].axis)
+            return true;
+    }
+    return false;
+}
+
+} // namespace
+
 std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
                                 std::span<const Constraint> constraints,
                                 std::span<const Pose> poses)
@@ -153,29 +173,28 @@ std::vector<double> cell_errors(const Cells& cells, const Glue& glue,
         return (view.place - map.place - map.gradient * view.step).norm();
     };
     std::vector<double> errors(cells.size(), 0.0);
-    parallel_for(
-        cells.size(),
-        [&](std::size_t i)
-        {
-            for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
-            {
-                const std::size_t f = static_cast<std::size_t>(
-                    glue.faces_of_cell[static_cast<std::size_t>(k)]);
-                const Face& face = cells.faces[f];
-                const std::size_t other = static_cast<std::size_t>(
-                    static_cast<std::size_t>(face.a) == i ? face.b : face.a);
-                if (!is_rigid(constraints[i]))
-                    errors[i] = std::max(errors[i], miss(i, f, maps[i]));
-                else if (!is_rigid(constraints[other]))
-                    errors[i] = std::max(
-                        errors[i],
-                        miss(
-                            other, f,
-                            fitted_map(cells, glue, constraints, poses, other,
-                                       glue.faces_of_cell[static_cast<std::size_t>(k)])));
-            }
-            errors[i] *= kHalfWay;
-        });
+    parallel_for(cells.size(),
+                 [&](std::size_t i)
+                 {
+                     for (int k = glue.first_face[i]; k < glue.first_face[i + 1]; ++k)
+                     {
+                         const std::size_t f = static_cast<std::size_t>(
+                             glue.faces_of_cell[static_cast<std::size_t>(k)]);
+                         const Face& face = cells.faces[f];
+                         const std::size_t other = static_cast<std::size_t>(
+                             static_cast<std::size_t>(face.a) == i ? face.b : face.a);
+                         if (!is_rigid(constraints[i]))
+                             errors[i] = std::max(errors[i], miss(i, f, maps[i]));
+                         else if (!is_rigid(constraints[other]) &&
+                                  has_other_along(glue, cells, other, f))
+                             errors[i] =
+                                 std::max(errors[i],
+                                          miss(other, f,
+                                               fitted_map(cells, glue, constraints, poses,
+                                                          other, static_cast<int>(f))));
+                     }
+                     errors[i] *= kHalfWay;
+                 });
     return errors;
 }
 
