@@ -376,6 +376,27 @@ TEST(Glue, of_a_stiff_body_is_a_multiple_of_a_plain_ones_also_between_sizes)
     }
 }
 
+TEST(Glue, a_stiff_neighbour_of_another_size_moves_no_face_beyond_its_cells)
+{
+    const Cells cells = cells_of_three_sizes();
+    for (const double factor : {20.0, 1e10})
+    {
+        std::vector<double> factors;
+        for (const Cell& cell : cells.cells)
+            factors.push_back(cell.edge > 0.9 ? factor : 1.0);
+        const Glue glue = build_glue(cells, factors);
+        for (std::size_t f = 0; f < cells.faces.size(); ++f)
+        {
+            const Cell& a = cells.cells[static_cast<std::size_t>(cells.faces[f].a)];
+            const Cell& b = cells.cells[static_cast<std::size_t>(cells.faces[f].b)];
+            const Eigen::Vector3d moved =
+                a.centre + glue.faces[f].reach_a - cells.faces[f].centre;
+            EXPECT_LT(moved.norm(), 1.7 * std::min(a.edge, b.edge));
+            EXPECT_GT(glue.faces[f].stiffness, 0.0);
+        }
+    }
+}
+
 TEST(Glue, energy_of_a_stretched_bar_converges_to_the_continuum)
 {
     // Uniform stretch by e along the axis: the limit is int |grad phi - R|^2 = e^2 V,
