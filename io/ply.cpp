@@ -95,6 +95,12 @@ Where PlyScanner::here(std::uint64_t start, const std::string& field) const
     return {file_, encoding_ == Encoding::Ascii ? lines_ : 0, place};
 }
 
+bool PlyScanner::is_corner_list(const std::string& element, const Property& property)
+{
+    return element == "face" && property.is_list &&
+           (property.name == "vertex_indices" || property.name == "vertex_index");
+}
+
 void PlyScanner::header_line(std::string_view line)
 {
     const Where where{file_, lines_, "header"};
@@ -164,6 +170,9 @@ void PlyScanner::header_line(std::string_view line)
                             "property " + in_quotes(property.name) + " stands twice");
         if (properties.size() == kMaxProperties)
             throw malformed(where, "more than 1024 properties in one element");
+        if (is_corner_list(elements_.back().name, property) && is_real(property.type))
+            throw malformed(where, "the indices of faces must be integers (got " +
+                                       in_quotes(words[2]) + ")");
         properties.push_back(property);
     }
     else
@@ -227,8 +236,7 @@ void PlyScanner::assign_roles(Geometry& out)
                         property.role = role;
                         found[role] = true;
                     }
-            if (element.name == "face" && property.is_list &&
-                (property.name == "vertex_indices" || property.name == "vertex_index"))
+            if (is_corner_list(element.name, property))
                 property.role = kCornerList;
         }
         if (encoding_ == Encoding::Ascii)

@@ -73,6 +73,8 @@ private:
         std::uint64_t starts[kColour];
     };
 
+    /// Whether a property lists the corners of a face.
+    static bool is_corner_list(const std::string& element, const Property& property);
     std::size_t header(std::string_view part);
     bool next_element();
     void header_line(std::string_view line);

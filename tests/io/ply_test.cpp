@@ -232,6 +232,10 @@ TEST(Ply, headers_that_are_wrong_name_their_line)
     EXPECT_TRUE(contains(refused(with("float y", "real y")), "x.ply:6"));
     EXPECT_TRUE(contains(refused(with("float y", "float x")), "x.ply:6"));
     EXPECT_TRUE(contains(refused(with("uchar int", "float int")), "x.ply:9"));
+    for (const char* type : {"float", "double"})
+        EXPECT_TRUE(contains(refused(with("uchar int", std::string("uchar ") + type)),
+                             "x.ply:9: header: the indices of faces must be integers"))
+            << type;
     EXPECT_TRUE(contains(refused(with("format ascii 1.0\n", "")), "no format"));
     EXPECT_TRUE(contains(refused(with("vertex 3", "vertex 0")), "no vertices"));
     EXPECT_TRUE(contains(refused(with("float z", "float w")), "no property x, y or z"));
