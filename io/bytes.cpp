@@ -3,13 +3,18 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <mutex>
+#include <set>
 #include <utility>
 
+#include <dirent.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -84,6 +89,85 @@ mode_t file_mask()
     return mask;
 }
 
+/// How temporaries are called: one of these, then what makes the name the only one.
+constexpr std::string_view kSaveName = ".cellwarp-save-", kSpillName = ".cellwarp-spill-";
+constexpr std::string_view kUnique = "XXXXXX";
+
+bool is_temporary_name(std::string_view name)
+{
+    const auto has = [&](std::string_view beginning)
+    {
+        return name.starts_with(beginning) &&
+               name.size() == beginning.size() + kUnique.size() &&
+               std::all_of(name.begin() + static_cast<std::ptrdiff_t>(beginning.size()),
+                           name.end(),
+                           [](unsigned char c) { return std::isalnum(c) != 0; });
+    };
+    return has(kSaveName) || has(kSpillName);
+}
+
+bool lock(int file, int how)
+{
+    int result = 0;
+    do
+        result = ::flock(file, how);
+    while (result != 0 && errno == EINTR);
+    return result == 0;
+}
+
+/// Removes a temporary if the process that made it no longer runs: while it does, it
+/// holds a lock on it. A number of a process would tell less: it may be another one's by
+/// now, or one of another machine.
+void sweep(int folder, const char* name)
+{
+    const Descriptor file{
+        ::openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)};
+    struct stat status
+    {
+    };
+    if (file.value >= 0 && ::fstat(file.value, &status) == 0 && S_ISREG(status.st_mode) &&
+        status.st_uid == ::geteuid() && lock(file.value, LOCK_EX | LOCK_NB))
+        ::unlinkat(folder, name, 0);
+}
+
+/// Removes what killed runs have left in a folder, when this process first writes there.
+/// What cannot be removed stays.
+void sweep_folder(const std::string& folder)
+{
+    static std::mutex mutex;
+    static std::set<std::string> swept;
+    const std::lock_guard one_at_a_time(mutex);
+    if (!swept.insert(folder).second)
+        return;
+    DIR* const entries = ::opendir(folder.c_str());
+    if (!entries)
+        return;
+    while (const struct dirent* entry = ::readdir(entries))
+        if (is_temporary_name(entry->d_name))
+            sweep(::dirfd(entries), entry->d_name);
+    ::closedir(entries);
+}
+
+/// Makes a temporary and locks it, so that nobody sweeps it; -1 and errno if that fails.
+int make_temporary(std::string& name)
+{
+    constexpr int kTries = 16; // a sweeper may be faster than the lock, but not often
+    for (int tries = 1;; ++tries)
+    {
+        name.replace(name.size() - kUnique.size(), kUnique.size(), kUnique);
+        const int file = ::mkostemp(name.data(), O_CLOEXEC);
+        if (file < 0)
+            return file;
+        lock(file, LOCK_EX); // where there are no locks, nobody sweeps
+        struct stat status
+        {
+        };
+        if (tries == kTries || ::fstat(file, &status) != 0 || status.st_nlink > 0)
+            return file;
+        ::close(file);
+    }
+}
+
 } // namespace
 
 std::string folder_of(const std::string& path)
@@ -94,11 +178,12 @@ std::string folder_of(const std::string& path)
 
 int open_unnamed(const std::string& folder)
 {
+    sweep_folder(folder);
     const int file = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
     if (file >= 0)
         return file;
     // Not every file system has files without a name.
-    std::string name = folder + "/.cellwarp-spill-XXXXXX";
+    std::string name = folder + "/" + std::string(kSpillName) + std::string(kUnique);
     const int named = ::mkostemp(name.data(), O_CLOEXEC);
     if (named < 0)
         throw file_error("a temporary file",
@@ -251,14 +336,22 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     : path_(path), target_(resolve(path))
 {
     check_output(path, overwrite);
+    buffer_.reserve(kBufferBytes);
     const std::string folder = folder_of(target_);
-    temporary_ = (folder == "." ? std::string() : folder + "/") + ".cellwarp-save-XXXXXX";
+    sweep_folder(folder);
+    temporary_ = (folder == "." ? std::string() : folder + "/") + std::string(kSaveName) +
+                 std::string(kUnique);
+    file_ = make_temporary(temporary_);
+    if (file_ < 0)
+    {
+        const int error = errno;
+        temporary_.clear();
+        errno = error;
+        fail("cannot create a file beside it");
+    }
     for (int i = 0; i < kSlots && slot_ < 0; ++i)
         if (temporary_.size() < PATH_MAX && !claimed[i].exchange(true))
             slot_ = i;
-    file_ = ::mkostemp(temporary_.data(), O_CLOEXEC);
-    if (file_ < 0)
-        fail("cannot create a file beside it");
     if (slot_ >= 0)
     {
         std::memcpy(temporaries[slot_], temporary_.c_str(), temporary_.size() + 1);
@@ -270,22 +363,15 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     const bool existed = ::stat(target_.c_str(), &old) == 0;
     if (::fchmod(file_, existed ? old.st_mode & 07777 : 0666 & ~file_mask()) != 0)
         fail("cannot set its mode");
-    buffer_.reserve(kBufferBytes);
 }
 
 AtomicFile::~AtomicFile()
 {
-    if (file_ >= 0)
-        ::close(file_);
-    if (!temporary_.empty())
-        ::unlink(temporary_.c_str());
-    if (slot_ >= 0)
-        free_slot(slot_);
+    discard();
 }
 
-void AtomicFile::fail(const std::string& doing)
+void AtomicFile::discard() noexcept
 {
-    const std::string why = reason();
     if (file_ >= 0)
         ::close(file_);
     if (!temporary_.empty())
@@ -294,7 +380,14 @@ void AtomicFile::fail(const std::string& doing)
         free_slot(slot_);
     file_ = slot_ = -1;
     temporary_.clear();
-    throw file_error(path_, doing + ": " + why);
+}
+
+void AtomicFile::fail(const std::string& doing)
+{
+    const int error = errno;
+    discard();
+    errno = error;
+    throw file_error(path_, doing + ": " + reason());
 }
 
 void AtomicFile::write(std::string_view bytes)
@@ -336,7 +429,9 @@ void AtomicFile::commit()
     flush();
     if (::fsync(file_) != 0)
         fail("cannot write");
-    if (::close(std::exchange(file_, -1)) != 0)
+    // Closing tells of errors; the lock is held on until the name is in place.
+    const Descriptor locked{::fcntl(file_, F_DUPFD_CLOEXEC, 3)};
+    if (locked.value < 0 || ::close(std::exchange(file_, -1)) != 0)
         fail("cannot write");
     if (::rename(temporary_.c_str(), target_.c_str()) != 0)
         fail("cannot put it in place");

@@ -64,7 +64,8 @@ void check_output(const std::string& path, Overwrite overwrite);
 
 /// A file that appears whole or not at all: written beside its target under a
 /// temporary name, synced, then renamed. What is not committed is removed, also
-/// when a signal ends the program (see remove_unfinished_outputs).
+/// when a signal ends the program (see remove_unfinished_outputs). What a killed run left
+/// is removed by the next one that writes into the folder.
 class AtomicFile
 {
 public:
@@ -83,6 +84,7 @@ public:
 private:
     void flush();
     void put(std::string_view bytes);
+    void discard() noexcept;
     [[noreturn]] void fail(const std::string& doing);
 
     std::string path_;   ///< as the user named it, for messages

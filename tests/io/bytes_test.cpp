@@ -141,6 +141,60 @@ TEST(Bytes, a_signal_handler_can_remove_what_is_unfinished)
     EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 0);
 }
 
+TEST(Bytes, what_a_killed_run_left_is_removed_by_the_next_that_writes_there)
+{
+    const support::Folder folder;
+    const auto temporaries = [&]
+    {
+        std::size_t count = 0;
+        for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+            count += entry.path().filename().string().starts_with(".cellwarp-save-");
+        return count;
+    };
+    // One is killed, the other one waits for the end of a pipe.
+    int killed_pipe[2], alive_pipe[2];
+    ASSERT_EQ(::pipe(killed_pipe), 0);
+    ASSERT_EQ(::pipe(alive_pipe), 0);
+    const auto start = [&](const char* name, const int* pipe)
+    {
+        const pid_t child = ::fork();
+        if (child == 0)
+        {
+            ::close(pipe[1]);
+            {
+                AtomicFile file(folder / name, Overwrite::No);
+                file.write(name);
+                char none;
+                if (::read(pipe[0], &none, 1) == 0)
+                    file.commit();
+            }
+            ::_exit(0);
+        }
+        return child;
+    };
+    const pid_t killed = start("killed", killed_pipe);
+    const pid_t alive = start("alive", alive_pipe);
+    while (temporaries() < 2)
+        ::usleep(1000);
+    ::usleep(100000);
+    ::kill(killed, SIGKILL);
+    ::waitpid(killed, nullptr, 0);
+    EXPECT_EQ(temporaries(), 2u);
+    folder.write(".cellwarp-save-", "of the user");
+    folder.write(".cellwarp-save-a-note", "of the user");
+    std::filesystem::create_directory(folder / ".cellwarp-save-folder");
+
+    write_file(folder / "next", "next", Overwrite::No);
+    EXPECT_EQ(temporaries(), 4u);
+    ::close(alive_pipe[1]);
+    int status = 0;
+    ::waitpid(alive, &status, 0);
+    EXPECT_EQ(status, 0);
+    EXPECT_EQ(support::bytes_of(folder / "alive"), "alive");
+    EXPECT_EQ(temporaries(), 3u);
+    EXPECT_FALSE(std::filesystem::exists(folder / "killed"));
+}
+
 TEST(Bytes, a_link_stays_and_its_target_is_replaced)
 {
     const support::Folder folder;
@@ -177,6 +231,10 @@ TEST(Bytes, outputs_that_cannot_be_written_fail_before_any_work)
     EXPECT_TRUE(contains(refused(folder.path().string()), "is a directory"));
     EXPECT_TRUE(contains(refused("/dev/full"), "/dev/full: is no regular file"));
     EXPECT_TRUE(contains(refused(""), "an output needs a name"));
+    std::filesystem::create_symlink("loop.obj", folder / "loop.obj");
+    EXPECT_TRUE(contains(refused(folder / "loop.obj"), "Too many levels of symbolic"));
+    EXPECT_TRUE(contains(refused(folder / std::string(300, 'n')), "File name too long"));
+    EXPECT_TRUE(contains(refused(std::string(5000, 'n')), "File name too long"));
 }
 
 TEST(Bytes, what_goes_wrong_while_writing_is_named_and_leaves_nothing)
