@@ -157,7 +157,9 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
 
 GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
 {
-    if (std::filesystem::is_directory(path))
+    // Why a path leads nowhere is told where it is opened.
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored))
         throw Error(Fault::File, at({path, 0, ""}, "is a directory, need a file"));
     const std::string extension = extension_of(path);
     if (is_geometry_format(extension))

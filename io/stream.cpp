@@ -247,8 +247,14 @@ StreamReport Stream::stopped()
 
 std::string spill_folder(const std::string& output)
 {
-    return output == "-" ? std::filesystem::temp_directory_path().string()
-                         : folder_of(output);
+    if (output != "-")
+        return folder_of(output);
+    std::error_code problem;
+    const std::filesystem::path folder = std::filesystem::temp_directory_path(problem);
+    if (problem)
+        throw Error(Fault::File,
+                    "the folder for temporary files (TMPDIR): " + problem.message());
+    return folder.string();
 }
 
 StreamReport stream_geometry(const std::string& input, const std::string& output,

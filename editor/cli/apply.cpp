@@ -65,8 +65,12 @@ std::vector<std::string> lines_of(const std::string& path)
 
 bool is_folder(const std::string& output)
 {
-    std::error_code ignored;
-    return output.ends_with('/') || fs::is_directory(output, ignored);
+    std::error_code problem;
+    const fs::file_status status = fs::status(output, problem);
+    if (status.type() == fs::file_type::none)
+        throw Error(Fault::File,
+                    at({output, 0, ""}, "cannot write: " + problem.message()));
+    return output.ends_with('/') || fs::is_directory(status);
 }
 
 /// The shard's files, each with its output of the same name.

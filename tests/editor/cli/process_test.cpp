@@ -195,6 +195,62 @@ TEST(Process, permissions_hold_and_are_named)
     EXPECT_TRUE(contains(result.err, "bar.obj: cannot open: Permission denied"));
 }
 
+TEST(Process, a_path_that_leads_nowhere_is_a_file_error_with_the_reason)
+{
+    const BarFiles files;
+    const std::string field = files.folder / "bar.cwf";
+    ASSERT_EQ(files.deform({"--save-field", field}).code, 0);
+    const std::string loop = files.folder / "loop.obj", loops = files.folder / "loops";
+    std::filesystem::create_symlink("loop.obj", loop);
+    std::filesystem::create_symlink("loops", loops);
+    std::filesystem::create_directory(files.folder / "locked");
+    ::chmod((files.folder / "locked").c_str(), 0);
+    const auto held = []
+    {
+        ::prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0);
+        ::prctl(PR_CAPBSET_DROP, CAP_DAC_READ_SEARCH, 0, 0, 0);
+    };
+    const std::string out = files.folder / "new.obj", folder = files.folder / "report";
+    for (const auto& [path, reason] :
+         {std::pair(loop, "Too many levels of symbolic links"),
+          {loops + "/a.obj", "Too many levels of symbolic links"},
+          {files.folder / (std::string(300, 'n') + ".obj"), "File name too long"},
+          {files.folder / (std::string(5000, 'n') + ".obj"), "File name too long"},
+          {files.folder / "locked/a.obj", "Permission denied"}})
+    {
+        const std::string scene =
+            files.folder.write("bad.json", R"({"cellwarp": 1, "model": ")" + path +
+                                               R"(", "handles": "bar.handles"})");
+        for (const std::vector<std::string>& arguments :
+             std::vector<std::vector<std::string>>{
+                 {"info", path},
+                 {"info", files.model, path},
+                 {"check", scene},
+                 {"deform", path, "--handles", files.handles, "-o", out},
+                 {"deform", files.model, "--handles", path, "-o", out},
+                 {"deform", files.model, "--handles", files.handles, "-o", path},
+                 {"deform", scene, "-o", out},
+                 {"apply", field, path, "-o", out},
+                 {"apply", path, files.model, "-o", out},
+                 {"apply", field, files.model, "-o", path},
+                 {"apply", field, files.model, files.handles, "-o", path},
+                 {"apply", field, files.model, "-o", path + "/"},
+                 {"apply", field, "--list", path, "-o", folder + "/"},
+                 {"apply", field, path, "-o", folder + "/"},
+                 {"sweep", scene, "-o", folder},
+                 {"sweep", files.model, "--handles", files.handles, "-o", path},
+                 {"sweep", files.model, "--handles", files.handles, "-o", folder,
+                  "--against", path}})
+        {
+            const Result result = run(arguments, held);
+            EXPECT_EQ(result.code, 4) << arguments[0] << " " << path.substr(0, 300);
+            EXPECT_TRUE(contains(result.err, reason)) << result.err;
+            EXPECT_FALSE(std::filesystem::exists(out));
+        }
+        std::filesystem::remove_all(folder);
+    }
+}
+
 TEST(Process, output_over_input_needs_leave_and_then_works)
 {
     const BarFiles files;
@@ -256,7 +312,8 @@ TEST(Process, too_little_memory_ends_in_exit_5_and_leaves_nothing)
     const BarFiles files;
     // Address space: the program's libraries alone need some 250 MB of it.
     bool ran_out = false, was_enough = false;
-    for (const rlim_t megabytes : {300, 350, 400, 450, 500, 600, 800, 1200, 4000})
+    for (const rlim_t megabytes : {300, 310, 320, 330, 340, 350, 360, 370, 380,  390,
+                                   400, 420, 440, 460, 480, 500, 600, 800, 1200, 4000})
     {
         const Result result = run(files.deform_arguments({"--overwrite"}, "32"),
                                   [&] { limit(RLIMIT_AS, megabytes << 20); });

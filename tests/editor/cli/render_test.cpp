@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What the subcommand render refuses. The pictures have their own tests.
+#include <filesystem>
+
 #include <gtest/gtest.h>
 
 #include "tests/support/program.h"
@@ -62,6 +64,31 @@ TEST(Render, a_picture_is_a_png)
 {
     const BarFiles files;
     EXPECT_TRUE(contains(refused(files, {}, "out.jpg"), "out.jpg: a picture is a .png"));
+}
+
+TEST(Render, a_path_that_leads_nowhere_is_a_file_error)
+{
+    const BarFiles files;
+    const std::string loop = files.folder / "loop.obj", png = files.folder / "loop.png";
+    std::filesystem::create_symlink("loop.obj", loop);
+    std::filesystem::create_symlink("loop.png", png);
+    const std::string out = files.folder / "out.png";
+    const std::string far = files.folder / (std::string(300, 'n') + ".obj");
+    for (const std::vector<std::string>& arguments :
+         std::vector<std::vector<std::string>>{
+             {"render", loop, "-o", out},
+             {"render", far, "-o", out},
+             {"render", files.model, "-o", png},
+             {"render", files.model, "-o", far},
+             {"render", files.model, "--compare", loop, "-o", out}})
+    {
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 4) << result.err;
+        EXPECT_TRUE(contains(result.err, "Too many levels") ||
+                    contains(result.err, "too long"))
+            << result.err;
+    }
+    EXPECT_FALSE(std::filesystem::exists(out));
 }
 
 } // namespace cellwarp
