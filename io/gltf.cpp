@@ -34,9 +34,12 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxNesting = 128;
 constexpr std::size_t kMaxInstances = 100000;
-/// Samples and corners that instances of meshes may come to: far more than the file
-/// holds could be asked for.
-constexpr std::uint64_t kMaxInstanced = 100000000;
+/// Samples, corners and uses of primitives that there may be beyond what the buffers
+/// hold: instances of meshes, and primitives that share their bytes, could ask for far
+/// more than the file is long.
+constexpr std::uint64_t kMaxShared = 10000000;
+/// What one byte of the buffers can hold: a strip of bytes has three corners for each.
+constexpr std::uint64_t kMaxPerByte = 4;
 constexpr double kSingular = 1e-12;
 
 /// Extensions that a file may require: they change no position and nothing that turns,
@@ -361,8 +364,9 @@ private:
     }
 
     // --- buffers, views, accessors -----------------------------------------------------
-    std::string beside(const std::string& uri, const std::string& where,
-                       GltfLayout::Buffer& buffer) const
+    /// The bytes of a file beside; with a plan none, but the file.
+    std::string read_beside(const std::string& uri, const std::string& where,
+                            GltfLayout::Buffer& buffer)
     {
         const std::string name = decoded_percents(uri);
         if (name.empty() || name.front() == '/' || name.find(':') != std::string::npos ||
@@ -374,15 +378,34 @@ private:
         // Also through symbolic links it must not lead out of the folder.
         std::error_code error;
         const fs::path home = fs::weakly_canonical(folder.empty() ? "." : folder, error);
-        const fs::path target = fs::weakly_canonical(buffer.path, error);
+        const fs::path target =
+            error ? fs::path() : fs::weakly_canonical(buffer.path, error);
+        if (error)
+            throw Error(Fault::File,
+                        at({file_.path, 0, where + ".uri"},
+                           "cannot open " + in_quotes(uri) + ": " + error.message()));
         const auto [end_of_home, unused] =
             std::mismatch(home.begin(), home.end(), target.begin(), target.end());
-        if (error || end_of_home != home.end())
+        if (end_of_home != home.end())
             fail(where + ".uri",
                  "got " + in_quotes(uri) + ", which leads out of the file's folder");
+        // Many buffers may name one file: it is read once.
+        const auto [known, is_new] =
+            buffer_of_file_.try_emplace(target.string(), layout_.buffers.size());
+        if (!is_new)
+        {
+            const GltfLayout::Buffer& twin = layout_.buffers[known->second];
+            buffer.kind = GltfLayout::Buffer::Kind::Again;
+            buffer.twin = known->second;
+            buffer.start = twin.start;
+            buffer.size = twin.size;
+            return {};
+        }
+        buffer.kind = GltfLayout::Buffer::Kind::Beside;
         if (!plan_)
             return read_file(buffer.path);
         plan_->sources.back().file = std::make_unique<InputFile>(buffer.path);
+        buffer.size = plan_->sources.back().file->size();
         return {};
     }
     void read_buffers()
@@ -414,11 +437,7 @@ private:
                     data = std::move(*bytes);
                 }
                 else
-                {
-                    buffer.kind = GltfLayout::Buffer::Kind::Beside;
-                    data = beside(buffer.uri, where, buffer);
-                    buffer.size = plan_ ? plan_->sources.back().file->size() : 0;
-                }
+                    data = read_beside(buffer.uri, where, buffer);
             }
             else if (i == 0 && layout_.chunk_start > 0)
             {
@@ -431,7 +450,8 @@ private:
             if (buffer.kind != GltfLayout::Buffer::Kind::Absent && size > buffer.size)
                 fail(where, "byteLength: got " + std::to_string(size) +
                                 ", its data has " + std::to_string(buffer.size));
-            body_bytes_ += buffer.size;
+            if (buffer.kind != GltfLayout::Buffer::Kind::Again)
+                body_bytes_ += buffer.size;
             if (plan_)
                 plan_->sources.back().inside = std::move(data);
             else
@@ -585,15 +605,21 @@ private:
         const double value = load_stored(out_.unpacked.data() + at, accessor.type, false);
         return accessor.is_normalised ? fraction(value, accessor.type) : value;
     }
+    /// Zeros take no bytes in the file: they must not take many here.
+    void check_zeros(std::size_t number) const
+    {
+        const Accessor& accessor = accessors_[number];
+        if (!accessor.has_data && accessor.count > body_bytes_)
+            fail(element("accessors", number), "has no bufferView (for " +
+                                                   std::to_string(accessor.count) +
+                                                   " elements)");
+    }
     /// The first three numbers (of a scalar: the one) of each element.
     std::vector<Eigen::Vector3d> values_of(std::size_t number) const
     {
         const Accessor& accessor = accessors_[number];
         const std::string where = element("accessors", number);
-        // Zeros take no bytes in the file: they must not take many here.
-        if (!accessor.has_data && accessor.count > out_.unpacked.size())
-            fail(where, "has no bufferView (for " + std::to_string(accessor.count) +
-                            " elements)");
+        check_zeros(number);
         std::vector<Eigen::Vector3d> values(static_cast<std::size_t>(accessor.count),
                                             Eigen::Vector3d::Zero());
         const auto load = [&](std::uint64_t at, Eigen::Vector3d& value)
@@ -771,8 +797,7 @@ private:
         const std::size_t number =
             index_of(*found, field, "accessors", accessors_.size());
         const Accessor& accessor = accessors_[number];
-        const bool may_be_whole =
-            uses("KHR_mesh_quantization") && accessor.type != Scalar::UInt32;
+        const bool may_be_whole = is_quantised_ && accessor.type != Scalar::UInt32;
         if (accessor.length != length ||
             (accessor.type != Scalar::Float32 && !may_be_whole))
             fail(field, "accessors[" + std::to_string(number) + "] is no VEC" +
@@ -782,6 +807,7 @@ private:
     void read_meshes()
     {
         const Json& meshes = list("meshes");
+        is_quantised_ = uses("KHR_mesh_quantization");
         for (std::size_t m = 0; m < meshes.size(); ++m)
         {
             std::vector<Primitive>& primitives = meshes_.emplace_back();
@@ -904,6 +930,7 @@ private:
                      const Eigen::Matrix3d& map, std::vector<Eigen::Vector3d>& vectors,
                      std::vector<std::uint32_t>& samples, Places& places)
     {
+        count_up(num_vectors_, accessors_[number].count, "normals and tangents");
         const std::vector<Eigen::Vector3d> values = values_of(number);
         for (std::size_t i = 0; i < values.size(); ++i)
         {
@@ -936,9 +963,8 @@ private:
     {
         const std::size_t first = static_cast<std::size_t>(num_samples_);
         const Accessor& accessor = accessors_[number];
-        if (accessor.count > kMaxInstanced - first && nodes_with_mesh_ > 1)
-            fail("nodes", "more than 100000000 samples");
-        num_samples_ += accessor.count;
+        check_zeros(number);
+        count_up(num_samples_, accessor.count, "samples");
         if (plan_)
         {
             plan_->runs.push_back({data_of(number), {}, {}, layout_.parts.size()});
@@ -960,8 +986,19 @@ private:
         note_data(number);
         return first;
     }
+    /// Counts what there may not be much more of than the buffers have bytes.
+    void count_up(std::uint64_t& total, std::uint64_t more, const char* what) const
+    {
+        const std::uint64_t most = kMaxPerByte * body_bytes_ + kMaxShared;
+        if (more > most || total > most - more)
+            fail("nodes", "more " + std::string(what) + " than " + std::to_string(most) +
+                              ": meshes, or primitives that share their data, stand "
+                              "there too often");
+        total += more;
+    }
     void add_to_run(std::size_t number, std::vector<GltfLayout::Data>& list)
     {
+        count_up(num_vectors_, accessors_[number].count, "normals and tangents");
         list.push_back(data_of(number));
         note_data(number);
     }
@@ -969,7 +1006,6 @@ private:
     {
         const Json& object = list("nodes")[node];
         const std::size_t mesh = static_cast<std::size_t>(object["mesh"].get<double>());
-        ++nodes_with_mesh_;
         GltfLayout::Part part;
         // A skin places its mesh by its joints alone: what is stored is the bind pose.
         const Eigen::Affine3d to_world =
@@ -1021,6 +1057,9 @@ private:
         const std::uint64_t samples = accessors_[primitive.position].count;
         const std::uint64_t count =
             primitive.indices ? accessors_[*primitive.indices].count : samples;
+        count_up(num_corners_,
+                 primitive.mode < 5 || count < 3 ? count + 1 : 3 * (count - 2),
+                 "corners of faces");
         std::vector<Eigen::Vector3d> indices;
         if (primitive.indices && !plan_)
         {
@@ -1040,9 +1079,6 @@ private:
             fail(primitive.where + ".indices",
                  "got " + std::to_string(count) + " corners, need " +
                      (primitive.mode == 4 ? "a multiple of 3" : "at least 3"));
-        if (num_corners_ + count > 3 * kMaxInstanced && nodes_with_mesh_ > 1)
-            fail("nodes", "more than 100000000 faces");
-        num_corners_ += primitive.mode == 4 ? count : 3 * (count - 2);
         if (plan_)
             return;
         const auto corner = [&](std::uint64_t i)
@@ -1068,15 +1104,65 @@ private:
     }
 
     // --- the end -----------------------------------------------------------------------
-    /// Whether numbers that change lie where other accessors read.
+    /// Where an accessor's bytes stand.
+    struct Span
+    {
+        std::uint64_t start, end, stride, bytes;
+        std::size_t accessor;
+        bool may_change;
+    };
+    /// Spans with one stride whose elements stand at one place of it: to what comes after
+    /// them they are one.
+    struct Column
+    {
+        std::uint64_t stride, offset, bytes;
+        auto operator<=>(const Column&) const = default;
+        explicit Column(const Span& span)
+            : stride(span.stride), offset(span.start % span.stride), bytes(span.bytes)
+        {
+        }
+        /// Whether neither has a byte of the other, wherever they stand.
+        bool is_beside(const Column& other) const
+        {
+            const std::uint64_t apart = (other.offset + stride - offset) % stride;
+            return stride == other.stride && apart >= bytes &&
+                   apart + other.bytes <= stride;
+        }
+    };
+    /// Columns that have not ended yet, and what ends last of each.
+    class Columns
+    {
+    public:
+        /// One that shares bytes with \p span; null if none does. Forgets what has ended.
+        const Span* clash(const Span& span)
+        {
+            const Column column(span);
+            for (auto it = last_.begin(); it != last_.end();)
+                if (it->second.end <= span.start)
+                    it = last_.erase(it);
+                else if (!it->first.is_beside(column))
+                    return &it->second;
+                else
+                    ++it;
+            return nullptr;
+        }
+        void add(const Span& span)
+        {
+            const auto [it, is_new] = last_.try_emplace(Column(span), span);
+            if (!is_new && it->second.end < span.end)
+                it->second = span;
+        }
+
+    private:
+        std::map<Column, Span> last_;
+    };
+
+    /// Whether numbers that change lie where other accessors read. Spans that clash with
+    /// none are columns of one stride, of which there are few: each is compared with few.
     void check_overlaps()
     {
-        struct Span
-        {
-            std::uint64_t start, end, stride, bytes;
-            std::size_t accessor;
-            bool may_change;
-        };
+        if (!out_.not_writable.empty())
+            return;
         std::vector<Span> spans;
         std::set<std::size_t> changing;
         for (const GltfLayout::Data& data : layout_.data)
@@ -1090,22 +1176,21 @@ private:
             spans.begin(), spans.end(),
             [](const Span& a, const Span& b)
             { return std::pair(a.start, a.accessor) < std::pair(b.start, b.accessor); });
-        for (std::size_t i = 0; i < spans.size(); ++i)
-            for (std::size_t j = i + 1; j < spans.size() && spans[j].start < spans[i].end;
-                 ++j)
+        Columns fixed, moving;
+        for (const Span& span : spans)
+        {
+            const Span* other = moving.clash(span);
+            if (!other && span.may_change)
+                other = fixed.clash(span);
+            if (other)
             {
-                const Span &a = spans[i], &b = spans[j];
-                if (!a.may_change && !b.may_change)
-                    continue;
-                // Interleaved: b stands in what a leaves of its stride.
-                const std::uint64_t offset = (b.start - a.start) % a.stride;
-                const bool is_interleaved = a.stride == b.stride && offset >= a.bytes &&
-                                            offset + b.bytes <= a.stride;
-                if (!is_interleaved && out_.not_writable.empty())
-                    out_.not_writable = "accessors[" + std::to_string(a.accessor) +
-                                        "] and accessors[" + std::to_string(b.accessor) +
-                                        "] share bytes";
+                out_.not_writable = "accessors[" + std::to_string(other->accessor) +
+                                    "] and accessors[" + std::to_string(span.accessor) +
+                                    "] share bytes";
+                return;
             }
+            (span.may_change ? moving : fixed).add(span);
+        }
     }
     void finish()
     {
@@ -1139,7 +1224,8 @@ private:
     GltfLayout layout_;
     std::size_t chunk_size_ = 0;
     Json json_;
-    std::vector<std::uint64_t> declared_; ///< byteLength of the buffers
+    std::vector<std::uint64_t> declared_;               ///< byteLength of the buffers
+    std::map<std::string, std::size_t> buffer_of_file_; ///< the first that names it
     std::vector<View> views_;
     std::vector<Accessor> accessors_;
     std::vector<std::vector<std::size_t>> children_; ///< of each node
@@ -1149,10 +1235,10 @@ private:
     std::map<std::size_t, std::set<std::size_t>> users_; ///< meshes of each accessor
     std::map<std::size_t, std::string> reason_of_mesh_;  ///< that it is not writable
     std::set<std::string> attribute_names_;
-    std::size_t nodes_with_mesh_ = 0;
+    bool is_quantised_ = false; ///< positions and the like may be stored as integers
     std::uint64_t num_bad_vectors_ = 0;
     std::uint64_t body_bytes_ = 0; ///< of all buffers up to here
-    std::uint64_t num_samples_ = 0, num_corners_ = 0;
+    std::uint64_t num_samples_ = 0, num_vectors_ = 0, num_corners_ = 0;
 };
 
 } // namespace

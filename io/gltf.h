@@ -39,12 +39,14 @@ struct GltfLayout
             Inside, ///< base64 in the JSON
             Beside, ///< a file in the same folder or below
             Chunk,  ///< of the binary container
+            Again,  ///< a file beside that an earlier buffer has read: `twin`
             Absent
         };
         Kind kind = Kind::Absent;
         std::uint64_t start = 0, size = 0; ///< in Geometry::unpacked [byte]
         std::string uri;
-        std::string path; ///< of the file beside
+        std::string path;     ///< of the file beside
+        std::size_t twin = 0; ///< the buffer whose bytes these are
     };
     /// Samples, directions and tangents of one node: [first, end) of each, and its map
     /// from its own space to the world's.
@@ -176,6 +178,9 @@ std::string glb_head(std::string_view bytes, TextRange old_json, std::size_t jso
 
 /// A file's URI in a glTF beside it.
 std::string uri_of(const std::string& path);
+/// The URI of a buffer that names an earlier one's file, when that has its new one.
+std::string uri_again(const GltfLayout& layout, const std::vector<std::string>& uris,
+                      const GltfLayout::Buffer& buffer);
 /// A data URI with other bytes.
 std::string patched_data_uri(const std::string& uri, std::string_view before,
                              std::string_view after);

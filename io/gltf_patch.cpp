@@ -281,6 +281,13 @@ std::string uri_of(const std::string& path)
     return percent_encoded(fs::path(path).filename().string());
 }
 
+std::string uri_again(const GltfLayout& layout, const std::vector<std::string>& uris,
+                      const GltfLayout::Buffer& buffer)
+{
+    const bool has_moved = uris[buffer.twin] != layout.buffers[buffer.twin].uri;
+    return has_moved ? uris[buffer.twin] : buffer.uri;
+}
+
 std::string patched_data_uri(const std::string& uri, std::string_view before,
                              std::string_view after)
 {
@@ -346,6 +353,8 @@ PatchedGltf patched_gltf(const GeometryFile& file, const Patch& patch,
             uris.back() = uri_of(path);
             result.companions.push_back({path, std::string(after)});
         }
+        if (buffer.kind == Kind::Again)
+            uris.back() = uri_again(layout, uris, buffer);
     }
     const std::string json =
         patched_json(std::string_view(file.bytes)

@@ -13,6 +13,7 @@
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/gltf.h"
+#include "io/number.h"
 #include "io/packed.h"
 #include "io/scanner.h"
 #include "io/stored_number.h"
@@ -29,6 +30,8 @@ using Kind = GltfLayout::Buffer::Kind;
 
 /// Longest JSON, with the buffers inside it [bytes].
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t(1) << 28;
+/// Of its values, in memory [byte per byte of the text].
+constexpr double kMemoryPerJsonByte = 16.0;
 /// Magic word, version, length; length and type of the JSON chunk.
 constexpr std::uint64_t kGlbHeadBytes = 20;
 
@@ -94,7 +97,8 @@ private:
     InputFile input_;
     GeometryFile file_;
     GltfPlan plan_;
-    SpillFile body_; ///< the buffers one after the other, moved
+    std::vector<std::size_t> own_buffers_; ///< that have bytes of their own
+    SpillFile body_;                       ///< the buffers one after the other, moved
     std::optional<OutputFile> output_;
     std::vector<std::string> companions_;
     std::vector<std::unique_ptr<OutputFile>> beside_;
@@ -115,6 +119,9 @@ GltfStream::GltfStream(const std::string& input, const std::string& output,
     if (!file_.geometry.not_writable.empty())
         throw malformed({input, 0, ""},
                         "cannot be written: " + file_.geometry.not_writable);
+    for (std::size_t b = 0; b < file_.gltf->buffers.size(); ++b)
+        if (file_.gltf->buffers[b].kind != Kind::Again)
+            own_buffers_.push_back(b);
     check_geometry_output(output, file_, options.overwrite);
     companions_ = companion_paths(*file_.gltf, output);
     for (const std::string& path : companions_)
@@ -141,6 +148,12 @@ void GltfStream::read_beginning()
                     at({file_.path, 0, ""},
                        "its JSON is read whole, and is longer than 256 MB (need buffers "
                        "beside it, or a .glb)"));
+    const double memory = kMemoryPerJsonByte * static_cast<double>(json);
+    if (options_.max_json_memory > 0 && memory > options_.max_json_memory)
+        throw Error(Fault::Budget,
+                    at({file_.path, 0, ""},
+                       "its JSON is read whole and needs about " + in_bytes(memory) +
+                           " (limit " + in_bytes(options_.max_json_memory) + ")"));
     file_.bytes.resize(static_cast<std::size_t>(count));
     input_.read_at(0, file_.bytes.data(), file_.bytes.size());
 }
@@ -149,11 +162,11 @@ void GltfStream::read_beginning()
 void GltfStream::read_source(std::uint64_t start, char* bytes, std::size_t count) const
 {
     const std::vector<GltfLayout::Buffer>& buffers = file_.gltf->buffers;
-    const std::size_t b = static_cast<std::size_t>(
-        std::upper_bound(buffers.begin(), buffers.end(), start,
-                         [](std::uint64_t place, const GltfLayout::Buffer& buffer)
-                         { return place < buffer.start; }) -
-        buffers.begin() - 1);
+    const std::size_t b =
+        *(std::upper_bound(own_buffers_.begin(), own_buffers_.end(), start,
+                           [&](std::uint64_t place, std::size_t i)
+                           { return place < buffers[i].start; }) -
+          1);
     const GltfPlan::Source& source = plan_.sources[b];
     const std::uint64_t offset = start - buffers[b].start;
     if (buffers[b].kind == Kind::Chunk)
@@ -453,6 +466,8 @@ std::vector<std::string> GltfStream::uris() const
         uris.push_back(buffer.uri);
         if (buffer.kind == Kind::Beside)
             uris.back() = uri_of(companions_[num_beside++]);
+        if (buffer.kind == Kind::Again)
+            uris.back() = uri_again(*file_.gltf, uris, buffer);
         if (buffer.kind != Kind::Inside)
             continue;
         std::string after(static_cast<std::size_t>(buffer.size), '\0');

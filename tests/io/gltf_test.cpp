@@ -12,6 +12,7 @@
 #include "io/base64.h"
 #include "io/geometry_output.h"
 #include "io/stored_number.h"
+#include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -330,6 +331,146 @@ TEST(Gltf, several_buffers_beside_it_are_numbered)
     EXPECT_EQ(support::bytes_of(folder / "y-0.bin"), triangle_body());
     EXPECT_EQ(support::bytes_of(folder / "y-2.bin"), "1234");
     EXPECT_EQ(read_geometry(folder / "y.gltf").geometry.samples, file.geometry.samples);
+}
+
+TEST(Gltf, a_file_that_many_buffers_name_is_read_once_and_written_once)
+{
+    const support::Folder folder;
+    std::filesystem::create_directory(folder / "in");
+    std::string body = triangle_body();
+    body.resize(1000000);
+    folder.write("in/b.bin", body);
+    Json json = Json::parse(triangle_text("\"mesh\":0", "b.bin"));
+    for (int i = 0; i < 500; ++i)
+        json["buffers"].push_back(
+            {{"byteLength", 1000000}, {"uri", i % 2 ? "b.bin" : "./b.bin"}});
+    json["bufferViews"].push_back({{"buffer", 300}, {"byteLength", 128}});
+    json["accessors"][1]["bufferView"] = 1;
+    const std::string model = folder.write("in/x.gltf", json.dump());
+    const support::MostMemory memory;
+    const GeometryFile file = read_geometry(model);
+    EXPECT_LT(memory.bytes(), 20000000u);
+    EXPECT_EQ(file.geometry.unpacked.size(), 1000000u);
+    EXPECT_EQ(file.geometry.directions[0], Eigen::Vector3d(0, 0, 1));
+    Patch patch = same(file.geometry);
+    for (Eigen::Vector3d& x : patch.samples)
+        x += Eigen::Vector3d(1, 2, 3);
+    std::filesystem::create_directory(folder / "out");
+    write_geometry(folder / "out/y.gltf", file, patch, Overwrite::No);
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder / "out"), {}), 2);
+    const Json written = Json::parse(support::bytes_of(folder / "out/y.gltf"));
+    for (const Json& buffer : written["buffers"])
+        EXPECT_EQ(buffer["uri"], "y.bin");
+    EXPECT_EQ(read_geometry(folder / "out/y.gltf").geometry.samples, patch.samples);
+}
+
+TEST(Gltf, what_many_primitives_share_is_read_in_proportion_to_the_file_or_refused)
+{
+    Json json = Json::parse(triangle_text());
+    const auto share = [&](std::size_t count, const Json& primitive)
+    {
+        Json list = Json::array();
+        for (std::size_t i = 0; i < count; ++i)
+            list.push_back(primitive);
+        json["meshes"][0]["primitives"] = list;
+    };
+    share(100000, {{"attributes", {{"POSITION", 0}}}, {"indices", 3}});
+    const GeometryFile file = scanned(json.dump());
+    EXPECT_EQ(file.geometry.samples.size(), 3u);
+    EXPECT_EQ(file.geometry.num_faces(), 100000u);
+    EXPECT_TRUE(file.geometry.not_writable.empty());
+
+    // One node or many, faces or points: small data that is used all too often.
+    constexpr std::size_t kMany = 3000;
+    json["buffers"].push_back(
+        {{"byteLength", kMany}, {"uri", data_uri(std::string(kMany, '\0'))}});
+    json["bufferViews"].push_back({{"buffer", 1}, {"byteLength", kMany}});
+    json["accessors"].push_back({{"bufferView", 1},
+                                 {"componentType", 5121},
+                                 {"count", kMany},
+                                 {"type", "SCALAR"}});
+    for (const int mode : {0, 4, 5})
+    {
+        share(5000, {{"attributes", {{"POSITION", 0}}}, {"indices", 4}, {"mode", mode}});
+        const support::MostMemory memory;
+        EXPECT_TRUE(contains(refused(json.dump()), "nodes: more corners of faces than"));
+        EXPECT_LT(memory.bytes(), 300000000u);
+    }
+    // Every primitive by an accessor of its own over the same bytes.
+    json = Json::parse(triangle_text());
+    const std::string body(3000 * 12, '\0');
+    json["buffers"][0] = {{"byteLength", body.size()}, {"uri", data_uri(body)}};
+    json["bufferViews"][0]["byteLength"] = body.size();
+    json["accessors"] = Json::array();
+    Json list = Json::array();
+    for (int i = 0; i < 5000; ++i)
+    {
+        json["accessors"].push_back({{"bufferView", 0},
+                                     {"componentType", 5126},
+                                     {"count", 3000},
+                                     {"type", "VEC3"}});
+        list.push_back({{"attributes", {{"POSITION", i}}}, {"mode", 0}});
+    }
+    json["meshes"][0]["primitives"] = list;
+    EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
+    for (int i = 0; i < 5000; ++i)
+        json["meshes"][0]["primitives"][static_cast<std::size_t>(i)]["attributes"] = {
+            {"POSITION", 0}, {"NORMAL", i}};
+    EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
+}
+
+TEST(Gltf, a_hundred_thousand_accessors_over_the_same_bytes_are_looked_at_once_each)
+{
+    Json json = Json::parse(triangle_text());
+    for (int i = 0; i < 100000; ++i)
+        json["accessors"].push_back({{"bufferView", 0},
+                                     {"byteOffset", 120},
+                                     {"componentType", 5123},
+                                     {"count", 1 + i % 4},
+                                     {"type", "SCALAR"}});
+    EXPECT_TRUE(scanned(json.dump()).geometry.not_writable.empty());
+}
+
+TEST(Gltf, numbers_that_move_where_another_accessor_reads_are_not_written)
+{
+    const Json bytes = {{"bufferView", 0},
+                        {"byteOffset", 30},
+                        {"componentType", 5121},
+                        {"count", 10},
+                        {"type", "SCALAR"}};
+    Json json = Json::parse(triangle_text());
+    json["accessors"].push_back(bytes);
+    EXPECT_EQ(scanned(json.dump()).geometry.not_writable,
+              "accessors[0] and accessors[4] share bytes");
+    // One that begins before, and goes on while others have ended.
+    json = Json::parse(triangle_text());
+    json["accessors"].push_back(json["accessors"][1]);
+    json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 4;
+    json["accessors"][1] = bytes;
+    json["accessors"][1]["byteOffset"] = 0;
+    json["accessors"][1]["count"] = 128;
+    json["accessors"].push_back(bytes);
+    EXPECT_TRUE(contains(scanned(json.dump()).geometry.not_writable, "share bytes"));
+    // Two that only read may share; and so may what nothing moves.
+    json = Json::parse(triangle_text());
+    json["accessors"].push_back(bytes);
+    json["accessors"][4]["byteOffset"] = 119;
+    json["accessors"][4]["count"] = 9;
+    EXPECT_TRUE(contains(scanned(json.dump()).geometry.not_writable,
+                         "accessors[2] and accessors[4] share bytes"));
+    json["accessors"][4]["byteOffset"] = 120;
+    json["accessors"][4]["count"] = 8;
+    EXPECT_TRUE(scanned(json.dump()).geometry.not_writable.empty());
+}
+
+TEST(Gltf, a_buffer_that_leads_nowhere_is_a_file_error)
+{
+    const support::Folder folder;
+    std::filesystem::create_symlink("loop.bin", folder / "loop.bin");
+    const std::string model =
+        folder.write("x.gltf", triangle_text("\"mesh\":0", "loop.bin"));
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { read_geometry(model); }),
+                         "buffers[0].uri: cannot open 'loop.bin': Too many levels"));
 }
 
 TEST(Gltf, buffers_outside_of_its_folder_are_not_opened)
