@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include "editor/session/peak_memory.h"
+#include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "editor/session/sweep.h"
 #include "io/error.h"

@@ -8,7 +8,7 @@
 #include <stop_token>
 #include <thread>
 
-#include "editor/session/peak_memory.h"
+#include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "editor/session/statement_chain.h"
 #include "io/error.h"

@@ -13,8 +13,6 @@
 #include <malloc.h>
 #endif
 
-#include "io/number.h"
-
 namespace cellwarp
 {
 
@@ -72,20 +70,6 @@ double peak_memory_mb()
     };
     ::getrusage(RUSAGE_SELF, &usage);
     return static_cast<double>(usage.ru_maxrss) / kKilobytesPerMb;
-}
-
-double default_memory_limit()
-{
-    std::ifstream info("/proc/meminfo");
-    for (std::string line; std::getline(info, line);)
-        if (line.starts_with("MemAvailable:"))
-        {
-            const std::size_t digit = line.find_first_of("0123456789");
-            const std::optional<double> kilobytes =
-                parse_double(line.substr(digit, line.find(' ', digit) - digit));
-            return kilobytes ? 0.7 * 1024.0 * *kilobytes : 0.0;
-        }
-    return 0.0;
 }
 
 } // namespace cellwarp

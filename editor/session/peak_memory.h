@@ -25,7 +25,4 @@ private:
     bool is_since_start_ = false;
 };
 
-/// 70 % of what the system says is available [byte]; 0, no limit, where it does not say.
-double default_memory_limit();
-
 } // namespace cellwarp

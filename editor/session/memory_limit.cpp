@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The system tells which groups a process is in by /proc/self/cgroup, a path for each
+// hierarchy (cgroups(7)), and where the hierarchies are by /proc/self/mountinfo
+// (proc(5)). A mount may show a part of its hierarchy only: from its root on.
+#include "editor/session/memory_limit.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <optional>
+#include <sstream>
+#include <string_view>
+#include <vector>
+
+#include "io/number.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+namespace fs = std::filesystem;
+
+constexpr double kShare = 0.7, kBytesPerKilobyte = 1024.0;
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+
+/// The files of a control group, by its version.
+struct Names
+{
+    const char *limit, *usage, *inactive, *active;
+};
+constexpr Names kNamesV1 = {"memory.limit_in_bytes", "memory.usage_in_bytes",
+                            "total_inactive_file", "total_active_file"},
+                kNamesV2 = {"memory.max", "memory.current", "inactive_file",
+                            "active_file"};
+
+std::vector<std::string> words_of(const std::string& line)
+{
+    std::istringstream in(line);
+    std::vector<std::string> words;
+    for (std::string word; in >> word;)
+        words.push_back(word);
+    return words;
+}
+
+/// The number after a word at the beginning of a line.
+std::optional<double> number_after(const fs::path& file, std::string_view name)
+{
+    std::ifstream in(file);
+    for (std::string line; std::getline(in, line);)
+        if (const std::vector<std::string> words = words_of(line);
+            words.size() >= 2 && words[0] == name)
+            return parse_double(words[1]);
+    return std::nullopt;
+}
+
+/// The number that a file is; nothing for "max".
+std::optional<double> number_in(const fs::path& file)
+{
+    std::ifstream in(file);
+    std::string word;
+    in >> word;
+    return parse_double(word);
+}
+
+/// What one group leaves to its processes: what it may take less what it has, without the
+/// pages of files that the system takes back when it needs them.
+double left_in(const fs::path& group, const Names& names)
+{
+    const std::optional<double> limit = number_in(group / names.limit);
+    if (!limit)
+        return kUnlimited;
+    const fs::path stat = group / "memory.stat";
+    const double files = number_after(stat, names.inactive).value_or(0.0) +
+                         number_after(stat, names.active).value_or(0.0);
+    const double taken = number_in(group / names.usage).value_or(0.0) - files;
+    return std::max(0.0, *limit - std::max(0.0, taken));
+}
+
+/// Blanks and the like stand as \\ and three octal digits.
+std::string unescaped(const std::string& text)
+{
+    const auto digit = [](char c) { return c - '0'; };
+    std::string out;
+    for (std::size_t i = 0; i < text.size(); ++i)
+        if (text[i] == '\\' && i + 3 < text.size())
+        {
+            out += static_cast<char>(64 * digit(text[i + 1]) + 8 * digit(text[i + 2]) +
+                                     digit(text[i + 3]));
+            i += 3;
+        }
+        else
+            out += text[i];
+    return out;
+}
+
+bool has_memory(std::string_view list)
+{
+    return ("," + std::string(list) + ",").find(",memory,") != std::string::npos;
+}
+
+/// A hierarchy of groups that holds memory, as it is mounted.
+struct Mount
+{
+    fs::path root, place;
+    bool is_v1;
+};
+
+std::vector<Mount> memory_mounts(const std::string& proc)
+{
+    std::vector<Mount> mounts;
+    std::ifstream in(proc + "/self/mountinfo");
+    for (std::string line; std::getline(in, line);)
+    {
+        // ... root place options [tags] - type source options
+        const std::vector<std::string> words = words_of(line);
+        const auto dash = std::find(words.begin(), words.end(), "-");
+        if (words.size() < 6 || words.end() - dash < 4)
+            continue;
+        const bool is_v1 = dash[1] == "cgroup" && has_memory(dash[3]);
+        if (is_v1 || dash[1] == "cgroup2")
+            mounts.push_back({unescaped(words[3]), unescaped(words[4]), is_v1});
+    }
+    return mounts;
+}
+
+/// What a group and all above it leave, as far as the mount shows them.
+double left_from(const Mount& mount, const fs::path& group)
+{
+    // One that lies outside of what is shown has its limits told by the mount's own root.
+    fs::path below = group.lexically_relative(mount.root);
+    if (below.empty() || *below.begin() == "..")
+        below = ".";
+    double left = kUnlimited;
+    for (fs::path path = (mount.place / below).lexically_normal();;
+         path = path.parent_path())
+    {
+        left = std::min(left, left_in(path, mount.is_v1 ? kNamesV1 : kNamesV2));
+        const fs::path above = path.lexically_relative(mount.place);
+        if (above.empty() || above == "." || path == path.parent_path())
+            return left;
+    }
+}
+
+double left_in_groups(const std::string& proc)
+{
+    const std::vector<Mount> mounts = memory_mounts(proc);
+    double left = kUnlimited;
+    std::ifstream in(proc + "/self/cgroup");
+    for (std::string line; std::getline(in, line);)
+    {
+        // number:controllers:path; version 2 names no controllers
+        const std::size_t first = line.find(':'), second = line.find(':', first + 1);
+        if (first == std::string::npos || second == std::string::npos)
+            continue;
+        const std::string controllers = line.substr(first + 1, second - first - 1);
+        for (const Mount& mount : mounts)
+            if (mount.is_v1 ? has_memory(controllers) : controllers.empty())
+                left = std::min(left, left_from(mount, line.substr(second + 1)));
+    }
+    return left;
+}
+
+} // namespace
+
+double default_memory_limit(const std::string& proc)
+{
+    const std::optional<double> available =
+        number_after(proc + "/meminfo", "MemAvailable:");
+    const double left = std::min(available ? kBytesPerKilobyte * *available : kUnlimited,
+                                 left_in_groups(proc));
+    // Not even one byte is left is another thing than that there is no limit.
+    return left < kUnlimited ? std::max(1.0, kShare * left) : 0.0;
+}
+
+} // namespace cellwarp

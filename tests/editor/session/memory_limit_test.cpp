@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/memory_limit.h"
+
+#include <filesystem>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr double kMegabyte = 1024.0 * 1024.0;
+
+/// Files as the system has them: 1000 MB are available.
+struct System
+{
+    support::Folder folder;
+
+    System(const std::string& cgroup, const std::string& mountinfo)
+    {
+        std::filesystem::create_directories(folder / "proc/self");
+        folder.write("proc/meminfo",
+                     "MemTotal:  9999999 kB\nMemAvailable:   1024000 kB\n");
+        folder.write("proc/self/cgroup", cgroup);
+        folder.write("proc/self/mountinfo", mountinfo);
+    }
+    /// A file of a group; what a group has and what it may take in megabytes.
+    void set(const std::string& name, const std::string& text)
+    {
+        const std::filesystem::path path = folder / ("groups/" + name);
+        std::filesystem::create_directories(path.parent_path());
+        folder.write("groups/" + name, text + "\n");
+    }
+    void set(const std::string& name, int megabytes)
+    {
+        set(name, std::to_string(static_cast<std::int64_t>(megabytes * kMegabyte)));
+    }
+    double limit() const { return default_memory_limit(folder / "proc") / kMegabyte; }
+};
+
+/// A line of mountinfo; %20 in the place is a blank.
+std::string mount(const support::Folder& folder, const std::string& root,
+                  const std::string& type, const std::string& options)
+{
+    return "35 24 0:30 " + root + " " + (folder / "groups") + " rw,nosuid shared:9 - " +
+           type + " cgroup " + options + "\n";
+}
+
+} // namespace
+
+TEST(MemoryLimit, is_a_share_of_what_is_available)
+{
+    const System system("", "");
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+    EXPECT_EQ(default_memory_limit(system.folder / "none"), 0.0);
+    EXPECT_GT(default_memory_limit(), 0.0);
+}
+
+TEST(MemoryLimit, follows_the_groups_of_version_2)
+{
+    System system("0::/slice/job/step\n", "");
+    system.folder.write("proc/self/mountinfo",
+                        "22 1 8:1 / / rw - ext4 /dev/sda1 rw\n" +
+                            mount(system.folder, "/", "cgroup2", "rw,nsdelegate"));
+    system.set("slice/job/step/memory.max", "max");
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+    // An ancestor's counts, and a sister's does not.
+    system.set("slice/memory.max", 500);
+    system.set("slice/other/memory.max", 10);
+    EXPECT_DOUBLE_EQ(system.limit(), 350.0);
+    system.set("slice/job/step/memory.max", 400);
+    EXPECT_DOUBLE_EQ(system.limit(), 280.0);
+    // What others in the group have is gone, but for files that can be read again.
+    system.set("slice/memory.current", 350);
+    EXPECT_NEAR(system.limit(), 105.0, 1e-9);
+    system.set("slice/memory.stat",
+               "anon 1\ninactive_file " + std::to_string(100 * 1024 * 1024) +
+                   "\nactive_file " + std::to_string(150 * 1024 * 1024));
+    EXPECT_NEAR(system.limit(), 280.0, 1e-9);
+    // Nothing left is not the same as no limit.
+    system.set("slice/memory.current", 2000);
+    EXPECT_GT(system.limit(), 0.0);
+    EXPECT_LT(system.limit(), 1e-3);
+    system.set("slice/memory.current", 0);
+    system.set("slice/memory.max", 5000);
+    system.set("slice/job/step/memory.max", 5000);
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+}
+
+TEST(MemoryLimit, follows_the_groups_of_version_1)
+{
+    System system("12:pids:/job\n5:cpu,memory:/job/step\n0::/\n", "");
+    system.folder.write("proc/self/mountinfo",
+                        mount(system.folder, "/", "cgroup", "rw,memory"));
+    system.set("job/step/memory.limit_in_bytes", "9223372036854771712");
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+    system.set("job/memory.limit_in_bytes", 300);
+    EXPECT_DOUBLE_EQ(system.limit(), 210.0);
+    system.set("job/memory.usage_in_bytes", 200);
+    system.set("job/memory.stat", "total_inactive_file " + std::to_string(100 << 20));
+    EXPECT_NEAR(system.limit(), 140.0, 1e-9);
+    // Another hierarchy at the same place tells nothing about memory.
+    system.folder.write("proc/self/mountinfo",
+                        mount(system.folder, "/", "cgroup", "rw,pids"));
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+}
+
+TEST(MemoryLimit, is_found_where_a_container_sees_a_part_of_its_groups)
+{
+    for (const std::string path : {"/docker/abc", "/", "/../../elsewhere"})
+    {
+        System system("0::" + path + "\n", "");
+        system.folder.write("proc/self/mountinfo",
+                            mount(system.folder, "/docker/abc", "cgroup2", "rw"));
+        system.set("memory.max", 200);
+        EXPECT_DOUBLE_EQ(system.limit(), 140.0) << path;
+    }
+}
+
+TEST(MemoryLimit, survives_files_that_are_not_what_they_should_be)
+{
+    System system("\n:\n0:\nx\n0::\n", "");
+    system.folder.write("proc/self/mountinfo",
+                        "\n- - -\n1 2 3 4\n1 2 3 / \\0 - cgroup2 a b\n" +
+                            mount(system.folder, "/", "cgroup2", "rw"));
+    system.set("memory.max", "many");
+    EXPECT_DOUBLE_EQ(system.limit(), 700.0);
+}
+
+} // namespace cellwarp
