@@ -34,6 +34,11 @@ constexpr std::int32_t kMaxExponent = 1100;
 /// Voxels of a field at the most: what a session makes.
 constexpr double kMaxVoxels = 4e9;
 
+/// Voxels that a file may claim for each of its bytes, and those that any file may: runs
+/// of them take no more room where they are longer. Fields of the sparsest shapes have a
+/// thousand a byte.
+constexpr double kVoxelsPerByte = 4096.0, kFreeVoxels = double(1 << 25);
+
 /// By how much rotations may be off, and sizes.
 constexpr double kSlack = 1e-6;
 
@@ -182,6 +187,7 @@ public:
         take(&value, 1);
     }
     std::size_t at() const { return at_; }
+    std::size_t size() const { return bytes_.size(); }
     bool is_at_end() const { return at_ == bytes_.size(); }
 
 private:
@@ -287,6 +293,14 @@ bool is_rotation(const double* rows)
     return determinant > 0;
 }
 
+double covered_voxels(const StoredField& stage)
+{
+    std::uint64_t covered = 0;
+    for (const std::uint32_t length : stage.run_lengths)
+        covered += length;
+    return static_cast<double>(covered);
+}
+
 void check_grid(const Reader& reader, const StoredField& stage)
 {
     double voxels = 1.0;
@@ -307,11 +321,8 @@ void check_grid(const Reader& reader, const StoredField& stage)
                        "the grid is too large");
     voxels *= std::pow(a_leaf, 3);
     reader.require(voxels <= 64.0 * kMaxVoxels, "the grid is too large");
-    std::uint64_t covered = 0;
-    for (const std::uint32_t length : stage.run_lengths)
-        covered += length;
     reader.require(stage.run_lengths.size() == stage.run_pieces.size() &&
-                       static_cast<double>(covered) <= kMaxVoxels,
+                       covered_voxels(stage) <= kMaxVoxels,
                    "the runs of voxels are wrong");
 }
 
@@ -409,11 +420,21 @@ FieldFile parse_field(const std::string& path, std::string_view bytes)
     const std::uint32_t num_stages = reader.raw<std::uint32_t>();
     reader.require(num_stages >= 1 && num_stages <= kMaxStages, "there is no stage");
     FieldFile file;
+    const double most_voxels =
+        kFreeVoxels + kVoxelsPerByte * static_cast<double>(reader.size());
+    double voxels = 0.0;
     for (std::uint32_t s = 0; s < num_stages; ++s)
     {
         StoredField& stage = file.stages.emplace_back();
         stage_sections(reader, stage);
         check_stage(reader, stage);
+        voxels += covered_voxels(stage);
+        if (voxels > most_voxels)
+            reader.fail("the grid is too large for a file of this size (got " +
+                        std::to_string(static_cast<std::uint64_t>(voxels)) +
+                        " voxels, need " +
+                        std::to_string(static_cast<std::uint64_t>(most_voxels)) +
+                        " at the most)");
         std::uint32_t num_regions = 0;
         reader("regions", num_regions);
         reader.require(num_regions <= kMaxRegions, "there are too many regions");

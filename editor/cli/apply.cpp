@@ -28,6 +28,7 @@ struct ApplyFlags
 {
     std::string field, output, format, columns, shard, list;
     std::vector<std::string> inputs;
+    std::optional<std::string> max_memory;
     int jobs = 1;
     bool resumes = false, fails_fast = false;
 };
@@ -101,6 +102,35 @@ std::vector<BatchFile> files_in(const std::string& folder,
     return files;
 }
 
+/// The program itself, its libraries and threads [byte].
+constexpr double kProgramBytes = 25e6;
+/// A field file, and what it says, are in memory together once.
+constexpr double kBytesPerFieldByte = 2.0;
+
+/// Reads the field within \p settings.max_memory, and takes what it needs off that.
+Deformation load_field(const std::string& path, ApplySettings& settings)
+{
+    double& left = settings.max_memory;
+    const auto need = [&](double bytes)
+    {
+        if (bytes > left)
+            throw Error(Fault::Budget,
+                        at({path, 0, ""}, "the field needs about " + in_bytes(bytes) +
+                                              " (limit " + in_bytes(left) + ")"));
+    };
+    if (!(left > 0))
+        return Deformation(read_field(path), path);
+    std::error_code unknown;
+    const std::uintmax_t size = fs::file_size(path, unknown);
+    need(kProgramBytes +
+         (unknown ? 0.0 : kBytesPerFieldByte * static_cast<double>(size)));
+    const FieldFile file = read_field(path);
+    left -= kProgramBytes;
+    Deformation deformation(file, path, left);
+    left -= memory_of(file);
+    return deformation;
+}
+
 double per_second(std::uint64_t samples, double seconds)
 {
     return seconds > 0 ? static_cast<double>(samples) / seconds : 0.0;
@@ -139,6 +169,7 @@ ApplySettings settings_of(const ApplyFlags& flags, const CommonFlags& common)
     settings.overwrite = common.overwrite();
     settings.threads = common.threads;
     settings.jobs = flags.jobs;
+    settings.max_memory = memory_limit(flags.max_memory);
     settings.resumes = flags.resumes;
     settings.fails_fast = flags.fails_fast;
     if (!settings.format.empty() && !is_geometry_format(settings.format))
@@ -163,7 +194,7 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
                                 flags.output, in_quotes("." + extension_of(flags.output)),
                                 format));
     check_output(flags.output, common.overwrite());
-    const Deformation deformation(read_field(flags.field), flags.field);
+    const Deformation deformation = load_field(flags.field, settings);
     Progress progress(common);
     settings.watch = [&](double done, const std::string& name)
     { progress.show(done, name); };
@@ -183,28 +214,32 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
 int sum_up(const std::vector<BatchFile>& files, const std::vector<FileReport>& reports)
 {
     std::size_t failed = 0, left = 0;
-    bool are_file_errors = true;
+    std::set<Fault> faults;
     for (const FileReport& report : reports)
     {
         left += report.status == FileStatus::Left;
         if (report.status != FileStatus::Failed)
             continue;
         ++failed;
-        are_file_errors = are_file_errors && report.fault == Fault::File;
+        faults.insert(report.fault.value_or(Fault::Malformed));
         say(fmt::format("error: {}\n", report.message));
     }
     if (failed == 0)
         return 0;
     say(fmt::format("error: {} of {} files failed{}\n", failed, files.size(),
                     left > 0 ? fmt::format(", {} were not begun", left) : ""));
-    return static_cast<int>(are_file_errors ? Fault::File : Fault::Malformed);
+    const bool is_one = faults.size() == 1;
+    const Fault fault = *faults.begin();
+    return static_cast<int>(is_one && (fault == Fault::File || fault == Fault::Budget)
+                                ? fault
+                                : Fault::Malformed);
 }
 
 int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings settings)
 {
     const Shard shard = parse_shard(flags.shard);
     const std::vector<BatchFile> files = files_in(flags.output, flags.inputs, shard);
-    const Deformation deformation(read_field(flags.field), flags.field);
+    const Deformation deformation = load_field(flags.field, settings);
     std::error_code failed;
     fs::create_directories(flags.output, failed);
     if (failed)
@@ -308,6 +343,7 @@ void add_apply(CLI::App& app, CommonFlags& common, int& exit_code)
                      "files at once (default 1); they share the "
                      "threads")
         ->check(CLI::Range(1, 64));
+    add_max_memory(*command, flags->max_memory);
     command->add_flag("--resume", flags->resumes,
                       "leave out what the manifest says is done with this field, where "
                       "input and output are still the same");

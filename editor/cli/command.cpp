@@ -100,8 +100,19 @@ void SessionFlags::add_to(CLI::App& app)
                    fmt::format("of one frame (default {})", defaults.max_iterations));
     app.add_flag("--tight", is_tight, "solve to a gradient of 1e-10 instead of 1e-6");
     app.add_option("--time", time, "seconds that the solve of one frame may take");
+    add_max_memory(app, max_memory);
+}
+
+void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory)
+{
     app.add_option("--max-memory", max_memory,
-                   "bytes, like 500M or 2G (default: 70 % of what is free)");
+                   "bytes, like 500M or 2G (default: 70 % of what is free, in the "
+                   "process's control groups too)");
+}
+
+double memory_limit(const std::optional<std::string>& max_memory)
+{
+    return max_memory ? parse_bytes(*max_memory) : default_memory_limit();
 }
 
 void add_columns(CLI::App& app, std::string& columns)
@@ -171,8 +182,7 @@ SessionRequest read_request(const SessionFlags& flags)
                                       std::int64_t(0), std::int64_t(1000000)));
     if (flags.time)
         settings.time_budget = in_range("--time", *flags.time, 0.0, 1e9);
-    settings.cells.max_memory =
-        flags.max_memory ? parse_bytes(*flags.max_memory) : default_memory_limit();
+    settings.cells.max_memory = memory_limit(flags.max_memory);
     const std::string solver = flags.solver.value_or("");
     if (solver == "newton")
         settings.method = Method::Newton;

@@ -86,6 +86,11 @@ struct SessionRequest
 /// Reads the scene (if the model is one) and the handle file. Throws Error.
 SessionRequest read_request(const SessionFlags& flags);
 
+/// Adds --max-memory.
+void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory);
+/// What it says, or default_memory_limit() [byte]. Throws Fault::Usage.
+double memory_limit(const std::optional<std::string>& max_memory);
+
 /// Adds --columns.
 void add_columns(CLI::App& app, std::string& columns);
 

@@ -12,6 +12,7 @@
 
 #include "editor/mpi/ranks.h"
 #include "editor/mpi/spread.h"
+#include "editor/session/memory_limit.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/parallel.h"
@@ -100,7 +101,8 @@ int run(const Ranks& ranks, const Flags& flags)
             if (ranks.is_first())
                 check_output(flags.output,
                              flags.overwrites ? Overwrite::Yes : Overwrite::No);
-            deformation.emplace(read_field(flags.field), flags.field);
+            deformation.emplace(read_field(flags.field), flags.field,
+                                default_memory_limit());
             file.emplace(flags.input);
             if (ranks.is_first())
                 output.emplace(flags.output,

@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/manifest.h"
+#include "io/number.h"
 #include "octree/parallel.h"
 
 namespace cellwarp
@@ -23,16 +24,46 @@ namespace
 
 using Clock = std::chrono::steady_clock;
 
-/// Enough for every thread to have a part and the next one, and no more: each is in
-/// memory three times, as it is read, moved and written.
-std::size_t parts_at_once(const ApplySettings& settings)
+/// A part is in memory as it is read, moved and written, each time as text and as doubles
+/// [byte per byte of the part].
+constexpr double kBytesPerPartByte = 30.0;
+/// Of a record that a file larger than memory sorts, in a run and in what merges them
+/// [byte].
+constexpr double kBytesPerRecord = 48.0;
+constexpr std::size_t kLeastPart = std::size_t(1) << 16, kLeastRecords = 1 << 14;
+
+/// Sizes of what is in memory at once: enough for every thread to have a part and the
+/// next one, and no more; less where the budget says so.
+void set_sizes(const ApplySettings& settings, StreamOptions& options)
 {
     constexpr unsigned kMost = 32;
     const unsigned threads = settings.threads > 0
                                  ? static_cast<unsigned>(settings.threads)
                                  : std::thread::hardware_concurrency();
-    return std::clamp(2 * threads / static_cast<unsigned>(std::max(1, settings.jobs)), 2u,
-                      kMost);
+    const unsigned jobs = static_cast<unsigned>(std::max(1, settings.jobs));
+    options.parts_at_once = std::clamp(2 * threads / jobs, 2u, kMost);
+    if (!(settings.max_memory > 0))
+        return;
+    const double share = settings.max_memory / jobs;
+    const auto bytes = [&]
+    {
+        return kBytesPerPartByte * static_cast<double>(options.part_bytes) *
+                   static_cast<double>(options.parts_at_once) +
+               kBytesPerRecord * static_cast<double>(options.sort_records);
+    };
+    while (bytes() > share && options.sort_records > kLeastRecords)
+        options.sort_records /= 2;
+    while (bytes() > share && options.parts_at_once > 2)
+        --options.parts_at_once;
+    while (bytes() > share && options.part_bytes > kLeastPart)
+        options.part_bytes /= 2;
+    if (bytes() > share)
+        throw Error(Fault::Budget,
+                    fmt::format("{} file(s) at once need about {} beyond the field "
+                                "(limit {})",
+                                jobs, in_bytes(jobs * bytes()),
+                                in_bytes(settings.max_memory)));
+    options.max_json_memory = share;
 }
 
 StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
@@ -43,7 +74,7 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     options.format = settings.format;
     options.read = settings.read;
     options.overwrite = overwrite;
-    options.parts_at_once = parts_at_once(settings);
+    set_sizes(settings, options);
     StreamWork work;
     work.move = [&](const PartMotion& motion)
     {
@@ -94,6 +125,8 @@ Batch::Batch(const Deformation& deformation, const std::vector<BatchFile>& files
                          settings.read.columns)),
       reports_(files.size()), done_(files.size(), 0.0)
 {
+    StreamOptions unused;
+    set_sizes(settings, unused); // over the budget, nothing is begun
     manifest_.emplace(manifest);
     for (std::size_t i = 0; i < files.size(); ++i)
     {
@@ -154,6 +187,7 @@ void Batch::apply(std::size_t i)
     }
     catch (const std::bad_alloc&)
     {
+        report.fault = Fault::Budget;
         report.message = file.input + ": out of memory";
     }
     report.seconds = std::chrono::duration<double>(Clock::now() - start).count();

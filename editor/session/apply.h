@@ -23,6 +23,9 @@ struct ApplySettings
     Overwrite overwrite = Overwrite::No;
     int threads = 0; ///< of all loops, 0: as many as there are cores; for memory only
     int jobs = 1;    ///< files at once
+    /// [byte] that may be taken beyond the deformation, 0: no limit. Parts become fewer
+    /// and smaller, as far as that goes; changes no result.
+    double max_memory = 0.0;
     bool resumes = false;    ///< leaves out what the manifest says is done
     bool fails_fast = false; ///< the first failure ends the batch
     std::stop_token stop = {};
@@ -31,7 +34,8 @@ struct ApplySettings
     std::function<void(double done, const std::string& input)> watch = {};
 };
 
-/// Moves one file. Throws as stream_geometry() does.
+/// Moves one file. Throws as stream_geometry() does, and Fault::Budget where even the
+/// fewest and smallest parts are over the budget.
 StreamReport apply_to_file(const Deformation& deformation, const std::string& input,
                            const std::string& output, const ApplySettings& settings);
 
@@ -55,7 +59,7 @@ struct FileReport
     StreamReport stream;
     double seconds = 0.0;
     std::string message;        ///< of the failure
-    std::optional<Fault> fault; ///< of the failure; none: out of memory
+    std::optional<Fault> fault; ///< of the failure
 };
 
 /// Moves every file and keeps a manifest: one line when a file is begun and one when it
@@ -65,7 +69,7 @@ struct FileReport
 /// line counts; a last line without its end was torn and does not.
 /// One that cannot be read or written fails alone. Throws Fault::File, before any work,
 /// if an output cannot be written (one that a resumed manifest names is replaced), or if
-/// the manifest cannot.
+/// the manifest cannot; Fault::Budget as apply_to_file() does.
 std::vector<FileReport> apply_to_batch(const Deformation& deformation,
                                        const std::vector<BatchFile>& files,
                                        const std::string& manifest,

@@ -180,15 +180,52 @@ WorkFrame frame_of(const StoredField& stored)
     return frame;
 }
 
+/// Of a voxel: its piece, the grid's own mark, and while labels spread a distance [byte].
+constexpr double kBytesPerVoxel = 4.0 + 1.0, kBytesPerSpreadVoxel = 4.0;
+
+/// How often the numbers of a file are in memory: as they were read, and ready to be
+/// used.
+constexpr double kCopies = 2.5;
+
+double num_voxels_of(const StoredField& stored)
+{
+    double voxels = 0.0;
+    for (const std::uint32_t length : stored.run_lengths)
+        voxels += length;
+    return voxels;
+}
+
+template <class Numbers>
+double bytes_of(const Numbers& numbers)
+{
+    return static_cast<double>(numbers.size() * sizeof(*numbers.data()));
+}
+
+double bytes_of_numbers(const StoredField& stored)
+{
+    double bytes = bytes_of(stored.run_lengths) + bytes_of(stored.run_pieces) +
+                   bytes_of(stored.box_centres) + bytes_of(stored.edges) +
+                   bytes_of(stored.centres) + bytes_of(stored.first_neighbour) +
+                   bytes_of(stored.neighbours) + bytes_of(stored.poses) +
+                   bytes_of(stored.is_idle) + bytes_of(stored.first_membership) +
+                   bytes_of(stored.membership_fits) +
+                   bytes_of(stored.membership_weights) + bytes_of(stored.first_centre) +
+                   bytes_of(stored.rbf_origins) + bytes_of(stored.rbf_polynomials) +
+                   bytes_of(stored.rbf_centres);
+    for (const StoredRegion& region : stored.regions)
+        bytes += bytes_of(region.nodes) + bytes_of(region.node_cells) +
+                 bytes_of(region.misses) + bytes_of(region.near_cells) +
+                 bytes_of(region.deep_cells);
+    return bytes;
+}
+
 /// Before anything as large as the grid is made.
 GridShape checked_grid(const StoredField& stored, const std::string& path)
 {
     const GridShape shape = {Eigen::Vector3d(stored.size.data()),
                              Eigen::Vector3i(stored.coarsest.data()), stored.edge,
                              stored.max_depth, stored.voxels_per_leaf};
-    double voxels = 0.0;
-    for (const std::uint32_t length : stored.run_lengths)
-        voxels += length;
+    const double voxels = num_voxels_of(stored);
     if (voxels != num_voxels(shape))
         throw malformed({path, 0, "section 'runs'"},
                         "the material does not fill the grid (got " + shortest(voxels) +
@@ -220,16 +257,22 @@ Deformation::Map::Map(const StoredField& stored, const std::string& path)
 
 void Deformation::Map::read_material(const StoredField& stored, const std::string& path)
 {
+    piece_of_voxel.reserve(grid.size());
     for (std::size_t run = 0; run < stored.run_lengths.size(); ++run)
         piece_of_voxel.insert(piece_of_voxel.end(), stored.run_lengths[run],
                               stored.run_pieces[run]);
-    std::vector<std::int32_t> nearest = piece_of_voxel;
-    spread_labels(nearest, grid.counts());
-    if (nearest.front() < 0)
+    spread_labels(piece_of_voxel, grid.counts());
+    if (piece_of_voxel.front() < 0)
         throw malformed({path, 0, "section 'run pieces'"}, "there is no material");
-    for (std::size_t i = 0; i < nearest.size(); ++i)
-        if (piece_of_voxel[i] < 0)
-            piece_of_voxel[i] = -2 - nearest[i];
+    auto voxel = piece_of_voxel.begin();
+    for (std::size_t run = 0; run < stored.run_lengths.size(); ++run)
+    {
+        const auto end = voxel + static_cast<std::ptrdiff_t>(stored.run_lengths[run]);
+        if (stored.run_pieces[run] < 0)
+            std::transform(voxel, end, voxel,
+                           [](std::int32_t nearest) { return -2 - nearest; });
+        voxel = end;
+    }
 }
 
 /// A sample of the session's model is in the cell that it has there.
@@ -319,9 +362,33 @@ void Deformation::Map::carry(const Carried& carried) const
     cellwarp::carry(*field, frame, work, own, carried);
 }
 
-Deformation::Deformation(const FieldFile& file, const std::string& path)
+double memory_of(const FieldFile& file)
+{
+    double bytes = 0.0, largest = 0.0;
+    for (const StoredField& stage : file.stages)
+    {
+        const double voxels = num_voxels_of(stage);
+        bytes += kBytesPerVoxel * voxels + kCopies * bytes_of_numbers(stage);
+        largest = std::max(largest, kBytesPerSpreadVoxel * voxels);
+    }
+    return bytes + largest;
+}
+
+Deformation::Deformation(const FieldFile& file, const std::string& path,
+                         double max_memory)
     : checksum_(file.checksum)
 {
+    const double bytes = memory_of(file);
+    if (max_memory > 0 && bytes > max_memory)
+    {
+        double voxels = 0.0;
+        for (const StoredField& stage : file.stages)
+            voxels += num_voxels_of(stage);
+        throw Error(Fault::Budget,
+                    at({path, 0, ""}, "the field needs about " + in_bytes(bytes) +
+                                          " for " + shortest(voxels) + " voxels (limit " +
+                                          in_bytes(max_memory) + ")"));
+    }
     for (const StoredField& stage : file.stages)
         maps_.push_back(std::make_unique<const Map>(stage, path));
 }

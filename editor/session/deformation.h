@@ -20,13 +20,18 @@ namespace cellwarp
 /// What is kept of a rig and its field: all that moves a point.
 StoredField stored_field(const Rig& rig, const Field& field);
 
+/// What a Deformation of that file takes at the most, the file's own numbers included
+/// [byte].
+double memory_of(const FieldFile& file);
+
 /// Maps that follow each other, one for each commit and the last. Immutable.
 class Deformation
 {
 public:
     /// \p path names the file, for messages. Throws Fault::Malformed if its parts do not
-    /// fit together.
-    Deformation(const FieldFile& file, const std::string& path);
+    /// fit together, and Fault::Budget, before anything large is made, if memory_of() is
+    /// over \p max_memory [byte] (0: no limit).
+    Deformation(const FieldFile& file, const std::string& path, double max_memory = 0.0);
     ~Deformation();
     Deformation(Deformation&&) noexcept;
     Deformation& operator=(Deformation&&) noexcept;

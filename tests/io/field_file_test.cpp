@@ -177,4 +177,31 @@ TEST(FieldFile, whose_parts_contradict_each_other_is_refused)
     expect_refused([](StoredField& f) { f.max_depth = 21; }, "grid");
 }
 
+TEST(FieldFile, claims_no_more_voxels_than_a_file_of_its_size_may)
+{
+    StoredField field = small_field();
+    // 1625 voxels along each axis, all of one cell: one run.
+    field.voxels_per_leaf = 1625;
+    field.coarsest = {1, 1, 1};
+    field.size = {2, 2, 2};
+    field.edge = 2.0;
+    field.edges = {2, 2};
+    field.run_lengths = {4000000000u};
+    field.run_pieces = {0};
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { parse_field("f.cwf", bytes_of(field)); }),
+        "the grid is too large for a file of this size (got 4000000000 "
+        "voxels, need "));
+    // Many maps that claim a little each claim as much.
+    field.run_lengths = {30000000u};
+    const StoredField& one = field;
+    EXPECT_NO_THROW(parse_field("f.cwf", bytes_of(one)));
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed,
+                          [&] {
+                              parse_field("f.cwf", field_bytes({{one, one, one, one}}));
+                          }),
+                 "the grid is too large for a file of this size"));
+}
+
 } // namespace cellwarp

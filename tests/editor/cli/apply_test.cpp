@@ -424,4 +424,32 @@ TEST(Apply, a_full_disk_keeps_the_old_output)
     EXPECT_EQ(num_files(files.folder), 3u);
 }
 
+TEST(Apply, memory_has_a_limit_that_changes_no_byte)
+{
+    const Files files;
+    const std::string input = files.points("points.xyz", 200000);
+    const std::string a = files.folder / "a.xyz", b = files.folder / "b.xyz";
+    ASSERT_EQ(files.apply({input, "-o", a, "--threads", "16"}).code, 0);
+    const Result small =
+        files.apply({input, "-o", b, "--threads", "16", "--max-memory", "90M", "--json"});
+    EXPECT_EQ(small.code, 0) << small.err;
+    EXPECT_LT(nlohmann::json::parse(small.out)["peak_rss_mb"].get<double>(), 90.0);
+    EXPECT_EQ(bytes_of(a), bytes_of(b));
+
+    const std::size_t before = num_files(files.folder);
+    for (const char* limit : {"1", "1M", "26M"})
+    {
+        const Result result =
+            files.apply({input, "-o", files.folder / "c.xyz", "--max-memory", limit});
+        EXPECT_EQ(result.code, 5) << limit << result.err;
+        EXPECT_TRUE(contains(result.err, "need")) << result.err;
+        EXPECT_EQ(files.apply({input, "-o", files.out(), "--max-memory", limit}).code, 5);
+    }
+    const Result wrong =
+        files.apply({input, "-o", files.folder / "c.xyz", "--max-memory", "lots"});
+    EXPECT_EQ(wrong.code, 2);
+    EXPECT_TRUE(contains(wrong.err, "--max-memory: got 'lots'"));
+    EXPECT_EQ(num_files(files.folder), before);
+}
+
 } // namespace cellwarp

@@ -9,6 +9,7 @@
 #include "editor/session/session.h"
 #include "io/error.h"
 #include "octree/parallel.h"
+#include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -98,6 +99,25 @@ TEST(Deformation, moves_the_samples_of_its_model_as_the_session_did_to_the_bit)
     const Played refined(FieldKind::Rbf, 1e-3);
     EXPECT_TRUE(same_bits(moved(refined.deformation(), refined.model.geometry.samples),
                           refined.session.patch().samples));
+}
+
+TEST(Deformation, takes_no_more_memory_than_it_says_or_nothing)
+{
+    const Played played(FieldKind::Rbf);
+    const FieldFile file = parse_field("f.cwf", field_bytes(played.session.field_file()));
+    const double bytes = memory_of(file);
+    {
+        const support::MostMemory memory;
+        const Deformation deformation(file, "f.cwf", bytes);
+        EXPECT_LE(static_cast<double>(memory.bytes()), bytes);
+        EXPECT_GE(static_cast<double>(memory.bytes()), 0.2 * bytes);
+    }
+    const support::MostMemory memory;
+    EXPECT_TRUE(support::contains(
+        support::error_of(Fault::Budget,
+                          [&] { Deformation(file, "f.cwf", 0.99 * bytes); }),
+        "f.cwf: the field needs about "));
+    EXPECT_LT(memory.bytes(), 10000u);
 }
 
 TEST(Deformation, gives_a_point_the_same_bits_alone_and_among_others)
