@@ -378,7 +378,11 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
         parts.num_centres = centres.points.size();
         if (is_dense(kind_))
         {
-            RbfSystem::Fit fit = RbfSystem(centres.points).fit(centres.displacements);
+            // Where nothing is held all cells are idle, and there is no centre.
+            RbfSystem::Fit fit =
+                centres.points.empty()
+                    ? RbfSystem::Fit{RbfField(RbfField::Terms()), 0.0}
+                    : RbfSystem(centres.points).fit(centres.displacements);
             parts.global = std::make_shared<const RbfField>(std::move(fit.field));
             parts.residual = fit.residual;
         }

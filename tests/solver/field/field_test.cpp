@@ -680,6 +680,23 @@ TEST(RegionFade, gradient_matches_finite_differences)
     }
 }
 
+TEST(Field, where_nothing_is_held_nothing_moves)
+{
+    const Built bar = support::bar(3, 3, 6);
+    const std::vector<Pose> poses = rigid(bar, Motion());
+    Constraint idle;
+    idle.hold = Hold::Idle;
+    const std::vector<Constraint> constraints(bar.cells.size(), idle);
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf,
+                                 FieldKind::RbfGlobal, FieldKind::RbfCentres})
+    {
+        const Field field = fit_field(kind, bar.cells, poses, constraints, {});
+        EXPECT_EQ(field.parts().residual, 0.0);
+        const Eigen::Vector3d x(1.4, 1.2, 3.3);
+        EXPECT_EQ(field.value(x, own_cell(bar, x)).displacement, Eigen::Vector3d::Zero());
+    }
+}
+
 TEST(Field, threads_do_not_change_a_bit)
 {
     const RegionCase c;
