@@ -200,7 +200,8 @@ StreamReport Stream::run()
     {
         if (work_.stop.stop_requested())
             return stopped();
-        std::future<void> files = std::async(std::launch::async,
+        // Where there is no thread left, it waits for get().
+        std::future<void> files = std::async(std::launch::async | std::launch::deferred,
                                              [&]
                                              {
                                                  write(writing);

@@ -2,10 +2,16 @@
 // The command line: subcommands, signals, and the one place where errors become
 // messages and exit codes.
 #include <algorithm>
+#include <atomic>
 #include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <new>
 #include <optional>
 #include <sstream>
+#include <string_view>
+#include <system_error>
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -28,6 +34,56 @@ extern "C" void end_at_signal(int signal)
     remove_unfinished_outputs();
     ::_exit(128 + signal);
 }
+
+/// Takes no memory.
+[[noreturn]] void end_without_memory() noexcept
+{
+    constexpr std::string_view text = "error: out of memory\n";
+    const ssize_t unheard = ::write(2, text.data(), text.size());
+    static_cast<void>(unheard);
+    remove_unfinished_outputs();
+    ::_exit(static_cast<int>(Fault::Budget));
+}
+
+/// Our own threads and tasks carry what they throw home. Libraries may lack the memory
+/// even for that.
+[[noreturn]] void end_at_terminate() noexcept
+{
+    try
+    {
+        if (const std::exception_ptr error = std::current_exception())
+            std::rethrow_exception(error);
+    }
+    catch (const std::bad_alloc&)
+    {
+        end_without_memory();
+    }
+    catch (...)
+    {
+    }
+    std::abort();
+}
+
+/// Between the beginning and the end of main().
+std::atomic<bool> is_running{false};
+
+/// A library that calls exit() has no memory for its threads: none does for another
+/// reason.
+void end_at_exit() noexcept
+{
+    if (is_running)
+        end_without_memory();
+}
+
+/// Before anything is made that needs memory, also before main().
+struct MemoryGuard
+{
+    MemoryGuard()
+    {
+        std::set_terminate(end_at_terminate);
+        std::atexit(end_at_exit);
+    }
+} const guard __attribute__((init_priority(101)));
 
 void prepare_process()
 {
@@ -106,11 +162,9 @@ int run(int argc, char** argv)
     return exit_code;
 }
 
-} // namespace
-
-int main(int argc, char** argv)
+/// Errors as messages and exit codes; what lacks memory for that, too, comes out.
+int run_and_tell(int argc, char** argv)
 {
-    prepare_process();
     try
     {
         return run(argc, argv);
@@ -122,12 +176,43 @@ int main(int argc, char** argv)
     }
     catch (const std::bad_alloc&)
     {
-        say("error: out of memory\n");
-        return static_cast<int>(Fault::Budget);
+        throw;
+    }
+    catch (const std::system_error& error)
+    {
+        const bool has_no_threads =
+            error.code() == std::errc::resource_unavailable_try_again;
+        say(fmt::format(
+            "error: {}{}\n",
+            has_no_threads ? "no more threads: " : "internal error: ", error.what()));
+        return has_no_threads ? static_cast<int>(Fault::Budget) : 1;
     }
     catch (const std::exception& error)
     {
         say(fmt::format("error: internal error: {}\n", error.what()));
         return 1;
+    }
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    prepare_process();
+    is_running = true;
+    try
+    {
+        const int exit_code = run_and_tell(argc, argv);
+        is_running = false;
+        if (exit_code == 0)
+            return 0;
+        // At a regular end the dense kernels wait for their threads, which wait for
+        // memory for ever where there is none.
+        std::fflush(nullptr);
+        ::_exit(exit_code);
+    }
+    catch (const std::bad_alloc&)
+    {
+        end_without_memory();
     }
 }

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <mutex>
 #include <new>
+#include <system_error>
 #include <thread>
 
 #include <fmt/format.h>
@@ -225,8 +226,15 @@ std::vector<FileReport> Batch::run()
     const std::stop_callback on_stop(settings_.stop, [&] { stop_.request_stop(); });
     {
         std::vector<std::jthread> jobs;
-        for (int j = 1; j < settings_.jobs; ++j)
-            jobs.emplace_back([&] { work(); });
+        try
+        {
+            for (int j = 1; j < settings_.jobs; ++j)
+                jobs.emplace_back([&] { work(); });
+        }
+        catch (const std::system_error&)
+        {
+            // Fewer threads do the same.
+        }
         work();
     }
     if (error_)

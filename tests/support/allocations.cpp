@@ -11,6 +11,14 @@ namespace
 {
 
 std::atomic<std::size_t> count{0}, in_use{0}, most{0};
+constexpr std::size_t kNone = ~std::size_t(0);
+std::atomic<std::size_t> failing{kNone}; ///< the one that fails, as counted
+
+/// Counts one more; whether it is to be given.
+bool may_take()
+{
+    return ++count != failing;
+}
 
 void* accounted(void* memory)
 {
@@ -40,13 +48,11 @@ extern "C" void* __real_malloc(std::size_t);
 extern "C" void* __real_realloc(void*, std::size_t);
 extern "C" void* __wrap_malloc(std::size_t size)
 {
-    ++count;
-    return __real_malloc(size);
+    return may_take() ? __real_malloc(size) : nullptr;
 }
 extern "C" void* __wrap_realloc(void* memory, std::size_t size)
 {
-    ++count;
-    return __real_realloc(memory, size);
+    return may_take() ? __real_realloc(memory, size) : nullptr;
 }
 
 // The array, nothrow and sized forms of the library call these.
@@ -57,8 +63,8 @@ void* operator new(std::size_t size)
 void* operator new(std::size_t size, std::align_val_t alignment)
 {
     const std::size_t unit = static_cast<std::size_t>(alignment);
-    ++count;
-    return accounted(std::aligned_alloc(unit, (size + unit - 1) / unit * unit));
+    return accounted(
+        may_take() ? std::aligned_alloc(unit, (size + unit - 1) / unit * unit) : nullptr);
 }
 void operator delete(void* memory) noexcept
 {
@@ -83,6 +89,21 @@ namespace cellwarp::support
 std::size_t num_allocations()
 {
     return count;
+}
+
+FailingAllocation::FailingAllocation(std::size_t which)
+{
+    failing = count + which;
+}
+
+FailingAllocation::~FailingAllocation()
+{
+    failing = kNone;
+}
+
+bool FailingAllocation::has_failed() const
+{
+    return count >= failing;
 }
 
 MostMemory::MostMemory() : before_(in_use)

@@ -23,4 +23,16 @@ private:
     std::size_t before_;
 };
 
+/// Lets one of those that num_allocations() counts fail, as where there is no memory: the
+/// \p which th from now on, on whatever thread; none after this is gone. One at a time.
+class FailingAllocation
+{
+public:
+    explicit FailingAllocation(std::size_t which);
+    ~FailingAllocation();
+    FailingAllocation(const FailingAllocation&) = delete;
+    FailingAllocation& operator=(const FailingAllocation&) = delete;
+    bool has_failed() const;
+};
+
 } // namespace cellwarp::support
