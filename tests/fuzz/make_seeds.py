@@ -67,6 +67,10 @@ def journal():
     return data
 
 
+def counted(count, step):
+    return bytes(step * i % 256 for i in range(count))
+
+
 SEEDS = {
     "fuzz_obj": [OBJ, OBJ.replace(b"\n", b"\r\n")],
     "fuzz_ply": [PLY % b"ascii" + b"0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n",
@@ -91,6 +95,10 @@ SEEDS = {
     "fuzz_journal": [b"\0\0\0\0\0" + journal(), b"\0\0\0\0\0" + journal()[:-3],
                      b"\1\x50\0\0\0\x01abcdefgh\0\x40" + bytes(600),
                      b"\1\x50\0\x01\0\x01abcdefgh\0\x40" + bytes(600)],
+    # A choice of everything; then samples, leaves to split, motions, what holds each cell.
+    "fuzz_solve": [bytes([choice]) + counted(400, 37) for choice in (0, 6, 38, 94, 158, 222)],
+    # Scales; then centres with displacements.
+    "fuzz_rbf": [bytes([0, 2]) + counted(120, 41), bytes([7, 0]) + counted(200, 59)],
 }
 
 
