@@ -147,6 +147,7 @@ private:
     const SolveOptions& options_;
     SolveReport report_;
     double value_ = 0.0, gradient_norm_ = 0.0, scale_ = 0.0;
+    bool curves_downwards_ = false; ///< the energy, along the last step
     Clock::time_point deadline_ = Clock::time_point::max();
 };
 
@@ -178,6 +179,7 @@ void NewtonSolver::Run::find_step_by_gradients()
                                         own_.step_);
     report_.linear_steps += linear.steps;
     own_.is_slow_ = linear.steps > kSlowSteps;
+    curves_downwards_ = linear.has_negative_curvature;
 }
 
 bool NewtonSolver::Run::find_step_by_factor()
@@ -332,6 +334,8 @@ SolveReport NewtonSolver::Run::operator()()
                            value_);
         if (!find_step())
             return finish(Stop::NotPositiveDefinite);
+        if (options_.stays_stable && curves_downwards_)
+            return finish(Stop::NoDescent);
         const Clock::time_point search_start = Clock::now();
         const Found found = search_line();
         report_.ms.line_search += ms_since(search_start);

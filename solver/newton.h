@@ -51,6 +51,9 @@ struct SolveOptions
     /// Looks for directions of descent where the gradient has vanished: a state that is
     /// symmetric in a way that the minimum is not would pass for a minimum.
     bool checks_stability = false;
+    /// Ends with no descent where the energy first curves downwards: what follows it on
+    /// from there leaves the way that the state has come.
+    bool stays_stable = false;
     /// Makes the preconditioner anew where it serves badly; that allocates.
     bool may_refresh = true;
     std::stop_token stop = {};

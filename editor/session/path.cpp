@@ -214,6 +214,14 @@ Motion Path::at(double t) const
     return motion_of(steps);
 }
 
+bool Path::is_wound() const
+{
+    const auto winds = [](const Step& step)
+    { return std::abs(step.angle) > std::numbers::pi; };
+    return std::any_of(from_.begin(), from_.end(), winds) ||
+           std::any_of(to_.begin(), to_.end(), winds);
+}
+
 int Path::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
                     double diagonal) const
 {

@@ -68,6 +68,9 @@ public:
     /// for points in the box \p low, \p high; at most 64.
     int num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
                   double diagonal) const;
+    /// Whether it begins or ends more than half a turn from rest: its end alone does not
+    /// tell how the material is wound then.
+    bool is_wound() const;
 
 private:
     std::vector<Step> from_, to_;

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 
 #include <Eigen/Geometry>
@@ -17,6 +18,7 @@
 
 #include "editor/session/carrying.h"
 #include "editor/session/deformation.h"
+#include "editor/session/turn_chains.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/parallel.h"
@@ -60,6 +62,10 @@ constexpr double kRise = 1.02;
 
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
+
+/// Where a solve changes the turns from region to region by more, whole turns are lost
+/// [rad]: what bends on its way to a solution stays far below.
+constexpr double kLostTurn = std::numbers::pi;
 
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
@@ -545,7 +551,12 @@ struct Session::FrameSolve
     double energy_before = 0.0;  ///< of the last step of the way
     int part = 1, parts = 1;     ///< of the way
     bool has_risen = false;      ///< the energy, when cells were split
-    int iterations_before = 0;   ///< of an earlier way of the same frame
+    bool is_wound = false;       ///< a region, by more than half a turn
+    bool stays_stable = false;   ///< else turns were lost
+    /// Of the regions' chains: where they would be had no solve changed them.
+    Eigen::Matrix3Xd turns;
+    int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
+    int iterations_before = 0; ///< of an earlier way of the same frame
     SolveReport total;
 
     bool is_out_of_time() const
@@ -559,15 +570,18 @@ struct Session::FrameSolve
 void Session::solve_on(FrameSolve& frame, bool is_last)
 {
     StageState& s = *state_;
-    const int done = frame.iterations_before + std::max(0, frame.total.iterations);
+    const int done = frame.iterations_before - frame.iterations_lost +
+                     std::max(0, frame.total.iterations);
     SolveOptions options;
     options.method = settings_.method;
     options.stop = settings_.stop;
     options.gradient_scale = frame.gradient_scale;
     options.max_iterations = std::max(0, settings_.max_iterations - done);
-    if (!is_last)
+    // What gives way must do so before the next step, to be seen.
+    if (!is_last && !frame.is_wound)
         options.max_iterations = std::min(options.max_iterations, kTravelIterations);
     options.checks_stability = is_last;
+    options.stays_stable = frame.stays_stable;
     options.gradient_tolerance =
         is_last ? settings_.gradient_tolerance : kTravelTolerance;
     if (settings_.time_budget > 0)
@@ -584,6 +598,27 @@ void Session::solve_on(FrameSolve& frame, bool is_last)
     frame.total = solve;
 }
 
+/// solve_on() for material that may be wound: twisted too far it is no longer stable,
+/// folds through itself and comes out with less turns. Then it is solved for again, but
+/// no farther than to where it would begin to give way.
+void Session::solve_wound(FrameSolve& frame, bool is_last)
+{
+    if (!frame.is_wound || frame.stays_stable)
+        return solve_on(frame, is_last);
+    StageState& s = *state_;
+    const RigState before = s.rig.state();
+    const int iterations = frame.total.iterations;
+    solve_on(frame, is_last);
+    const TurnChains chains(s.rig.body().cells, s.rig.region_of_cell());
+    const Eigen::Matrix3Xd lost = chains.turns(s.rig.poses()) - frame.turns;
+    if (!(lost.colwise().norm().array() > kLostTurn).any() || frame.is_out_of_time())
+        return;
+    frame.stays_stable = true;
+    frame.iterations_lost += frame.total.iterations - std::max(0, iterations);
+    s.rig.set_state(before);
+    solve_on(frame, is_last);
+}
+
 /// Where a frame began, and in which cells.
 struct Session::FrameStart
 {
@@ -597,11 +632,18 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
 {
     StageState& s = *state_;
     frame.parts = s.plan.num_parts;
+    frame.is_wound = std::any_of(s.plan.paths.begin(), s.plan.paths.end(),
+                                 [](const Path& path) { return path.is_wound(); });
+    const TurnChains chains(s.rig.body().cells, s.rig.region_of_cell());
+    if (frame.is_wound)
+        frame.turns = chains.turns(s.rig.poses());
     for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
     {
         // Out of time on the way: straight to the end.
         if (frame.is_out_of_time())
             frame.part = frame.parts;
+        if (frame.is_wound)
+            frame.turns -= chains.turns(s.rig.poses());
         move_regions(static_cast<double>(frame.part) / frame.parts);
         if (frame.gradient_scale == 0.0)
         {
@@ -611,7 +653,9 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
         }
         frame.energy_before = s.rig.energy();
         s.rig.carry_others();
-        solve_on(frame, frame.part == frame.parts && ends_exactly);
+        if (frame.is_wound)
+            frame.turns += chains.turns(s.rig.poses());
+        solve_wound(frame, frame.part == frame.parts && ends_exactly);
         ++steps;
         if (frame.total.stop == Stop::NotPositiveDefinite)
             break;
@@ -642,20 +686,22 @@ void Session::recut(FrameSolve& frame, FrameReport& report)
 {
     const auto go_on = [&]
     { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
-    while (go_on() && takes(&Recutting::coarser, report))
-        solve_on(frame, false);
+    // Where it is not stable, errors of the cells tell nothing.
+    const auto may_recut = [&] { return go_on() && !frame.stays_stable; };
+    while (may_recut() && takes(&Recutting::coarser, report))
+        solve_wound(frame, false);
     for (double before = state_->rig.energy();
-         go_on() && takes(&Recutting::finer, report);)
+         may_recut() && takes(&Recutting::finer, report);)
     {
-        solve_on(frame, false);
+        solve_wound(frame, false);
         const double after = state_->rig.energy();
         frame.has_risen |= after > kRise * before;
         before = after;
     }
     if (go_on())
-        solve_on(frame, true);
-    while (go_on() && takes(&Recutting::coarser, report))
-        solve_on(frame, true);
+        solve_wound(frame, true);
+    while (may_recut() && takes(&Recutting::coarser, report))
+        solve_wound(frame, true);
     report.cells_at_limit = state_->recutting.num_at_limit();
 }
 
@@ -743,6 +789,11 @@ void Session::solve_frame(FrameReport& report)
             if (report.recuts > 0 && may_miss_a_minimum(frame))
                 start_again(start, frame, report);
         }
+        if (frame.stays_stable)
+            warnings_.push_back(fmt::format(
+                "frame {}: the material is wound farther than it is stable: it "
+                "is left where it would begin to lose turns",
+                report.frame));
         s.last_solve = frame.total;
         s.last_solve.energy_before = frame.energy_before;
     }

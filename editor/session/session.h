@@ -155,6 +155,7 @@ private:
     bool stands() const;
     void move_regions(double t);
     void solve_on(FrameSolve& frame, bool is_last);
+    void solve_wound(FrameSolve& frame, bool is_last);
     struct FrameStart;
     void travel(FrameSolve& frame, int& steps, bool ends_exactly);
     bool may_miss_a_minimum(const FrameSolve& frame) const;
