@@ -141,6 +141,8 @@ struct SolveDesk::State
         }
         else
             session->take(request.handles, stop.get_token());
+        if (!session->rig())
+            return false;
         tell(
             [&](SolveStatus& s)
             {
