@@ -158,6 +158,7 @@ std::vector<std::string> Document::recover()
         Edited edited;
         edited.settings = settings_in(parse_scene(header.document, header.scene));
         edited.handles = parse_handles(header.handles_path, header.handles);
+        edited.handles.labels = s.edited.handles.labels;
         edited.selection = Selection(s.model->geometry.samples.size());
         const std::uint32_t checksum = checksum_of(s.model->bytes);
         if (header.model_bytes != s.model->bytes.size() ||

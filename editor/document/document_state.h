@@ -102,7 +102,7 @@ struct Document::State
             twins.emplace(samples, units.box);
             twins_of = &samples;
         }
-        return {model->geometry, samples, units, edited.handles.path, *twins};
+        return {model->geometry, samples, units, edited.handles, *twins};
     }
 
     /// What a region's last move of the stage makes of it.

@@ -142,7 +142,7 @@ Placement placement_of(const Move& move, const EditedRegion& region,
     const Eigen::Vector3d centre = frame.to_work(region.centre);
     std::vector<std::string> warnings;
     const std::vector<Step> steps =
-        steps_of(move, ground.units, centre, centre, ground.file, warnings);
+        steps_of(move, ground.units, centre, centre, ground.file.path, warnings);
     const Motion motion = motion_of(steps);
     placement.translation = frame.vector_to_model(motion(centre) - centre);
     const Eigen::AngleAxisd turn(

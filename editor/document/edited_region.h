@@ -50,8 +50,8 @@ struct RegionGround
     const Geometry& geometry;
     const std::vector<Eigen::Vector3d>& rest; ///< samples [model unit]
     Units units;
-    const std::string& file; ///< of the statements, for messages
-    const Twins& twins;      ///< of the samples
+    const HandleFile& file; ///< of the statements
+    const Twins& twins;     ///< of the samples
 };
 
 /// Of all statements, at rest. Throws what resolve_regions() throws.

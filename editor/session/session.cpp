@@ -231,7 +231,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const auto regions = std::make_shared<const RegionSet>(
         rest_->shape,
         resolve_regions(handles_.stages[stage_].regions, model_->geometry, samples, units,
-                        handles_.path),
+                        handles_),
         handles_.path);
     const auto start = std::make_shared<StageStart>(
         StageStart{rest_, regions, units,

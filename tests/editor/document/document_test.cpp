@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "editor/session/session.h"
 #include "io/journal.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
@@ -23,7 +24,16 @@ using support::hold_ends;
 namespace
 {
 
-using Bar = support::BarDocument;
+struct Bar : support::BarDocument
+{
+    /// A scene of the bar whose handle file has these statements.
+    std::string write_scene(const std::string& statements) const
+    {
+        folder.write("s.handles", "cellwarp-handles 1\n" + statements);
+        return folder.write(
+            "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles"})");
+    }
+};
 
 Placement shifted(double x)
 {
@@ -110,6 +120,32 @@ TEST(Document, reads_placements_from_any_operations)
     // The centre (0.5, 0.5, 3.5) goes to (-0.5, 0.5, 4.5).
     EXPECT_LT((placement.translation - Eigen::Vector3d(-1, 0, 1)).norm(), 1e-12);
     EXPECT_TRUE(document.is_saved());
+}
+
+TEST(Document, label_files_are_read_once)
+{
+    const Bar bar;
+    std::string labels;
+    for (const Eigen::Vector3d& x : read_geometry(bar.model).geometry.samples)
+        labels += x.z() < 0.6 ? "1\n" : x.z() > 3.4 ? "2\n" : "0\n";
+    const std::string file = bar.folder.write("parts.sel", labels);
+    Document document(bar.write_scene("fixed foot labels parts.sel 1\n"
+                                      "handle head labels parts.sel 2\n"),
+                      bar.journals);
+    const std::vector<std::uint32_t> head = document.region("head")->samples;
+    std::filesystem::remove(file);
+    document.set_role("foot", Role::Pin);
+    document.undo(); // its statements come back from the journal
+    document.rename_region("head", "top");
+    EXPECT_EQ(document.region("top")->samples, head);
+    Session session(document.model(), document.handles(), {});
+    EXPECT_EQ(resolve_regions(document.handles().stages[0].regions,
+                              document.model()->geometry,
+                              document.model()->geometry.samples,
+                              {automatic_frame(document.box()), false, document.box()},
+                              document.handles())[1]
+                  .samples,
+              head);
 }
 
 TEST(Document, undo_goes_back_to_the_start_and_redo_to_the_end_whatever_was_done)

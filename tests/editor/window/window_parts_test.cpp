@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Parts of the window that need no display.
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <thread>
 
 #include <gtest/gtest.h>
 
 #include "editor/window/colours.h"
+#include "editor/window/desk.h"
 #include "editor/window/frame_times.h"
 #include "editor/window/places.h"
 #include "editor/window/playback.h"
@@ -115,6 +118,35 @@ TEST(CellColours, of_regions_are_those_of_their_roles)
               role_colour(Role::Fixed));
     cell.region = 7; // of a document that has changed meanwhile
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
+}
+
+TEST(Desk, solves_on_when_a_label_file_has_gone)
+{
+    const Folder folder;
+    const Shape bar = support::box_shape({0, 0, 0}, {1, 1, 4}, 6);
+    folder.write("bar.obj", support::obj_text(bar));
+    std::string labels;
+    for (const Eigen::Vector3d& x : bar.samples)
+        labels += x.z() > 3.4 ? "1\n" : "0\n";
+    const std::string file = folder.write("top.sel", labels);
+    folder.write("s.handles", "cellwarp-handles 1\nfixed foot box -1 -1 -1 2 2 0.6\n"
+                              "handle head labels top.sel 1\nframe 1\n"
+                              "move head translate 0.3 0 0\ncommit\n"
+                              "fixed foot box -1 -1 -1 2 2 0.6\n"
+                              "handle head labels top.sel 1\n");
+    Desk desk(false);
+    desk.open(folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
+        "handles": "s.handles", "cells": {"across": 8}})"));
+    desk.finish_opening();
+    std::filesystem::remove(file);
+    const Editing& editing = desk.opened()->editing;
+    for (int k = 0; k < 60'000 && !editing.result() && !desk.notice(Place::Window); ++k)
+    {
+        desk.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_EQ(desk.notice(Place::Window), nullptr);
 }
 
 TEST(Playback, reads_statements_with_their_lines)
