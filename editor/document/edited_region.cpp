@@ -109,15 +109,7 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.role = region.role;
         edited.factor = region.factor;
         edited.samples = std::move(region.samples);
-        if (edited.samples.empty())
-            continue;
-        ModelBox box{ground.rest[edited.samples[0]], ground.rest[edited.samples[0]]};
-        for (const std::uint32_t i : edited.samples)
-        {
-            box.low = box.low.cwiseMin(ground.rest[i]);
-            box.high = box.high.cwiseMax(ground.rest[i]);
-        }
-        edited.centre = box.centre();
+        edited.centre = region.centre;
     }
     return regions;
 }

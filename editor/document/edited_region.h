@@ -35,11 +35,10 @@ struct EditedRegion
 {
     std::string name;
     Role role = Role::Fixed;
-    double factor = 1.0;                ///< of a stiff region
-    std::vector<std::uint32_t> samples; ///< ascending
-    Eigen::Vector3d centre =
-        Eigen::Vector3d::Zero(); ///< of the rest samples' box [model]
-    Placement placement;         ///< at the current edit
+    double factor = 1.0;                              ///< of a stiff region
+    std::vector<std::uint32_t> samples;               ///< ascending
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< Region::centre [model unit]
+    Placement placement;                              ///< at the current edit
 
     bool moves() const { return role == Role::Handle || role == Role::Pin; }
 };

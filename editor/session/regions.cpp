@@ -140,6 +140,26 @@ std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
     return listed;
 }
 
+Eigen::Vector3d centre_of(const Region& region,
+                          const std::vector<Eigen::Vector3d>& samples,
+                          const ModelBox& model)
+{
+    ModelBox box{Eigen::Vector3d::Constant(INFINITY),
+                 Eigen::Vector3d::Constant(-INFINITY)};
+    const auto include = [&](const Eigen::Vector3d& low, const Eigen::Vector3d& high)
+    {
+        box.low = box.low.cwiseMin(low);
+        box.high = box.high.cwiseMax(high);
+    };
+    for (const std::uint32_t i : region.samples)
+        include(samples[i], samples[i]);
+    if (region.samples.empty())
+        for (const RegionShape& shape : region.shapes)
+            include(shape.low.cwiseMax(model.low).cwiseMin(model.high),
+                    shape.high.cwiseMin(model.high).cwiseMax(model.low));
+    return box.low.allFinite() ? box.centre() : model.centre();
+}
+
 bool is_geometric(Selector::Kind kind)
 {
     return kind != Selector::Kind::Indices && kind != Selector::Kind::Labels &&
@@ -227,6 +247,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                 if (is_listed[i] || region.holds(samples[i]))
                     region.samples.push_back(static_cast<std::uint32_t>(i));
         }
+        region.centre = centre_of(region, samples, units.box);
     }
     return regions;
 }

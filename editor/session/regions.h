@@ -37,6 +37,10 @@ struct Region
     double factor = 1.0;                ///< of a stiff region
     std::int64_t line = 0;              ///< of its first statement
     std::vector<std::uint32_t> samples; ///< sorted
+    /// About which it turns where a move does not say: the centre of the box of its rest
+    /// samples; of one without samples, of its shapes as far as they are in the model's
+    /// box [model unit].
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     /// Sorted; the ones named one by one (lists, labels, groups), twins included.
     std::vector<std::uint32_t> listed;
     std::vector<RegionShape> shapes; ///< one a geometric selector

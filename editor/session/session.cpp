@@ -386,8 +386,8 @@ Session::FramePlan Session::plan(const FrameStatement& frame,
                                 "'to' needs a pin of one place; this one has " +
                                     std::to_string(regions[r].samples.size()) +
                                     " samples, use translate");
-            next = steps_of(move, s.start->units, box.centre(), box.low, handles_.path,
-                            warnings);
+            next = steps_of(move, s.start->units, regions.centre(r), box.low,
+                            handles_.path, warnings);
         }
         const Path& path = plan.paths.emplace_back(steps[r], next);
         steps[r] = std::move(next);

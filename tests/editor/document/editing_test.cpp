@@ -273,6 +273,45 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     EXPECT_TRUE(document.handles().stages[0].frames.empty());
 }
 
+TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
+{
+    // In turned cells; one region whose box depends on the axes, and one without samples.
+    const Bar bar;
+    std::string corner;
+    const std::vector<Eigen::Vector3d> samples =
+        read_geometry(bar.model).geometry.samples;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        if (samples[i].z() > 3.4 && (samples[i].z() == 4.0 || samples[i].x() == 0.0))
+            corner += " " + std::to_string(i);
+    bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head indices" +
+                                      corner +
+                                      "\nhandle core box 0.2 0.3 1.4 0.6 0.8 2\n"
+                                      "frame 1\nmove head rotate 0 1 0 20\n"
+                                      "move core rotate 1 0 0 10\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
+  "cells": {"across": 10, "frame": {"origin": [1, -2, -1], "size": [3, 4, 6],
+  "axes": [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]}}})");
+    const Document document(scene, "");
+    ASSERT_TRUE(document.region("core")->samples.empty());
+    Session session(document.model(), document.handles(), settings_of(document.scene()));
+    session.next_frame(false);
+    for (std::size_t r = 0; r < document.regions().size(); ++r)
+    {
+        const EditedRegion& region = document.regions()[r];
+        SCOPED_TRACE(region.name);
+        const Motion hand =
+            motion_of(region.placement, region.centre, session.rig()->rest().frame);
+        const Motion& released = session.rig()->motions()[r];
+        EXPECT_LT((hand.R - released.R).norm(), 1e-14);
+        EXPECT_LT((hand.t - released.t).norm(), 1e-14);
+    }
+    EXPECT_EQ(document.region("head")->centre, Eigen::Vector3d(0.5, 0.5, 3.75));
+    EXPECT_EQ(document.region("core")->centre, Eigen::Vector3d(0.4, 0.55, 1.7));
+}
+
 TEST(Editing, an_edit_from_elsewhere_opens_the_hand)
 {
     const Bar bar;
