@@ -102,13 +102,14 @@ struct Document::State
             twins.emplace(samples, units.box);
             twins_of = &samples;
         }
-        return {model->geometry, samples, units, edited.handles, *twins};
+        return {model->geometry, samples, units, edited.handles, *twins, knows_rest()};
     }
 
     /// What a region's last move of the stage makes of it.
     void find_placement(EditedRegion& region, const RegionGround& on)
     {
         region.placement = {};
+        region.knows_placement = on.is_known || !on.units.is_relative;
         if (!region.moves())
             return;
         const std::vector<FrameStatement>& all = frames();
@@ -117,8 +118,10 @@ struct Document::State
             for (const Move& move : all[f].moves)
                 if (move.region == region.name)
                     last = &move;
-        if (last)
-            region.placement = placement_of(*last, region, on);
+        if (!last)
+            return;
+        region.placement = placement_of(*last, region, on);
+        region.knows_placement = on.is_known || is_placed_anywhere(*last, on);
     }
 
     /// Of the stages that have none yet: so an edit costs the same after thousands of
@@ -246,8 +249,11 @@ struct Document::State
         return *found;
     }
 
+    /// The samples of a region. Throws where they are not known yet.
+    static const std::vector<std::uint32_t>& samples_of(const EditedRegion& region);
     /// All regions, ready to be changed: as they stand, or, where a frame has moved them
-    /// and a commit must come first, as lists of their samples.
+    /// and a commit must come first, as lists of their samples. One without samples has
+    /// no list: its shapes stay where they are.
     std::vector<RegionDraft> drafts();
     /// Takes samples away from all regions but one, if it prescribes where they go.
     static void take_from_others(std::vector<RegionDraft>& drafts,

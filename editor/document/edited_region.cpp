@@ -110,6 +110,7 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.factor = region.factor;
         edited.samples = std::move(region.samples);
         edited.centre = region.centre;
+        edited.knows_samples = ground.is_known || region.shapes.empty();
     }
     return regions;
 }
@@ -145,6 +146,11 @@ Placement placement_of(const Move& move, const EditedRegion& region,
         placement.degrees = turn.angle() * 180.0 / std::numbers::pi;
     }
     return placement;
+}
+
+bool is_placed_anywhere(const Move& move, const RegionGround& ground)
+{
+    return is_plain(move.operations) && !ground.units.is_relative;
 }
 
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,

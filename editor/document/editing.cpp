@@ -329,13 +329,15 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     };
     if (s.hand)
         return refuse("another region is in the hand");
+    update(); // regions are found anew where a rest shape has come
     const EditedRegion* const found = s.document.region(region);
     if (!found)
         return refuse("there is no region " + in_quotes(region));
     if (!found->moves())
         return refuse(in_quotes(region) + " is " + role_name(found->role) +
                       ": only handles and pins move");
-    update();
+    if (!found->knows_samples || !found->knows_placement)
+        return refuse(in_quotes(region) + " lies on a shape that is not there yet");
     const bool is_ready = s.prepared && s.fits(*s.prepared);
     if (const SolveStatus status = s.desk.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)

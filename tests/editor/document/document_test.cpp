@@ -122,6 +122,91 @@ TEST(Document, reads_placements_from_any_operations)
     EXPECT_TRUE(document.is_saved());
 }
 
+TEST(Document, a_commit_keeps_a_region_without_samples_by_its_shape)
+{
+    const Bar bar;
+    const std::string path = bar.write_scene(
+        "fixed foot box -1 -1 -1 2 2 0.6\nhandle head box -1 -1 3.4 2 2 5\n"
+        "stiff core box 0.3 0.3 1 0.7 0.7 3 20\nframe 1\nmove head translate 0.1 0 0\n");
+    Document document(path, "");
+    ASSERT_TRUE(document.region("core")->samples.empty());
+    document.set_role("foot", Role::Pin);
+    ASSERT_EQ(document.handles().stages.size(), 2u);
+    document.save(path);
+    const Document again(path, "");
+    const RegionStatement& core = again.handles().stages[1].regions[2];
+    EXPECT_EQ(core.name, "core");
+    EXPECT_EQ(core.factor, 20.0);
+    ASSERT_EQ(core.selector.kind, Selector::Kind::Box);
+    EXPECT_EQ(core.selector.numbers, (std::vector<double>{0.3, 0.3, 1, 0.7, 0.7, 3}));
+}
+
+TEST(Document, regions_of_a_stage_wait_for_its_rest_shape_where_they_depend_on_it)
+{
+    // The first stage moves everything up by 10: the boxes of the second one hold
+    // nothing, or something else, of the model.
+    const Bar bar;
+    const std::string stages =
+        "handle all all\nframe 1\nmove all translate 0 0 10\ncommit\n"
+        "fixed foot box -1 -1 9 2 2 10.6\nhandle head box -1 -1 13.4 2 2 15\n"
+        "handle tip indices 0\n";
+    const auto lift = [](const Document& document)
+    {
+        std::vector<Eigen::Vector3d> rest = document.model()->geometry.samples;
+        for (Eigen::Vector3d& x : rest)
+            x.z() += 10;
+        return std::make_shared<const std::vector<Eigen::Vector3d>>(rest);
+    };
+    const auto expect_wait = [](const auto& command)
+    { EXPECT_TRUE(contains(error_of(Fault::Usage, command), "wait for the result")); };
+    for (const char* const frame : {"", "frame 2\nmove head translate 0 0 1\n"})
+    {
+        SCOPED_TRACE(frame);
+        Document document(bar.write_scene(stages + frame), "");
+        const std::string before = contents(document);
+        expect_wait([&] { document.set_role("head", Role::Fixed); });
+        document.select(between(document, 0, 0.6), "Select by box");
+        expect_wait([&] { document.add_region(Role::Pin, "floor"); });
+        if (*frame)
+            expect_wait([&] { document.remove_region("tip"); });
+        document.undo();
+        EXPECT_EQ(contents(document), before);
+        document.move_region("tip", shifted(0.5)); // the same on any shape
+        document.undo();
+        document.set_rest(document.stage_print(), lift(document));
+        EXPECT_FALSE(document.region("head")->samples.empty());
+        EXPECT_EQ(document.region("head")->centre, Eigen::Vector3d(0.5, 0.5, 13.75));
+        document.select(between(document, 0, 0.6), "Select by box");
+        document.add_region(Role::Pin, "floor");
+        EXPECT_EQ(document.region("foot"), nullptr); // all of it went
+        if (*frame)
+        {
+            const RegionStatement& head = document.handles().stages.back().regions[0];
+            EXPECT_EQ(head.name, "head");
+            EXPECT_EQ(head.selector.kind, Selector::Kind::Indices);
+        }
+    }
+}
+
+TEST(Document, places_in_a_box_wait_for_the_rest_shape_that_has_it)
+{
+    const Bar bar;
+    Document document(
+        bar.write_scene("units relative\nhandle all all\nframe 1\n"
+                        "move all rotate 0 1 0 90\ncommit\nhandle tip indices 0\n"),
+        "");
+    error_of(Fault::Usage, [&] { document.move_region("tip", shifted(1)); });
+    std::vector<Eigen::Vector3d> rest = document.model()->geometry.samples;
+    for (Eigen::Vector3d& x : rest)
+        x = {x.z(), x.y(), -x.x()};
+    document.set_rest(document.stage_print(),
+                      std::make_shared<const std::vector<Eigen::Vector3d>>(rest));
+    document.move_region("tip", shifted(1));
+    // A quarter of the box, which lies along x now.
+    EXPECT_EQ(document.handles().stages[1].frames[0].moves[0].operations[0].vector,
+              Eigen::Vector3d(0.25, 0, 0));
+}
+
 TEST(Document, label_files_are_read_once)
 {
     const Bar bar;

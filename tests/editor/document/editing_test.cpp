@@ -312,6 +312,31 @@ TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
     EXPECT_EQ(document.region("core")->centre, Eigen::Vector3d(0.4, 0.55, 1.7));
 }
 
+TEST(Editing, a_region_on_a_shape_that_is_not_there_yet_is_not_taken_into_the_hand)
+{
+    const Bar bar;
+    bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
+                                  "move head translate 0.5 0 2\ncommit\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle top box -1 -1 5.4 2 2 9\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
+                      "cells": {"across": 8}})");
+    Editing editing(Document(scene, ""));
+    EXPECT_TRUE(editing.document().region("top")->samples.empty());
+    std::string why;
+    if (!editing.begin_drag("top", &why)) // else it was there at once
+    {
+        EXPECT_TRUE(contains(why, "not there yet")) << why;
+        editing.wait();
+        ASSERT_TRUE(editing.begin_drag("top", &why)) << why;
+    }
+    EXPECT_FALSE(editing.document().region("top")->samples.empty());
+    editing.cancel_drag();
+}
+
 TEST(Editing, an_edit_from_elsewhere_opens_the_hand)
 {
     const Bar bar;
