@@ -284,11 +284,19 @@ void Document::set_rest(std::uint64_t stage_print,
     s.rest_print = stage_print;
     s.twins.reset(); // another rest may come to lie where the last one was
     s.rest_box = bounding_box(*s.rest);
-    if (s.edited.handles.stages.size() > 1 && s.stage_prints.back() == stage_print)
+    if (s.edited.handles.stages.size() == 1 || s.stage_prints.back() != stage_print)
+        return;
+    try
     {
         s.find_regions();
-        ++s.revision;
     }
+    catch (...)
+    {
+        s.rest.reset();
+        s.twins.reset();
+        throw;
+    }
+    ++s.revision;
 }
 
 const History& Document::history() const

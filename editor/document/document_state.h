@@ -139,14 +139,16 @@ struct Document::State
     void find_regions()
     {
         find_stage_prints();
-        regions = edited_regions(statements(), ground());
-        region_of_sample.assign(model->geometry.samples.size(), -1);
-        for (std::size_t r = regions.size(); r-- > 0;)
-            for (const std::uint32_t i : regions[r].samples)
-                region_of_sample[i] = static_cast<std::int32_t>(r);
         const RegionGround on = ground();
-        for (EditedRegion& region : regions)
+        std::vector<EditedRegion> found = edited_regions(statements(), on);
+        std::vector<std::int32_t> of_sample(model->geometry.samples.size(), -1);
+        for (std::size_t r = found.size(); r-- > 0;)
+            for (const std::uint32_t i : found[r].samples)
+                of_sample[i] = static_cast<std::int32_t>(r);
+        for (EditedRegion& region : found)
             find_placement(region, on);
+        regions = std::move(found);
+        region_of_sample = std::move(of_sample);
     }
 
     /// What changes may have made other than it was.

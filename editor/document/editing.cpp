@@ -91,8 +91,9 @@ struct Editing::State
     {
         if (asked == document.result_revision() || document.num_recoverable() > 0)
             return;
-        asked = document.result_revision();
-        desk.ask({*asked, document.handles(), document.scene(), layout});
+        const std::uint64_t revision = document.result_revision();
+        desk.ask({revision, document.handles(), document.scene(), layout});
+        asked = revision;
     }
 
     bool take_solved()
@@ -104,11 +105,11 @@ struct Editing::State
         result_revision = solved->revision;
         result_shape = std::move(solved->shape);
         result_cells = std::move(solved->cells);
-        document.set_rest(solved->stage_print, std::move(solved->rest));
         source = std::move(solved->drag);
         wants_drag = source.has_value();
         if (!hand)
             show(result_shape);
+        document.set_rest(solved->stage_print, std::move(solved->rest));
         return true;
     }
 
@@ -130,9 +131,9 @@ struct Editing::State
         }
         if (wants_drag && !preparing.valid())
         {
-            wants_drag = false;
             preparing = std::async(std::launch::async, [from = *source]() mutable
                                    { return prepare_drag(std::move(from)); });
+            wants_drag = false;
         }
     }
 
@@ -182,7 +183,9 @@ struct Editing::State
             hand->frame = prepared->source.body->rest->frame;
             PreparedDrag drag = std::move(*prepared);
             prepared.reset();
+            wants_drag = source.has_value(); // should it not come to life
             hand->live.emplace(std::move(drag));
+            wants_drag = false;
             hand->live->show_cells(shows_cells);
             hand->live->move(motions());
         }

@@ -28,7 +28,8 @@ public:
     const Document& document() const;
 
     /// Takes what the threads have finished and hands them what the document asks for. To
-    /// be called once a drawn frame. True if there is something new to see.
+    /// be called once a drawn frame. True if there is something new to see. Where it
+    /// throws, for want of memory or threads, the next call goes on.
     bool update();
     /// Until the result of the document is there, or has failed, and a drag could begin.
     /// For tests and scripts.

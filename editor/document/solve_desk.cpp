@@ -289,7 +289,20 @@ struct SolveDesk::State
     {
         // Nothing of a request is kept when it is done.
         for (SolveRequest request; next_request(request); request = {})
-            work_on(request);
+            try
+            {
+                work_on(request);
+            }
+            catch (const std::exception&) // not even memory to say what was wrong
+            {
+                session.reset();
+                tell(
+                    [](SolveStatus& s)
+                    {
+                        s.state = SolveStatus::State::Failed;
+                        s.error.clear();
+                    });
+            }
     }
 };
 

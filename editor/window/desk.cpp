@@ -156,8 +156,8 @@ bool Desk::update()
     }
     if (opened_ != nullptr)
     {
-        is_new = opened_->editing.update() || is_new;
-        opened_->hand.update();
+        guard([&] { is_new = opened_->editing.update() || is_new; });
+        guard([&] { opened_->hand.update(); });
     }
     if (notice_ && seconds_now() > notice_->until)
     {
@@ -180,11 +180,18 @@ bool Desk::is_idle() const
 
 bool Desk::attempt(Place place, const std::function<void()>& command)
 {
+    if (!guard(command, place))
+        return false;
+    if (notice_ && notice_->is_error && notice_->place == place)
+        notice_.reset();
+    return true;
+}
+
+bool Desk::guard(const std::function<void()>& work, Place place)
+{
     try
     {
-        command();
-        if (notice_ && notice_->is_error && notice_->place == place)
-            notice_.reset();
+        work();
         return true;
     }
     catch (const Error& error)

@@ -108,6 +108,9 @@ public:
 
     /// Runs a command; an error becomes a notice at \p place. False: it did not happen.
     bool attempt(Place place, const std::function<void()>& command);
+    /// Runs what happens by itself, time and again: what it throws becomes a notice, and
+    /// an older one stays.
+    bool guard(const std::function<void()>& work, Place place = Place::Window);
     void say(Place place, const std::string& text, bool is_error = false);
     const Notice* notice(Place place) const; ///< null: none
 

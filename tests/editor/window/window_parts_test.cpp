@@ -3,6 +3,8 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <new>
+#include <stdexcept>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -118,6 +120,27 @@ TEST(CellColours, of_regions_are_those_of_their_roles)
               role_colour(Role::Fixed));
     cell.region = 7; // of a document that has changed meanwhile
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
+}
+
+TEST(Desk, goes_on_whatever_is_thrown_while_it_updates)
+{
+    Desk desk(false);
+    EXPECT_TRUE(desk.guard([] {}));
+    for (int k = 0; k < 2; ++k)
+    {
+        EXPECT_FALSE(desk.guard([] { throw Error(Fault::File, "the disk is gone"); }));
+        ASSERT_NE(desk.notice(Place::Window), nullptr);
+        EXPECT_EQ(desk.notice(Place::Window)->text, "the disk is gone");
+        EXPECT_TRUE(desk.notice(Place::Window)->is_error);
+    }
+    desk.guard([] {}); // goes well, and takes nothing away that was not read yet
+    EXPECT_NE(desk.notice(Place::Window), nullptr);
+    EXPECT_FALSE(desk.guard([] { throw std::bad_alloc(); }));
+    EXPECT_EQ(desk.notice(Place::Window)->text, "out of memory");
+    EXPECT_FALSE(desk.guard([] { throw std::runtime_error("no thread"); }));
+    EXPECT_EQ(desk.notice(Place::Window)->text, "internal error: no thread");
+    desk.attempt(Place::Window, [] {});
+    EXPECT_EQ(desk.notice(Place::Window), nullptr);
 }
 
 TEST(Desk, solves_on_when_a_label_file_has_gone)
