@@ -115,6 +115,8 @@ public:
     const Notice* notice(Place place) const; ///< null: none
 
     void save(); ///< or asks where to
+    /// Begins to write the document's field; its end becomes a notice. Throws Error.
+    void export_field(const std::string& path, Overwrite overwrite);
     void undo();
     void redo();
     std::string title() const;
@@ -133,12 +135,14 @@ public:
 
 private:
     void take_document(Document document);
+    void tell_of_export();
 
     std::string journal_folder_;
     std::unique_ptr<OpenedDocument> opened_;
     std::future<Document> opening_;
     std::string opening_path_;
     std::optional<Notice> notice_;
+    bool is_exporting_ = false; ///< and has not told its end
 };
 
 } // namespace cellwarp

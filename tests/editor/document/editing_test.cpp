@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "editor/session/deformation.h"
 #include "editor/session/scene_settings.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -101,6 +102,17 @@ void drag(Editing& editing, const std::string& region, const Placement& to)
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     editing.end_drag();
+}
+
+/// A commit, and a frame after it; solved.
+void bend_twice(Editing& editing)
+{
+    Document& document = editing.document();
+    document.select(samples_where(document, is_middle), "Select by box");
+    document.add_region(Role::Handle, "belly");
+    document.move_region("belly", turned(0, {0, 0.3, 0}));
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
 }
 
 /// What the saved scene replays to.
@@ -381,8 +393,53 @@ TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
     EXPECT_TRUE(bent.geometry.samples == editing.result()->samples);
     error_of(Fault::File,
              [&] { editing.export_model(bar.folder / "bent.obj", Overwrite::No); });
+    bend_twice(editing);
     editing.export_field(bar.folder / "bent.cwf", Overwrite::No);
-    EXPECT_TRUE(std::filesystem::exists(bar.folder / "bent.cwf"));
+    EXPECT_EQ(editing.export_status().frames, 2u);
+    // What is edited meanwhile is not in it.
+    const std::vector<Eigen::Vector3d> exported = editing.result()->samples;
+    editing.document().move_region("belly", turned(0, {0, 0, 0.2}));
+    editing.wait();
+    const ExportStatus status = editing.export_status();
+    ASSERT_EQ(status.state, ExportStatus::State::Written) << status.error;
+    EXPECT_EQ(status.frames_done, 2u);
+    const Deformation field(read_field(bar.folder / "bent.cwf"), "bent.cwf");
+    EXPECT_EQ(field.num_maps(), 2u);
+    std::vector<Eigen::Vector3d> samples = editing.document().model()->geometry.samples;
+    field.carry({samples});
+    EXPECT_TRUE(samples == exported);
+    error_of(Fault::File,
+             [&] { editing.export_field(bar.folder / "bent.cwf", Overwrite::No); });
+}
+
+TEST(Editing, a_field_is_written_behind_and_can_be_given_up)
+{
+    const Bar bar(16);
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
+        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    const std::string path = bar.folder / "bent.cwf";
+    editing.export_field(path, Overwrite::No);
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Working);
+    EXPECT_TRUE(contains(
+        error_of(Fault::Usage, [&] { editing.export_field(path, Overwrite::No); }),
+        "another field"));
+    editing.cancel_export();
+    editing.cancel();
+    while (editing.export_status().state == ExportStatus::State::Working)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(editing.update());
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Cancelled);
+    EXPECT_LT(editing.export_status().frames_done, 40u);
+    EXPECT_FALSE(std::filesystem::exists(path));
+    // What cannot be is told at its end.
+    editing.document().move_region("head", turned(0, {1e160, 0, 0}));
+    editing.export_field(path, Overwrite::No);
+    editing.wait();
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Failed);
+    EXPECT_TRUE(contains(editing.export_status().error, "no solution"));
+    EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 TEST(Editing, ends_while_it_solves)

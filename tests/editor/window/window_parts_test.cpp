@@ -172,6 +172,34 @@ TEST(Desk, solves_on_when_a_label_file_has_gone)
     EXPECT_EQ(desk.notice(Place::Window), nullptr);
 }
 
+TEST(Desk, tells_when_a_field_is_written)
+{
+    const Folder folder;
+    Desk desk(false);
+    desk.open(folder.write(
+        "bar.obj", support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 4))));
+    desk.finish_opening();
+    Document& document = desk.document();
+    Selection selection(document.selection().num_samples());
+    for (std::size_t i = 0; i < 10; ++i)
+        selection.add(i);
+    document.select(selection, "Select by box");
+    document.add_region(Role::Handle, "all");
+    Placement up;
+    up.translation.z() = 1;
+    document.move_region("all", up);
+    desk.export_field(folder / "up.cwf", Overwrite::No);
+    EXPECT_FALSE(desk.is_idle());
+    for (int k = 0; k < 60'000 && !desk.notice(Place::Window); ++k)
+    {
+        desk.update();
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_NE(desk.notice(Place::Window), nullptr);
+    EXPECT_EQ(desk.notice(Place::Window)->text, "Written: " + (folder / "up.cwf"));
+    EXPECT_TRUE(std::filesystem::exists(folder / "up.cwf"));
+}
+
 TEST(Playback, reads_statements_with_their_lines)
 {
     const Folder folder;
