@@ -11,6 +11,7 @@
 #include "editor/session/kept_states.h"
 #include "editor/session/session.h"
 #include "editor/session/statement_chain.h"
+#include "tests/support/rest_model.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -391,6 +392,48 @@ TEST(KeptStates, are_few_and_the_way_from_them_is_no_longer_than_the_way_back)
         ASSERT_NE(state, nullptr);
         EXPECT_LE(kFrames - back - state->place.frame, 2 * back);
     }
+}
+
+TEST(KeptStates, count_all_that_they_hold_and_what_they_share_once)
+{
+    CellSettings cells;
+    cells.across = 8;
+    const auto start = [&]
+    {
+        const support::RestModel model(support::box_shape({0, 0, 0}, {2, 1, 4}, 8),
+                                       "fixed back box -1 -1 -1 0.500001 2 5\n", cells);
+        auto rest = std::make_shared<StageRest>();
+        rest->samples.samples.resize(1000000);
+        rest->shape = model.rest;
+        return std::make_shared<const StageStart>(
+            StageStart{rest,
+                       model.regions,
+                       {},
+                       Recutting(model.rest, model.regions, cells, RigSettings())});
+    };
+    const std::size_t samples = 1000000 * sizeof(Eigen::Vector3d);
+    const StatementChain chain(handles(kRegions + frames(1, 9)));
+    KeptStates kept(5 * samples / 2);
+    const auto add = [&](std::size_t stage, std::size_t frame, const auto& of)
+    {
+        KeptState state = state_at(chain, stage + frame);
+        state.frames_done = 10 * stage + frame;
+        state.place = {stage, frame};
+        state.start = of;
+        kept.add(std::move(state));
+    };
+    const auto first = start();
+    for (std::size_t frame = 0; frame < 5; ++frame)
+        add(0, frame, first);
+    EXPECT_EQ(kept.size(), 5u);
+    EXPECT_GT(kept.bytes(), samples);
+    EXPECT_LT(kept.bytes(), samples + samples / 2);
+    add(1, 0, start());
+    EXPECT_EQ(kept.size(), 6u);
+    EXPECT_GT(kept.bytes(), 2 * samples);
+    add(2, 0, start()); // one of the stages has to go
+    EXPECT_LT(kept.bytes(), 5 * samples / 2);
+    EXPECT_LT(kept.size(), 7u);
 }
 
 } // namespace cellwarp
