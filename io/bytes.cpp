@@ -331,11 +331,16 @@ void AtomicFile::put(std::string_view bytes)
     }
 }
 
-void AtomicFile::commit()
+void AtomicFile::sync()
 {
     flush();
     if (::fsync(file_) != 0)
         fail("cannot write");
+}
+
+void AtomicFile::commit()
+{
+    sync();
     if (::close(std::exchange(file_, -1)) != 0)
         fail("cannot write");
     if (::rename(temporary_.c_str(), target_.c_str()) != 0)

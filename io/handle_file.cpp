@@ -20,6 +20,9 @@ namespace
 
 constexpr std::string_view kKeyword = "cellwarp-handles";
 
+/// "# save PRINT of SCENE"; handle_text.cpp writes it.
+constexpr std::string_view kSaveComment = "# save ", kOfScene = " of ";
+
 /// Factors of stiff regions: squares of forces neither vanish nor overflow.
 constexpr double kMinFactor = 1e-100, kMaxFactor = 1e100;
 
@@ -259,6 +262,8 @@ public:
 
     void statement(std::string_view text, std::int64_t line)
     {
+        if (text.starts_with(kSaveComment))
+            save_comment(text.substr(kSaveComment.size()));
         Statement words(file_.path, line, text);
         if (words.is_empty())
             return;
@@ -324,6 +329,14 @@ public:
     }
 
 private:
+    void save_comment(std::string_view text)
+    {
+        const std::size_t print = text.find(kOfScene);
+        if (print != std::string_view::npos)
+            file_.save = {std::string(text.substr(0, print)),
+                          std::string(text.substr(print + kOfScene.size()))};
+    }
+
     static std::optional<Role> role_named(const std::string& word)
     {
         for (const Role role : {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff})

@@ -118,9 +118,16 @@ private:
 
 struct HandleFile
 {
+    /// The save that wrote it, see saved_pair.h: a comment of the file.
+    struct Save
+    {
+        std::string print, scene; ///< name of the scene beside it
+    };
+
     std::string path;
     bool is_relative = false;  ///< "units relative"
     std::vector<Stage> stages; ///< one more than there are commits
+    std::optional<Save> save = {};
     /// Those that selectors name; copies share them.
     std::shared_ptr<LabelFiles> labels = std::make_shared<LabelFiles>();
 };

@@ -5,6 +5,7 @@
 
 #include "editor/document/document_state.h"
 #include "io/checksum.h"
+#include "io/saved_pair.h"
 
 namespace cellwarp
 {
@@ -121,6 +122,10 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.edited.settings = settings_in(s.scene);
         if (!s.scene.handles.empty())
             s.edited.handles = read_handles(s.scene.handles);
+        if (const auto parted = parted_save(s.scene, s.edited.handles))
+            s.warnings.push_back(*parted);
+        s.scene.save.reset(); // what is edited is of none
+        s.edited.handles.save.reset();
     }
     else
     {
@@ -367,15 +372,25 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     handles.path = scene.handles;
     if (is_own)
         overwrite = Overwrite::Yes;
-    const std::string scene_bytes = scene_text(scene),
+    SceneFile saved_scene = scene;
+    saved_scene.save = save_print(scene_text(scene), handle_text(handles));
+    handles.save = {*saved_scene.save,
+                    std::filesystem::path(scene_path).filename().string()};
+    const std::string scene_bytes = scene_text(saved_scene),
                       handle_bytes = handle_text(handles);
     check_output(scene.path, overwrite);
     check_output(scene.handles, overwrite);
     const std::string journal = journal_path(s.journal_folder, scene_path);
     if (!is_own && journal != s.journal)
         Journal::check_free(journal);
-    write_file(scene.handles, handle_bytes, overwrite);
-    write_file(scene.path, scene_bytes, overwrite);
+    // Both are on the disk before either name changes.
+    AtomicFile handle_file(scene.handles, overwrite), scene_file(scene.path, overwrite);
+    handle_file.write(handle_bytes);
+    scene_file.write(scene_bytes);
+    handle_file.sync();
+    scene_file.sync();
+    handle_file.commit();
+    scene_file.commit();
     if (!is_own)
     {
         // Whoever opens the new scene finds the edits under its name.
