@@ -226,10 +226,11 @@ struct SolveDesk::State
 
     void fail(const SolveRequest& request, const std::string& what)
     {
-        // As errors name a field: "FILE:LINE: REGION: ...".
+        // As errors name a field: "FILE:LINE: REGION: ...", or without a file.
         std::string region;
         for (const RegionStatement& statement : request.handles.stages.back().regions)
-            if (what.find(" " + statement.name + ":") != std::string::npos)
+            if (what.starts_with(statement.name + ": ") ||
+                what.find(" " + statement.name + ": ") != std::string::npos)
                 region = statement.name;
         const std::lock_guard lock(mutex);
         status.state = SolveStatus::State::Failed;

@@ -63,6 +63,10 @@ bool is_head(const Eigen::Vector3d& x)
 {
     return x.z() > 3.4;
 }
+bool is_top(const Eigen::Vector3d& x)
+{
+    return x.z() == 4.0 && x.x() == 0.5 && x.y() == 0.5;
+}
 bool is_middle(const Eigen::Vector3d& x)
 {
     return x.z() > 1.7 && x.z() < 2.3;
@@ -263,7 +267,7 @@ TEST(Editing, the_hand_sees_what_the_release_gives)
     EXPECT_LT(largest, 0.02 * std::sqrt(18.0));
 }
 
-TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
+TEST(Editing, what_cannot_move_is_told)
 {
     const Bar bar;
     Editing editing(bar.document());
@@ -274,6 +278,7 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     EXPECT_FALSE(editing.begin_drag("foot", &why));
     EXPECT_TRUE(contains(why, "only handles and pins move")) << why;
     EXPECT_FALSE(editing.begin_drag("nobody", &why));
+    EXPECT_TRUE(contains(why, "no region")) << why;
     EXPECT_TRUE(
         contains(error_of(Fault::Usage, [&]
                           { editing.export_field(bar.folder / "f.cwf", Overwrite::No); }),
@@ -283,6 +288,35 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     editing.drag_to(turned(0, {INFINITY, 0, 0}));
     editing.end_drag();
     EXPECT_TRUE(document.handles().stages[0].frames.empty());
+}
+
+TEST(Editing, a_region_that_fails_is_named_and_what_was_before_it_comes_back)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    Document& document = editing.document();
+    EditSettings uniform = document.settings();
+    uniform.max_depth = 0;
+    document.change_settings(uniform);
+    hold_ends(document);
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    // The head holds all cells that the crown reaches.
+    document.select(samples_where(document, is_top), "Select by box");
+    document.add_region(Role::Pin, "crown");
+    editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    const SolveStatus status = editing.status();
+    EXPECT_EQ(status.state, SolveStatus::State::Failed);
+    EXPECT_TRUE(contains(status.error, "no cell of its own")) << status.error;
+    EXPECT_EQ(status.error_region, "crown");
+    std::string why;
+    EXPECT_FALSE(editing.begin_drag("head", &why));
+    EXPECT_EQ(why, status.error);
+    document.undo();
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_TRUE(editing.status().error_region.empty());
 }
 
 TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
@@ -374,11 +408,18 @@ TEST(Editing, what_was_given_up_can_be_asked_for_again)
     const Bar bar(16);
     Editing editing(bar.document());
     hold_ends(editing.document());
+    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
+        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    editing.update();
     editing.cancel();
     editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Failed);
+    EXPECT_EQ(editing.status().error, "cancelled");
     editing.solve_again();
     editing.wait();
     EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Idle);
 }
 
 TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
