@@ -424,11 +424,16 @@ void AtomicFile::put(std::string_view bytes)
     }
 }
 
-void AtomicFile::commit()
+void AtomicFile::sync()
 {
     flush();
     if (::fsync(file_) != 0)
         fail("cannot write");
+}
+
+void AtomicFile::commit()
+{
+    sync();
     // Closing tells of errors; the lock is held on until the name is in place.
     const Descriptor locked{::fcntl(file_, F_DUPFD_CLOEXEC, 3)};
     if (locked.value < 0 || ::close(std::exchange(file_, -1)) != 0)

@@ -78,7 +78,10 @@ public:
     void write(std::string_view bytes);
     /// The name until it is committed, for other processes that write into it.
     const std::string& temporary() const { return temporary_; }
-    /// Flush, sync, close, rename, sync the folder. Throws Fault::File.
+    /// What was written is on the disk, still under the temporary name. Throws
+    /// Fault::File.
+    void sync();
+    /// Sync, close, rename, sync the folder. Throws Fault::File.
     void commit();
 
 private:

@@ -20,6 +20,9 @@ namespace
 
 constexpr std::string_view kKeyword = "cellwarp-handles";
 
+/// "# save PRINT of SCENE"; handle_text.cpp writes it.
+constexpr std::string_view kSaveComment = "# save ", kOfScene = " of ";
+
 /// Factors of stiff regions: squares of forces neither vanish nor overflow.
 constexpr double kMinFactor = 1e-100, kMaxFactor = 1e100;
 
@@ -259,6 +262,8 @@ public:
 
     void statement(std::string_view text, std::int64_t line)
     {
+        if (text.starts_with(kSaveComment))
+            save_comment(text.substr(kSaveComment.size()));
         Statement words(file_.path, line, text);
         if (words.is_empty())
             return;
@@ -324,6 +329,14 @@ public:
     }
 
 private:
+    void save_comment(std::string_view text)
+    {
+        const std::size_t print = text.find(kOfScene);
+        if (print != std::string_view::npos)
+            file_.save = {std::string(text.substr(0, print)),
+                          std::string(text.substr(print + kOfScene.size()))};
+    }
+
     static std::optional<Role> role_named(const std::string& word)
     {
         for (const Role role : {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff})
@@ -517,6 +530,16 @@ std::vector<std::int64_t> read_labels(const std::string& path)
     return parse_labels(path, read_file(path));
 }
 
+std::shared_ptr<const std::vector<std::int64_t>> LabelFiles::read(const std::string& path)
+{
+    const std::lock_guard lock(mutex_);
+    const auto found = read_.find(path);
+    if (found != read_.end())
+        return found->second;
+    return read_[path] =
+               std::make_shared<const std::vector<std::int64_t>>(read_labels(path));
+}
+
 HandleFile read_survey_pair(const std::string& sel, const std::string& def)
 {
     const std::vector<double> values = all_numbers(def, read_file(def));
@@ -529,7 +552,10 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
     if (operation.matrix->row(3) != Eigen::RowVector4d(0, 0, 0, 1))
         throw malformed({def, 0, "matrix"}, "its last row is not 0 0 0 1");
     // Checked here, where it is known which file is to blame.
-    const std::vector<std::int64_t> labels = read_labels(sel);
+    HandleFile file;
+    file.path = def;
+    const auto of_samples = file.labels->read(sel);
+    const std::vector<std::int64_t>& labels = *of_samples;
     for (std::size_t i = 0; i < labels.size(); ++i)
         if (labels[i] < 0 || labels[i] > 2)
             throw malformed({sel, 0, "label " + std::to_string(i)},
@@ -539,8 +565,6 @@ HandleFile read_survey_pair(const std::string& sel, const std::string& def)
     { return std::find(labels.begin(), labels.end(), label) != labels.end(); };
     if (!has(2))
         throw malformed({sel, 0, ""}, "no label is 2 (handle)");
-    HandleFile file;
-    file.path = def;
     Stage& stage = file.stages.emplace_back();
     const auto region = [&](Role role, const std::string& name, std::int64_t label)
     {

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -102,11 +104,32 @@ struct Stage
     std::vector<FrameStatement> frames;
 };
 
+/// Label files, each read once: whoever asks later, from any thread, gets the same.
+class LabelFiles
+{
+public:
+    /// Throws what read_labels() throws; then it is read the next time.
+    std::shared_ptr<const std::vector<std::int64_t>> read(const std::string& path);
+
+private:
+    std::mutex mutex_;
+    std::map<std::string, std::shared_ptr<const std::vector<std::int64_t>>> read_;
+};
+
 struct HandleFile
 {
+    /// The save that wrote it, see saved_pair.h: a comment of the file.
+    struct Save
+    {
+        std::string print, scene; ///< name of the scene beside it
+    };
+
     std::string path;
     bool is_relative = false;  ///< "units relative"
     std::vector<Stage> stages; ///< one more than there are commits
+    std::optional<Save> save = {};
+    /// Those that selectors name; copies share them.
+    std::shared_ptr<LabelFiles> labels = std::make_shared<LabelFiles>();
 };
 
 /// Throws Fault::File or Fault::Malformed with line and field.

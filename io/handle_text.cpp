@@ -187,6 +187,11 @@ std::string handle_text(const HandleFile& file)
     Printer printer(file.path);
     printer.word("cellwarp-handles 1");
     printer.end();
+    if (file.save && is_handle_name(file.save->scene))
+    {
+        printer.word("# save " + file.save->print + " of " + file.save->scene);
+        printer.end();
+    }
     if (file.is_relative)
     {
         printer.word("units relative");

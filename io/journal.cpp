@@ -375,13 +375,20 @@ std::string Journal::keep_aside(const std::string& path)
     {
         const std::string aside =
             path + ".kept" + (number == 1 ? "" : std::to_string(number));
-        if (::link(path.c_str(), aside.c_str()) == 0)
-        {
-            ::unlink(path.c_str());
-            return aside;
-        }
-        if (errno != EEXIST)
+        // An empty file takes the name, so that nobody else's is replaced; not every file
+        // system has a second name for a file, or a rename that replaces none.
+        const Descriptor taken{
+            ::open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)};
+        if (taken.value < 0 && errno == EEXIST)
+            continue;
+        if (taken.value < 0)
             fail(path, "cannot keep aside");
+        if (::rename(path.c_str(), aside.c_str()) == 0)
+            return aside;
+        const int why = errno;
+        ::unlink(aside.c_str());
+        errno = why;
+        fail(path, "cannot keep aside");
     }
 }
 

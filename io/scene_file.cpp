@@ -190,6 +190,7 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         root.fail("model", "is missing");
     scene.model = beside(path, *model);
     scene.handles = handles ? beside(path, *handles) : "";
+    root.text("save", scene.save);
     root.text("energy", scene.energy, {"cellwarp", "botsch07"});
     if (const Json* cells = root.find("cells"))
     {
@@ -259,6 +260,10 @@ std::string scene_text(const SceneFile& scene)
         json["cells"].erase("frame");
     put("field", "drag", scene.drag);
     put("field", "release", scene.release);
+    if (scene.save)
+        json["save"] = *scene.save;
+    else
+        json.erase("save");
     try
     {
         return json.dump(2) + "\n";

@@ -36,6 +36,7 @@ struct SceneFile
     std::optional<FrameBox> frame;
     std::optional<std::string> drag;    ///< "blend" or "closest4"
     std::optional<std::string> release; ///< "rbf", "rbf-global" or "blend"
+    std::optional<std::string> save;    ///< that wrote it, see saved_pair.h
     std::vector<std::string> warnings;
     std::string text; ///< as it was read, with what the rest leaves out
 };

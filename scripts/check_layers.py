@@ -35,7 +35,7 @@ LIBRARIES = {
     "lapacke.h": {"solver/field/rbf.cpp"},
     "tbb/": {"octree/parallel.cpp"},
     "nanoflann.hpp": {"octree/point_tree.cpp"},
-    "assimp/": {"io/import/import.cpp"},
+    "assimp/": {"io/import"},
     "embree3/": {"editor/picture", "editor/tools/picker.cpp"},
     "stb/": {"io/image.cpp"},
     "CLI/": {"editor/cli", "editor/mpi", "editor/window", "tests/bench"},

@@ -14,6 +14,7 @@
 #include "editor/session/sweep.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "io/saved_pair.h"
 
 namespace cellwarp
 {
@@ -148,6 +149,9 @@ SessionRequest read_request(const SessionFlags& flags)
         request.handles = read_survey_pair(flags.sel, flags.def);
     else if (!handles.empty())
         request.handles = read_handles(handles);
+    if (is_scene && request.handles && handles == scene.handles)
+        if (const auto parted = parted_save(scene, *request.handles))
+            request.warnings.push_back(*parted);
 
     // Flags win over the scene.
     const auto take =

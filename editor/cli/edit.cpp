@@ -3,13 +3,13 @@
 // command line needs no window library.
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 
 #include <unistd.h>
 
 #include "editor/cli/command.h"
 #include "io/error.h"
+#include "io/program.h"
 
 namespace cellwarp
 {
@@ -17,24 +17,12 @@ namespace cellwarp
 namespace
 {
 
-/// Where the editor stands: in the folder of this program, however it was called.
-std::string editor_program()
-{
-    std::error_code error;
-    const std::filesystem::path self =
-        std::filesystem::read_symlink("/proc/self/exe", error);
-    if (error)
-        throw Error(Fault::File,
-                    "cannot find the folder of this program: " + error.message());
-    return (self.parent_path() / "cellwarp-editor").string();
-}
-
 /// Comes back only by an error.
 [[noreturn]] void run(const std::vector<std::string>& file, const CommonFlags& common)
 {
     if (common.is_json)
         throw Error(Fault::Usage, "edit prints nothing: it takes no --json");
-    std::vector<std::string> words = {editor_program()};
+    std::vector<std::string> words = {program_beside("cellwarp-editor")};
     const std::string& program = words[0];
     if (::access(program.c_str(), F_OK) != 0)
         throw Error(Fault::Usage, "this build has no editor: " + program +

@@ -5,6 +5,7 @@
 
 #include "editor/document/document_state.h"
 #include "io/checksum.h"
+#include "io/saved_pair.h"
 
 namespace cellwarp
 {
@@ -121,6 +122,10 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.edited.settings = settings_in(s.scene);
         if (!s.scene.handles.empty())
             s.edited.handles = read_handles(s.scene.handles);
+        if (const auto parted = parted_save(s.scene, s.edited.handles))
+            s.warnings.push_back(*parted);
+        s.scene.save.reset(); // what is edited is of none
+        s.edited.handles.save.reset();
     }
     else
     {
@@ -158,6 +163,7 @@ std::vector<std::string> Document::recover()
         Edited edited;
         edited.settings = settings_in(parse_scene(header.document, header.scene));
         edited.handles = parse_handles(header.handles_path, header.handles);
+        edited.handles.labels = s.edited.handles.labels;
         edited.selection = Selection(s.model->geometry.samples.size());
         const std::uint32_t checksum = checksum_of(s.model->bytes);
         if (header.model_bytes != s.model->bytes.size() ||
@@ -283,11 +289,19 @@ void Document::set_rest(std::uint64_t stage_print,
     s.rest_print = stage_print;
     s.twins.reset(); // another rest may come to lie where the last one was
     s.rest_box = bounding_box(*s.rest);
-    if (s.edited.handles.stages.size() > 1 && s.stage_prints.back() == stage_print)
+    if (s.edited.handles.stages.size() == 1 || s.stage_prints.back() != stage_print)
+        return;
+    try
     {
         s.find_regions();
-        ++s.revision;
     }
+    catch (...)
+    {
+        s.rest.reset();
+        s.twins.reset();
+        throw;
+    }
+    ++s.revision;
 }
 
 const History& Document::history() const
@@ -358,15 +372,25 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     handles.path = scene.handles;
     if (is_own)
         overwrite = Overwrite::Yes;
-    const std::string scene_bytes = scene_text(scene),
+    SceneFile saved_scene = scene;
+    saved_scene.save = save_print(scene_text(scene), handle_text(handles));
+    handles.save = {*saved_scene.save,
+                    std::filesystem::path(scene_path).filename().string()};
+    const std::string scene_bytes = scene_text(saved_scene),
                       handle_bytes = handle_text(handles);
     check_output(scene.path, overwrite);
     check_output(scene.handles, overwrite);
     const std::string journal = journal_path(s.journal_folder, scene_path);
     if (!is_own && journal != s.journal)
         Journal::check_free(journal);
-    write_file(scene.handles, handle_bytes, overwrite);
-    write_file(scene.path, scene_bytes, overwrite);
+    // Both are on the disk before either name changes.
+    AtomicFile handle_file(scene.handles, overwrite), scene_file(scene.path, overwrite);
+    handle_file.write(handle_bytes);
+    scene_file.write(scene_bytes);
+    handle_file.sync();
+    scene_file.sync();
+    handle_file.commit();
+    scene_file.commit();
     if (!is_own)
     {
         // Whoever opens the new scene finds the edits under its name.

@@ -12,6 +12,10 @@ namespace cellwarp
 namespace
 {
 
+/// Why a region that is told by places cannot be changed yet.
+constexpr const char* kNoRest =
+    " lies on a shape that is not there yet: wait for the result of what comes before it";
+
 bool prescribes(Role role)
 {
     return role != Role::Stiff;
@@ -62,13 +66,20 @@ RegionChange change_between(const std::vector<RegionStatement>& before,
 
 } // namespace
 
+const std::vector<std::uint32_t>& Document::State::samples_of(const EditedRegion& region)
+{
+    if (!region.knows_samples)
+        throw usage(in_quotes(region.name) + kNoRest);
+    return region.samples;
+}
+
 std::vector<RegionDraft> Document::State::drafts()
 {
     std::vector<RegionDraft> drafts;
     for (const EditedRegion& region : regions)
     {
         RegionDraft& draft = drafts.emplace_back(RegionDraft{{}, &region});
-        if (!frames().empty())
+        if (!frames().empty() && !samples_of(region).empty())
             draft.statements = {
                 statement_of(region.name, region.role, region.factor, region.samples)};
         else
@@ -91,8 +102,9 @@ void Document::State::take_from_others(std::vector<RegionDraft>& drafts,
         const EditedRegion& region = *draft.region;
         if (region.name == but || !prescribes(region.role))
             continue;
-        const std::vector<std::uint32_t> left = without(region.samples, samples);
-        if (left.size() == region.samples.size())
+        const std::vector<std::uint32_t>& own = samples_of(region);
+        const std::vector<std::uint32_t> left = without(own, samples);
+        if (left.size() == own.size())
             continue;
         draft.statements.clear();
         if (!left.empty())
@@ -222,7 +234,8 @@ void Document::set_role(const std::string& region, Role role, double factor)
                 statement.role = role;
                 statement.factor = role == Role::Stiff ? factor : 1.0;
             }
-    State::take_from_others(drafts, old.samples, role, old.name);
+    if (prescribes(role))
+        State::take_from_others(drafts, State::samples_of(old), role, old.name);
     s.push_regions("Make " + region + " " + role_name(role), drafts);
 }
 
@@ -236,6 +249,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     if (!placement.translation.allFinite() || !placement.axis.allFinite() ||
         !std::isfinite(placement.degrees) || !(placement.axis.norm() > 0))
         throw usage("a place needs finite numbers");
+    if (!old.knows_placement)
+        throw usage(in_quotes(region) + kNoRest);
     Placement to = placement;
     if (old.role == Role::Pin)
         to.degrees = 0.0; // it turns as it likes

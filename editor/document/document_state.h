@@ -102,13 +102,14 @@ struct Document::State
             twins.emplace(samples, units.box);
             twins_of = &samples;
         }
-        return {model->geometry, samples, units, edited.handles.path, *twins};
+        return {model->geometry, samples, units, edited.handles, *twins, knows_rest()};
     }
 
     /// What a region's last move of the stage makes of it.
     void find_placement(EditedRegion& region, const RegionGround& on)
     {
         region.placement = {};
+        region.knows_placement = on.is_known || !on.units.is_relative;
         if (!region.moves())
             return;
         const std::vector<FrameStatement>& all = frames();
@@ -117,8 +118,10 @@ struct Document::State
             for (const Move& move : all[f].moves)
                 if (move.region == region.name)
                     last = &move;
-        if (last)
-            region.placement = placement_of(*last, region, on);
+        if (!last)
+            return;
+        region.placement = placement_of(*last, region, on);
+        region.knows_placement = on.is_known || is_placed_anywhere(*last, on);
     }
 
     /// Of the stages that have none yet: so an edit costs the same after thousands of
@@ -136,14 +139,16 @@ struct Document::State
     void find_regions()
     {
         find_stage_prints();
-        regions = edited_regions(statements(), ground());
-        region_of_sample.assign(model->geometry.samples.size(), -1);
-        for (std::size_t r = regions.size(); r-- > 0;)
-            for (const std::uint32_t i : regions[r].samples)
-                region_of_sample[i] = static_cast<std::int32_t>(r);
         const RegionGround on = ground();
-        for (EditedRegion& region : regions)
+        std::vector<EditedRegion> found = edited_regions(statements(), on);
+        std::vector<std::int32_t> of_sample(model->geometry.samples.size(), -1);
+        for (std::size_t r = found.size(); r-- > 0;)
+            for (const std::uint32_t i : found[r].samples)
+                of_sample[i] = static_cast<std::int32_t>(r);
+        for (EditedRegion& region : found)
             find_placement(region, on);
+        regions = std::move(found);
+        region_of_sample = std::move(of_sample);
     }
 
     /// What changes may have made other than it was.
@@ -246,8 +251,11 @@ struct Document::State
         return *found;
     }
 
+    /// The samples of a region. Throws where they are not known yet.
+    static const std::vector<std::uint32_t>& samples_of(const EditedRegion& region);
     /// All regions, ready to be changed: as they stand, or, where a frame has moved them
-    /// and a commit must come first, as lists of their samples.
+    /// and a commit must come first, as lists of their samples. One without samples has
+    /// no list: its shapes stay where they are.
     std::vector<RegionDraft> drafts();
     /// Takes samples away from all regions but one, if it prescribes where they go.
     static void take_from_others(std::vector<RegionDraft>& drafts,

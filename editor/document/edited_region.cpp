@@ -109,15 +109,8 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.role = region.role;
         edited.factor = region.factor;
         edited.samples = std::move(region.samples);
-        if (edited.samples.empty())
-            continue;
-        ModelBox box{ground.rest[edited.samples[0]], ground.rest[edited.samples[0]]};
-        for (const std::uint32_t i : edited.samples)
-        {
-            box.low = box.low.cwiseMin(ground.rest[i]);
-            box.high = box.high.cwiseMax(ground.rest[i]);
-        }
-        edited.centre = box.centre();
+        edited.centre = region.centre;
+        edited.knows_samples = ground.is_known || region.shapes.empty();
     }
     return regions;
 }
@@ -142,7 +135,7 @@ Placement placement_of(const Move& move, const EditedRegion& region,
     const Eigen::Vector3d centre = frame.to_work(region.centre);
     std::vector<std::string> warnings;
     const std::vector<Step> steps =
-        steps_of(move, ground.units, centre, centre, ground.file, warnings);
+        steps_of(move, ground.units, centre, centre, ground.file.path, warnings);
     const Motion motion = motion_of(steps);
     placement.translation = frame.vector_to_model(motion(centre) - centre);
     const Eigen::AngleAxisd turn(
@@ -153,6 +146,11 @@ Placement placement_of(const Move& move, const EditedRegion& region,
         placement.degrees = turn.angle() * 180.0 / std::numbers::pi;
     }
     return placement;
+}
+
+bool is_placed_anywhere(const Move& move, const RegionGround& ground)
+{
+    return is_plain(move.operations) && !ground.units.is_relative;
 }
 
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,

@@ -35,11 +35,13 @@ struct EditedRegion
 {
     std::string name;
     Role role = Role::Fixed;
-    double factor = 1.0;                ///< of a stiff region
-    std::vector<std::uint32_t> samples; ///< ascending
-    Eigen::Vector3d centre =
-        Eigen::Vector3d::Zero(); ///< of the rest samples' box [model]
-    Placement placement;         ///< at the current edit
+    double factor = 1.0;                              ///< of a stiff region
+    std::vector<std::uint32_t> samples;               ///< ascending
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< Region::centre [model unit]
+    Placement placement;                              ///< at the current edit
+    /// False where they follow from a rest shape that is not known yet: then they are
+    /// those that the model would have.
+    bool knows_samples = true, knows_placement = true;
 
     bool moves() const { return role == Role::Handle || role == Role::Pin; }
 };
@@ -50,8 +52,9 @@ struct RegionGround
     const Geometry& geometry;
     const std::vector<Eigen::Vector3d>& rest; ///< samples [model unit]
     Units units;
-    const std::string& file; ///< of the statements, for messages
-    const Twins& twins;      ///< of the samples
+    const HandleFile& file; ///< of the statements
+    const Twins& twins;     ///< of the samples
+    bool is_known = true;   ///< false: the model stands for a rest that is not there yet
 };
 
 /// Of all statements, at rest. Throws what resolve_regions() throws.
@@ -64,6 +67,8 @@ Selector selector_of(const std::vector<std::uint32_t>& samples);
 /// Where a move puts a region. Throws what steps_of() throws.
 Placement placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground);
+/// Whether that is the same on any rest shape.
+bool is_placed_anywhere(const Move& move, const RegionGround& ground);
 
 /// A region's placement as a motion of work space.
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,

@@ -6,11 +6,12 @@
 #include <cmath>
 #include <future>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "editor/session/peak_memory.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
-#include "io/field_file.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
 
@@ -66,6 +67,9 @@ struct Editing::State
     };
     std::optional<Hand> hand;
 
+    std::unique_ptr<FieldExport> field;
+    ExportStatus::State seen_field = ExportStatus::State::None;
+
     explicit State(Document of)
         : document(std::move(of)), view(automatic_frame(document.box())),
           layout(layout_of(document.model()->geometry)),
@@ -77,7 +81,12 @@ struct Editing::State
         result_shape = shape = rest;
     }
     /// All threads end at the same time, not one after the other.
-    ~State() { desk.cancel(); }
+    ~State()
+    {
+        desk.cancel();
+        if (field)
+            field->cancel();
+    }
 
     void show(const ShownShape& other)
     {
@@ -91,8 +100,9 @@ struct Editing::State
     {
         if (asked == document.result_revision() || document.num_recoverable() > 0)
             return;
-        asked = document.result_revision();
-        desk.ask({*asked, document.handles(), document.scene(), layout});
+        const std::uint64_t revision = document.result_revision();
+        desk.ask({revision, document.handles(), document.scene(), layout});
+        asked = revision;
     }
 
     bool take_solved()
@@ -104,11 +114,11 @@ struct Editing::State
         result_revision = solved->revision;
         result_shape = std::move(solved->shape);
         result_cells = std::move(solved->cells);
-        document.set_rest(solved->stage_print, std::move(solved->rest));
         source = std::move(solved->drag);
         wants_drag = source.has_value();
         if (!hand)
             show(result_shape);
+        document.set_rest(solved->stage_print, std::move(solved->rest));
         return true;
     }
 
@@ -130,9 +140,9 @@ struct Editing::State
         }
         if (wants_drag && !preparing.valid())
         {
-            wants_drag = false;
             preparing = std::async(std::launch::async, [from = *source]() mutable
                                    { return prepare_drag(std::move(from)); });
+            wants_drag = false;
         }
     }
 
@@ -182,7 +192,9 @@ struct Editing::State
             hand->frame = prepared->source.body->rest->frame;
             PreparedDrag drag = std::move(*prepared);
             prepared.reset();
+            wants_drag = source.has_value(); // should it not come to life
             hand->live.emplace(std::move(drag));
+            wants_drag = false;
             hand->live->show_cells(shows_cells);
             hand->live->move(motions());
         }
@@ -211,8 +223,18 @@ struct Editing::State
         hand.reset();
     }
 
+    /// Whether a field is at another stage than when it was last looked at.
+    bool has_field_news()
+    {
+        const ExportStatus::State now =
+            field ? field->status().state : ExportStatus::State::None;
+        return std::exchange(seen_field, now) != now;
+    }
+
     bool is_settled() const
     {
+        if (field && field->status().state == ExportStatus::State::Working)
+            return false;
         const bool is_asked =
             asked == document.result_revision() || document.num_recoverable() > 0;
         return is_asked && !desk.is_busy() && !wants_drag && !preparing.valid();
@@ -244,7 +266,8 @@ bool Editing::update()
     const bool is_solved = s.take_solved();
     s.prepare();
     const bool has_moved = s.follow_hand();
-    return is_opened || is_solved || has_moved;
+    const bool is_exported = s.has_field_news();
+    return is_opened || is_solved || has_moved || is_exported;
 }
 
 void Editing::wait()
@@ -329,13 +352,15 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     };
     if (s.hand)
         return refuse("another region is in the hand");
+    update(); // regions are found anew where a rest shape has come
     const EditedRegion* const found = s.document.region(region);
     if (!found)
         return refuse("there is no region " + in_quotes(region));
     if (!found->moves())
         return refuse(in_quotes(region) + " is " + role_name(found->role) +
                       ": only handles and pins move");
-    update();
+    if (!found->knows_samples || !found->knows_placement)
+        return refuse(in_quotes(region) + " lies on a shape that is not there yet");
     const bool is_ready = s.prepared && s.fits(*s.prepared);
     if (const SolveStatus status = s.desk.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)
@@ -412,13 +437,25 @@ void Editing::export_field(const std::string& path, Overwrite overwrite)
         handles.stages.pop_back(); // regions that nothing has moved yet
     if (handles.stages.back().frames.empty())
         throw Error(Fault::Usage, "nothing has moved: there is no field");
-    check_output(path, overwrite);
+    State& s = *state_;
+    if (s.field && s.field->status().state == ExportStatus::State::Working)
+        throw Error(Fault::Usage, "another field is being written");
     SessionSettings settings = settings_of(document.scene());
-    settings.keeps_fields = true;
-    Session session(document.model(), std::move(handles), settings);
-    for (std::size_t left = session.num_upcoming(); left > 0; --left)
-        session.next_frame(left == 1);
-    write_file(path, field_bytes(session.field_file()), overwrite);
+    settings.cells.max_memory = default_memory_limit();
+    s.field = std::make_unique<FieldExport>(document.model(), std::move(handles),
+                                            std::move(settings), path, overwrite);
+    s.seen_field = ExportStatus::State::Working;
+}
+
+void Editing::cancel_export()
+{
+    if (state_->field)
+        state_->field->cancel();
+}
+
+ExportStatus Editing::export_status() const
+{
+    return state_->field ? state_->field->status() : ExportStatus();
 }
 
 } // namespace cellwarp

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "editor/document/document.h"
+#include "editor/document/field_export.h"
 #include "editor/document/live_drag.h"
 #include "editor/document/shape.h"
 #include "editor/document/solve_desk.h"
@@ -28,10 +29,11 @@ public:
     const Document& document() const;
 
     /// Takes what the threads have finished and hands them what the document asks for. To
-    /// be called once a drawn frame. True if there is something new to see.
+    /// be called once a drawn frame. True if there is something new to see. Where it
+    /// throws, for want of memory or threads, the next call goes on.
     bool update();
-    /// Until the result of the document is there, or has failed, and a drag could begin.
-    /// For tests and scripts.
+    /// Until the result of the document is there, or has failed, a drag could begin, and
+    /// no field is being written. For tests and scripts.
     void wait();
     /// Gives the solve up that is under way; the document stays.
     void cancel();
@@ -68,9 +70,13 @@ public:
     /// Writes the deformed model. Throws Error; Fault::Usage while the result is not
     /// there.
     void export_model(const std::string& path, Overwrite overwrite);
-    /// Writes the field of all stages, for `cellwarp apply`; replays the whole document
-    /// for it. Throws Error.
+    /// Begins to write the field of all stages, for `cellwarp apply`; the whole document
+    /// is replayed for it, in a thread of its own. Edits meanwhile do not change it; the
+    /// end of this object cancels it. Throws Error for what is known at once, and while
+    /// another one is written; the rest is told by export_status().
     void export_field(const std::string& path, Overwrite overwrite);
+    void cancel_export();
+    ExportStatus export_status() const; ///< of the last one
 
 private:
     struct State;

@@ -141,6 +141,8 @@ struct SolveDesk::State
         }
         else
             session->take(request.handles, stop.get_token());
+        if (!session->rig())
+            return false;
         tell(
             [&](SolveStatus& s)
             {
@@ -224,10 +226,11 @@ struct SolveDesk::State
 
     void fail(const SolveRequest& request, const std::string& what)
     {
-        // As errors name a field: "FILE:LINE: REGION: ...".
+        // As errors name a field: "FILE:LINE: REGION: ...", or without a file.
         std::string region;
         for (const RegionStatement& statement : request.handles.stages.back().regions)
-            if (what.find(" " + statement.name + ":") != std::string::npos)
+            if (what.starts_with(statement.name + ": ") ||
+                what.find(" " + statement.name + ": ") != std::string::npos)
                 region = statement.name;
         const std::lock_guard lock(mutex);
         status.state = SolveStatus::State::Failed;
@@ -287,7 +290,20 @@ struct SolveDesk::State
     {
         // Nothing of a request is kept when it is done.
         for (SolveRequest request; next_request(request); request = {})
-            work_on(request);
+            try
+            {
+                work_on(request);
+            }
+            catch (const std::exception&) // not even memory to say what was wrong
+            {
+                session.reset();
+                tell(
+                    [](SolveStatus& s)
+                    {
+                        s.state = SolveStatus::State::Failed;
+                        s.error.clear();
+                    });
+            }
     }
 };
 

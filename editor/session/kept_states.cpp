@@ -15,12 +15,53 @@ namespace
 constexpr std::size_t kMostStates = 16;
 /// The newest ones, which are never thinned out.
 constexpr std::size_t kNewest = 6;
-constexpr std::size_t kMostBytes = std::size_t(256) << 20;
+
+template <class Item>
+std::size_t bytes_of(const std::vector<Item>& items)
+{
+    return items.size() * sizeof(Item);
+}
+
+std::size_t bytes_of(const Octree& octree)
+{
+    return octree.leaves().size() * (sizeof(Leaf) + sizeof(std::uint64_t)); // and its key
+}
+
+std::size_t bytes_of(const StageRest& rest)
+{
+    std::size_t bytes =
+        sizeof rest + bytes_of(rest.samples.samples) + bytes_of(rest.samples.directions) +
+        bytes_of(rest.samples.tangents) + bytes_of(rest.samples.rotations);
+    if (!rest.shape)
+        return bytes;
+    const RestShape& shape = *rest.shape;
+    return bytes + sizeof shape + bytes_of(shape.samples) +
+           bytes_of(shape.material.grid.material()) + bytes_of(shape.material.is_sheet) +
+           bytes_of(shape.sheets.patches) + bytes_of(shape.sheets.crossings);
+}
+
+std::size_t bytes_of(const StageStart& start)
+{
+    std::size_t bytes = sizeof start;
+    for (std::size_t r = 0; r < start.regions->size(); ++r)
+        bytes += bytes_of((*start.regions)[r].samples) +
+                 bytes_of((*start.regions)[r].listed) +
+                 start.regions->voxels(r).size_bytes();
+    if (const Octree* const coarsest = start.recutting.coarsest())
+        bytes += bytes_of(*coarsest);
+    return bytes;
+}
 
 std::size_t bytes_of(const KeptState& state)
 {
-    return state.rig.poses.size() * sizeof(Pose) +
-           state.octree.leaves().size() * (sizeof(Leaf) + sizeof(std::uint64_t));
+    std::size_t bytes = sizeof state + bytes_of(state.octree) +
+                        bytes_of(state.rig.poses) + bytes_of(state.rig.motions) +
+                        bytes_of(state.steps) + bytes_of(state.warnings);
+    for (const std::vector<Step>& steps : state.steps)
+        bytes += bytes_of(steps);
+    for (const std::string& warning : state.warnings)
+        bytes += warning.size();
+    return bytes;
 }
 
 } // namespace
@@ -43,12 +84,30 @@ const KeptState* KeptStates::latest_on(const StatementChain& chain) const
     return nullptr;
 }
 
+std::size_t KeptStates::bytes() const
+{
+    // Those that share a stage, or its rest, lie one after the other.
+    std::size_t bytes = 0;
+    const StageStart* start = nullptr;
+    const StageRest* rest = nullptr;
+    for (const KeptState& state : states_)
+    {
+        bytes += bytes_of(state);
+        if (!state.start)
+            continue;
+        if (state.start.get() != start)
+            bytes += bytes_of(*state.start);
+        if (state.start->rest.get() != rest)
+            bytes += bytes_of(*state.start->rest);
+        start = state.start.get();
+        rest = state.start->rest.get();
+    }
+    return bytes;
+}
+
 void KeptStates::thin()
 {
-    std::size_t bytes = 0;
-    for (const KeptState& state : states_)
-        bytes += bytes_of(state);
-    while (states_.size() > 2 && (states_.size() > kMostStates || bytes > kMostBytes))
+    while (states_.size() > 2 && (states_.size() > kMostStates || bytes() > most_bytes_))
     {
         // Of the older ones, that whose going widens a gap least for its age.
         std::size_t least = 0;
@@ -68,7 +127,6 @@ void KeptStates::thin()
                 least_width = width;
             }
         }
-        bytes -= bytes_of(states_[least]);
         states_.erase(states_.begin() + static_cast<std::ptrdiff_t>(least));
     }
 }

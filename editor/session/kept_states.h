@@ -52,18 +52,27 @@ struct KeptState
     std::size_t frames_done = 0;
 };
 
-/// At most \p kMostStates, and of no more memory than kMostBytes but for the newest.
+/// At most kMostStates, and of no more memory than \p most_bytes but for the newest two:
+/// with all that they hold, once where several of them share it.
 class KeptStates
 {
 public:
+    explicit KeptStates(std::size_t most_bytes = std::size_t(256) << 20)
+        : most_bytes_(most_bytes)
+    {
+    }
+
     void add(KeptState state);
     /// The latest that \p chain passes through; null: none.
     const KeptState* latest_on(const StatementChain& chain) const;
     std::size_t size() const { return states_.size(); }
+    /// Of all of them, about [byte].
+    std::size_t bytes() const;
 
 private:
     void thin();
 
+    std::size_t most_bytes_;
     std::vector<KeptState> states_; ///< in the order of their places
 };
 

@@ -43,6 +43,8 @@ public:
                     const RigState& state) const;
 
     bool is_adaptive() const;
+    /// What is never merged beyond; null before first().
+    const Octree* coarsest() const { return coarsest_ ? &*coarsest_ : nullptr; }
     /// Of the leaves that finer() last looked at, those that the threshold would split
     /// but the depth does not let.
     int num_at_limit() const { return num_at_limit_; }

@@ -143,7 +143,7 @@ void RegionSet::find_voxels()
     }
 }
 
-/// Boxes of the regions' samples: centres of rotation, and how far they travel.
+/// Boxes of the regions' samples: how far they travel.
 void RegionSet::measure()
 {
     const VoxelGrid& grid = shape_->material.grid;

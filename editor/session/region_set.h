@@ -51,8 +51,14 @@ public:
     /// Of all regions in the cells of a body of this shape.
     std::vector<RegionShares> shares(const Body& body) const;
 
-    /// The box of a region's samples, or of its voxels' centres if it has none [work].
+    /// The box of a region's samples, or of its voxels' centres if it has none: how far
+    /// it travels [work].
     const ModelBox& box(std::size_t region) const { return boxes_[region]; }
+    /// Region::centre [work].
+    Eigen::Vector3d centre(std::size_t region) const
+    {
+        return shape_->frame.to_work(regions_[region].centre);
+    }
 
     /// A sample that two regions hold: their motions must agree about it.
     struct Overlap

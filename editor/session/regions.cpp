@@ -90,13 +90,12 @@ RegionShape shape_of(const Selector& selector, const Units& units)
 }
 
 /// The samples that a list selector names, without twins.
-std::vector<std::uint32_t>
-listed_samples(const RegionStatement& statement, const Geometry& geometry,
-               std::size_t num_samples, const std::string& file,
-               std::map<std::string, std::vector<std::int64_t>>& labels)
+std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
+                                          const Geometry& geometry,
+                                          std::size_t num_samples, const HandleFile& file)
 {
     const Selector& selector = statement.selector;
-    const Where where{file, statement.line, statement.name};
+    const Where where{file.path, statement.line, statement.name};
     std::vector<std::uint32_t> listed;
     if (selector.kind == Selector::Kind::Indices)
     {
@@ -112,16 +111,14 @@ listed_samples(const RegionStatement& statement, const Geometry& geometry,
     }
     else if (selector.kind == Selector::Kind::Labels)
     {
-        auto [found, is_new] = labels.try_emplace(selector.name);
-        if (is_new)
-            found->second = read_labels(selector.name);
-        if (found->second.size() != num_samples)
+        const auto labels = file.labels->read(selector.name);
+        if (labels->size() != num_samples)
             throw malformed(where, selector.name + " has " +
-                                       std::to_string(found->second.size()) +
+                                       std::to_string(labels->size()) +
                                        " labels, need one for each of " +
                                        std::to_string(num_samples) + " samples");
         for (std::size_t i = 0; i < num_samples; ++i)
-            if (found->second[i] == selector.label)
+            if ((*labels)[i] == selector.label)
                 listed.push_back(static_cast<std::uint32_t>(i));
     }
     else
@@ -141,6 +138,26 @@ listed_samples(const RegionStatement& statement, const Geometry& geometry,
     std::sort(listed.begin(), listed.end());
     listed.erase(std::unique(listed.begin(), listed.end()), listed.end());
     return listed;
+}
+
+Eigen::Vector3d centre_of(const Region& region,
+                          const std::vector<Eigen::Vector3d>& samples,
+                          const ModelBox& model)
+{
+    ModelBox box{Eigen::Vector3d::Constant(INFINITY),
+                 Eigen::Vector3d::Constant(-INFINITY)};
+    const auto include = [&](const Eigen::Vector3d& low, const Eigen::Vector3d& high)
+    {
+        box.low = box.low.cwiseMin(low);
+        box.high = box.high.cwiseMax(high);
+    };
+    for (const std::uint32_t i : region.samples)
+        include(samples[i], samples[i]);
+    if (region.samples.empty())
+        for (const RegionShape& shape : region.shapes)
+            include(shape.low.cwiseMax(model.low).cwiseMin(model.high),
+                    shape.high.cwiseMin(model.high).cwiseMax(model.low));
+    return box.low.allFinite() ? box.centre() : model.centre();
 }
 
 bool is_geometric(Selector::Kind kind)
@@ -177,12 +194,11 @@ std::string nearest_sample_note(const Region& region,
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
-                                    const Units& units, const std::string& file,
+                                    const Units& units, const HandleFile& file,
                                     const Twins* known_twins)
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
-    std::map<std::string, std::vector<std::int64_t>> labels;
     for (const RegionStatement& statement : statements)
     {
         const auto [found, is_new] = by_name.try_emplace(statement.name, regions.size());
@@ -197,7 +213,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
         }
         Region& region = regions[found->second];
         if (region.factor != statement.factor)
-            throw malformed({file, statement.line, statement.name},
+            throw malformed({file.path, statement.line, statement.name},
                             "has another factor than on line " +
                                 std::to_string(region.line) + " (got " +
                                 shortest(statement.factor) + ", need " +
@@ -207,7 +223,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
         else
         {
             const std::vector<std::uint32_t> more =
-                listed_samples(statement, geometry, samples.size(), file, labels);
+                listed_samples(statement, geometry, samples.size(), file);
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
     }
@@ -231,6 +247,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                 if (is_listed[i] || region.holds(samples[i]))
                     region.samples.push_back(static_cast<std::uint32_t>(i));
         }
+        region.centre = centre_of(region, samples, units.box);
     }
     return regions;
 }

@@ -37,6 +37,10 @@ struct Region
     double factor = 1.0;                ///< of a stiff region
     std::int64_t line = 0;              ///< of its first statement
     std::vector<std::uint32_t> samples; ///< sorted
+    /// About which it turns where a move does not say: the centre of the box of its rest
+    /// samples; of one without samples, of its shapes as far as they are in the model's
+    /// box [model unit].
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     /// Sorted; the ones named one by one (lists, labels, groups), twins included.
     std::vector<std::uint32_t> listed;
     std::vector<RegionShape> shapes; ///< one a geometric selector
@@ -45,14 +49,14 @@ struct Region
     bool holds(const Eigen::Vector3d& model_point) const;
 };
 
-/// Resolves the statements. \p samples: the rest samples [model unit], in the order of
-/// \p geometry, which gives the groups; \p known_twins: of them, where somebody has them
-/// already. Throws Fault::Malformed for a group or label that does not exist, an index
-/// out of range, a label file of another length.
+/// Resolves statements of \p file. \p samples: the rest samples [model unit], in the
+/// order of \p geometry, which gives the groups; \p known_twins: of them, where somebody
+/// has them already. Throws Fault::Malformed for a group or label that does not exist, an
+/// index out of range, a label file of another length, and what reading that one throws.
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
-                                    const Units& units, const std::string& file,
+                                    const Units& units, const HandleFile& file,
                                     const Twins* known_twins = nullptr);
 
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.

@@ -237,7 +237,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const auto regions = std::make_shared<const RegionSet>(
         rest_->shape,
         resolve_regions(handles_.stages[stage_].regions, model_->geometry, samples, units,
-                        handles_.path),
+                        handles_),
         handles_.path);
     const auto start = std::make_shared<StageStart>(
         StageStart{rest_, regions, units,
@@ -270,10 +270,9 @@ void Session::take(HandleFile handles, std::stop_token stop)
             check_frames();
         else
             go_back();
-        if (!upcoming_frame())
-            commit_to_end();
-        if (!upcoming_frame() && !is_patch_current_)
-            update_samples();
+        if (!upcoming_frame() &&
+            (!commit_to_end() || !(is_patch_current_ || update_samples())))
+            end_stopped();
     }
     catch (...)
     {
@@ -393,8 +392,8 @@ Session::FramePlan Session::plan(const FrameStatement& frame,
                                 "'to' needs a pin of one place; this one has " +
                                     std::to_string(regions[r].samples.size()) +
                                     " samples, use translate");
-            next = steps_of(move, s.start->units, box.centre(), box.low, handles_.path,
-                            warnings);
+            next = steps_of(move, s.start->units, regions.centre(r), box.low,
+                            handles_.path, warnings);
         }
         const Path& path = plan.paths.emplace_back(steps[r], next);
         steps[r] = std::move(next);
@@ -469,26 +468,97 @@ std::size_t Session::num_upcoming() const
     return count - std::min(count, frame_);
 }
 
+/// Where the session stands, to come back to. The cells are shared, not copied.
+struct Session::Standing
+{
+    ScriptPlace place;
+    std::shared_ptr<const StageStart> start;
+    std::shared_ptr<const Body> body;
+    RigState rig;
+    std::vector<std::vector<Step>> steps;
+    SolveReport last_solve;
+    std::vector<std::string> warnings;
+    std::size_t frames_done, num_reports, num_committed;
+    bool is_patch_current;
+};
+
+Session::Standing Session::standing() const
+{
+    const StageState& s = *state_;
+    return {{stage_, frame_},
+            s.start,
+            s.rig.shared_body(),
+            s.rig.state(),
+            s.steps,
+            s.last_solve,
+            warnings_,
+            frames_done_,
+            reports_.size(),
+            committed_fields_.size(),
+            is_patch_current_};
+}
+
+/// The samples are those of the standing still: nothing half done is written to them.
+void Session::stand_at(const Standing& standing)
+{
+    state_.reset();
+    rest_ = standing.start->rest;
+    stage_ = standing.place.stage;
+    frame_ = standing.place.frame;
+    warnings_ = standing.warnings;
+    frames_done_ = standing.frames_done;
+    reports_.resize(standing.num_reports);
+    committed_fields_.resize(standing.num_committed);
+    is_patch_current_ = standing.is_patch_current;
+    auto state = std::make_unique<StageState>(
+        standing.start, Rig(standing.body, standing.start->regions, rig_settings()));
+    state->rig.set_state(standing.rig);
+    state->steps = standing.steps;
+    state->last_solve = standing.last_solve;
+    state_ = std::move(state);
+}
+
 bool Session::next_frame(bool wants_samples)
 {
-    if (!upcoming_frame())
+    if (!state_ || !upcoming_frame())
         return false;
-    double cells_ms = 0.0;
-    while (frame_ >= handles_.stages[stage_].frames.size())
+    Standing before = standing();
+    try
     {
         const Clock::time_point start = Clock::now();
-        commit();
-        cells_ms += ms_since(start);
+        while (frame_ >= handles_.stages[stage_].frames.size())
+        {
+            if (!commit())
+            {
+                end_stopped();
+                return true;
+            }
+            before = standing();
+        }
+        solve_next(wants_samples, ms_since(start));
     }
+    catch (...)
+    {
+        try
+        {
+            stand_at(before);
+        }
+        catch (...)
+        {
+            state_.reset(); // no memory is left for it
+        }
+        throw;
+    }
+    return true;
+}
+
+/// \p cells_ms: what its commits took.
+void Session::solve_next(bool wants_samples, double cells_ms)
+{
     FrameStatement& statement = handles_.stages[stage_].frames[frame_];
     std::vector<std::string> told_before;
     state_->plan =
         plan(statement, state_->steps, settings_.keeps_states ? warnings_ : told_before);
-    if (settings_.keeps_states)
-    {
-        statement.moves = {}; // not needed again: the next take() brings its own
-        reports_.clear();
-    }
     FrameReport& report = reports_.emplace_back();
     report.frame = statement.number;
     report.cells_ms = cells_ms;
@@ -496,7 +566,11 @@ bool Session::next_frame(bool wants_samples)
     solve_frame(report);
     report.solve_ms = ms_since(start) - (report.cells_ms - cells_ms);
     end_frame(report, wants_samples);
-    return true;
+    if (settings_.keeps_states)
+    {
+        statement.moves = {}; // not needed again: the next take() brings its own
+        reports_.erase(reports_.begin(), reports_.end() - 1);
+    }
 }
 
 void Session::end_frame(FrameReport& report, bool wants_samples)
@@ -508,16 +582,21 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
                               stage_ + 1 < handles_.stages.size();
     if (wants_samples || is_committed)
         move_samples(report);
-    if (!settings_.keeps_states)
-        return;
     if (report.solve.stop == Stop::Stopped)
-        state_.reset(); // somewhere on the way
-    else
     {
-        keep_state();
-        if (!upcoming_frame())
-            commit_to_end();
+        end_stopped();
+        return;
     }
+    keep_state();
+    if (settings_.keeps_states && !upcoming_frame() && !commit_to_end())
+        end_stopped();
+}
+
+/// Somewhere on the way: there is nothing to go on from but what was kept.
+void Session::end_stopped()
+{
+    if (settings_.keeps_states)
+        state_.reset();
 }
 
 /// Whether no region moves, and the last solution stands: it is not polished to other
@@ -844,7 +923,8 @@ std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
     return samples;
 }
 
-void Session::move_samples(FrameReport& report)
+/// False if it was stopped: the samples are still those of an earlier frame.
+bool Session::move_samples(FrameReport& report)
 {
     StageState& s = *state_;
     const WorkFrame& frame = s.rig.rest().frame;
@@ -857,7 +937,7 @@ void Session::move_samples(FrameReport& report)
     if (!field)
     {
         report.solve.stop = Stop::Stopped;
-        return;
+        return false;
     }
     s.field = std::make_unique<Field>(std::move(*field));
     const FieldKind kind = settings_.field.kind;
@@ -867,13 +947,14 @@ void Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
-    patch_ = rest_->samples;
+    Patch moved = rest_->samples;
     const std::vector<Eigen::Vector3d> displacements =
         carry(*s.field, frame, s.rig.rest().samples, s.rig.body().cell_of_sample,
-              {patch_.samples,
-               {use_samples_, patch_.directions},
-               {model_->geometry.tangent_samples, patch_.tangents},
-               {model_->geometry.rotation_samples, patch_.rotations}});
+              {moved.samples,
+               {use_samples_, moved.directions},
+               {model_->geometry.tangent_samples, moved.tangents},
+               {model_->geometry.rotation_samples, moved.rotations}});
+    patch_ = std::move(moved);
     parts_.normals += !rest_->samples.directions.empty() ||
                       !rest_->samples.tangents.empty() ||
                       !rest_->samples.rotations.empty();
@@ -895,33 +976,39 @@ void Session::move_samples(FrameReport& report)
                 report.handle_residual, (displacements[i] - wanted).norm() / diagonal);
         }
     }
+    return true;
 }
 
-void Session::update_samples()
+/// As move_samples().
+bool Session::update_samples()
 {
-    if (frame_ == 0)
-        patch_ = rest_->samples;
-    else
-        move_samples(reports_.back());
+    if (frame_ > 0)
+        return move_samples(reports_.back());
+    patch_ = rest_->samples;
     is_patch_current_ = true;
+    return true;
 }
 
-/// What the samples are now is the rest of the next stage.
-void Session::commit()
+/// What the samples are now is the rest of the next stage. False if they were wanted
+/// first and that was stopped: then nothing is committed.
+bool Session::commit()
 {
-    if (!is_patch_current_)
-        update_samples();
+    if (!is_patch_current_ && !update_samples())
+        return false;
     if (settings_.keeps_fields)
         committed_fields_.push_back(stored_field(state_->rig, *state_->field));
     last_rest_ = make_rest(stage_ + 1, patch_);
     start_stage(last_rest_);
+    return true;
 }
 
-/// Through commits that no frame follows.
-void Session::commit_to_end()
+/// Through commits that no frame follows; false as commit().
+bool Session::commit_to_end()
 {
     while (stage_ + 1 < handles_.stages.size())
-        commit();
+        if (!commit())
+            return false;
+    return true;
 }
 
 FieldFile Session::field_file() const

@@ -81,7 +81,9 @@ public:
     Session& operator=(Session&&) noexcept;
 
     /// Solves the next frame; false when there is none left. \p wants_samples: fit
-    /// the field and move the samples (a commit does so in any case).
+    /// the field and move the samples (a commit does so in any case). Throws
+    /// Fault::Unsolvable, Fault::Budget, and of a commit what the constructor throws; the
+    /// session is then as it was before the frame, but for field(), which is null.
     bool next_frame(bool wants_samples);
     /// The number of the frame that next_frame() would solve.
     std::optional<std::int64_t> upcoming_frame() const;
@@ -90,9 +92,9 @@ public:
     /// the old ones differ it goes back to a state before that. The rest is left for
     /// next_frame(), whose results are those of a new session with these statements, to
     /// the bit. With no frame left, the session stands in the last stage, its samples
-    /// moved. \p stop ends the solve of a frame from another thread. Throws what the
-    /// constructor throws; then, and after a frame that was stopped, rig() is null until
-    /// another take().
+    /// moved. \p stop ends the solve of a frame, and moving the samples, from another
+    /// thread. Throws what the constructor throws; then, and after one that was stopped
+    /// here or in next_frame(), rig() is null until another take().
     /// \pre keeps_states
     void take(HandleFile handles, std::stop_token stop = {});
     /// How many frames are left.
@@ -111,7 +113,7 @@ public:
     /// Fault::Budget. \pre the last frame wanted samples
     std::vector<Eigen::Vector3d> samples_by(const FieldChoice& field) const;
     /// The maps of all commits and of the last frame that wanted samples, as a chain.
-    /// \pre keeps_fields, and there was such a frame
+    /// \pre keeps_fields, and field()
     FieldFile field_file() const;
     /// At rest in this stage [model unit]. \pre rig()
     const std::vector<Eigen::Vector3d>& rest_samples() const
@@ -143,8 +145,8 @@ private:
     void go_to(const KeptState& state);
     void go_back();
     void keep_state();
-    void commit();
-    void commit_to_end();
+    bool commit();
+    bool commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
     FramePlan plan(const FrameStatement& frame, std::vector<std::vector<Step>>& steps,
                    std::vector<std::string>& warnings) const;
@@ -165,9 +167,14 @@ private:
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;
+    struct Standing;
+    Standing standing() const;
+    void stand_at(const Standing& standing);
+    void solve_next(bool wants_samples, double cells_ms);
     void end_frame(FrameReport& report, bool wants_samples);
-    void move_samples(FrameReport& report);
-    void update_samples();
+    void end_stopped();
+    bool move_samples(FrameReport& report);
+    bool update_samples();
 
     std::shared_ptr<const GeometryFile> model_;
     HandleFile handles_;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <new>
 #include <optional>
 #include <string>
 #include <utility>
@@ -129,6 +130,10 @@ struct Interaction::State
         catch (const Error& error)
         {
             complain(error.what());
+        }
+        catch (const std::bad_alloc&)
+        {
+            complain("out of memory");
         }
     }
 

@@ -90,6 +90,7 @@ void Desk::close()
         return;
     attempt(Place::Window, [&] { document().close(); });
     opened_.reset();
+    is_exporting_ = false;
     asks_to_recover = false;
 }
 
@@ -156,8 +157,9 @@ bool Desk::update()
     }
     if (opened_ != nullptr)
     {
-        is_new = opened_->editing.update() || is_new;
-        opened_->hand.update();
+        guard([&] { is_new = opened_->editing.update() || is_new; });
+        guard([&] { opened_->hand.update(); });
+        tell_of_export();
     }
     if (notice_ && seconds_now() > notice_->until)
     {
@@ -175,16 +177,43 @@ bool Desk::is_idle() const
         return true;
     const SolveStatus::State state = opened_->editing.status().state;
     return (state == SolveStatus::State::Idle || state == SolveStatus::State::Failed) &&
-           !opened_->editing.drag_status().is_dragging;
+           !opened_->editing.drag_status().is_dragging && !is_exporting_;
+}
+
+void Desk::export_field(const std::string& path, Overwrite overwrite)
+{
+    opened_->editing.export_field(path, overwrite);
+    is_exporting_ = true;
+}
+
+void Desk::tell_of_export()
+{
+    const ExportStatus status = opened_->editing.export_status();
+    if (!is_exporting_ || status.state == ExportStatus::State::Working)
+        return;
+    is_exporting_ = false;
+    if (status.state == ExportStatus::State::Written)
+        say(Place::Window, "Written: " + status.path);
+    else if (status.state == ExportStatus::State::Cancelled)
+        say(Place::Window, "Cancelled: " + status.path + " is not written");
+    else
+        say(Place::Window, status.error, true);
 }
 
 bool Desk::attempt(Place place, const std::function<void()>& command)
 {
+    if (!guard(command, place))
+        return false;
+    if (notice_ && notice_->is_error && notice_->place == place)
+        notice_.reset();
+    return true;
+}
+
+bool Desk::guard(const std::function<void()>& work, Place place)
+{
     try
     {
-        command();
-        if (notice_ && notice_->is_error && notice_->place == place)
-            notice_.reset();
+        work();
         return true;
     }
     catch (const Error& error)

@@ -108,10 +108,15 @@ public:
 
     /// Runs a command; an error becomes a notice at \p place. False: it did not happen.
     bool attempt(Place place, const std::function<void()>& command);
+    /// Runs what happens by itself, time and again: what it throws becomes a notice, and
+    /// an older one stays.
+    bool guard(const std::function<void()>& work, Place place = Place::Window);
     void say(Place place, const std::string& text, bool is_error = false);
     const Notice* notice(Place place) const; ///< null: none
 
     void save(); ///< or asks where to
+    /// Begins to write the document's field; its end becomes a notice. Throws Error.
+    void export_field(const std::string& path, Overwrite overwrite);
     void undo();
     void redo();
     std::string title() const;
@@ -130,12 +135,14 @@ public:
 
 private:
     void take_document(Document document);
+    void tell_of_export();
 
     std::string journal_folder_;
     std::unique_ptr<OpenedDocument> opened_;
     std::future<Document> opening_;
     std::string opening_path_;
     std::optional<Notice> notice_;
+    bool is_exporting_ = false; ///< and has not told its end
 };
 
 } // namespace cellwarp

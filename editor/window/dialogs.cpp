@@ -182,11 +182,11 @@ void FileDialog::take(Desk& desk, Choosing choosing, Overwrite overwrite)
                                    else if (choosing == Choosing::ExportModel)
                                        editing.export_model(path, overwrite);
                                    else
-                                       editing.export_field(path, overwrite);
+                                       desk.export_field(path, overwrite);
                                });
     if (!is_done)
         return;
-    if (choosing != Choosing::Open)
+    if (choosing == Choosing::SaveAs || choosing == Choosing::ExportModel)
         desk.say(Place::Window, "Written: " + path);
     if (choosing == Choosing::SaveAs)
         desk.recent.add(path);

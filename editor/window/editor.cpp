@@ -6,6 +6,7 @@
 #include <chrono>
 
 #include <imgui.h>
+#include <imgui_internal.h>
 
 #include "editor/window/overlay.h"
 #include "editor/window/style.h"
@@ -209,7 +210,7 @@ void Editor::handle_events()
 {
     InputEvent event;
     while (window_.take(event))
-        handle(event);
+        desk_.guard([&] { handle(event); });
 }
 
 void Editor::show_panels()
@@ -310,12 +311,17 @@ FrameParts Editor::frame()
         window_.set_dark(is_dark_ = desk_.view.is_dark);
     const Clock::time_point draw_start = Clock::now();
     window_.begin_frame();
-    show_panels();
-    if (OpenedDocument* opened = desk_.opened())
-        opened->hand.resize(view_.width / window_.scale(),
-                            view_.height / window_.scale());
-    parts.upload = draw_canvas();
-    draw_overlay(desk_, view_, window_.scale(), canvas_.scale_of_cells());
+    if (!desk_.guard([&] { show_panels(); }))
+        ImGui::ErrorCheckEndFrameRecover(nullptr); // ends what panels have begun
+    desk_.guard(
+        [&]
+        {
+            if (OpenedDocument* opened = desk_.opened())
+                opened->hand.resize(view_.width / window_.scale(),
+                                    view_.height / window_.scale());
+            parts.upload = draw_canvas();
+            draw_overlay(desk_, view_, window_.scale(), canvas_.scale_of_cells());
+        });
     window_.draw_panels();
     parts.draw = ms_since(draw_start) - parts.upload;
     parts.total = ms_since(start);

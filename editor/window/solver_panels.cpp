@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <string>
 
 #include <imgui.h>
@@ -316,6 +317,18 @@ void show_field_panel(Desk& desk)
                  : std::string()));
     if (changed)
         desk.attempt(Place::Field, [&] { desk.document().change_settings(settings); });
+    const ExportStatus written = desk.opened()->editing.export_status();
+    if (written.state == ExportStatus::State::Working)
+    {
+        faint_text("Writing " + std::filesystem::path(written.path).filename().string());
+        ImGui::SameLine(ImGui::GetContentRegionMax().x - letters(9));
+        if (ImGui::SmallButton(" Cancel ##field"))
+            desk.opened()->editing.cancel_export();
+        ImGui::ProgressBar(
+            static_cast<float>(written.frames_done) /
+                static_cast<float>(std::max<std::size_t>(1, written.frames)),
+            {-1, letters(0.6f)}, "");
+    }
     if (const Notice* notice = desk.notice(Place::Field))
         error_text(notice->text);
 }

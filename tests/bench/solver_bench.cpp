@@ -396,7 +396,7 @@ public:
         const auto regions = std::make_shared<const RegionSet>(
             body->rest,
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
-                            file.path),
+                            file),
             file.path);
         drag_.emplace(Rig(body, regions, {}), DragSettings(),
                       std::span<const SampleNormal>());

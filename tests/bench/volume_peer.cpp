@@ -77,7 +77,7 @@ Problem read_problem(const std::string& path)
     problem.regions = std::make_unique<RegionSet>(
         problem.rest,
         resolve_regions(stage.regions, geometry, geometry.samples, problem.units,
-                        scene.handles),
+                        problem.handles),
         scene.handles);
     for (const Region& region : problem.regions->regions())
         if (!region.listed.empty())

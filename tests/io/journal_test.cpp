@@ -2,14 +2,21 @@
 #include "io/journal.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
+#include <cstddef>
 #include <cstring>
 #include <ctime>
+#include <filesystem>
 #include <random>
 
 #include <fcntl.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -200,6 +207,47 @@ TEST(Journal, every_flipped_byte_is_found_and_its_record_named)
             EXPECT_TRUE(contains(message, field)) << message;
             EXPECT_EQ(bytes_of(path), altered);
         }
+}
+
+TEST(Journal, is_kept_aside_where_a_file_has_one_name_only)
+{
+    const Folder folder;
+    const std::string path = folder / "j";
+    folder.write("j.kept", "somebody's");
+    fill(path, 3);
+    const std::string whole = bytes_of(path);
+    const pid_t child = ::fork();
+    if (child == 0)
+    {
+        // As on file systems without hard links.
+        sock_filter program[] = {
+            BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
+            BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_link, 1, 0),
+            BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_linkat, 0, 1),
+            BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM),
+            BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+        const sock_fprog filter{sizeof program / sizeof program[0], program};
+        if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
+            ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) != 0)
+            ::_exit(77);
+        try
+        {
+            ::_exit(Journal::keep_aside(path) == path + ".kept2" ? 0 : 1);
+        }
+        catch (const Error&)
+        {
+            ::_exit(2);
+        }
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFEXITED(status));
+    if (WEXITSTATUS(status) == 77)
+        GTEST_SKIP() << "this system takes no filter of its calls";
+    EXPECT_EQ(WEXITSTATUS(status), 0);
+    EXPECT_EQ(bytes_of(path + ".kept2"), whole);
+    EXPECT_EQ(bytes_of(path + ".kept"), "somebody's");
+    EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 TEST(Journal, blocks_that_were_never_written_are_a_cut)

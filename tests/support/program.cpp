@@ -8,6 +8,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <gtest/gtest.h>
+
 namespace cellwarp::support
 {
 
@@ -81,6 +83,7 @@ void wait_until_caught(pid_t process, int signal)
                 return;
         ::usleep(10000);
     }
+    ADD_FAILURE() << "the process has no handler for signal " << signal;
 }
 
 std::size_t num_files(const Folder& folder)

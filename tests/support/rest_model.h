@@ -30,7 +30,7 @@ struct RestModel
         regions = std::make_shared<const RegionSet>(
             rest,
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
-                            file.path),
+                            file),
             file.path);
     }
 };

@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "editor/session/deformation.h"
 #include "editor/session/scene_settings.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -62,6 +63,10 @@ bool is_head(const Eigen::Vector3d& x)
 {
     return x.z() > 3.4;
 }
+bool is_top(const Eigen::Vector3d& x)
+{
+    return x.z() == 4.0 && x.x() == 0.5 && x.y() == 0.5;
+}
 bool is_middle(const Eigen::Vector3d& x)
 {
     return x.z() > 1.7 && x.z() < 2.3;
@@ -101,6 +106,17 @@ void drag(Editing& editing, const std::string& region, const Placement& to)
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
     editing.end_drag();
+}
+
+/// A commit, and a frame after it; solved.
+void bend_twice(Editing& editing)
+{
+    Document& document = editing.document();
+    document.select(samples_where(document, is_middle), "Select by box");
+    document.add_region(Role::Handle, "belly");
+    document.move_region("belly", turned(0, {0, 0.3, 0}));
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
 }
 
 /// What the saved scene replays to.
@@ -251,7 +267,7 @@ TEST(Editing, the_hand_sees_what_the_release_gives)
     EXPECT_LT(largest, 0.02 * std::sqrt(18.0));
 }
 
-TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
+TEST(Editing, what_cannot_move_is_told)
 {
     const Bar bar;
     Editing editing(bar.document());
@@ -262,6 +278,7 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     EXPECT_FALSE(editing.begin_drag("foot", &why));
     EXPECT_TRUE(contains(why, "only handles and pins move")) << why;
     EXPECT_FALSE(editing.begin_drag("nobody", &why));
+    EXPECT_TRUE(contains(why, "no region")) << why;
     EXPECT_TRUE(
         contains(error_of(Fault::Usage, [&]
                           { editing.export_field(bar.folder / "f.cwf", Overwrite::No); }),
@@ -271,6 +288,99 @@ TEST(Editing, what_cannot_move_is_told_and_regions_that_fail_are_named)
     editing.drag_to(turned(0, {INFINITY, 0, 0}));
     editing.end_drag();
     EXPECT_TRUE(document.handles().stages[0].frames.empty());
+}
+
+TEST(Editing, a_region_that_fails_is_named_and_what_was_before_it_comes_back)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    Document& document = editing.document();
+    EditSettings uniform = document.settings();
+    uniform.max_depth = 0;
+    document.change_settings(uniform);
+    hold_ends(document);
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    // The head holds all cells that the crown reaches.
+    document.select(samples_where(document, is_top), "Select by box");
+    document.add_region(Role::Pin, "crown");
+    editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    const SolveStatus status = editing.status();
+    EXPECT_EQ(status.state, SolveStatus::State::Failed);
+    EXPECT_TRUE(contains(status.error, "no cell of its own")) << status.error;
+    EXPECT_EQ(status.error_region, "crown");
+    std::string why;
+    EXPECT_FALSE(editing.begin_drag("head", &why));
+    EXPECT_EQ(why, status.error);
+    document.undo();
+    editing.wait();
+    ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_TRUE(editing.status().error_region.empty());
+}
+
+TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
+{
+    // In turned cells; one region whose box depends on the axes, and one without samples.
+    const Bar bar;
+    std::string corner;
+    const std::vector<Eigen::Vector3d> samples =
+        read_geometry(bar.model).geometry.samples;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        if (samples[i].z() > 3.4 && (samples[i].z() == 4.0 || samples[i].x() == 0.0))
+            corner += " " + std::to_string(i);
+    bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head indices" +
+                                      corner +
+                                      "\nhandle core box 0.2 0.3 1.4 0.6 0.8 2\n"
+                                      "frame 1\nmove head rotate 0 1 0 20\n"
+                                      "move core rotate 1 0 0 10\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
+  "cells": {"across": 10, "frame": {"origin": [1, -2, -1], "size": [3, 4, 6],
+  "axes": [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]}}})");
+    const Document document(scene, "");
+    ASSERT_TRUE(document.region("core")->samples.empty());
+    Session session(document.model(), document.handles(), settings_of(document.scene()));
+    session.next_frame(false);
+    for (std::size_t r = 0; r < document.regions().size(); ++r)
+    {
+        const EditedRegion& region = document.regions()[r];
+        SCOPED_TRACE(region.name);
+        const Motion hand =
+            motion_of(region.placement, region.centre, session.rig()->rest().frame);
+        const Motion& released = session.rig()->motions()[r];
+        EXPECT_LT((hand.R - released.R).norm(), 1e-14);
+        EXPECT_LT((hand.t - released.t).norm(), 1e-14);
+    }
+    EXPECT_EQ(document.region("head")->centre, Eigen::Vector3d(0.5, 0.5, 3.75));
+    EXPECT_EQ(document.region("core")->centre, Eigen::Vector3d(0.4, 0.55, 1.7));
+}
+
+TEST(Editing, a_region_on_a_shape_that_is_not_there_yet_is_not_taken_into_the_hand)
+{
+    const Bar bar;
+    bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
+                                  "move head translate 0.5 0 2\ncommit\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle top box -1 -1 5.4 2 2 9\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
+                      "cells": {"across": 8}})");
+    Editing editing(Document(scene, ""));
+    EXPECT_TRUE(editing.document().region("top")->samples.empty());
+    std::string why;
+    if (!editing.begin_drag("top", &why)) // else it was there at once
+    {
+        EXPECT_TRUE(contains(why, "not there yet")) << why;
+        editing.wait();
+        ASSERT_TRUE(editing.begin_drag("top", &why)) << why;
+    }
+    EXPECT_FALSE(editing.document().region("top")->samples.empty());
+    editing.cancel_drag();
 }
 
 TEST(Editing, an_edit_from_elsewhere_opens_the_hand)
@@ -298,11 +408,18 @@ TEST(Editing, what_was_given_up_can_be_asked_for_again)
     const Bar bar(16);
     Editing editing(bar.document());
     hold_ends(editing.document());
+    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
+        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    editing.update();
     editing.cancel();
     editing.wait();
+    EXPECT_EQ(editing.result(), nullptr);
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Failed);
+    EXPECT_EQ(editing.status().error, "cancelled");
     editing.solve_again();
     editing.wait();
     EXPECT_NE(editing.result(), nullptr) << editing.status().error;
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Idle);
 }
 
 TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
@@ -317,8 +434,53 @@ TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
     EXPECT_TRUE(bent.geometry.samples == editing.result()->samples);
     error_of(Fault::File,
              [&] { editing.export_model(bar.folder / "bent.obj", Overwrite::No); });
+    bend_twice(editing);
     editing.export_field(bar.folder / "bent.cwf", Overwrite::No);
-    EXPECT_TRUE(std::filesystem::exists(bar.folder / "bent.cwf"));
+    EXPECT_EQ(editing.export_status().frames, 2u);
+    // What is edited meanwhile is not in it.
+    const std::vector<Eigen::Vector3d> exported = editing.result()->samples;
+    editing.document().move_region("belly", turned(0, {0, 0, 0.2}));
+    editing.wait();
+    const ExportStatus status = editing.export_status();
+    ASSERT_EQ(status.state, ExportStatus::State::Written) << status.error;
+    EXPECT_EQ(status.frames_done, 2u);
+    const Deformation field(read_field(bar.folder / "bent.cwf"), "bent.cwf");
+    EXPECT_EQ(field.num_maps(), 2u);
+    std::vector<Eigen::Vector3d> samples = editing.document().model()->geometry.samples;
+    field.carry({samples});
+    EXPECT_TRUE(samples == exported);
+    error_of(Fault::File,
+             [&] { editing.export_field(bar.folder / "bent.cwf", Overwrite::No); });
+}
+
+TEST(Editing, a_field_is_written_behind_and_can_be_given_up)
+{
+    const Bar bar(16);
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
+        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    const std::string path = bar.folder / "bent.cwf";
+    editing.export_field(path, Overwrite::No);
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Working);
+    EXPECT_TRUE(contains(
+        error_of(Fault::Usage, [&] { editing.export_field(path, Overwrite::No); }),
+        "another field"));
+    editing.cancel_export();
+    editing.cancel();
+    while (editing.export_status().state == ExportStatus::State::Working)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_TRUE(editing.update());
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Cancelled);
+    EXPECT_LT(editing.export_status().frames_done, 40u);
+    EXPECT_FALSE(std::filesystem::exists(path));
+    // What cannot be is told at its end.
+    editing.document().move_region("head", turned(0, {1e160, 0, 0}));
+    editing.export_field(path, Overwrite::No);
+    editing.wait();
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Failed);
+    EXPECT_TRUE(contains(editing.export_status().error, "no solution"));
+    EXPECT_FALSE(std::filesystem::exists(path));
 }
 
 TEST(Editing, ends_while_it_solves)

@@ -44,7 +44,7 @@ struct Bar
         return std::make_shared<const RegionSet>(
             body->rest,
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
-                            file.path),
+                            file),
             file.path);
     }
     std::shared_ptr<const RegionSet> ends() const

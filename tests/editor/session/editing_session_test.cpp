@@ -11,6 +11,7 @@
 #include "editor/session/kept_states.h"
 #include "editor/session/session.h"
 #include "editor/session/statement_chain.h"
+#include "tests/support/rest_model.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -246,6 +247,121 @@ TEST(EditingSession, a_stopped_frame_is_done_again)
     expect_same(session, text);
 }
 
+TEST(EditingSession, a_frame_that_throws_leaves_the_session_as_it_was)
+{
+    const std::string before = kRegions + frames(1, 1);
+    Session session(block(), handles(before), settings(true));
+    play(session);
+    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+    session.take(handles(before + "frame 2\nmove knob translate 1e160 0 0\n"));
+    for (int trial = 0; trial < 2; ++trial)
+    {
+        support::error_of(Fault::Unsolvable, [&] { session.next_frame(true); });
+        EXPECT_EQ(session.upcoming_frame(), 2);
+        ASSERT_NE(session.rig(), nullptr);
+        EXPECT_EQ(session.frames().size(), 1u);
+        EXPECT_EQ(session.frames().back().frame, 1);
+        EXPECT_TRUE(session.patch().samples == bent);
+    }
+    session.take(handles(before));
+    expect_same(session, before);
+    session.take(handles(kRegions + frames(1, 2)));
+    play(session);
+    expect_same(session, kRegions + frames(1, 2));
+}
+
+TEST(EditingSession, a_frame_that_throws_leaves_a_session_that_keeps_no_states_too)
+{
+    Session session(
+        block(),
+        handles(kRegions + frames(1, 1) + "frame 2\nmove knob translate 1e160 0 0\n"),
+        settings(false));
+    session.next_frame(true);
+    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+    const std::vector<std::string> warnings = session.warnings();
+    for (int trial = 0; trial < 2; ++trial)
+    {
+        support::error_of(Fault::Unsolvable, [&] { session.next_frame(true); });
+        EXPECT_EQ(session.upcoming_frame(), 2);
+        EXPECT_EQ(session.frames().size(), 1u);
+        EXPECT_TRUE(session.patch().samples == bent);
+        EXPECT_EQ(session.warnings(), warnings);
+        EXPECT_TRUE(session.samples_by(FieldKind::Rbf) == bent);
+    }
+}
+
+TEST(EditingSession, a_commit_that_throws_can_be_tried_again)
+{
+    const std::string before = kRegions + frames(1, 2);
+    const std::string wrong = before +
+                              "commit\nfixed far box 90 90 90 99 99 99\n"
+                              "handle top box -5 -5 3.4 5 5 9\n" +
+                              top_frame(3, 30.0);
+    for (const bool keeps_states : {false, true})
+    {
+        SCOPED_TRACE(keeps_states);
+        Session session(block(), handles(wrong), settings(keeps_states));
+        session.next_frame(true);
+        session.next_frame(true);
+        const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+        for (int trial = 0; trial < 2; ++trial)
+        {
+            support::error_of(Fault::Malformed, [&] { session.next_frame(true); });
+            EXPECT_EQ(session.upcoming_frame(), 3);
+            ASSERT_NE(session.rig(), nullptr);
+            EXPECT_EQ(session.rig()->regions()[1].name, "knob");
+            EXPECT_TRUE(session.patch().samples == bent);
+        }
+        if (!keeps_states)
+            continue;
+        session.take(handles(before + kCommit + top_frame(3, 30.0)));
+        play(session);
+        expect_same(session, before + kCommit + top_frame(3, 30.0));
+    }
+}
+
+TEST(EditingSession, samples_whose_field_was_stopped_are_not_taken_for_those_of_the_frame)
+{
+    std::stop_source stopped;
+    stopped.request_stop();
+    for (const std::string& after : {std::string(), kCommit})
+    {
+        SCOPED_TRACE(after);
+        Session session(block(), handles(kRegions + frames(1, 2)), settings(true));
+        while (session.next_frame(true))
+            ;
+        const std::string text = kRegions + frames(1, 1) + after;
+        session.take(handles(text), stopped.get_token());
+        EXPECT_EQ(session.rig(), nullptr);
+        EXPECT_FALSE(session.next_frame(true));
+        session.take(handles(text));
+        ASSERT_NE(session.rig(), nullptr);
+        EXPECT_TRUE(session.patch().samples == replayed(text).patch().samples);
+        session.take(handles(kRegions + frames(1, 1) + kCommit + top_frame(2, 30.0)));
+        play(session);
+        expect_same(session, kRegions + frames(1, 1) + kCommit + top_frame(2, 30.0));
+    }
+}
+
+TEST(EditingSession, a_commit_whose_field_was_stopped_commits_nothing)
+{
+    std::stop_source source;
+    SessionSettings with_stop = settings(false);
+    with_stop.stop = source.get_token();
+    Session session(block(),
+                    handles(kRegions + frames(1, 2) + kCommit + top_frame(3, 30.0)),
+                    with_stop);
+    session.next_frame(true);
+    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+    source.request_stop();
+    session.next_frame(true);
+    EXPECT_TRUE(session.next_frame(true));
+    EXPECT_EQ(session.upcoming_frame(), 3);
+    EXPECT_EQ(session.rig()->regions()[1].name, "knob");
+    EXPECT_EQ(session.frames().back().solve.stop, Stop::Stopped);
+    EXPECT_TRUE(session.patch().samples == bent);
+}
+
 TEST(StatementChain, tells_where_two_files_part)
 {
     const StatementChain a(handles(kRegions + frames(1, 3)));
@@ -276,6 +392,48 @@ TEST(KeptStates, are_few_and_the_way_from_them_is_no_longer_than_the_way_back)
         ASSERT_NE(state, nullptr);
         EXPECT_LE(kFrames - back - state->place.frame, 2 * back);
     }
+}
+
+TEST(KeptStates, count_all_that_they_hold_and_what_they_share_once)
+{
+    CellSettings cells;
+    cells.across = 8;
+    const auto start = [&]
+    {
+        const support::RestModel model(support::box_shape({0, 0, 0}, {2, 1, 4}, 8),
+                                       "fixed back box -1 -1 -1 0.500001 2 5\n", cells);
+        auto rest = std::make_shared<StageRest>();
+        rest->samples.samples.resize(1000000);
+        rest->shape = model.rest;
+        return std::make_shared<const StageStart>(
+            StageStart{rest,
+                       model.regions,
+                       {},
+                       Recutting(model.rest, model.regions, cells, RigSettings())});
+    };
+    const std::size_t samples = 1000000 * sizeof(Eigen::Vector3d);
+    const StatementChain chain(handles(kRegions + frames(1, 9)));
+    KeptStates kept(5 * samples / 2);
+    const auto add = [&](std::size_t stage, std::size_t frame, const auto& of)
+    {
+        KeptState state = state_at(chain, stage + frame);
+        state.frames_done = 10 * stage + frame;
+        state.place = {stage, frame};
+        state.start = of;
+        kept.add(std::move(state));
+    };
+    const auto first = start();
+    for (std::size_t frame = 0; frame < 5; ++frame)
+        add(0, frame, first);
+    EXPECT_EQ(kept.size(), 5u);
+    EXPECT_GT(kept.bytes(), samples);
+    EXPECT_LT(kept.bytes(), samples + samples / 2);
+    add(1, 0, start());
+    EXPECT_EQ(kept.size(), 6u);
+    EXPECT_GT(kept.bytes(), 2 * samples);
+    add(2, 0, start()); // one of the stages has to go
+    EXPECT_LT(kept.bytes(), 5 * samples / 2);
+    EXPECT_LT(kept.size(), 7u);
 }
 
 } // namespace cellwarp

@@ -1,6 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/import/import.h"
 
+#include <csignal>
+#include <filesystem>
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -86,6 +95,80 @@ TEST(Import, what_cannot_be_read_is_malformed)
         error_of(Fault::Malformed,
                  [] { import_geometry("x.dae", collada("0 0 0 nan 0 0 0 1 0 0 0 1")); }),
         "x.dae: "));
+}
+
+TEST(Import, its_limits_do_not_count_what_the_program_has)
+{
+    // More than the importer may have.
+    constexpr std::size_t kMuch = std::size_t(16) << 30;
+    void* const much = ::mmap(nullptr, kMuch, PROT_NONE,
+                              MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    ASSERT_NE(much, MAP_FAILED);
+    // A file that asks for memory anew.
+    const std::string padded =
+        collada() + "<!--" + std::string(std::size_t(1) << 25, 'x') + "-->\n";
+    EXPECT_EQ(import_geometry("x.dae", padded).samples.size(), 8u);
+    ::munmap(much, kMuch);
+    struct rlimit now;
+    ::getrlimit(RLIMIT_AS, &now);
+    EXPECT_EQ(now.rlim_cur, RLIM_INFINITY);
+}
+
+TEST(Import, runs_the_program_beside_this_one_and_says_where_there_is_none)
+{
+    const support::Folder folder;
+    const std::string program = folder / "cellwarp";
+    std::filesystem::copy_file(CELLWARP_BINARY, program);
+    const std::string model = folder.write("x.dae", collada());
+    const Result without = support::run_program(program, {"info", model});
+    EXPECT_EQ(without.code, 4);
+    EXPECT_TRUE(contains(without.err, "cannot start the importer")) << without.err;
+    EXPECT_TRUE(contains(without.err, folder / "cellwarp-import")) << without.err;
+    const auto importer = [&](const std::string& script)
+    {
+        std::filesystem::permissions(
+            folder.write("cellwarp-import", "#!/bin/sh\n" + script),
+            std::filesystem::perms::owner_all);
+        return support::run_program(program, {"info", model});
+    };
+    const Result crashed = importer("kill -SEGV $$\n");
+    EXPECT_EQ(crashed.code, 3);
+    EXPECT_TRUE(contains(crashed.err, "ended with signal 11")) << crashed.err;
+    const Result cut = importer("printf 'short'\n");
+    EXPECT_EQ(cut.code, 3);
+    EXPECT_TRUE(contains(cut.err, "ended early")) << cut.err;
+}
+
+TEST(Import, ends_with_the_program_that_has_started_it)
+{
+    int model[2], life[2];
+    ASSERT_EQ(::pipe2(model, O_CLOEXEC), 0); // never written to: it waits
+    ASSERT_EQ(::pipe2(life, O_CLOEXEC), 0);  // closed when it has ended
+    const std::string importer =
+        (std::filesystem::path(CELLWARP_BINARY).parent_path() / "cellwarp-import")
+            .string();
+    const pid_t starter = ::fork();
+    if (starter == 0)
+    {
+        const std::string self = std::to_string(::getpid());
+        if (::fork() == 0)
+        {
+            ::dup2(model[0], 0);
+            ::dup2(life[1], 1);
+            ::execl(importer.c_str(), importer.c_str(), "dae", self.c_str(), nullptr);
+            ::_exit(99);
+        }
+        for (;;)
+            ::pause();
+    }
+    ::close(life[1]);
+    pollfd ended{life[0], POLLIN, 0};
+    EXPECT_EQ(::poll(&ended, 1, 500), 0) << "it has to wait for its model";
+    ::kill(starter, SIGKILL);
+    support::wait_for(starter);
+    EXPECT_EQ(::poll(&ended, 1, 60'000), 1) << "it lives on";
+    for (const int file : {model[0], model[1], life[0]})
+        ::close(file);
 }
 
 TEST(Import, a_deformation_of_it_becomes_a_plain_mesh)

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/document/field_export.h"
+
+#include <mutex>
+#include <new>
+#include <thread>
+#include <utility>
+
+#include "io/error.h"
+#include "io/field_file.h"
+
+namespace cellwarp
+{
+
+struct FieldExport::State
+{
+    std::shared_ptr<const GeometryFile> model;
+    HandleFile handles;
+    SessionSettings settings;
+    std::string path;
+    Overwrite overwrite;
+    std::stop_source stop;
+
+    mutable std::mutex mutex;
+    ExportStatus status;
+
+    std::jthread thread; // the last: it ends before what it works on goes
+
+    template <class Change>
+    void tell(Change&& change)
+    {
+        const std::lock_guard lock(mutex);
+        change(status);
+    }
+
+    void write()
+    {
+        Session session(std::move(model), std::move(handles), std::move(settings));
+        for (std::size_t left = session.num_upcoming();
+             left > 0 && !stop.stop_requested(); --left)
+        {
+            session.next_frame(left == 1);
+            tell([](ExportStatus& s) { ++s.frames_done; });
+        }
+        const std::string bytes =
+            stop.stop_requested() ? "" : field_bytes(session.field_file());
+        if (!stop.stop_requested())
+            write_file(path, bytes, overwrite);
+        else
+            tell([](ExportStatus& s) { s.state = ExportStatus::State::Cancelled; });
+    }
+
+    void fail(const char* before, const char* what) noexcept
+    {
+        const std::lock_guard lock(mutex);
+        status.state = ExportStatus::State::Failed;
+        try
+        {
+            status.error = before;
+            status.error += what;
+        }
+        catch (const std::bad_alloc&)
+        {
+            status.error.clear();
+        }
+    }
+
+    void run() noexcept
+    {
+        try
+        {
+            write();
+            tell(
+                [](ExportStatus& s)
+                {
+                    if (s.state == ExportStatus::State::Working)
+                        s.state = ExportStatus::State::Written;
+                });
+        }
+        catch (const Error& error)
+        {
+            fail("", error.what());
+        }
+        catch (const std::bad_alloc&)
+        {
+            fail("", "out of memory: fewer cells need less");
+        }
+        catch (const std::exception& error)
+        {
+            fail("internal error: ", error.what());
+        }
+    }
+};
+
+FieldExport::FieldExport(std::shared_ptr<const GeometryFile> model, HandleFile handles,
+                         SessionSettings settings, std::string path, Overwrite overwrite)
+    : state_(std::make_unique<State>())
+{
+    check_output(path, overwrite);
+    State& s = *state_;
+    s.status.state = ExportStatus::State::Working;
+    s.status.path = path;
+    for (const Stage& stage : handles.stages)
+        s.status.frames += stage.frames.size();
+    s.model = std::move(model);
+    s.handles = std::move(handles);
+    s.settings = std::move(settings);
+    s.settings.keeps_fields = true;
+    s.settings.stop = s.stop.get_token();
+    s.path = std::move(path);
+    s.overwrite = overwrite;
+    s.thread = std::jthread([&s] { s.run(); });
+}
+
+FieldExport::~FieldExport()
+{
+    cancel();
+}
+
+void FieldExport::cancel()
+{
+    state_->stop.request_stop();
+}
+
+ExportStatus FieldExport::status() const
+{
+    const std::lock_guard lock(state_->mutex);
+    return state_->status;
+}
+
+} // namespace cellwarp
