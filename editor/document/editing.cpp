@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "editor/session/peak_memory.h"
+#include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/geometry_output.h"
