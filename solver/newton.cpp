@@ -45,6 +45,11 @@ constexpr int kStabilitySteps = 8;
 constexpr double kFirstDamping = 1e-12;
 constexpr int kMaxDampings = 8;
 
+/// So many steps without the curvature of residuals follow one along which the energy
+/// curves downwards and which had to be halved: such steps tell little, and one after
+/// another they lead through the folds of a thin rod or sheet in twice as many.
+constexpr int kPlainSteps = 2;
+
 /// Longer time budgets are none [s].
 constexpr double kLongestBudget = 1e8;
 
@@ -148,6 +153,7 @@ private:
     SolveReport report_;
     double value_ = 0.0, gradient_norm_ = 0.0, scale_ = 0.0;
     bool curves_downwards_ = false; ///< the energy, along the last step
+    int plain_steps_ = 0;           ///< Gauss-Newton's, before Newton's go on
     Clock::time_point deadline_ = Clock::time_point::max();
 };
 
@@ -222,7 +228,9 @@ bool NewtonSolver::Run::find_step()
         ++report_.refreshes;
         own_.is_slow_ = false;
     }
-    own_.energy_.linearise(options_.method == Method::Newton ? kExact : kGaussNewton);
+    const bool is_exact = options_.method == Method::Newton && plain_steps_ == 0;
+    plain_steps_ = std::max(0, plain_steps_ - 1);
+    own_.energy_.linearise(is_exact ? kExact : kGaussNewton);
     report_.ms.linearise += ms_since(start);
     start = Clock::now();
     bool is_found = true;
@@ -261,6 +269,8 @@ NewtonSolver::Run::Found NewtonSolver::Run::search_line()
         const double value = own_.energy_.value();
         if (is_accepted(value, length, slope, is_hidden))
         {
+            if (curves_downwards_ && length < 1.0)
+                plain_steps_ = kPlainSteps;
             own_.energy_.settle();
             own_.energy_.gradient(own_.gradient_);
             gradient_norm_ = own_.gradient_.norm();

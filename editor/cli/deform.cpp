@@ -233,7 +233,10 @@ struct RunTimes
     double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0;
 };
 
-/// Sums the frames, and warns of those that did not converge.
+/// How far samples of a region may end from where its motion puts them [diagonal].
+constexpr double kResidual = 1e-9;
+
+/// Sums the frames, and warns of those that did not converge or left samples behind.
 bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& warnings)
 {
     bool is_converged = true;
@@ -242,6 +245,14 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
         ms.cells += report.cells_ms;
         ms.solve += report.solve_ms;
         ms.field += report.fit_ms + report.apply_ms;
+        if (!(report.handle_residual <= kResidual))
+        {
+            is_converged = false;
+            warnings.push_back(
+                fmt::format("frame {}: samples of a region end {:.3g} diagonals from "
+                            "where its motion puts them",
+                            report.frame, report.handle_residual));
+        }
         if (report.solve.stop == Stop::Converged)
             continue;
         is_converged = false;

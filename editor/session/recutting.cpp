@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/session/region_cells.h"
@@ -20,6 +21,10 @@ namespace
 /// a half or a quarter from level to level, so that of their parent is then at most half
 /// of it: it will not be split again for the same reason.
 constexpr double kMerge = 0.125;
+
+/// Errors are relative to this share of the diagonal of what a shape has become, once it
+/// is more than that at rest.
+constexpr double kStretched = 0.5;
 
 /// Steps of two regions that differ by no more are one [work].
 constexpr double kSameMotion = 1e-12;
@@ -203,10 +208,22 @@ std::vector<double> Recutting::errors_of(const Rig& rig) const
                                           rig.poses());
 }
 
+/// Of what is stretched to many times its size no error is smaller than at rest, and
+/// cells without number would not make it so.
+double Recutting::threshold_of(const Rig& rig) const
+{
+    Eigen::AlignedBox3d box;
+    for (const Pose& pose : rig.poses())
+        box.extend(pose.p);
+    const double diagonal =
+        std::max(rest_->frame.diagonal(), kStretched * box.diagonal().stableNorm());
+    return settings_.threshold * diagonal;
+}
+
 std::optional<Rig> Recutting::finer(const Rig& rig)
 {
     const Body& body = rig.body();
-    const double threshold = settings_.threshold * rest_->frame.diagonal();
+    const double threshold = threshold_of(rig);
     const std::vector<double> errors = errors_of(rig);
     std::vector<double> worst(body.octree.leaves().size(), 0.0);
     for (std::size_t c = 0; c < errors.size(); ++c)
@@ -237,7 +254,7 @@ std::optional<Rig> Recutting::coarser(const Rig& rig)
     const Body& body = rig.body();
     if (body.octree.leaves() == coarsest_->leaves())
         return std::nullopt;
-    const double small = kMerge * settings_.threshold * rest_->frame.diagonal();
+    const double small = kMerge * threshold_of(rig);
     const std::vector<double> errors = errors_of(rig);
     std::vector<bool> may_merge(body.octree.leaves().size(), true);
     for (std::size_t c = 0; c < errors.size(); ++c)

@@ -58,6 +58,7 @@ private:
     bool splits_all(const Body& body, std::span<const int> leaves,
                     const Body& next) const;
     void warn_of_budget(const Body& body);
+    double threshold_of(const Rig& rig) const;
     std::vector<double> errors_of(const Rig& rig) const;
     std::vector<int> crowded_leaves(const Body& body) const;
     Body with_homes(Body body);

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "io/error.h"
 
@@ -105,53 +106,102 @@ double border_length(const Body& body, const RegionSet& regions, std::size_t reg
     return area / stiffness;
 }
 
-/// See prescribing_regions(); a region may be left without a cell.
+/// See prescribing_regions(); a region may be left without a cell. \p component: of each
+/// cell.
 std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> shares,
-                        std::size_t num_cells)
+                        std::span<const int> component)
 {
+    const std::size_t num_cells = component.size();
     std::vector<int> owner(num_cells, -1);
     std::vector<double> owned_share(num_cells, 0.0);
     const auto take = [&](std::size_t region, int cell, double share)
     {
         const std::size_t c = static_cast<std::size_t>(cell);
-        if (owner[c] >= 0)
-        {
-            if (share <= owned_share[c] + kSameShare)
-                return;
-        }
+        if (owner[c] >= 0 && share <= owned_share[c] + kSameShare)
+            return;
         owner[c] = static_cast<int>(region);
         owned_share[c] = share;
     };
-    std::vector<double> largest(regions.size());
     for (std::size_t r = 0; r < regions.size(); ++r)
-    {
-        largest[r] = shares[r].largest();
         for (const auto& [cell, share] : shares[r].cells)
             if (regions[r].prescribes() && share >= kMajority)
                 take(r, cell, share);
-    }
-    // A region without a majority anywhere takes the cells it has most of, unless
-    // a larger share holds them.
+    // Without a majority anywhere, or in a component that holds samples of it, a region
+    // takes the cells there that it has most of, unless a larger share holds them.
     for (std::size_t r = 0; r < regions.size(); ++r)
+    {
+        if (!regions[r].prescribes())
+            continue;
+        std::map<int, double> largest; // of a component
+        for (const int home : shares[r].homes)
+            largest[home] = 0.0;
+        const double of_all = shares[r].largest();
         for (const auto& [cell, share] : shares[r].cells)
-            if (regions[r].prescribes() && largest[r] < kMajority &&
-                share >= largest[r] - kSameShare)
+            if (const auto found =
+                    largest.find(component[static_cast<std::size_t>(cell)]);
+                found != largest.end())
+                found->second = std::max(found->second, share);
+        for (const auto& [cell, share] : shares[r].cells)
+        {
+            const auto found = largest.find(component[static_cast<std::size_t>(cell)]);
+            const double most = found != largest.end() ? found->second : of_all;
+            if (most < kMajority && share >= most - kSameShare)
                 take(r, cell, share);
+        }
+    }
     return owner;
 }
 
-/// Regions that prescribe, but no cell.
-std::vector<std::size_t> homeless_regions(const RegionSet& regions,
-                                          std::span<const int> owner)
+/// A region that prescribes, but nothing where it has to; and a cell there, which another
+/// one holds.
+struct Homeless
 {
-    std::vector<bool> has_cell(regions.size(), false);
-    for (const int region : owner)
-        if (region >= 0)
-            has_cell[static_cast<std::size_t>(region)] = true;
-    std::vector<std::size_t> homeless;
+    std::size_t region = 0;
+    int cell = 0;
+};
+
+/// Everywhere, or in a component that holds samples of it. Two that are both fixed move
+/// alike.
+std::vector<Homeless> homeless_regions(const RegionSet& regions,
+                                       std::span<const RegionShares> shares,
+                                       std::span<const int> owner,
+                                       std::span<const int> component)
+{
+    std::vector<Homeless> homeless;
     for (std::size_t r = 0; r < regions.size(); ++r)
-        if (regions[r].prescribes() && !has_cell[r])
-            homeless.push_back(r);
+    {
+        if (!regions[r].prescribes())
+            continue;
+        bool has_any = false;
+        std::map<int, std::pair<int, double>> most; // of a component without: cell, share
+        for (const int home : shares[r].homes)
+            most[home] = {-1, 0.0};
+        std::pair<int, double> of_all = {-1, 0.0};
+        for (const auto& [cell, share] : shares[r].cells)
+        {
+            const std::size_t c = static_cast<std::size_t>(cell);
+            if (share > of_all.second)
+                of_all = {cell, share};
+            if (owner[c] == static_cast<int>(r))
+            {
+                has_any = true;
+                most.erase(component[c]);
+            }
+            else if (const auto found = most.find(component[c]);
+                     found != most.end() && share > found->second.second)
+                found->second = {cell, share};
+        }
+        if (!has_any)
+            homeless.push_back({r, of_all.first});
+        for (const auto& [home, cell] : most)
+        {
+            const auto other =
+                static_cast<std::size_t>(owner[static_cast<std::size_t>(cell.first)]);
+            if (has_any &&
+                !(regions[r].role == Role::Fixed && regions[other].role == Role::Fixed))
+                homeless.push_back({r, cell.first});
+        }
+    }
     return homeless;
 }
 
@@ -160,7 +210,7 @@ std::vector<std::size_t> homeless_regions(const RegionSet& regions,
 std::vector<int> crowded_cells(const RegionSet& regions,
                                std::span<const RegionShares> shares, const Cells& cells)
 {
-    const std::vector<int> owner = owners(regions, shares, cells.size());
+    const std::vector<int> owner = owners(regions, shares, connected_components(cells));
     std::vector<int> crowded;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
@@ -196,20 +246,23 @@ std::vector<int> crowded_cells(const RegionSet& regions,
 
 std::vector<int> prescribing_regions(const RegionSet& regions,
                                      std::span<const RegionShares> shares,
-                                     std::size_t num_cells)
+                                     const Cells& cells)
 {
-    const std::vector<int> owner = owners(regions, shares, num_cells);
-    for (const std::size_t r : homeless_regions(regions, owner))
+    const std::vector<int> component = connected_components(cells);
+    const std::vector<int> owner = owners(regions, shares, component);
+    for (const auto& [r, cell] : homeless_regions(regions, shares, owner, component))
     {
-        const auto most = std::max_element(shares[r].cells.begin(), shares[r].cells.end(),
-                                           [](const auto& a, const auto& b)
-                                           { return a.second < b.second; });
-        const Region& other = regions[static_cast<std::size_t>(
-            owner[static_cast<std::size_t>(most->first)])];
+        const Region& other =
+            regions[static_cast<std::size_t>(owner[static_cast<std::size_t>(cell)])];
         throw Error(Fault::Unsolvable,
                     at({regions.file(), regions[r].line, regions[r].name},
-                       "has no cell of its own: " + role_name(other.role) + " region " +
-                           other.name + " holds cell " + std::to_string(most->first) +
+                       "has no cell of its own" +
+                           std::string(shares[r].homes.size() > 1
+                                           ? " in a part of the shape that holds samples "
+                                             "of it"
+                                           : "") +
+                           ": " + role_name(other.role) + " region " + other.name +
+                           " holds cell " + std::to_string(cell) +
                            " (smaller cells would part them: raise --across or "
                            "--max-depth)"));
     }

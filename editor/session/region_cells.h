@@ -15,11 +15,12 @@ namespace cellwarp
 
 /// Which region prescribes each cell, by index; -1 if none. The share must be at
 /// least half; of two such regions the larger share, then the first. A region that
-/// reaches no such cell takes all cells within 1e-6 of its largest share. Throws
-/// Fault::Unsolvable if a region is left without a cell because others hold them.
+/// reaches no such cell, or none in a component that holds samples of it, takes all cells
+/// there within 1e-6 of its largest share. Throws Fault::Unsolvable if a region is left
+/// without a cell, at all or in such a component, because others hold them.
 std::vector<int> prescribing_regions(const RegionSet& regions,
                                      std::span<const RegionShares> shares,
-                                     std::size_t num_cells);
+                                     const Cells& cells);
 
 /// The cells of all connected parts of regions that prescribe none of them: in smaller
 /// ones they may have some.

@@ -186,29 +186,57 @@ bool RegionSet::holds_voxel(std::size_t region, std::size_t voxel) const
                               static_cast<std::uint32_t>(voxel));
 }
 
+/// The samples of a region in components of the body where it has no part of any piece.
+std::vector<std::uint32_t> RegionSet::samples_without(std::span<const double> part,
+                                                      std::span<const int> component,
+                                                      std::size_t region,
+                                                      const Body& body) const
+{
+    std::vector<bool> has_part(component.size(), false);
+    for (std::size_t piece = 0; piece < part.size(); ++piece)
+        if (part[piece] > 0)
+            has_part[static_cast<std::size_t>(component[piece])] = true;
+    std::vector<std::uint32_t> samples;
+    for (const std::uint32_t i : regions_[region].samples)
+    {
+        const std::size_t piece = static_cast<std::size_t>(body.cell_of_sample[i]);
+        if (!has_part[static_cast<std::size_t>(component[piece])])
+            samples.push_back(i);
+    }
+    return samples;
+}
+
 std::vector<RegionShares> RegionSet::shares(const Body& body) const
 {
     const VoxelGrid& grid = shape_->material.grid;
     const Pieces& pieces = body.pieces;
     std::vector<RegionShares> result(size());
+    const std::vector<int> component = connected_components(body.cells);
     parallel_for(
         size(),
         [&](std::size_t r)
         {
             std::vector<std::pair<int, double>>& cells = result[r].cells;
+            std::vector<int>& homes = result[r].homes;
             std::vector<double> part(pieces.size(), 0.0);
             for (const std::uint32_t voxel : voxels_[r])
                 part[static_cast<std::size_t>(pieces.piece_of_voxel[voxel])] +=
                     volume_of(grid, voxel);
-            // No voxel is nearest to any of its samples, because others outnumber them
-            // or coincide with them: the cells that hold them stand for it.
-            if (voxels_[r].empty())
-                for (const std::uint32_t i : regions_[r].samples)
+            // Where none of its voxels is in a component that holds samples of it,
+            // because it ends there within a voxel or others outnumber its samples: the
+            // cells that hold these stand for it.
+            if (regions_[r].prescribes() || voxels_[r].empty())
+                for (const std::uint32_t i : samples_without(part, component, r, body))
                 {
                     const std::size_t piece =
                         static_cast<std::size_t>(body.cell_of_sample[i]);
                     part[piece] = kTokenShare * body.cells.cells[piece].volume;
                 }
+            for (const std::uint32_t i : regions_[r].samples)
+                homes.push_back(
+                    component[static_cast<std::size_t>(body.cell_of_sample[i])]);
+            std::sort(homes.begin(), homes.end());
+            homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)
                 if (part[piece] > 0)
                     cells.emplace_back(

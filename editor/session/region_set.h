@@ -21,6 +21,7 @@ namespace cellwarp
 struct RegionShares
 {
     std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
+    std::vector<int> homes; ///< components that hold samples of it, ascending
     double largest() const;
 };
 
@@ -48,7 +49,8 @@ public:
     }
     bool holds_voxel(std::size_t region, std::size_t voxel) const;
 
-    /// Of all regions in the cells of a body of this shape.
+    /// Of all regions in the cells of a body of this shape. Every component of the body
+    /// that holds samples of a region has a share of it, be it a token.
     std::vector<RegionShares> shares(const Body& body) const;
 
     /// The box of a region's samples, or of its voxels' centres if it has none: how far
@@ -72,6 +74,10 @@ private:
     void find_voxels();
     void measure();
     void find_overlaps();
+    std::vector<std::uint32_t> samples_without(std::span<const double> part,
+                                               std::span<const int> component,
+                                               std::size_t region,
+                                               const Body& body) const;
 
     std::shared_ptr<const RestShape> shape_;
     std::vector<Region> regions_;

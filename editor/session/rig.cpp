@@ -37,7 +37,7 @@ Rig::Rig(std::shared_ptr<const Body> body, std::shared_ptr<const RegionSet> regi
 {
     const Cells& cells = body_->cells;
     shares_ = regions_->shares(*body_);
-    region_of_cell_ = prescribing_regions(*regions_, shares_, cells.size());
+    region_of_cell_ = prescribing_regions(*regions_, shares_, cells);
     const std::vector<double> factors = cell_factors(*regions_, shares_, cells.size());
     const auto [softest, stiffest] = std::minmax_element(factors.begin(), factors.end());
     if (!factors.empty() && *stiffest > kExtremeContrast * *softest)

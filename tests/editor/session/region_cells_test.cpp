@@ -37,7 +37,7 @@ struct Bar : support::RestModel
     std::vector<double> border_lengths() const
     {
         const std::vector<int> owner =
-            prescribing_regions(*regions, regions->shares(*body), body->cells.size());
+            prescribing_regions(*regions, regions->shares(*body), body->cells);
         std::vector<double> lengths;
         for (const BorderGlue& border : border_glue(*body, *regions, owner))
         {
