@@ -160,8 +160,19 @@ struct Homeless
     int cell = 0;
 };
 
-/// Everywhere, or in a component that holds samples of it. Two that are both fixed move
-/// alike.
+/// Two that are both fixed, or that share samples, about which they must agree.
+bool move_alike(const RegionSet& regions, std::size_t a, std::size_t b)
+{
+    return (regions[a].role == Role::Fixed && regions[b].role == Role::Fixed) ||
+           std::any_of(regions.overlaps().begin(), regions.overlaps().end(),
+                       [&](const RegionSet::Overlap& overlap) {
+                           return (overlap.a == a && overlap.b == b) ||
+                                  (overlap.a == b && overlap.b == a);
+                       });
+}
+
+/// Everywhere, or in a component that holds samples of it and where no region that moves
+/// alike holds a cell of it.
 std::vector<Homeless> homeless_regions(const RegionSet& regions,
                                        std::span<const RegionShares> shares,
                                        std::span<const int> owner,
@@ -195,10 +206,9 @@ std::vector<Homeless> homeless_regions(const RegionSet& regions,
             homeless.push_back({r, of_all.first});
         for (const auto& [home, cell] : most)
         {
-            const auto other =
+            const std::size_t other =
                 static_cast<std::size_t>(owner[static_cast<std::size_t>(cell.first)]);
-            if (has_any &&
-                !(regions[r].role == Role::Fixed && regions[other].role == Role::Fixed))
+            if (has_any && !move_alike(regions, r, other))
                 homeless.push_back({r, cell.first});
         }
     }

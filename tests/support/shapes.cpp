@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "io/number.h"
+#include "octree/sheet.h"
 
 namespace cellwarp::support
 {
@@ -207,6 +208,9 @@ std::vector<Eigen::Vector3d> random_points(const Shape& shape, int count, unsign
 namespace
 {
 
+/// Of sheets [of the high corner's distance], the usual one.
+constexpr double kThickness = 0.01;
+
 /// \p divided: how the coarsest octree is divided.
 template <class Divided>
 Built built_in(const Shape& shape, int across, int depth, Fill fill, double max_voxel,
@@ -220,7 +224,8 @@ Built built_in(const Shape& shape, int across, int depth, Fill fill, double max_
     const MaterialTest test = material_test(material.grid);
     Octree octree = divided(Octree(grid, test), test);
     Pieces pieces = find_pieces(material.grid, octree);
-    Cells cells = build_cells(material.grid, octree, pieces);
+    const Sheets sheets = find_sheets(shape, material, kThickness * high.norm());
+    Cells cells = build_cells(material.grid, octree, pieces, material.is_sheet, sheets);
     return {std::move(material), std::move(octree), std::move(pieces), std::move(cells)};
 }
 
