@@ -162,8 +162,8 @@ struct Document::State
             for (const Change& change : edit.changes)
             {
                 if (const auto* added = std::get_if<FramesAdded>(&change))
-                    for (const FrameStatement& frame : added->frames)
-                        for (const Move& move : frame.moves)
+                    for (const FrameStatement& statement : added->frames)
+                        for (const Move& move : statement.moves)
                             moved.insert(move.region);
                 regions |= std::holds_alternative<RegionChange>(change) ||
                            std::holds_alternative<Renamed>(change) ||

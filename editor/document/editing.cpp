@@ -34,6 +34,16 @@ bool is_finite(const Placement& placement)
            placement.axis.norm() > 0 && std::isfinite(placement.degrees);
 }
 
+/// What a drag has in the hand.
+struct Hand
+{
+    std::string region;
+    std::uint64_t revision = 0; ///< of the document's result, when it was taken
+    Placement from, to;
+    WorkFrame frame = {};              ///< of the live drag
+    std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
+};
+
 } // namespace
 
 struct Editing::State
@@ -57,14 +67,6 @@ struct Editing::State
     std::optional<PreparedDrag> prepared;
     std::vector<Refining> left_over; ///< made for drags that have ended
 
-    struct Hand
-    {
-        std::string region;
-        std::uint64_t revision = 0; ///< of the document's result, when it was taken
-        Placement from, to;
-        WorkFrame frame = {};              ///< of the live drag
-        std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
-    };
     std::optional<Hand> hand;
 
     std::unique_ptr<FieldExport> field;
@@ -365,7 +367,7 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     if (const SolveStatus status = s.desk.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)
         return refuse(status.error);
-    State::Hand& hand = s.hand.emplace();
+    Hand& hand = s.hand.emplace();
     hand.region = region;
     hand.revision = s.document.result_revision();
     hand.from = hand.to = found->placement;

@@ -151,7 +151,6 @@ private:
     FieldKind kind_;
     const Cells& cells_;
     std::span<const Constraint> constraints_;
-    std::size_t num_centres_ = 0;
     std::optional<LocalRbfFitter> local_;
 };
 
