@@ -53,16 +53,6 @@ std::string reason()
     return std::strerror(errno);
 }
 
-struct Descriptor
-{
-    int value;
-    ~Descriptor()
-    {
-        if (value > 0)
-            ::close(value);
-    }
-};
-
 /// Follows symbolic links to the file that a save must replace.
 std::string resolve(const std::string& path)
 {
@@ -120,13 +110,13 @@ bool lock(int file, int how)
 /// now, or one of another machine.
 void sweep(int folder, const char* name)
 {
-    const Descriptor file{
-        ::openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC)};
+    const Descriptor file(
+        ::openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
     struct stat status
     {
     };
-    if (file.value >= 0 && ::fstat(file.value, &status) == 0 && S_ISREG(status.st_mode) &&
-        status.st_uid == ::geteuid() && lock(file.value, LOCK_EX | LOCK_NB))
+    if (file && ::fstat(file.get(), &status) == 0 && S_ISREG(status.st_mode) &&
+        status.st_uid == ::geteuid() && lock(file.get(), LOCK_EX | LOCK_NB))
         ::unlinkat(folder, name, 0);
 }
 
@@ -148,23 +138,23 @@ void sweep_folder(const std::string& folder)
     ::closedir(entries);
 }
 
-/// Makes a temporary and locks it, so that nobody sweeps it; -1 and errno if that fails.
-int make_temporary(std::string& name)
+/// Makes a temporary and locks it, so that nobody sweeps it; none and errno if that
+/// fails.
+Descriptor make_temporary(std::string& name)
 {
     constexpr int kTries = 16; // a sweeper may be faster than the lock, but not often
     for (int tries = 1;; ++tries)
     {
         name.replace(name.size() - kUnique.size(), kUnique.size(), kUnique);
-        const int file = ::mkostemp(name.data(), O_CLOEXEC);
-        if (file < 0)
+        Descriptor file(::mkostemp(name.data(), O_CLOEXEC));
+        if (!file)
             return file;
-        lock(file, LOCK_EX); // where there are no locks, nobody sweeps
+        lock(file.get(), LOCK_EX); // where there are no locks, nobody sweeps
         struct stat status
         {
         };
-        if (tries == kTries || ::fstat(file, &status) != 0 || status.st_nlink > 0)
+        if (tries == kTries || ::fstat(file.get(), &status) != 0 || status.st_nlink > 0)
             return file;
-        ::close(file);
     }
 }
 
@@ -176,16 +166,23 @@ std::string folder_of(const std::string& path)
     return folder.empty() ? "." : folder;
 }
 
-int open_unnamed(const std::string& folder)
+void sync_folder_of(const std::string& path)
+{
+    const Descriptor folder(::open(folder_of(path).c_str(), O_RDONLY | O_CLOEXEC));
+    if (folder)
+        ::fsync(folder.get());
+}
+
+Descriptor open_unnamed(const std::string& folder)
 {
     sweep_folder(folder);
-    const int file = ::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600);
-    if (file >= 0)
+    Descriptor file(::open(folder.c_str(), O_RDWR | O_TMPFILE | O_CLOEXEC, 0600));
+    if (file)
         return file;
     // Not every file system has files without a name.
     std::string name = folder + "/" + std::string(kSpillName) + std::string(kUnique);
-    const int named = ::mkostemp(name.data(), O_CLOEXEC);
-    if (named < 0)
+    Descriptor named(::mkostemp(name.data(), O_CLOEXEC));
+    if (!named)
         throw file_error("a temporary file",
                          "cannot create it in " + folder + ": " + reason());
     ::unlink(name.c_str());
@@ -196,17 +193,19 @@ InputFile::InputFile(const std::string& path) : path_(path)
 {
     if (path == "-")
     {
-        file_ = 0;
+        file_ = Descriptor(::fcntl(0, F_DUPFD_CLOEXEC, 3));
+        if (!file_)
+            throw file_error(path, "cannot read: " + reason());
         return;
     }
     // O_NONBLOCK: opening a pipe must not wait for its other end.
-    Descriptor file{::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)};
-    if (file.value < 0)
+    Descriptor file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+    if (!file)
         throw file_error(path, "cannot open: " + reason());
     struct stat status
     {
     };
-    if (::fstat(file.value, &status) != 0)
+    if (::fstat(file.get(), &status) != 0)
         throw file_error(path, "cannot read: " + reason());
     if (S_ISDIR(status.st_mode))
         throw file_error(path, "is a directory, need a file");
@@ -215,65 +214,42 @@ InputFile::InputFile(const std::string& path) : path_(path)
     size_ = static_cast<std::uint64_t>(status.st_size);
     seconds_ = status.st_mtim.tv_sec;
     nanoseconds_ = status.st_mtim.tv_nsec;
-    file_ = std::exchange(file.value, -1);
-}
-
-InputFile::~InputFile()
-{
-    if (file_ > 0)
-        ::close(file_);
+    file_ = std::move(file);
 }
 
 std::size_t InputFile::read(char* bytes, std::size_t count)
 {
-    std::size_t filled = 0;
-    while (filled < count)
-    {
-        const ssize_t got = ::read(file_, bytes + filled, count - filled);
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            throw file_error(path_, "cannot read: " + reason());
-        if (got == 0)
-            break;
-        filled += static_cast<std::size_t>(got);
-    }
-    num_read_ += filled;
-    return filled;
+    const std::int64_t got = read_next(file_.get(), bytes, count);
+    if (got < 0)
+        throw file_error(path_, "cannot read: " + reason());
+    num_read_ += static_cast<std::uint64_t>(got);
+    return static_cast<std::size_t>(got);
 }
 
 void InputFile::read_at(std::uint64_t start, char* bytes, std::size_t count) const
 {
-    while (count > 0)
-    {
-        const ssize_t got = ::pread(file_, bytes, count, static_cast<off_t>(start));
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            throw file_error(path_, "cannot read: " + reason());
-        if (got == 0)
-            throw file_error(path_, "changed while it was read");
-        bytes += got;
-        start += static_cast<std::uint64_t>(got);
-        count -= static_cast<std::size_t>(got);
-    }
+    const std::int64_t got = cellwarp::read_at(file_.get(), start, bytes, count);
+    if (got < 0)
+        throw file_error(path_, "cannot read: " + reason());
+    if (static_cast<std::size_t>(got) < count)
+        throw file_error(path_, "changed while it was read");
 }
 
 void InputFile::rewind()
 {
-    if (::lseek(file_, 0, SEEK_SET) != 0)
+    if (::lseek(file_.get(), 0, SEEK_SET) != 0)
         throw file_error(path_, "cannot read: " + reason());
     num_read_ = 0;
 }
 
 void InputFile::check_unchanged() const
 {
-    if (file_ == 0)
+    if (size_ == kUnknownBytes)
         return;
     struct stat now
     {
     };
-    ::fstat(file_, &now);
+    ::fstat(file_.get(), &now);
     if ((num_read_ > 0 && num_read_ != size_) ||
         size_ != static_cast<std::uint64_t>(now.st_size) ||
         seconds_ != now.st_mtim.tv_sec || nanoseconds_ != now.st_mtim.tv_nsec)
@@ -342,7 +318,7 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     temporary_ = (folder == "." ? std::string() : folder + "/") + std::string(kSaveName) +
                  std::string(kUnique);
     file_ = make_temporary(temporary_);
-    if (file_ < 0)
+    if (!file_)
     {
         const int error = errno;
         temporary_.clear();
@@ -361,7 +337,7 @@ AtomicFile::AtomicFile(const std::string& path, Overwrite overwrite)
     {
     };
     const bool existed = ::stat(target_.c_str(), &old) == 0;
-    if (::fchmod(file_, existed ? old.st_mode & 07777 : 0666 & ~file_mask()) != 0)
+    if (::fchmod(file_.get(), existed ? old.st_mode & 07777 : 0666 & ~file_mask()) != 0)
         fail("cannot set its mode");
 }
 
@@ -372,13 +348,12 @@ AtomicFile::~AtomicFile()
 
 void AtomicFile::discard() noexcept
 {
-    if (file_ >= 0)
-        ::close(file_);
+    file_.close();
     if (!temporary_.empty())
         ::unlink(temporary_.c_str());
     if (slot_ >= 0)
         free_slot(slot_);
-    file_ = slot_ = -1;
+    slot_ = -1;
     temporary_.clear();
 }
 
@@ -413,21 +388,14 @@ void AtomicFile::flush()
 
 void AtomicFile::put(std::string_view bytes)
 {
-    while (!bytes.empty())
-    {
-        const ssize_t done = ::write(file_, bytes.data(), bytes.size());
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            fail("cannot write");
-        bytes.remove_prefix(static_cast<std::size_t>(done));
-    }
+    if (!write_all(file_.get(), bytes))
+        fail("cannot write");
 }
 
 void AtomicFile::sync()
 {
     flush();
-    if (::fsync(file_) != 0)
+    if (::fsync(file_.get()) != 0)
         fail("cannot write");
 }
 
@@ -435,51 +403,33 @@ void AtomicFile::commit()
 {
     sync();
     // Closing tells of errors; the lock is held on until the name is in place.
-    const Descriptor locked{::fcntl(file_, F_DUPFD_CLOEXEC, 3)};
-    if (locked.value < 0 || ::close(std::exchange(file_, -1)) != 0)
+    const Descriptor locked(::fcntl(file_.get(), F_DUPFD_CLOEXEC, 3));
+    if (!locked || !file_.close())
         fail("cannot write");
     if (::rename(temporary_.c_str(), target_.c_str()) != 0)
         fail("cannot put it in place");
     temporary_.clear();
     if (slot_ >= 0)
         free_slot(std::exchange(slot_, -1));
-    // The rename is in place; a folder that cannot be synced is no failure.
-    const Descriptor folder{::open(folder_of(target_).c_str(), O_RDONLY | O_CLOEXEC)};
-    if (folder.value >= 0)
-        ::fsync(folder.value);
+    sync_folder_of(target_);
 }
 
-RangeFile::RangeFile(const std::string& path, std::string name) : name_(std::move(name))
+RangeFile::RangeFile(const std::string& path, std::string name)
+    : name_(std::move(name)), file_(::open(path.c_str(), O_WRONLY | O_CLOEXEC))
 {
-    file_ = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
-    if (file_ < 0)
+    if (!file_)
         throw file_error(name_, "cannot open: " + reason());
-}
-
-RangeFile::~RangeFile()
-{
-    if (file_ >= 0)
-        ::close(file_);
 }
 
 void RangeFile::write_at(std::uint64_t start, std::string_view bytes)
 {
-    while (!bytes.empty())
-    {
-        const ssize_t done =
-            ::pwrite(file_, bytes.data(), bytes.size(), static_cast<off_t>(start));
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            throw file_error(name_, "cannot write: " + reason());
-        bytes.remove_prefix(static_cast<std::size_t>(done));
-        start += static_cast<std::uint64_t>(done);
-    }
+    if (!cellwarp::write_at(file_.get(), start, bytes))
+        throw file_error(name_, "cannot write: " + reason());
 }
 
 void RangeFile::sync()
 {
-    if (::fsync(file_) != 0)
+    if (::fsync(file_.get()) != 0)
         throw file_error(name_, "cannot write: " + reason());
 }
 
@@ -492,19 +442,9 @@ OutputFile::OutputFile(const std::string& path, Overwrite overwrite)
 void OutputFile::write(std::string_view bytes)
 {
     if (file_)
-    {
         file_->write(bytes);
-        return;
-    }
-    for (std::size_t done = 0; done < bytes.size();)
-    {
-        const ssize_t put = ::write(1, bytes.data() + done, bytes.size() - done);
-        if (put < 0 && errno == EINTR)
-            continue;
-        if (put < 0)
-            throw file_error("stdout", "cannot write: " + reason());
-        done += static_cast<std::size_t>(put);
-    }
+    else if (!write_all(1, bytes))
+        throw file_error("stdout", "cannot write: " + reason());
 }
 
 void OutputFile::commit()

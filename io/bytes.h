@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "io/descriptor.h"
+
 namespace cellwarp
 {
 
@@ -22,9 +24,6 @@ class InputFile
 public:
     /// Throws Fault::File when it is missing, no regular file or not readable.
     explicit InputFile(const std::string& path);
-    ~InputFile();
-    InputFile(const InputFile&) = delete;
-    InputFile& operator=(const InputFile&) = delete;
 
     std::uint64_t size() const { return size_; } ///< [bytes] kUnknownBytes of stdin
     /// Fills \p bytes; fewer only at the end. Throws Fault::File.
@@ -41,7 +40,7 @@ public:
 
 private:
     std::string path_;
-    int file_ = -1;
+    Descriptor file_;
     std::uint64_t size_ = kUnknownBytes, num_read_ = 0;
     std::int64_t seconds_ = 0, nanoseconds_ = 0; ///< when it was changed last
 };
@@ -94,7 +93,7 @@ private:
     std::string target_; ///< where it ends, links resolved
     std::string temporary_;
     std::string buffer_;
-    int file_ = -1;
+    Descriptor file_;
     int slot_ = -1; ///< in the table that the signal handler reads
 };
 
@@ -116,9 +115,6 @@ class RangeFile
 public:
     /// \p name is what messages call it. Throws Fault::File.
     RangeFile(const std::string& path, std::string name);
-    ~RangeFile();
-    RangeFile(const RangeFile&) = delete;
-    RangeFile& operator=(const RangeFile&) = delete;
 
     void write_at(std::uint64_t start, std::string_view bytes);
     /// What was written is on the disk.
@@ -126,15 +122,19 @@ public:
 
 private:
     std::string name_;
-    int file_ = -1;
+    Descriptor file_;
 };
 
 /// A new file without a name in that folder, which vanishes with the process however it
-/// ends; a descriptor to read and write. Throws Fault::File.
-int open_unnamed(const std::string& folder);
+/// ends; to read and write. Throws Fault::File.
+Descriptor open_unnamed(const std::string& folder);
 
 /// The folder that a file stands or will stand in.
 std::string folder_of(const std::string& path);
+
+/// That a file of this name stands there is on the disk too. A folder that cannot be
+/// synced is no failure.
+void sync_folder_of(const std::string& path);
 
 /// Writes \p bytes to \p path atomically; "-" is stdout.
 void write_file(const std::string& path, std::string_view bytes, Overwrite overwrite);

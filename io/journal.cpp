@@ -27,6 +27,7 @@
 
 #include "io/bytes.h"
 #include "io/checksum.h"
+#include "io/descriptor.h"
 #include "io/error.h"
 #include "io/journal_records.h"
 
@@ -61,35 +62,6 @@ constexpr std::size_t kShortRecord = 4096;
                                 doing + ": " + std::strerror(errno)));
 }
 
-/// One call, unless the system takes less than all of it. False and errno where it fails.
-bool write_at(int file, std::uint64_t start, std::string_view bytes)
-{
-    while (!bytes.empty())
-    {
-        const ssize_t done =
-            ::pwrite(file, bytes.data(), bytes.size(), static_cast<off_t>(start));
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            return false;
-        bytes.remove_prefix(static_cast<std::size_t>(done));
-        start += static_cast<std::uint64_t>(done);
-    }
-    return true;
-}
-
-/// An open file, closed with it.
-struct Descriptor
-{
-    int value = -1;
-    ~Descriptor()
-    {
-        if (value >= 0)
-            ::close(value);
-    }
-    int release() { return std::exchange(value, -1); }
-};
-
 [[noreturn]] void fail_in_use(const std::string& path, int file)
 {
     FileHead head{};
@@ -103,25 +75,25 @@ struct Descriptor
 }
 
 /// The file of this name, locked for this process until it is closed.
-int open_locked(const std::string& path, int flags)
+Descriptor open_locked(const std::string& path, int flags)
 {
     for (;;)
     {
-        Descriptor file{
-            ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC | flags, 0600)};
-        if (file.value < 0)
+        Descriptor file(
+            ::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC | flags, 0600));
+        if (!file)
             fail(path, "cannot open");
         struct stat mine
         {
         };
-        if (::fstat(file.value, &mine) != 0)
+        if (::fstat(file.get(), &mine) != 0)
             fail(path, "cannot open");
         if (!S_ISREG(mine.st_mode))
             throw Error(Fault::File, at({path, 0, ""}, "is no regular file"));
-        if (::flock(file.value, LOCK_EX | LOCK_NB) != 0)
+        if (::flock(file.get(), LOCK_EX | LOCK_NB) != 0)
         {
             if (errno == EWOULDBLOCK)
-                fail_in_use(path, file.value);
+                fail_in_use(path, file.get());
             fail(path, "cannot lock");
         }
         // Its last holder may have removed it since it was opened here.
@@ -130,7 +102,7 @@ int open_locked(const std::string& path, int flags)
         };
         if (::stat(path.c_str(), &now) == 0 && now.st_ino == mine.st_ino &&
             now.st_dev == mine.st_dev)
-            return file.release();
+            return file;
     }
 }
 
@@ -173,7 +145,7 @@ std::string read_header(const std::string& path, int file, std::uint64_t size)
 struct Journal::State
 {
     std::string path; ///< empty: the file has no name
-    int file = -1;
+    Descriptor file;
     std::uint64_t first = 0; ///< where records begin [byte]
     std::uint64_t end = 0;   ///< of the last whole one [byte]
     std::uint64_t num_records = 0;
@@ -188,11 +160,8 @@ struct Journal::State
     State& operator=(const State&) = delete;
     ~State()
     {
-        if (file < 0)
-            return;
-        if (!is_synced)
-            ::fdatasync(file); // nobody is left to hear of a failure
-        ::close(file);
+        if (file && !is_synced)
+            ::fdatasync(file.get()); // nobody is left to hear of a failure
     }
 
     /// What a process leaves in a file without a name is lost anyway.
@@ -202,13 +171,13 @@ struct Journal::State
     {
         is_synced = true; // also where it fails: a second call would tell nothing
         last_sync = std::chrono::steady_clock::now();
-        return ::fdatasync(file) == 0;
+        return ::fdatasync(file.get()) == 0;
     }
 
     /// Back to the last whole record.
     bool drop_debris()
     {
-        has_debris = ::ftruncate(file, static_cast<off_t>(end)) != 0;
+        has_debris = ::ftruncate(file.get(), static_cast<off_t>(end)) != 0;
         return !has_debris;
     }
 };
@@ -234,7 +203,8 @@ Journal Journal::create(const std::string& path, std::string_view header)
     std::memcpy(head.magic, kMagic.data(), sizeof head.magic);
     head.checksum = checksum_of(header, checksum_of(bytes_of(head.length)));
     state->buffer.append(bytes_of(head)).append(header);
-    if (::ftruncate(state->file, 0) != 0 || !write_at(state->file, 0, state->buffer) ||
+    if (::ftruncate(state->file.get(), 0) != 0 ||
+        !write_at(state->file.get(), 0, state->buffer) ||
         (state->needs_sync() && !state->try_sync()))
     {
         const int why = errno;
@@ -246,10 +216,7 @@ Journal Journal::create(const std::string& path, std::string_view header)
     state->first = state->end = state->buffer.size();
     if (!path.empty())
     {
-        // The name too; a folder that cannot be synced is no failure.
-        const Descriptor folder{::open(folder_of(path).c_str(), O_RDONLY | O_CLOEXEC)};
-        if (folder.value >= 0)
-            ::fsync(folder.value);
+        sync_folder_of(path);
     }
     return Journal(std::move(state));
 }
@@ -263,12 +230,12 @@ Journal Journal::open(const std::string& path, JournalContents& contents)
     struct stat status
     {
     };
-    if (::fstat(state->file, &status) != 0)
+    if (::fstat(state->file.get(), &status) != 0)
         fail(path, "cannot read");
     const std::uint64_t size = static_cast<std::uint64_t>(status.st_size);
-    contents.header = read_header(path, state->file, size);
+    contents.header = read_header(path, state->file.get(), size);
     state->first = state->end = sizeof(FileHead) + contents.header.size();
-    WholeRecords records = whole_records(path, state->file, state->first, size);
+    WholeRecords records = whole_records(path, state->file.get(), state->first, size);
     state->end = records.end;
     state->num_records = records.starts.size();
     contents.starts = std::move(records.starts);
@@ -282,7 +249,7 @@ Journal Journal::open(const std::string& path, JournalContents& contents)
             fail(path, "cannot write");
     }
     const std::uint32_t holder = static_cast<std::uint32_t>(::getpid());
-    if (!write_at(state->file, offsetof(FileHead, holder), bytes_of(holder)))
+    if (!write_at(state->file.get(), offsetof(FileHead, holder), bytes_of(holder)))
         fail(path, "cannot write");
     return Journal(std::move(state));
 }
@@ -301,7 +268,7 @@ std::uint64_t Journal::append(std::string_view payload)
     head.checksum = checksum_of(payload, checksum_of_head(head.length, head.number));
     state.buffer.clear();
     state.buffer.append(bytes_of(head)).append(payload);
-    const bool is_written = write_at(state.file, state.end, state.buffer);
+    const bool is_written = write_at(state.file.get(), state.end, state.buffer);
     state.is_synced = false;
     if (!is_written ||
         (state.needs_sync() &&
@@ -335,7 +302,7 @@ std::string Journal::read(std::uint64_t start) const
         state.end - start < sizeof(RecordHead))
         refuse("there is none");
     char first[kShortRecord];
-    const std::int64_t got = read_at(state.file, start, first,
+    const std::int64_t got = read_at(state.file.get(), start, first,
                                      static_cast<std::size_t>(std::min<std::uint64_t>(
                                          sizeof first, state.end - start)));
     if (got < 0)
@@ -350,7 +317,7 @@ std::string Journal::read(std::uint64_t start) const
     const std::size_t at_hand =
         std::min(payload.size(), static_cast<std::size_t>(got) - sizeof head);
     std::memcpy(payload.data(), first + sizeof head, at_hand);
-    const std::int64_t more = read_at(state.file, start + sizeof head + at_hand,
+    const std::int64_t more = read_at(state.file.get(), start + sizeof head + at_hand,
                                       payload.data() + at_hand, payload.size() - at_hand);
     if (more < 0)
         fail(state.path, "cannot read");
@@ -366,7 +333,7 @@ void Journal::check_free(const std::string& path)
     {
     };
     if (::stat(path.c_str(), &file) == 0)
-        ::close(open_locked(path, 0));
+        open_locked(path, 0);
 }
 
 std::string Journal::keep_aside(const std::string& path)
@@ -377,11 +344,11 @@ std::string Journal::keep_aside(const std::string& path)
             path + ".kept" + (number == 1 ? "" : std::to_string(number));
         // An empty file takes the name, so that nobody else's is replaced; not every file
         // system has a second name for a file, or a rename that replaces none.
-        const Descriptor taken{
-            ::open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600)};
-        if (taken.value < 0 && errno == EEXIST)
+        const Descriptor taken(
+            ::open(aside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+        if (!taken && errno == EEXIST)
             continue;
-        if (taken.value < 0)
+        if (!taken)
             fail(path, "cannot keep aside");
         if (::rename(path.c_str(), aside.c_str()) == 0)
             return aside;

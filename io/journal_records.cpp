@@ -10,9 +10,8 @@
 #include <cstring>
 #include <optional>
 
-#include <unistd.h>
-
 #include "io/checksum.h"
+#include "io/descriptor.h"
 #include "io/error.h"
 
 namespace cellwarp
@@ -182,24 +181,6 @@ private:
 std::uint32_t checksum_of_head(std::uint32_t length, std::uint64_t number)
 {
     return checksum_of(bytes_of(number), checksum_of(bytes_of(length)));
-}
-
-std::int64_t read_at(int file, std::uint64_t start, char* bytes, std::size_t count)
-{
-    std::size_t filled = 0;
-    while (filled < count)
-    {
-        const ssize_t got = ::pread(file, bytes + filled, count - filled,
-                                    static_cast<off_t>(start + filled));
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got < 0)
-            return -1;
-        if (got == 0)
-            break;
-        filled += static_cast<std::size_t>(got);
-    }
-    return static_cast<std::int64_t>(filled);
 }
 
 WholeRecords whole_records(const std::string& path, int file, std::uint64_t first,

@@ -31,9 +31,6 @@ std::string_view bytes_of(const Value& value)
 /// Of a record's length and number; its payload is added to it.
 std::uint32_t checksum_of_head(std::uint32_t length, std::uint64_t number);
 
-/// As many bytes as there are, \p count at the most; -1 and errno where it fails.
-std::int64_t read_at(int file, std::uint64_t start, char* bytes, std::size_t count);
-
 struct WholeRecords
 {
     std::vector<std::uint64_t> starts; ///< [byte]

@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "io/descriptor.h"
+
 namespace cellwarp
 {
 
@@ -20,9 +22,6 @@ class SpillFile
 {
 public:
     explicit SpillFile(const std::string& folder);
-    ~SpillFile();
-    SpillFile(const SpillFile&) = delete;
-    SpillFile& operator=(const SpillFile&) = delete;
 
     std::uint64_t size() const { return size_; } ///< [bytes]
     void append(const void* bytes, std::size_t count);
@@ -31,7 +30,7 @@ public:
     void read(std::uint64_t start, void* bytes, std::size_t count) const;
 
 private:
-    int file_ = -1;
+    Descriptor file_;
     std::uint64_t size_ = 0;
 };
 

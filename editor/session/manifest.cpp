@@ -121,20 +121,15 @@ Manifest::Manifest(const std::string& path) : path_(path)
             lines_[line->input] = *line;
         first = end + 1;
     }
-    file_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666);
-    if (file_ < 0)
+    file_ =
+        Descriptor(::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+    if (!file_)
         throw manifest_error(path);
-    if (whole < old.size() && ::ftruncate(file_, static_cast<off_t>(whole)) != 0)
+    if (whole < old.size() && ::ftruncate(file_.get(), static_cast<off_t>(whole)) != 0)
         throw manifest_error(path);
-    if (whole == 0 &&
-        ::write(file_, kHead.data(), kHead.size()) != static_cast<ssize_t>(kHead.size()))
+    if (whole == 0 && ::write(file_.get(), kHead.data(), kHead.size()) !=
+                          static_cast<ssize_t>(kHead.size()))
         throw manifest_error(path);
-}
-
-Manifest::~Manifest()
-{
-    if (file_ >= 0)
-        ::close(file_);
 }
 
 const ManifestLine* Manifest::find(const std::string& input) const
@@ -151,8 +146,9 @@ void Manifest::add(const ManifestLine& line)
         line.mark.field, escaped(line.message));
     const std::lock_guard lock(mutex_);
     // One call a line: what a kill tears is the last line at the most.
-    if (::write(file_, text.data(), text.size()) != static_cast<ssize_t>(text.size()) ||
-        ::fdatasync(file_) != 0)
+    if (::write(file_.get(), text.data(), text.size()) !=
+            static_cast<ssize_t>(text.size()) ||
+        ::fdatasync(file_.get()) != 0)
         throw manifest_error(path_);
 }
 

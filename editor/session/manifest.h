@@ -7,6 +7,8 @@
 #include <mutex>
 #include <string>
 
+#include "io/descriptor.h"
+
 namespace cellwarp
 {
 
@@ -38,9 +40,6 @@ class Manifest
 public:
     /// Reads what is there, and takes a torn last line away. Throws Fault::File.
     explicit Manifest(const std::string& path);
-    ~Manifest();
-    Manifest(const Manifest&) = delete;
-    Manifest& operator=(const Manifest&) = delete;
 
     /// The last line of an input when the manifest was opened; null: none.
     const ManifestLine* find(const std::string& input) const;
@@ -49,7 +48,7 @@ public:
 
 private:
     std::string path_;
-    int file_ = -1;
+    Descriptor file_;
     std::map<std::string, ManifestLine> lines_;
     std::mutex mutex_;
 };

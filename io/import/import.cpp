@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <cstring>
 #include <string>
-#include <utility>
 
 #include <fcntl.h>
 #include <spawn.h>
@@ -17,6 +16,7 @@
 
 #include <assimp/Importer.hpp>
 
+#include "io/descriptor.h"
 #include "io/error.h"
 #include "io/import/imported.h"
 #include "io/number.h"
@@ -28,55 +28,24 @@ namespace cellwarp
 namespace
 {
 
-/// An open file above the three streams, so that it can be put in the place of one.
-class Descriptor
+/// The same file above the three streams, so that it can be put in the place of one.
+Descriptor above_streams(Descriptor file)
 {
-public:
-    explicit Descriptor(int file)
-        : value_(file < 0 ? -1 : ::fcntl(file, F_DUPFD_CLOEXEC, 3))
-    {
-        if (file >= 0)
-            ::close(file);
-    }
-    ~Descriptor() { close(); }
-    Descriptor(const Descriptor&) = delete;
-    Descriptor& operator=(const Descriptor&) = delete;
-
-    int value() const { return value_; }
-    void close()
-    {
-        if (value_ >= 0)
-            ::close(std::exchange(value_, -1));
-    }
-
-private:
-    int value_;
-};
+    return Descriptor(file ? ::fcntl(file.get(), F_DUPFD_CLOEXEC, 3) : -1);
+}
 
 [[noreturn]] void fail(const std::string& path, const std::string& what)
 {
     throw Error(Fault::File, at({path, 0, ""}, "cannot start the importer: " + what));
 }
 
-/// A file of memory that holds \p bytes, from its beginning on; -1 and errno: none.
-int memory_file(const std::string& bytes)
+/// A file of memory that holds \p bytes, from its beginning on; none and errno where
+/// that fails.
+Descriptor memory_file(const std::string& bytes)
 {
-    const int file = ::memfd_create("model", MFD_CLOEXEC);
-    for (std::size_t done = 0; file >= 0 && done < bytes.size();)
-    {
-        const ssize_t wrote = ::pwrite(file, bytes.data() + done, bytes.size() - done,
-                                       static_cast<off_t>(done));
-        if (wrote < 0 && errno == EINTR)
-            continue;
-        if (wrote <= 0)
-        {
-            const int why = errno;
-            ::close(file);
-            errno = why;
-            return -1;
-        }
-        done += static_cast<std::size_t>(wrote);
-    }
+    Descriptor file(::memfd_create("model", MFD_CLOEXEC));
+    if (file && !write_at(file.get(), 0, bytes))
+        return {};
     return file;
 }
 
@@ -112,35 +81,32 @@ std::string all_of(int pipe)
 {
     std::string bytes;
     char part[65536];
-    for (;;)
-    {
-        const ssize_t got = ::read(pipe, part, sizeof part);
-        if (got < 0 && errno == EINTR)
-            continue;
-        if (got <= 0)
-            return bytes;
+    std::int64_t got = 0;
+    while ((got = read_next(pipe, part, sizeof part)) > 0)
         bytes.append(part, static_cast<std::size_t>(got));
-    }
+    return bytes;
 }
 
 /// What the importer says of the file; how it ended in \p status.
 std::string answer(const std::string& path, const std::string& bytes, int& status)
 {
     const std::string program = program_beside(kImporter);
-    const Descriptor input(memory_file(bytes));
-    if (input.value() < 0)
+    const Descriptor input = above_streams(memory_file(bytes));
+    if (!input)
         fail(path, std::strerror(errno));
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0)
         fail(path, std::strerror(errno));
-    const Descriptor out(ends[0]);
-    Descriptor in(ends[1]);
+    const Descriptor out = above_streams(Descriptor(ends[0]));
+    Descriptor in = above_streams(Descriptor(ends[1]));
+    if (!out || !in)
+        fail(path, std::strerror(errno));
     pid_t process = -1;
     if (const int failure =
-            start(program, extension_of(path), input.value(), in.value(), process))
+            start(program, extension_of(path), input.get(), in.get(), process))
         fail(path, program + ": " + std::strerror(failure));
     in.close();
-    std::string result = all_of(out.value());
+    std::string result = all_of(out.get());
     while (::waitpid(process, &status, 0) < 0 && errno == EINTR)
         ;
     return result;

@@ -3,7 +3,6 @@
 // a malformed file it may crash, hang or take all memory; then only this process ends,
 // and it ends with the one that has started it.
 #include <algorithm>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <csignal>
@@ -27,6 +26,7 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include "io/descriptor.h"
 #include "io/import/imported.h"
 
 namespace
@@ -212,25 +212,11 @@ bool read_all(std::string& bytes)
         constexpr std::size_t kPart = std::size_t(1) << 20;
         const std::size_t done = bytes.size();
         bytes.resize(done + kPart);
-        const ssize_t got = ::read(0, bytes.data() + done, kPart);
-        bytes.resize(done + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-        if (got == 0 || (got < 0 && errno != EINTR))
+        const std::int64_t got = read_next(0, bytes.data() + done, kPart);
+        bytes.resize(done + static_cast<std::size_t>(std::max<std::int64_t>(got, 0)));
+        if (got <= 0)
             return got == 0;
     }
-}
-
-bool write_all(int file, std::string_view bytes)
-{
-    while (!bytes.empty())
-    {
-        const ssize_t done = ::write(file, bytes.data(), bytes.size());
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done <= 0)
-            return false;
-        bytes.remove_prefix(static_cast<std::size_t>(done));
-    }
-    return true;
 }
 
 } // namespace
