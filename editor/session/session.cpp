@@ -713,16 +713,19 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
     frame.parts = s.plan.num_parts;
     frame.is_wound = std::any_of(s.plan.paths.begin(), s.plan.paths.end(),
                                  [](const Path& path) { return path.is_wound(); });
-    const TurnChains chains(s.rig.body().cells, s.rig.region_of_cell());
+    std::optional<TurnChains> chains;
     if (frame.is_wound)
-        frame.turns = chains.turns(s.rig.poses());
+    {
+        chains.emplace(s.rig.body().cells, s.rig.region_of_cell());
+        frame.turns = chains->turns(s.rig.poses());
+    }
     for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
     {
         // Out of time on the way: straight to the end.
         if (frame.is_out_of_time())
             frame.part = frame.parts;
-        if (frame.is_wound)
-            frame.turns -= chains.turns(s.rig.poses());
+        if (chains)
+            frame.turns -= chains->turns(s.rig.poses());
         move_regions(static_cast<double>(frame.part) / frame.parts);
         if (frame.gradient_scale == 0.0)
         {
@@ -732,8 +735,8 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
         }
         frame.energy_before = s.rig.energy();
         s.rig.carry_others();
-        if (frame.is_wound)
-            frame.turns += chains.turns(s.rig.poses());
+        if (chains)
+            frame.turns += chains->turns(s.rig.poses());
         solve_wound(frame, frame.part == frame.parts && ends_exactly);
         ++steps;
         if (frame.total.stop == Stop::NotPositiveDefinite)

@@ -9,8 +9,8 @@ namespace cellwarp
 namespace
 {
 
-/// The shortest chain from each region that \p first 's component has to \p first,
-/// found from there outwards.
+/// The shortest chain to region \p first from each one that is connected with it, found
+/// from there outwards.
 void add_chains(const Cells& cells, std::span<const int> region_of_cell, int first,
                 std::vector<bool>& is_met, std::vector<std::vector<int>>& chains)
 {

@@ -15,7 +15,8 @@
 namespace cellwarp
 {
 
-/// Immutable. Chains of glued cells from one region to each other one of its component.
+/// Immutable. Of each connected part, chains of glued cells from one of its regions to
+/// each other one.
 class TurnChains
 {
 public:
