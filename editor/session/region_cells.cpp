@@ -158,6 +158,7 @@ struct Homeless
 {
     std::size_t region = 0;
     int cell = 0;
+    bool has_others = false; ///< cells, in other components
 };
 
 /// Two that are both fixed, or that share samples, about which they must agree.
@@ -203,13 +204,13 @@ std::vector<Homeless> homeless_regions(const RegionSet& regions,
                 found->second = {cell, share};
         }
         if (!has_any)
-            homeless.push_back({r, of_all.first});
+            homeless.push_back({r, of_all.first, false});
         for (const auto& [home, cell] : most)
         {
             const std::size_t other =
                 static_cast<std::size_t>(owner[static_cast<std::size_t>(cell.first)]);
             if (has_any && !move_alike(regions, r, other))
-                homeless.push_back({r, cell.first});
+                homeless.push_back({r, cell.first, true});
         }
     }
     return homeless;
@@ -260,21 +261,22 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
 {
     const std::vector<int> component = connected_components(cells);
     const std::vector<int> owner = owners(regions, shares, component);
-    for (const auto& [r, cell] : homeless_regions(regions, shares, owner, component))
+    for (const auto& [r, cell, has_others] :
+         homeless_regions(regions, shares, owner, component))
     {
         const Region& other =
             regions[static_cast<std::size_t>(owner[static_cast<std::size_t>(cell)])];
-        throw Error(Fault::Unsolvable,
-                    at({regions.file(), regions[r].line, regions[r].name},
-                       "has no cell of its own" +
-                           std::string(shares[r].homes.size() > 1
-                                           ? " in a part of the shape that holds samples "
-                                             "of it"
-                                           : "") +
-                           ": " + role_name(other.role) + " region " + other.name +
-                           " holds cell " + std::to_string(cell) +
-                           " (smaller cells would part them: raise --across or "
-                           "--max-depth)"));
+        throw Error(
+            Fault::Unsolvable,
+            at({regions.file(), regions[r].line, regions[r].name},
+               "has no cell of its own" +
+                   std::string(has_others ? " in a part of the shape that holds samples "
+                                            "of it"
+                                          : "") +
+                   ": " + role_name(other.role) + " region " + other.name +
+                   " holds cell " + std::to_string(cell) +
+                   " (smaller cells would part them: raise --across or "
+                   "--max-depth)"));
     }
     return owner;
 }
