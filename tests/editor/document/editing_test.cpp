@@ -89,6 +89,18 @@ Placement turned(double degrees, const Eigen::Vector3d& shift)
     return placement;
 }
 
+/// More frames than can be solved before they are given up.
+constexpr std::size_t kOften = 40;
+
+void turn_often(Document& document)
+{
+    for (std::size_t k = 1; k <= kOften; ++k)
+    {
+        const double way = static_cast<double>(k);
+        document.move_region("head", turned(2.0 * way, {0.02 * way, 0, 0}));
+    }
+}
+
 /// Drags in a few moves, as a hand would.
 void drag(Editing& editing, const std::string& region, const Placement& to)
 {
@@ -408,8 +420,7 @@ TEST(Editing, what_was_given_up_can_be_asked_for_again)
     const Bar bar(16);
     Editing editing(bar.document());
     hold_ends(editing.document());
-    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
-        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    turn_often(editing.document());
     editing.update();
     editing.cancel();
     editing.wait();
@@ -458,8 +469,7 @@ TEST(Editing, a_field_is_written_behind_and_can_be_given_up)
     const Bar bar(16);
     Editing editing(bar.document());
     hold_ends(editing.document());
-    for (int k = 1; k <= 40; ++k) // more than can be done before it is given up
-        editing.document().move_region("head", turned(2.0 * k, {0.02 * k, 0, 0}));
+    turn_often(editing.document());
     const std::string path = bar.folder / "bent.cwf";
     editing.export_field(path, Overwrite::No);
     EXPECT_EQ(editing.export_status().state, ExportStatus::State::Working);
@@ -472,7 +482,7 @@ TEST(Editing, a_field_is_written_behind_and_can_be_given_up)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     EXPECT_TRUE(editing.update());
     EXPECT_EQ(editing.export_status().state, ExportStatus::State::Cancelled);
-    EXPECT_LT(editing.export_status().frames_done, 40u);
+    EXPECT_LT(editing.export_status().frames_done, kOften);
     EXPECT_FALSE(std::filesystem::exists(path));
     // What cannot be is told at its end.
     editing.document().move_region("head", turned(0, {1e160, 0, 0}));

@@ -21,13 +21,21 @@ struct System
 {
     support::Folder folder;
 
-    System(const std::string& cgroup, const std::string& mountinfo)
+    explicit System(const std::string& cgroup)
     {
         std::filesystem::create_directories(folder / "proc/self");
         folder.write("proc/meminfo",
                      "MemTotal:  9999999 kB\nMemAvailable:   1024000 kB\n");
         folder.write("proc/self/cgroup", cgroup);
-        folder.write("proc/self/mountinfo", mountinfo);
+        folder.write("proc/self/mountinfo", "");
+    }
+    /// Where groups are to be seen; \p root is the group that stands at the top.
+    void mount(const std::string& root, const std::string& type,
+               const std::string& options, const std::string& other_lines = "")
+    {
+        folder.write("proc/self/mountinfo",
+                     other_lines + "35 24 0:30 " + root + " " + (folder / "groups") +
+                         " rw,nosuid shared:9 - " + type + " cgroup " + options + "\n");
     }
     /// A file of a group; what a group has and what it may take in megabytes.
     void set(const std::string& name, const std::string& text)
@@ -43,19 +51,11 @@ struct System
     double limit() const { return default_memory_limit(folder / "proc") / kMegabyte; }
 };
 
-/// A line of mountinfo; %20 in the place is a blank.
-std::string mount(const support::Folder& folder, const std::string& root,
-                  const std::string& type, const std::string& options)
-{
-    return "35 24 0:30 " + root + " " + (folder / "groups") + " rw,nosuid shared:9 - " +
-           type + " cgroup " + options + "\n";
-}
-
 } // namespace
 
 TEST(MemoryLimit, is_a_share_of_what_is_available)
 {
-    const System system("", "");
+    const System system("");
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
     EXPECT_EQ(default_memory_limit(system.folder / "none"), 0.0);
     EXPECT_GT(default_memory_limit(), 0.0);
@@ -63,10 +63,9 @@ TEST(MemoryLimit, is_a_share_of_what_is_available)
 
 TEST(MemoryLimit, follows_the_groups_of_version_2)
 {
-    System system("0::/slice/job/step\n", "");
-    system.folder.write("proc/self/mountinfo",
-                        "22 1 8:1 / / rw - ext4 /dev/sda1 rw\n" +
-                            mount(system.folder, "/", "cgroup2", "rw,nsdelegate"));
+    System system("0::/slice/job/step\n");
+    system.mount("/", "cgroup2", "rw,nsdelegate",
+                 "22 1 8:1 / / rw - ext4 /dev/sda1 rw\n");
     system.set("slice/job/step/memory.max", "max");
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
     // An ancestor's counts, and a sister's does not.
@@ -94,9 +93,8 @@ TEST(MemoryLimit, follows_the_groups_of_version_2)
 
 TEST(MemoryLimit, follows_the_groups_of_version_1)
 {
-    System system("12:pids:/job\n5:cpu,memory:/job/step\n0::/\n", "");
-    system.folder.write("proc/self/mountinfo",
-                        mount(system.folder, "/", "cgroup", "rw,memory"));
+    System system("12:pids:/job\n5:cpu,memory:/job/step\n0::/\n");
+    system.mount("/", "cgroup", "rw,memory");
     system.set("job/step/memory.limit_in_bytes", "9223372036854771712");
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
     system.set("job/memory.limit_in_bytes", 300);
@@ -105,8 +103,7 @@ TEST(MemoryLimit, follows_the_groups_of_version_1)
     system.set("job/memory.stat", "total_inactive_file " + std::to_string(100 << 20));
     EXPECT_NEAR(system.limit(), 140.0, 1e-9);
     // Another hierarchy at the same place tells nothing about memory.
-    system.folder.write("proc/self/mountinfo",
-                        mount(system.folder, "/", "cgroup", "rw,pids"));
+    system.mount("/", "cgroup", "rw,pids");
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
 }
 
@@ -114,9 +111,8 @@ TEST(MemoryLimit, is_found_where_a_container_sees_a_part_of_its_groups)
 {
     for (const std::string path : {"/docker/abc", "/", "/../../elsewhere"})
     {
-        System system("0::" + path + "\n", "");
-        system.folder.write("proc/self/mountinfo",
-                            mount(system.folder, "/docker/abc", "cgroup2", "rw"));
+        System system("0::" + path + "\n");
+        system.mount("/docker/abc", "cgroup2", "rw");
         system.set("memory.max", 200);
         EXPECT_DOUBLE_EQ(system.limit(), 140.0) << path;
     }
@@ -124,10 +120,8 @@ TEST(MemoryLimit, is_found_where_a_container_sees_a_part_of_its_groups)
 
 TEST(MemoryLimit, survives_files_that_are_not_what_they_should_be)
 {
-    System system("\n:\n0:\nx\n0::\n", "");
-    system.folder.write("proc/self/mountinfo",
-                        "\n- - -\n1 2 3 4\n1 2 3 / \\0 - cgroup2 a b\n" +
-                            mount(system.folder, "/", "cgroup2", "rw"));
+    System system("\n:\n0:\nx\n0::\n");
+    system.mount("/", "cgroup2", "rw", "\n- - -\n1 2 3 4\n1 2 3 / \\0 - cgroup2 a b\n");
     system.set("memory.max", "many");
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
 }

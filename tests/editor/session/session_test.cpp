@@ -1098,49 +1098,37 @@ TEST(Session, takes_hardly_more_steps_by_newton_than_by_gauss_newton_where_a_rod
 {
     const auto iterations = [](Method method)
     {
-        SessionSettings settings;
-        settings.cells.across = 40;
-        settings.method = method;
-        settings.gradient_tolerance = 1e-10;
-        Session session(scan_geometry("rod.obj", support::obj_text(support::box_shape(
-                                                     {0, 0, 0}, {10, 0.3, 0.3}, 6))),
-                        parse_handles("rod.handles",
-                                      "cellwarp-handles 1\nfixed a box -1 -1 -1 0.5 1 1\n"
-                                      "handle b box 9.5 -1 -1 11 1 1\nframe 1\n"
-                                      "move b rotate 0 0 1 150 translate -4 2 0\n"),
-                        settings);
-        session.next_frame(false);
-        EXPECT_EQ(session.frames().front().solve.stop, Stop::Converged);
-        return session.frames().front().solve.iterations;
+        SessionSettings s = tight(40);
+        s.method = method;
+        const Session session =
+            played(model(support::box_shape({0, 0, 0}, {10, 0.3, 0.3}, 6)),
+                   "fixed a box -1 -1 -1 0.5 1 1\nhandle b box 9.5 -1 -1 11 1 1\n"
+                   "frame 1\nmove b rotate 0 0 1 150 translate -4 2 0\n",
+                   s);
+        EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+        return session.frames()[0].solve.iterations;
     };
     EXPECT_LE(iterations(Method::Newton), 1.5 * iterations(Method::GaussNewton));
 }
 
-/// A part of which a region holds the samples of one side, but no half of any cell.
 TEST(Session, moves_samples_of_a_region_in_every_part_that_holds_some)
 {
+    // The handle has the samples of the second box's side, but no half of any cell.
     const Shape parts = support::joined(support::box_shape({0, 0, 0}, {1, 1, 3}, 4),
                                         support::box_shape({1.3, 0, 0}, {2.3, 1, 3}, 4));
-    SessionSettings settings;
-    settings.cells.across = 12;
-    Session session(
-        scan_geometry("parts.obj", support::obj_text(parts)),
-        parse_handles("parts.handles",
-                      "cellwarp-handles 1\nfixed foot box -1 -1 -1 1.1 2 0.3\n"
-                      "handle top box -1 -1 2.5 1.31 2 4\nframe 1\n"
-                      "move top translate 0.5 0 0.5\n"),
-        settings);
-    session.next_frame(true);
-    EXPECT_LE(session.frames().front().handle_residual, 1e-9);
+    const Session session = played(model(parts),
+                                   "fixed foot box -1 -1 -1 1.1 2 0.3\n"
+                                   "handle top box -1 -1 2.5 1.31 2 4\n"
+                                   "frame 1\nmove top translate 0.5 0 0.5\n",
+                                   settings(12));
+    EXPECT_LE(session.frames()[0].handle_residual, 1e-9);
+    const Eigen::Vector3d move(0.5, 0, 0.5);
     for (std::size_t i = 0; i < parts.samples.size(); ++i)
-    {
-        if (parts.samples[i].z() < 2.5 || parts.samples[i].x() > 1.31)
-            continue;
-        EXPECT_LT(
-            (session.patch().samples[i] - parts.samples[i] - Eigen::Vector3d(0.5, 0, 0.5))
-                .norm(),
-            1e-9);
-    }
+        if (parts.samples[i].z() >= 2.5 && parts.samples[i].x() <= 1.31)
+        {
+            EXPECT_LT((session.patch().samples[i] - parts.samples[i] - move).norm(),
+                      1e-9);
+        }
 }
 
 TEST(Session, names_both_regions_where_one_leaves_the_other_no_cell_of_a_part)
@@ -1148,43 +1136,33 @@ TEST(Session, names_both_regions_where_one_leaves_the_other_no_cell_of_a_part)
     const Shape parts =
         support::joined(support::box_shape({0, 0, 0}, {1, 1, 3}, 4),
                         support::box_shape({1.3, 0, 0}, {1.4, 0.1, 0.1}, 1));
-    SessionSettings settings;
-    settings.cells.across = 12;
-    const std::string message = support::error_of(
-        Fault::Unsolvable,
-        [&]
-        {
-            Session(
-                scan_geometry("parts.obj", support::obj_text(parts)),
-                parse_handles("parts.handles",
-                              "cellwarp-handles 1\nfixed foot box -1 -1 -1 1.1 2 0.3\n"
-                              "handle top box -1 -1 2.5 1.31 2 4\n"
-                              "handle top box 1.29 -1 -1 1.32 2 1\n"
-                              "fixed rest box 1.33 -1 -1 2 2 2\n"
-                              "frame 1\nmove top translate 0.5 0 0.5\n"),
-                settings);
-        });
-    EXPECT_TRUE(support::contains(message, "top: has no cell of its own")) << message;
-    EXPECT_TRUE(support::contains(message, "fixed region rest holds")) << message;
+    const std::string message =
+        error_of(Fault::Unsolvable,
+                 [&]
+                 {
+                     played(model(parts),
+                            "fixed foot box -1 -1 -1 1.1 2 0.3\n"
+                            "handle top box -1 -1 2.5 1.31 2 4\n"
+                            "handle top box 1.29 -1 -1 1.32 2 1\n"
+                            "fixed rest box 1.33 -1 -1 2 2 2\n"
+                            "frame 1\nmove top translate 0.5 0 0.5\n",
+                            settings(12));
+                 });
+    EXPECT_TRUE(contains(
+        message,
+        "top: has no cell of its own in a part of the shape that holds samples of "
+        "it: fixed region rest holds"))
+        << message;
 }
 
-/// What has become a thousand times as long has no use for cells that bring it back to
-/// the error of its rest.
 TEST(Session, splits_what_is_stretched_a_thousandfold_no_further_than_it_pays)
 {
-    SessionSettings settings;
-    settings.cells.across = 16;
-    settings.cells.max_depth = 2;
-    settings.cells.threshold = kUsualThreshold;
-    Session session(scan_geometry("bar.obj", support::obj_text(support::box_shape(
-                                                 {0, 0, 0}, {1, 1, 4}, 4))),
-                    parse_handles("bar.handles",
-                                  "cellwarp-handles 1\nfixed foot box -1 -1 -1 2 2 0.25\n"
-                                  "handle head box -1 -1 3.75 2 2 5\nframe 1\n"
-                                  "move head translate 3000 3000 0\n"),
-                    settings);
-    session.next_frame(true);
-    EXPECT_EQ(session.frames().front().solve.stop, Stop::Converged);
+    SessionSettings s = settings(16);
+    s.cells.max_depth = kUsualDepth;
+    s.cells.threshold = kUsualThreshold;
+    const Session session = played(
+        model(survey_bar(4)), kBarEnds + "frame 1\nmove head translate 3000 3000 0\n", s);
+    EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
     EXPECT_LT(session.rig()->body().cells.size(), 3000u);
 }
 
