@@ -2,15 +2,10 @@
 // The command line: subcommands, signals, and the one place where errors become
 // messages and exit codes.
 #include <algorithm>
-#include <atomic>
 #include <csignal>
-#include <cstdio>
-#include <cstdlib>
-#include <exception>
 #include <new>
 #include <optional>
 #include <sstream>
-#include <string_view>
 #include <system_error>
 
 #include <fcntl.h>
@@ -19,6 +14,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/session/memory_guard.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/parallel.h"
@@ -35,55 +31,8 @@ extern "C" void end_at_signal(int signal)
     ::_exit(128 + signal);
 }
 
-/// Takes no memory.
-[[noreturn]] void end_without_memory() noexcept
-{
-    constexpr std::string_view text = "error: out of memory\n";
-    const ssize_t unheard = ::write(2, text.data(), text.size());
-    static_cast<void>(unheard);
-    remove_unfinished_outputs();
-    ::_exit(static_cast<int>(Fault::Budget));
-}
-
-/// Our own threads and tasks carry what they throw home. Libraries may lack the memory
-/// even for that.
-[[noreturn]] void end_at_terminate() noexcept
-{
-    try
-    {
-        if (const std::exception_ptr error = std::current_exception())
-            std::rethrow_exception(error);
-    }
-    catch (const std::bad_alloc&)
-    {
-        end_without_memory();
-    }
-    catch (...)
-    {
-    }
-    std::abort();
-}
-
-/// Between the beginning and the end of main().
-std::atomic<bool> is_running{false};
-
-/// A library that calls exit() has no memory for its threads: none does for another
-/// reason.
-void end_at_exit() noexcept
-{
-    if (is_running)
-        end_without_memory();
-}
-
-/// Before anything is made that needs memory, also before main().
-struct MemoryGuard
-{
-    MemoryGuard()
-    {
-        std::set_terminate(end_at_terminate);
-        std::atexit(end_at_exit);
-    }
-} const guard __attribute__((init_priority(101)));
+const MemoryGuard guard
+    __attribute__((init_priority(101))) (MemoryGuard::LibraryExit::NoMemory);
 
 void prepare_process()
 {
@@ -199,20 +148,5 @@ int run_and_tell(int argc, char** argv)
 int main(int argc, char** argv)
 {
     prepare_process();
-    is_running = true;
-    try
-    {
-        const int exit_code = run_and_tell(argc, argv);
-        is_running = false;
-        if (exit_code == 0)
-            return 0;
-        // At a regular end the dense kernels wait for their threads, which wait for
-        // memory for ever where there is none.
-        std::fflush(nullptr);
-        ::_exit(exit_code);
-    }
-    catch (const std::bad_alloc&)
-    {
-        end_without_memory();
-    }
+    return guard.main(run_and_tell, argc, argv);
 }

@@ -7,6 +7,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "editor/session/memory_guard.h"
 #include "editor/window/playback.h"
 #include "io/error.h"
 #include "octree/parallel.h"
@@ -15,6 +16,10 @@ namespace
 {
 
 using namespace cellwarp;
+
+// The window's library calls exit() when its display goes away.
+const MemoryGuard guard
+    __attribute__((init_priority(101))) (MemoryGuard::LibraryExit::Anything);
 
 struct EditorFlags
 {
@@ -90,9 +95,8 @@ int run(int argc, char** argv)
     return 0;
 }
 
-} // namespace
-
-int main(int argc, char** argv)
+/// Errors as messages and exit codes; what lacks memory for that, too, comes out.
+int run_and_tell(int argc, char** argv)
 {
     try
     {
@@ -105,12 +109,18 @@ int main(int argc, char** argv)
     }
     catch (const std::bad_alloc&)
     {
-        std::cerr << "error: out of memory\n";
-        return static_cast<int>(Fault::Budget);
+        throw;
     }
     catch (const std::exception& error)
     {
         std::cerr << "error: internal error: " << error.what() << '\n';
         return 1;
     }
+}
+
+} // namespace
+
+int main(int argc, char** argv)
+{
+    return guard.main(run_and_tell, argc, argv);
 }

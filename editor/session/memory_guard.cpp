@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/memory_guard.h"
+
+#include <atomic>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <new>
+#include <string_view>
+
+#include <unistd.h>
+
+#include "io/bytes.h"
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Takes no memory.
+[[noreturn]] void end_without_memory() noexcept
+{
+    write_all(2, "error: out of memory\n");
+    remove_unfinished_outputs();
+    ::_exit(static_cast<int>(Fault::Budget));
+}
+
+/// Our own threads and tasks carry what they throw home. Libraries may lack the memory
+/// even for that.
+[[noreturn]] void end_at_terminate() noexcept
+{
+    try
+    {
+        if (const std::exception_ptr error = std::current_exception())
+            std::rethrow_exception(error);
+    }
+    catch (const std::bad_alloc&)
+    {
+        end_without_memory();
+    }
+    catch (...)
+    {
+    }
+    std::abort();
+}
+
+/// Between the beginning and the end of main().
+std::atomic<bool> is_running{false};
+
+void end_at_exit() noexcept
+{
+    if (is_running)
+        end_without_memory();
+}
+
+} // namespace
+
+MemoryGuard::MemoryGuard(LibraryExit library_exit)
+{
+    std::set_terminate(end_at_terminate);
+    if (library_exit == LibraryExit::NoMemory)
+        std::atexit(end_at_exit);
+}
+
+int MemoryGuard::main(int (*run)(int, char**), int argc, char** argv) const
+{
+    is_running = true;
+    try
+    {
+        const int exit_code = run(argc, argv);
+        is_running = false;
+        if (exit_code == 0)
+            return 0;
+        // At a regular end the dense kernels wait for their threads, which wait for
+        // memory for ever where there is none.
+        std::fflush(nullptr);
+        ::_exit(exit_code);
+    }
+    catch (const std::bad_alloc&)
+    {
+        end_without_memory();
+    }
+}
+
+} // namespace cellwarp
