@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <memory>
 
-#ifdef __SANITIZE_THREAD__
+#ifdef CELLWARP_SANITIZED_THREAD
 extern "C" void __tsan_acquire(void*);
 extern "C" void __tsan_release(void*);
 #endif
@@ -37,22 +37,22 @@ void parallel_ranges(std::size_t count, std::size_t grain, Body&& body)
         // loop was entered, and the loop ends after its parts.
         char entered = 0, done = 0;
     } call{body};
-#ifdef __SANITIZE_THREAD__
+#ifdef CELLWARP_SANITIZED_THREAD
     __tsan_release(&call.entered);
 #endif
     run_parallel(count, grain,
                  {&call, [](void* data, std::size_t begin, std::size_t end)
                   {
                       Call& own = *static_cast<Call*>(data);
-#ifdef __SANITIZE_THREAD__
+#ifdef CELLWARP_SANITIZED_THREAD
                       __tsan_acquire(&own.entered);
 #endif
                       own.body(begin, end);
-#ifdef __SANITIZE_THREAD__
+#ifdef CELLWARP_SANITIZED_THREAD
                       __tsan_release(&own.done);
 #endif
                   }});
-#ifdef __SANITIZE_THREAD__
+#ifdef CELLWARP_SANITIZED_THREAD
     __tsan_acquire(&call.done);
 #endif
 }

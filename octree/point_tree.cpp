@@ -69,7 +69,10 @@ PointTree::Neighbour PointTree::nearest(const Eigen::Vector3d& x) const
 void PointTree::nearest(const Eigen::Vector3d& x, std::size_t count,
                         std::vector<Neighbour>& out) const
 {
+    out.clear();
     const std::size_t most = std::min(count, points().size());
+    if (most == 0)
+        return;
     // Two arrays for the search; most callers ask for few.
     constexpr std::size_t kFew = 32;
     std::uint32_t few_indices[kFew];
@@ -79,7 +82,6 @@ void PointTree::nearest(const Eigen::Vector3d& x, std::size_t count,
     std::uint32_t* const indices = most > kFew ? many_indices.data() : few_indices;
     double* const squares = most > kFew ? many_squares.data() : few_squares;
     const std::size_t found = index_->tree.knnSearch(x.data(), most, indices, squares);
-    out.clear();
     for (std::size_t i = 0; i < found; ++i)
         out.push_back({indices[i], squares[i]});
 }

@@ -25,6 +25,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <optional>
 
 #include <Eigen/Cholesky>
@@ -67,8 +68,6 @@ constexpr std::size_t kBlockBytes = 36 * sizeof(float);
 /// Six numbers in one register's width. What stands in the last two lanes means nothing.
 constexpr int kWide = 8;
 using Wide = float __attribute__((vector_size(kWide * sizeof(float))));
-using Unaligned = float __attribute__((vector_size(kWide * sizeof(float)),
-                                       aligned(alignof(float)), may_alias));
 
 template <class Body>
 void for_each(int count, Body&& body)
@@ -98,19 +97,27 @@ public:
     void add_product(std::size_t at, const Wide& x, Wide& y) const
     {
         for (int k = 0; k < 6; ++k)
-            y += column(at, k) * x[k];
+        {
+            Wide own;
+            std::memcpy(&own, column(at, k), sizeof own);
+            y += own * x[k];
+        }
     }
     /// y -= A x
     void subtract_product(std::size_t at, const Wide& x, Wide& y) const
     {
         for (int k = 0; k < 6; ++k)
-            y -= column(at, k) * x[k];
+        {
+            Wide own;
+            std::memcpy(&own, column(at, k), sizeof own);
+            y -= own * x[k];
+        }
     }
 
 private:
-    const Unaligned& column(std::size_t at, int k) const
+    const float* column(std::size_t at, int k) const
     {
-        return *reinterpret_cast<const Unaligned*>(numbers_.data() + 36 * at + 6 * k);
+        return numbers_.data() + 36 * at + 6 * k;
     }
 
     std::vector<float> numbers_;

@@ -186,7 +186,7 @@ void set_limits()
 {
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_CPU, kMaxSeconds);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef CELLWARP_SANITIZED
     // A sanitizer needs terabytes of address space.
     struct stat input
     {

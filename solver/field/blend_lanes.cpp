@@ -25,16 +25,30 @@ namespace cellwarp::CELLWARP_LANES_FOR
 namespace
 {
 
-using Lanes = float __attribute__((vector_size(4 * CELLWARP_WIDTH), may_alias));
+using Lanes = float __attribute__((vector_size(4 * CELLWARP_WIDTH)));
+
+template <class Value>
+inline Value load(const float* numbers)
+{
+    Value value;
+    __builtin_memcpy(&value, numbers, sizeof value);
+    return value;
+}
+
+template <class Value>
+inline void store(float* numbers, const Value& value)
+{
+    __builtin_memcpy(numbers, &value, sizeof value);
+}
 
 inline Lanes load(const Row& row, std::size_t part)
 {
-    return *reinterpret_cast<const Lanes*>(row.lane + part);
+    return load<Lanes>(row.lane + part);
 }
 
 inline void store(Row& row, std::size_t part, const Lanes& value)
 {
-    *reinterpret_cast<Lanes*>(row.lane + part) = value;
+    store(row.lane + part, value);
 }
 
 inline Lanes square_root(const Lanes& value)
@@ -210,8 +224,8 @@ void run_blocks(const BlendRun& run)
 // wait for their factors.
 constexpr std::size_t kNodeLanes = CELLWARP_WIDTH > 4 ? 8 : 4,
                       kNodeParts = 16 / kNodeLanes;
-using NodeLanes = float __attribute__((vector_size(4 * kNodeLanes), may_alias));
-using Factors = float __attribute__((vector_size(16), aligned(4), may_alias));
+using NodeLanes = float __attribute__((vector_size(4 * kNodeLanes)));
+using Factors = float __attribute__((vector_size(16)));
 
 /// Each of the factors for the four numbers of its column; those of one part.
 inline NodeLanes spread(const Factors& f, std::size_t part)
@@ -233,15 +247,14 @@ void sum_corrections(const FadeRun& run)
         const FadeTerm* const end = run.terms + run.first_term[i + 1];
         for (const FadeTerm* term = run.terms + run.first_term[i]; term != end; ++term)
         {
-            const Factors& factors = *reinterpret_cast<const Factors*>(term->factors);
+            const Factors factors = load<Factors>(term->factors);
             const float* miss = run.misses[term->node].columns;
             for (std::size_t p = 0; p < kNodeParts; ++p)
-                sums[p] += spread(factors, p) *
-                           *reinterpret_cast<const NodeLanes*>(miss + p * kNodeLanes);
+                sums[p] += spread(factors, p) * load<NodeLanes>(miss + p * kNodeLanes);
         }
         NodeMiss total;
         for (std::size_t p = 0; p < kNodeParts; ++p)
-            *reinterpret_cast<NodeLanes*>(total.columns + p * kNodeLanes) = sums[p];
+            store(total.columns + p * kNodeLanes, sums[p]);
         const float* c = total.columns;
         for (std::size_t k = 0; k < 3; ++k)
             run.out[i / kLanes * 3 + k].lane[i % kLanes] =

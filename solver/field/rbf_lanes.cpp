@@ -21,18 +21,19 @@ namespace cellwarp::CELLWARP_LANES_FOR
 namespace
 {
 
-using Lanes =
-    double __attribute__((vector_size(8 * CELLWARP_WIDTH), aligned(8), may_alias));
+using Lanes = double __attribute__((vector_size(8 * CELLWARP_WIDTH)));
 constexpr std::size_t kParts = kCentreLanes / CELLWARP_WIDTH;
 
 inline Lanes load(const double* numbers)
 {
-    return *reinterpret_cast<const Lanes*>(numbers);
+    Lanes value;
+    __builtin_memcpy(&value, numbers, sizeof value);
+    return value;
 }
 
 inline void store(double* numbers, const Lanes& value)
 {
-    *reinterpret_cast<Lanes*>(numbers) = value;
+    __builtin_memcpy(numbers, &value, sizeof value);
 }
 
 inline Lanes square_root(const Lanes& value)

@@ -96,7 +96,7 @@ TEST(LinearSolver, reports_what_is_not_positive_definite)
 
 TEST(LinearSolver, without_memory_for_the_factor_it_throws_and_can_go_on)
 {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef CELLWARP_SANITIZED
     GTEST_SKIP() << "a sanitizer needs terabytes of address space";
 #endif
     // A full matrix: its factor, some 18 MB, is one piece that only the system gives.

@@ -55,10 +55,22 @@ extern "C" void* __wrap_realloc(void* memory, std::size_t size)
     return may_take() ? __real_realloc(memory, size) : nullptr;
 }
 
-// The array, nothrow and sized forms of the library call these.
+// The array and sized forms of the library call these; those of a sanitizer do not, of
+// which only the nothrow one comes back to a delete of these.
 void* operator new(std::size_t size)
 {
     return accounted(std::malloc(size ? size : 1));
+}
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept
+{
+    try
+    {
+        return ::operator new(size);
+    }
+    catch (const std::bad_alloc&)
+    {
+        return nullptr;
+    }
 }
 void* operator new(std::size_t size, std::align_val_t alignment)
 {

@@ -366,7 +366,7 @@ TEST(Apply, files_at_once_and_threads_change_no_byte)
 
 TEST(Apply, memory_does_not_grow_with_the_input)
 {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef CELLWARP_SANITIZED
     GTEST_SKIP() << "a sanitizer keeps memory that was given back";
 #endif
     const Files files;

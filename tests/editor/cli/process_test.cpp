@@ -306,7 +306,7 @@ TEST(Process, the_environment_changes_no_byte)
 
 TEST(Process, too_little_memory_ends_in_exit_5_and_leaves_nothing)
 {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef CELLWARP_SANITIZED
     GTEST_SKIP() << "a sanitizer needs terabytes of address space";
 #endif
     const BarFiles files;

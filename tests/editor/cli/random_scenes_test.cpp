@@ -29,7 +29,7 @@ constexpr std::uint32_t kShards = 16;
 
 /// Processor time of one scene, both threads [s]: the median takes a tenth of a second.
 constexpr int kSeconds = 20
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef CELLWARP_SANITIZED
                          * 15
 #endif
     ;
