@@ -31,7 +31,8 @@ bool take(std::string_view& bytes, List& items)
     if (count > bytes.size() / sizeof(Item))
         return false;
     items.resize(static_cast<std::size_t>(count));
-    std::memcpy(static_cast<void*>(items.data()), bytes.data(), count * sizeof(Item));
+    if (count > 0) // an empty list has no place to copy to
+        std::memcpy(static_cast<void*>(items.data()), bytes.data(), count * sizeof(Item));
     bytes.remove_prefix(count * sizeof(Item));
     return true;
 }
