@@ -12,6 +12,7 @@
 #include <Eigen/Dense>
 #include <gtest/gtest.h>
 
+#include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -96,9 +97,8 @@ TEST(LinearSolver, reports_what_is_not_positive_definite)
 
 TEST(LinearSolver, without_memory_for_the_factor_it_throws_and_can_go_on)
 {
-#ifdef CELLWARP_SANITIZED
-    GTEST_SKIP() << "a sanitizer needs terabytes of address space";
-#endif
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "a sanitizer needs terabytes of address space";
     // A full matrix: its factor, some 18 MB, is one piece that only the system gives.
     constexpr int kBlocks = 250;
     std::vector<std::pair<int, int>> pairs;

@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/support/program.h"
+#include "tests/support/sanitized.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -306,9 +307,8 @@ TEST(Process, the_environment_changes_no_byte)
 
 TEST(Process, too_little_memory_ends_in_exit_5_and_leaves_nothing)
 {
-#ifdef CELLWARP_SANITIZED
-    GTEST_SKIP() << "a sanitizer needs terabytes of address space";
-#endif
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "a sanitizer needs terabytes of address space";
     const BarFiles files;
     // Address space: the program's libraries alone need some 250 MB of it.
     bool ran_out = false, was_enough = false;

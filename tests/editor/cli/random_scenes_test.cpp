@@ -16,6 +16,7 @@
 #include "io/geometry.h"
 #include "tests/support/program.h"
 #include "tests/support/random_scene.h"
+#include "tests/support/sanitized.h"
 
 namespace cellwarp
 {
@@ -28,11 +29,7 @@ using support::RandomScene;
 constexpr std::uint32_t kShards = 16;
 
 /// Processor time of one scene, both threads [s]: the median takes a tenth of a second.
-constexpr int kSeconds = 20
-#ifdef CELLWARP_SANITIZED
-                         * 15
-#endif
-    ;
+constexpr int kSeconds = support::kIsSanitized ? 300 : 20;
 
 /// Where a sample may end beside its target: of the larger of diagonal and travel.
 constexpr double kPlace = 2e-9;

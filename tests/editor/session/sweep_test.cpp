@@ -181,7 +181,8 @@ TEST(Sweep, every_row_is_compared_with_a_result_from_elsewhere)
     for (const SweepRow& row : alone.rows)
         EXPECT_FALSE(row.against);
     bar.input.against = alone.reference;
-    for (const SweepRow& row : bar.run().rows)
+    const SweepResult same = bar.run();
+    for (const SweepRow& row : same.rows)
     {
         SCOPED_TRACE(case_name(row.of));
         EXPECT_EQ(row.against.value().largest, row.error.largest);
@@ -190,7 +191,7 @@ TEST(Sweep, every_row_is_compared_with_a_result_from_elsewhere)
     const double diagonal = std::sqrt(1.0 + 1.0 + 16.0);
     for (Eigen::Vector3d& x : bar.input.against)
         x.y() += 0.5 * diagonal;
-    const SweepRow& reference = bar.run().rows.front();
+    const SweepRow reference = bar.run().rows.front();
     EXPECT_NEAR(reference.against.value().largest, 0.5, 1e-12);
     EXPECT_NEAR(reference.against.value().rms, 0.5, 1e-12);
 }
