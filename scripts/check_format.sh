@@ -3,9 +3,10 @@
 # Every source file is formatted by clang-format 14 and starts with its licence.
 set -eu
 cd "$(dirname "$0")/.."
-files=$(find io octree solver editor tests -name '*.h' -o -name '*.cpp' | sort)
+rooms="io octree solver editor tests"
+files=$(find $rooms -name '*.h' -o -name '*.cpp' | sort)
 clang-format --dry-run -Werror $files
-for file in $files CMakeLists.txt scripts/*; do
+for file in $files CMakeLists.txt $(find $rooms -name CMakeLists.txt) cmake/* scripts/*; do
     head -n 3 "$file" | grep -q 'SPDX-License-Identifier: GPL-3.0-or-later' ||
         { echo "$file: no SPDX line" >&2; exit 1; }
 done

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Which vector instructions this processor has. Inner loops are compiled for each set
-// (CMakeLists.txt) and chosen at run time; all of them give the same bits.
+// (solver/field/CMakeLists.txt) and chosen at run time; all of them give the same bits.
 #pragma once
 
 #include <span>

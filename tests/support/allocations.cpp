@@ -43,7 +43,7 @@ void give_back(void* memory)
 } // namespace
 
 // The linker sends all calls of malloc and realloc in the program's own code here
-// (CMakeLists.txt): those of operator new below, and of Eigen's vectors.
+// (tests/CMakeLists.txt): those of operator new below, and of Eigen's vectors.
 extern "C" void* __real_malloc(std::size_t);
 extern "C" void* __real_realloc(void*, std::size_t);
 extern "C" void* __wrap_malloc(std::size_t size)
