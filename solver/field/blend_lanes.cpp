@@ -53,9 +53,9 @@ inline void store(Row& row, std::size_t part, const Lanes& value)
 
 inline Lanes square_root(const Lanes& value)
 {
-    Lanes root;
+    Lanes root = value;
     for (int l = 0; l < CELLWARP_WIDTH; ++l)
-        root[l] = __builtin_sqrtf(value[l]);
+        root[l] = __builtin_sqrtf(root[l]);
     return root;
 }
 

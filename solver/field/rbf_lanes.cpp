@@ -38,9 +38,9 @@ inline void store(double* numbers, const Lanes& value)
 
 inline Lanes square_root(const Lanes& value)
 {
-    Lanes root;
+    Lanes root = value;
     for (int l = 0; l < CELLWARP_WIDTH; ++l)
-        root[l] = __builtin_sqrt(value[l]);
+        root[l] = __builtin_sqrt(root[l]);
     return root;
 }
 
