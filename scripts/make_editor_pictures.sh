@@ -4,6 +4,8 @@
 # usage make_editor_pictures.sh [CELLWARP-EDITOR] [FOLDER]
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
+. "$here/scripts/packages.sh"
+command -v pngquant >/dev/null || packages_install pngquant
 editor=${1:-$here/build/cellwarp-editor}
 folder=${2:-$here/docs}
 mkdir -p "$folder"
@@ -60,3 +62,6 @@ shot $folder/editor-keys.png
 quit
 END
 (cd "$here" && play "$work/keys")
+
+# A palette is enough for them, in a third of the bytes.
+pngquant --force --ext .png --strip --skip-if-larger "$folder"/editor-*.png

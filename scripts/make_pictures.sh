@@ -3,6 +3,9 @@
 # Makes the README's pictures from the samples: usage make_pictures.sh [CELLWARP] [FOLDER]
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
+. "$here/scripts/packages.sh"
+command -v pngquant >/dev/null || packages_install pngquant
+python3 -c "import numpy" 2>/dev/null || packages_install python3-numpy
 cellwarp=${1:-$here/build/cellwarp}
 folder=${2:-$here/docs}
 mkdir -p "$folder"
@@ -44,3 +47,6 @@ large() {  # sample, extension
 }
 large scan ply
 large soup stl
+
+# A palette is enough for them, in a third of the bytes.
+pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

@@ -10,6 +10,7 @@
 #include "editor/session/session.h"
 #include "octree/parallel.h"
 #include "tests/support/allocations.h"
+#include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -58,7 +59,7 @@ TEST(OutOfMemory, any_allocation_of_a_session_may_fail_and_is_told)
         const std::size_t total = support::num_allocations() - before;
         std::mt19937 rng(4);
         std::size_t num_told = 0;
-        constexpr std::size_t kTrials = 120;
+        constexpr std::size_t kTrials = support::kIsSanitized ? 20 : 120;
         for (std::size_t trial = 0; trial < kTrials; ++trial)
         {
             // In every part of the run, and the first ones.
