@@ -7,12 +7,14 @@ find_package(CLI11 2.1 REQUIRED)
 find_package(ZLIB REQUIRED)                                             # io
 find_path(LZF_INCLUDE lzf.h PATH_SUFFIXES liblzf REQUIRED)              # io
 find_library(LZF_LIBRARY lzf REQUIRED)
-find_package(TBB REQUIRED)                                              # octree
-find_package(nanoflann REQUIRED)                                        # octree
+find_package(TBB REQUIRED)                                              # octree/base
+find_package(nanoflann REQUIRED)                                        # octree/base
+find_path(XXHASH_INCLUDE xxhash.h REQUIRED)                             # octree/base
+find_library(XXHASH_LIBRARY xxhash REQUIRED)
 set(BLA_VENDOR OpenBLAS)  # one BLAS thread is set by its own call
-find_package(BLAS REQUIRED)                                             # solver
+find_package(BLAS REQUIRED)                                             # solver/linear
 find_package(LAPACK REQUIRED)                                           # solver/field
-find_path(CHOLMOD_INCLUDE cholmod.h PATH_SUFFIXES suitesparse REQUIRED) # solver
+find_path(CHOLMOD_INCLUDE cholmod.h PATH_SUFFIXES suitesparse REQUIRED) # solver/linear
 find_library(CHOLMOD_LIBRARY cholmod REQUIRED)
 if(CELLWARP_IMPORT)
   find_package(assimp 5.2 REQUIRED)                                     # io/import

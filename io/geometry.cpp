@@ -47,7 +47,7 @@ struct Edit
 class EditStream
 {
 public:
-    EditStream(const Places& places, std::span<const double> before,
+    EditStream(const ByteOffsets& places, std::span<const double> before,
                std::span<const double> after)
         : places_(places), before_(before), after_(after)
     {
@@ -88,7 +88,7 @@ private:
                   [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
     }
 
-    const Places& places_;
+    const ByteOffsets& places_;
     std::span<const double> before_, after_;
     std::array<std::size_t, 4> order_ = {0, 1, 2, 3};
     std::size_t first_ = 0; ///< number of the vector
@@ -207,7 +207,8 @@ void check_magnitude(const std::string& path, const Geometry& geometry)
                             "is beyond 1e150");
 }
 
-std::string patched(const GeometryFile& file, const Patch& patch, std::size_t* num_split)
+std::string patched(const GeometryFile& file, const DeformedSamples& patch,
+                    std::size_t* num_split)
 {
     const Geometry& geometry = file.geometry;
     if (num_split)

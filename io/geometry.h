@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -37,7 +38,7 @@ enum class Scalar : std::uint8_t
 
 /// The numbers of vectors of one length, for a whole list of them: where in the bytes
 /// number k of vector i starts (starts[length * i + k]) and how it is stored.
-struct Places
+struct ByteOffsets
 {
     std::size_t length = 3; ///< at most 4
     std::array<Scalar, 4> scalars = {Scalar::Text, Scalar::Text, Scalar::Text,
@@ -85,10 +86,10 @@ struct Geometry
     std::vector<std::string> attributes; ///< what else a sample or face carries
     std::vector<std::string> warnings;
 
-    Places sample_places;
-    Places direction_places;
-    Places tangent_places;
-    Places rotation_places = {4};
+    ByteOffsets sample_places;
+    ByteOffsets direction_places;
+    ByteOffsets tangent_places;
+    ByteOffsets rotation_places = {4};
 
     /// Where the file packs its numbers: what they are unpacked to, which the places
     /// count in. Empty: they count in the file's bytes.
@@ -126,6 +127,14 @@ struct GeometryFile
     Geometry geometry;
     std::shared_ptr<const GltfLayout> gltf = nullptr; ///< of a glTF, see gltf.h
 };
+
+/// What is in it, which keeps the file.
+inline std::shared_ptr<const Geometry>
+geometry_of(std::shared_ptr<const GeometryFile> file)
+{
+    const Geometry* const geometry = &file->geometry;
+    return {std::move(file), geometry};
+}
 
 /// The formats that can be read and written, by lower-case extension.
 bool is_geometry_format(std::string_view extension);
@@ -165,7 +174,7 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry);
 void check_magnitude(const std::string& path, const Geometry& geometry);
 
 /// What a deformation changes, in the order of the file.
-struct Patch
+struct DeformedSamples
 {
     std::vector<Eigen::Vector3d> samples;    ///< as many as the geometry's
     std::vector<Eigen::Vector3d> directions; ///< one for each of direction_uses()
@@ -179,7 +188,7 @@ struct Patch
 /// it is split: new vn lines at the end, and only those corners' index changes;
 /// \p num_split, if given, counts the new lines.
 /// Throws Fault::Malformed if a value does not fit its stored type.
-std::string patched(const GeometryFile& file, const Patch& patch,
+std::string patched(const GeometryFile& file, const DeformedSamples& patch,
                     std::size_t* num_split = nullptr);
 
 /// What one part of a file ends with, in its order.

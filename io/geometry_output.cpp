@@ -74,7 +74,7 @@ void check_geometry_output(const std::string& output, const GeometryFile& model,
 }
 
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
-                           const Patch& patch, Overwrite overwrite)
+                           const DeformedSamples& patch, Overwrite overwrite)
 {
     if (!is_geometry_format(model.geometry.format))
     {

@@ -23,6 +23,6 @@ void check_geometry_output(const std::string& output, const GeometryFile& model,
 /// Writes \p model with \p patch in place: what stands beside it first, then the file.
 /// Gives the number of normals that were split, see patched().
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
-                           const Patch& patch, Overwrite overwrite);
+                           const DeformedSamples& patch, Overwrite overwrite);
 
 } // namespace cellwarp

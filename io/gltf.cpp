@@ -919,7 +919,7 @@ private:
     }
 
     static void add_places(const Accessor& accessor, std::size_t element_number,
-                           Places& places)
+                           ByteOffsets& places)
     {
         for (std::size_t k = 0; k < 3; ++k)
             places.starts.push_back(accessor.start + element_number * accessor.stride +
@@ -928,7 +928,7 @@ private:
     /// Directions or tangents of samples from \p first_sample on.
     void add_vectors(std::size_t number, std::size_t first_sample,
                      const Eigen::Matrix3d& map, std::vector<Eigen::Vector3d>& vectors,
-                     std::vector<std::uint32_t>& samples, Places& places)
+                     std::vector<std::uint32_t>& samples, ByteOffsets& places)
     {
         count_up(num_vectors_, accessors_[number].count, "normals and tangents");
         const std::vector<Eigen::Vector3d> values = values_of(number);
@@ -1209,7 +1209,7 @@ private:
             layout_.data.end());
         check_overlaps();
         if (!out_.not_writable.empty())
-            for (Places* places :
+            for (ByteOffsets* places :
                  {&out_.sample_places, &out_.direction_places, &out_.tangent_places})
                 places->starts.clear();
         out_.attributes.assign(attribute_names_.begin(), attribute_names_.end());

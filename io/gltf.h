@@ -131,7 +131,7 @@ struct PatchedGltf
 /// beside it become companions that are named after it. Without a name they are left
 /// out, and the file goes on naming the old ones.
 /// Throws Fault::Malformed if the file is not writable and something moves.
-PatchedGltf patched_gltf(const GeometryFile& file, const Patch& patch,
+PatchedGltf patched_gltf(const GeometryFile& file, const DeformedSamples& patch,
                          const std::string& output);
 
 // --- what a glTF in memory and one in ranges have in common

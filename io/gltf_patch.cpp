@@ -36,7 +36,8 @@ struct Replacement
 };
 
 /// The vectors as the buffers have them.
-std::vector<Eigen::Vector3d> stored_vectors(const Places& places, const std::string& body)
+std::vector<Eigen::Vector3d> stored_vectors(const ByteOffsets& places,
+                                            const std::string& body)
 {
     std::vector<Eigen::Vector3d> vectors(places.starts.size() / 3);
     for (std::size_t i = 0; i < places.starts.size(); ++i)
@@ -48,7 +49,7 @@ std::vector<Eigen::Vector3d> stored_vectors(const Places& places, const std::str
 /// Puts the vectors of a list that change into the body: \p to_node takes a vector of
 /// the world into the space of its part.
 template <class ToNode>
-void patch_vectors(const GeometryFile& file, int list, const Places& places,
+void patch_vectors(const GeometryFile& file, int list, const ByteOffsets& places,
                    const std::vector<Eigen::Vector3d>& before,
                    const std::vector<Eigen::Vector3d>& after, ToNode&& to_node,
                    std::string& body)
@@ -74,7 +75,7 @@ Eigen::Vector3d with_length_of(const Eigen::Vector3d& vector,
     return length > 0 ? Eigen::Vector3d(vector * (other.norm() / length)) : vector;
 }
 
-void patch_body(const GeometryFile& file, const Patch& patch, std::string& body)
+void patch_body(const GeometryFile& file, const DeformedSamples& patch, std::string& body)
 {
     const Geometry& geometry = file.geometry;
     patch_vectors(
@@ -310,7 +311,7 @@ std::vector<std::string> companion_paths(const GltfLayout& layout,
     return paths;
 }
 
-PatchedGltf patched_gltf(const GeometryFile& file, const Patch& patch,
+PatchedGltf patched_gltf(const GeometryFile& file, const DeformedSamples& patch,
                          const std::string& output)
 {
     const Geometry& geometry = file.geometry;

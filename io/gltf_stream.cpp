@@ -80,7 +80,7 @@ private:
     void load_vectors(const Data& data, const Range& range, const Eigen::Matrix3d& map,
                       Elements& elements, std::vector<Eigen::Vector3d>& vectors,
                       std::vector<std::uint32_t>& samples,
-                      std::vector<Eigen::Vector3d>& stored, Places& places) const;
+                      std::vector<Eigen::Vector3d>& stored, ByteOffsets& places) const;
     void move_elements(Elements& elements, const Range& range) const;
     bool move();
     void overwrite(const std::vector<Change>& changes);
@@ -251,7 +251,7 @@ void GltfStream::load(const Data& data, const Range& range, std::string& bytes,
                             Scalar::Float32, false);
 }
 
-void add_places(const Data& data, std::uint64_t i, Places& places)
+void add_places(const Data& data, std::uint64_t i, ByteOffsets& places)
 {
     for (std::size_t k = 0; k < 3; ++k)
         places.starts.push_back(data.start + i * data.stride + k * sizeof(float));
@@ -261,7 +261,8 @@ void GltfStream::load_vectors(const Data& data, const Range& range,
                               const Eigen::Matrix3d& map, Elements& elements,
                               std::vector<Eigen::Vector3d>& vectors,
                               std::vector<std::uint32_t>& samples,
-                              std::vector<Eigen::Vector3d>& stored, Places& places) const
+                              std::vector<Eigen::Vector3d>& stored,
+                              ByteOffsets& places) const
 {
     std::vector<Eigen::Vector3d>& values = elements.local;
     load(data, range, elements.bytes, values);
@@ -287,7 +288,7 @@ void GltfStream::move_elements(Elements& elements, const Range& range) const
     const GltfLayout::Part& part = file_.gltf->parts[run.part];
     elements.geometry = {};
     Geometry& geometry = elements.geometry;
-    for (Places* places :
+    for (ByteOffsets* places :
          {&geometry.sample_places, &geometry.direction_places, &geometry.tangent_places})
         places->scalars.fill(Scalar::Float32);
     elements.changes.clear();
@@ -329,7 +330,7 @@ void GltfStream::move_elements(Elements& elements, const Range& range) const
                 geometry.tangent_samples, elements.tangents});
 
     const GltfToNode to_node(part);
-    const auto note = [&](const Places& places,
+    const auto note = [&](const ByteOffsets& places,
                           const std::vector<Eigen::Vector3d>& before,
                           const std::vector<Eigen::Vector3d>& after,
                           const std::vector<Eigen::Vector3d>& stored, auto&& map)

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <map>
 
-#include "io/beside.h"
 #include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/number.h"
+#include "io/relative_name.h"
 #include "io/stored_number.h"
 #include "io/text.h"
 
@@ -175,7 +175,7 @@ Selector parse_selector(Statement& words, const std::string& file)
     else if (kind == "labels")
     {
         selector.kind = Selector::Kind::Labels;
-        selector.name = beside(file, words.word("label file"));
+        selector.name = resolved_name(file, words.word("label file"));
         selector.label = words.integer("label");
     }
     else if (kind == "group")

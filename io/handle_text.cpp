@@ -2,9 +2,9 @@
 // Handle files the other way: values as text that reads back the same.
 #include <algorithm>
 
-#include "io/beside.h"
 #include "io/handle_file.h"
 #include "io/number.h"
+#include "io/relative_name.h"
 #include "io/text.h"
 
 namespace cellwarp
@@ -51,7 +51,7 @@ public:
             break;
         case Selector::Kind::Labels:
             word("labels");
-            name(name_beside(path_, selector.name));
+            name(relative_name(path_, selector.name));
             word(std::to_string(selector.label));
             break;
         case Selector::Kind::Group:

@@ -105,7 +105,7 @@ struct ObjSplit
     std::vector<Eigen::Vector3d> directions; ///< of the original vn statements
 };
 
-/// Decides which vn must be split. \p uses and \p values as in Patch.
+/// Decides which vn must be split. \p uses and \p values as in DeformedSamples.
 ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionUse>& uses,
                           const std::vector<Eigen::Vector3d>& values,
                           std::string_view bytes);

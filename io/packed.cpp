@@ -6,7 +6,7 @@
 namespace cellwarp
 {
 
-void overwrite_changed(const Places& places, std::span<const double> before,
+void overwrite_changed(const ByteOffsets& places, std::span<const double> before,
                        std::span<const double> after, const std::string& file,
                        std::string& body)
 {

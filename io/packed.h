@@ -29,7 +29,7 @@ Error does_not_fit(const std::string& file, std::uint64_t start, double value);
 /// Calls put(start, bytes) for every number that changes, with its place and how it is
 /// stored. Throws Fault::Malformed, naming \p file, if one does not fit its stored type.
 template <class Put>
-void for_each_change(const Places& places, std::span<const double> before,
+void for_each_change(const ByteOffsets& places, std::span<const double> before,
                      std::span<const double> after, const std::string& file, Put&& put)
 {
     std::string stored;
@@ -47,7 +47,7 @@ void for_each_change(const Places& places, std::span<const double> before,
 
 /// Overwrites the numbers that change, at their places in \p body.
 /// Throws Fault::Malformed, naming \p file, if one does not fit its stored type.
-void overwrite_changed(const Places& places, std::span<const double> before,
+void overwrite_changed(const ByteOffsets& places, std::span<const double> before,
                        std::span<const double> after, const std::string& file,
                        std::string& body);
 

@@ -617,7 +617,7 @@ Error too_large_to_pack(const std::string& path)
     return malformed({path, 0, ""}, "is too large to be compressed");
 }
 
-std::string patched_pcd(const GeometryFile& file, const Patch& patch)
+std::string patched_pcd(const GeometryFile& file, const DeformedSamples& patch)
 {
     const Geometry& geometry = file.geometry;
     std::string body = geometry.unpacked;

@@ -131,6 +131,6 @@ Error too_large_to_pack(const std::string& path);
 
 /// The bytes of a compressed PCD with \p patch in place, compressed again. Where nothing
 /// changes they are the file's.
-std::string patched_pcd(const GeometryFile& file, const Patch& patch);
+std::string patched_pcd(const GeometryFile& file, const DeformedSamples& patch);
 
 } // namespace cellwarp

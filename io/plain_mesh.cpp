@@ -14,7 +14,8 @@ namespace
 {
 
 /// A normal for each sample; empty if one has none.
-std::vector<Eigen::Vector3d> normals_of(const Geometry& geometry, const Patch& patch)
+std::vector<Eigen::Vector3d> normals_of(const Geometry& geometry,
+                                        const DeformedSamples& patch)
 {
     std::vector<Eigen::Vector3d> normals(patch.samples.size(), Eigen::Vector3d::Zero());
     const std::vector<DirectionUse> uses = direction_uses(geometry);
@@ -26,7 +27,7 @@ std::vector<Eigen::Vector3d> normals_of(const Geometry& geometry, const Patch& p
     return normals;
 }
 
-std::string obj_bytes(const Geometry& geometry, const Patch& patch,
+std::string obj_bytes(const Geometry& geometry, const DeformedSamples& patch,
                       const std::vector<Eigen::Vector3d>& normals)
 {
     std::string text;
@@ -56,7 +57,7 @@ std::string obj_bytes(const Geometry& geometry, const Patch& patch,
     return text;
 }
 
-std::string ply_bytes(const Geometry& geometry, const Patch& patch,
+std::string ply_bytes(const Geometry& geometry, const DeformedSamples& patch,
                       const std::vector<Eigen::Vector3d>& normals)
 {
     std::string bytes = "ply\nformat binary_little_endian 1.0\nelement vertex " +
@@ -94,7 +95,7 @@ bool is_plain_format(std::string_view extension)
     return extension == "obj" || extension == "ply";
 }
 
-std::string plain_mesh_bytes(const Geometry& geometry, const Patch& patch,
+std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension)
 {
     const std::vector<Eigen::Vector3d> normals = normals_of(geometry, patch);

@@ -16,7 +16,7 @@ bool is_plain_format(std::string_view extension);
 
 /// The file's bytes; normals only where every sample has one. PLY is binary with
 /// coordinates in doubles.
-std::string plain_mesh_bytes(const Geometry& geometry, const Patch& patch,
+std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension);
 
 } // namespace cellwarp

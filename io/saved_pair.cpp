@@ -10,7 +10,7 @@
 namespace cellwarp
 {
 
-std::string save_print(std::string_view scene_text, std::string_view handle_text)
+std::string save_fingerprint(std::string_view scene_text, std::string_view handle_text)
 {
     return std::to_string(checksum_of(handle_text, checksum_of(scene_text)));
 }

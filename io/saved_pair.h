@@ -14,7 +14,7 @@ namespace cellwarp
 {
 
 /// The print of a save, from the texts of both files.
-std::string save_print(std::string_view scene_text, std::string_view handle_text);
+std::string save_fingerprint(std::string_view scene_text, std::string_view handle_text);
 
 /// What is to be said where a scene and the handle file that it names are of two saves:
 /// "SCENE: ...". What people have written themselves is of none.

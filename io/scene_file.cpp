@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include <nlohmann/json.hpp>
 
-#include "io/beside.h"
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "io/relative_name.h"
 
 namespace cellwarp
 {
@@ -38,8 +39,7 @@ public:
         const auto found = json_.find(key);
         return found == json_.end() ? nullptr : &*found;
     }
-    void text(const std::string& key, std::optional<std::string>& out,
-              std::initializer_list<const char*> allowed = {})
+    void read(const std::string& key, std::optional<std::string>& out)
     {
         const Json* value = find(key);
         if (!value)
@@ -47,39 +47,54 @@ public:
         if (!value->is_string())
             fail(key, "need a text");
         out = value->get<std::string>();
-        if (allowed.size() > 0 && std::none_of(allowed.begin(), allowed.end(),
-                                               [&](const char* a) { return *out == a; }))
-        {
-            std::string words;
-            for (const char* word : allowed)
-                words += (words.empty() ? "" : ", ") + std::string(word);
-            fail(key, "got " + in_quotes(*out) + ", need one of " + words);
-        }
     }
-    void integer(const std::string& key, std::optional<std::int64_t>& out,
-                 std::int64_t low, std::int64_t high)
+    void read(const std::string& key, const OneOf& allowed,
+              std::optional<std::string>& out)
+    {
+        read(key, out);
+        if (!out || allowed.has(*out))
+            return;
+        std::string words;
+        for (const char* word : allowed.words)
+            words += (words.empty() ? "" : ", ") + std::string(word);
+        fail(key, "got " + in_quotes(*out) + ", need one of " + words);
+    }
+    void read(const std::string& key, const Between<std::int64_t>& allowed,
+              std::optional<std::int64_t>& out)
     {
         const Json* value = find(key);
         if (!value)
             return;
         if (!value->is_number_integer() ||
-            value->get<double>() < static_cast<double>(low) ||
-            value->get<double>() > static_cast<double>(high))
+            value->get<double>() < static_cast<double>(allowed.low) ||
+            value->get<double>() > static_cast<double>(allowed.high))
             fail(key, "got " + value->dump().substr(0, 40) + ", need an integer from " +
-                          std::to_string(low) + " to " + std::to_string(high));
+                          std::to_string(allowed.low) + " to " +
+                          std::to_string(allowed.high));
         out = value->get<std::int64_t>();
     }
-    void number(const std::string& key, std::optional<double>& out, double low,
-                double high)
+    void read(const std::string& key, const Between<double>& allowed,
+              std::optional<double>& out)
     {
         const Json* value = find(key);
         if (!value)
             return;
-        if (!value->is_number() || !(value->get<double>() >= low) ||
-            !(value->get<double>() <= high))
+        if (!value->is_number() || !(value->get<double>() >= allowed.low) ||
+            !(value->get<double>() <= allowed.high))
             fail(key, "got " + value->dump().substr(0, 40) + ", need a number from " +
-                          shortest(low) + " to " + shortest(high));
+                          shortest(allowed.low) + " to " + shortest(allowed.high));
         out = value->get<double>();
+    }
+    /// The settings of one section.
+    void read_settings(std::string_view section)
+    {
+        visit_settings(
+            [&](std::string_view in, const char* key, const auto& allowed, auto& value)
+            {
+                if (in == section)
+                    read(key, allowed, value);
+            },
+            scene_.settings);
     }
     std::array<double, 3> vector(const std::string& key, const Json& value) const
     {
@@ -184,24 +199,18 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     if (version->get<std::int64_t>() != 1)
         root.fail("cellwarp", "made by version " + version->dump() + ", need 1");
     std::optional<std::string> model, handles;
-    root.text("model", model);
-    root.text("handles", handles);
+    root.read("model", model);
+    root.read("handles", handles);
     if (!model || model->empty())
         root.fail("model", "is missing");
-    scene.model = beside(path, *model);
-    scene.handles = handles ? beside(path, *handles) : "";
-    root.text("save", scene.save);
-    root.text("energy", scene.energy, {"cellwarp", "botsch07"});
+    scene.model = resolved_name(path, *model);
+    scene.handles = handles ? resolved_name(path, *handles) : "";
+    root.read("save", scene.save);
+    root.read_settings("");
     if (const Json* cells = root.find("cells"))
     {
         Object object(*cells, scene, "cells.");
-        object.text("fill", scene.fill, {"solid", "shell"});
-        object.integer("across", scene.across, 1, 1 << 20);
-        object.integer("max_depth", scene.max_depth, 0, 20);
-        object.number("threshold", scene.threshold, 0.0, 1e300);
-        object.number("gap", scene.gap, 1e-6, 1.0);
-        object.number("thickness", scene.thickness, 1e-6, 1.0);
-        object.integer("max_cells", scene.max_cells, 1, std::int64_t(1) << 31);
+        object.read_settings("cells");
         if (const Json* frame = object.find("frame"))
             scene.frame = read_frame(*frame, scene);
         object.warn_of_the_rest();
@@ -209,8 +218,7 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     if (const Json* field = root.find("field"))
     {
         Object object(*field, scene, "field.");
-        object.text("drag", scene.drag, {"blend", "closest4"});
-        object.text("release", scene.release, {"rbf", "rbf-global", "blend"});
+        object.read_settings("field");
         object.warn_of_the_rest();
     }
     for (const char* later : {"rods", "skeleton", "simulate"})
@@ -226,29 +234,22 @@ std::string scene_text(const SceneFile& scene)
     using Ordered = nlohmann::ordered_json;
     Ordered json = scene.text.empty() ? Ordered::object() : Ordered::parse(scene.text);
     json["cellwarp"] = 1;
-    json["model"] = name_beside(scene.path, scene.model);
+    json["model"] = relative_name(scene.path, scene.model);
     if (scene.handles.empty())
         json.erase("handles");
     else
-        json["handles"] = name_beside(scene.path, scene.handles);
-    const auto put = [&](const char* part, const char* key, const auto& value)
-    {
-        if (value)
-            json[part][key] = *value;
-        else if (json.contains(part))
-            json[part].erase(key);
-    };
-    if (scene.energy)
-        json["energy"] = *scene.energy;
-    else
-        json.erase("energy");
-    put("cells", "fill", scene.fill);
-    put("cells", "across", scene.across);
-    put("cells", "max_depth", scene.max_depth);
-    put("cells", "threshold", scene.threshold);
-    put("cells", "gap", scene.gap);
-    put("cells", "thickness", scene.thickness);
-    put("cells", "max_cells", scene.max_cells);
+        json["handles"] = relative_name(scene.path, scene.handles);
+    visit_settings(
+        [&](const std::string& section, const char* key, const auto&, const auto& value)
+        {
+            if (value)
+                (section.empty() ? json : json[section])[key] = *value;
+            else if (section.empty())
+                json.erase(key);
+            else if (json.contains(section))
+                json[section].erase(key);
+        },
+        scene.settings);
     if (scene.frame)
     {
         Ordered& frame = json["cells"]["frame"];
@@ -258,8 +259,6 @@ std::string scene_text(const SceneFile& scene)
     }
     else if (json.contains("cells"))
         json["cells"].erase("frame");
-    put("field", "drag", scene.drag);
-    put("field", "release", scene.release);
     if (scene.save)
         json["save"] = *scene.save;
     else

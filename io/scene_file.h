@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "io/scene_settings.h"
+
 namespace cellwarp
 {
 
@@ -19,24 +21,15 @@ struct FrameBox
     std::array<double, 3> size{};                ///< [model unit]; >= 0
 };
 
-/// What the scene says; what it leaves out stays empty and takes its default.
+/// What the scene says; what it leaves out stays empty.
 struct SceneFile
 {
     std::string path;
-    std::string model;                  ///< resolved against the scene file
-    std::string handles;                ///< resolved; empty if none
-    std::optional<std::string> energy;  ///< "cellwarp" or "botsch07"
-    std::optional<std::string> fill;    ///< "solid" or "shell"
-    std::optional<std::int64_t> across; ///< >= 1
-    std::optional<std::int64_t> max_depth;
-    std::optional<double> threshold;
-    std::optional<double> gap;
-    std::optional<double> thickness;
-    std::optional<std::int64_t> max_cells;
+    std::string model;   ///< resolved against the scene file
+    std::string handles; ///< resolved; empty if none
+    SceneSettings settings;
     std::optional<FrameBox> frame;
-    std::optional<std::string> drag;    ///< "blend" or "closest4"
-    std::optional<std::string> release; ///< "rbf", "rbf-global" or "blend"
-    std::optional<std::string> save;    ///< that wrote it, see saved_pair.h
+    std::optional<std::string> save; ///< that wrote it, see saved_pair.h
     std::vector<std::string> warnings;
     std::string text; ///< as it was read, with what the rest leaves out
 };

@@ -28,7 +28,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -44,9 +45,8 @@ bool is_whole(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& piec
     for (int axis = 0; axis < 3; ++axis)
     {
         const std::vector<double>& lines = grid.lines(axis);
-        const std::size_t begin = static_cast<std::size_t>(block.first[axis]);
-        const double length =
-            lines[begin + static_cast<std::size_t>(block.width)] - lines[begin];
+        const std::size_t begin = idx(block.first[axis]);
+        const double length = lines[begin + idx(block.width)] - lines[begin];
         if (std::abs(length - edge) > 1e-9 * edge)
             return false; // cut by the border of the grid
     }
@@ -98,7 +98,7 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 if (piece < first_piece ||
                     piece >= first_piece + static_cast<int>(cells.size()))
                     continue;
-                const std::size_t at = static_cast<std::size_t>(piece - first_piece);
+                const std::size_t at = idx(piece - first_piece);
                 const Eigen::Vector3d size(grid.extent(0, voxel.x()),
                                            grid.extent(1, voxel.y()),
                                            grid.extent(2, voxel.z()));
@@ -129,10 +129,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
                 const Eigen::Vector3i& voxel, int piece)
 {
-    const int leaf = pieces.leaf_of_piece[static_cast<std::size_t>(piece)];
-    return is_in(
-        voxel_block(grid.shape(), octree.leaves()[static_cast<std::size_t>(leaf)]),
-        voxel);
+    const int leaf = pieces.leaf_of_piece[idx(piece)];
+    return is_in(voxel_block(grid.shape(), octree.leaves()[idx(leaf)]), voxel);
 }
 
 /// What is added up over the pairs of voxels of one face.
@@ -202,7 +200,7 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                     continue;
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
-                centre[axis] = grid.lines(axis)[static_cast<std::size_t>(last) + 1];
+                centre[axis] = grid.lines(axis)[idx(last) + 1];
                 const std::tuple<int, int, int> face_key(a, axis, b);
                 if (face_key != last_key)
                     sum = &found[face_key];
@@ -254,9 +252,8 @@ std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pi
                                          const Sheets& sheets,
                                          const std::vector<Face>& faces)
 {
-    const std::size_t step[3] = {1, static_cast<std::size_t>(grid.counts().x()),
-                                 static_cast<std::size_t>(grid.counts().x()) *
-                                     static_cast<std::size_t>(grid.counts().y())};
+    const std::size_t step[3] = {1, idx(grid.counts().x()),
+                                 idx(grid.counts().x()) * idx(grid.counts().y())};
     const auto key = [](const Face& face)
     { return std::tuple(face.a, face.axis, face.b); };
     std::vector<std::pair<std::size_t, const SheetCrossing*>> crossings;
@@ -271,7 +268,7 @@ std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pi
                                             { return key(face) < of; });
         if (found == faces.end() || key(*found) != wanted)
             continue; // within one cell
-        const std::size_t f = static_cast<std::size_t>(found - faces.begin());
+        const std::size_t f = idx(found - faces.begin());
         crossings.emplace_back(f, &crossing);
         sections[f].area += crossing.area;
         sections[f].first += crossing.area * crossing.centre;
@@ -320,8 +317,7 @@ void place_middles(const Pieces& pieces, const Sheets& sheets, std::vector<Cell>
     std::vector<Eigen::Vector3d> sums(cells.size(), Eigen::Vector3d::Zero());
     for (const SheetPatch& patch : sheets.patches)
     {
-        const std::size_t piece =
-            static_cast<std::size_t>(pieces.piece_of_voxel[patch.voxel]);
+        const std::size_t piece = idx(pieces.piece_of_voxel[patch.voxel]);
         areas[piece] += patch.area;
         sums[piece] += patch.area * patch.centre;
     }
@@ -341,7 +337,7 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     result.cells.resize(pieces.size());
     std::vector<std::size_t> first(num_leaves + 1, 0);
     for (const int leaf : pieces.leaf_of_piece)
-        ++first[static_cast<std::size_t>(leaf) + 1];
+        ++first[idx(leaf) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::vector<Face>> faces(num_leaves);
     parallel_for(
@@ -358,8 +354,8 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     for (std::vector<Face>& of_leaf : faces)
         for (Face& face : of_leaf)
         {
-            const std::size_t a = static_cast<std::size_t>(face.a);
-            const std::size_t b = static_cast<std::size_t>(face.b);
+            const std::size_t a = idx(face.a);
+            const std::size_t b = idx(face.b);
             face.distance = 0.5 * (result.cells[a].edge + result.cells[b].edge);
             if (face.area > 0)
                 face.turning = turning_of(face, result.cells[a], result.cells[b]);
@@ -393,10 +389,10 @@ std::vector<int> connected_components(const Cells& cells)
     std::iota(root.begin(), root.end(), 0);
     const auto find = [&](int cell)
     {
-        while (root[static_cast<std::size_t>(cell)] != cell)
+        while (root[idx(cell)] != cell)
         {
-            int& up = root[static_cast<std::size_t>(cell)];
-            up = root[static_cast<std::size_t>(up)];
+            int& up = root[idx(cell)];
+            up = root[idx(up)];
             cell = up;
         }
         return cell;
@@ -404,13 +400,13 @@ std::vector<int> connected_components(const Cells& cells)
     for (const Face& face : cells.faces)
     {
         const int a = find(face.a), b = find(face.b);
-        root[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+        root[idx(std::max(a, b))] = std::min(a, b);
     }
     std::vector<int> number(cells.size(), -1);
     int count = 0;
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
-        const std::size_t first = static_cast<std::size_t>(find(static_cast<int>(i)));
+        const std::size_t first = idx(find(static_cast<int>(i)));
         if (number[first] < 0)
             number[first] = count++;
         number[i] = number[first];

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
 #include "octree/octree.h"
 #include "octree/pieces.h"
 #include "octree/sheet.h"
@@ -62,10 +63,8 @@ struct Cells
     std::size_t size() const { return cells.size(); }
     std::span<const int> neighbours_of(int cell) const
     {
-        const std::size_t first =
-            static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell)]);
-        const std::size_t end =
-            static_cast<std::size_t>(first_neighbour[static_cast<std::size_t>(cell) + 1]);
+        const std::size_t first = idx(first_neighbour[idx(cell)]);
+        const std::size_t end = idx(first_neighbour[idx(cell) + 1]);
         return std::span(neighbours).subspan(first, end - first);
     }
 };

@@ -6,7 +6,8 @@
 
 #include <limits>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -30,33 +31,32 @@ void transform_line(float* values, std::int32_t* labels, std::size_t stride, int
                     LineScratch& scratch)
 {
     auto& [f, from, site, known] = scratch;
-    f.resize(static_cast<std::size_t>(count));
-    site.resize(static_cast<std::size_t>(count));
-    from.resize(static_cast<std::size_t>(count) + 1);
+    f.resize(idx(count));
+    site.resize(idx(count));
+    from.resize(idx(count) + 1);
     int top = -1;
     for (int q = 0; q < count; ++q)
     {
-        const std::size_t at = static_cast<std::size_t>(q);
+        const std::size_t at = idx(q);
         f[at] = values[at * stride];
         if (f[at] == kFar)
             continue;
         float start = -kFar;
         while (top >= 0)
         {
-            const std::size_t p =
-                static_cast<std::size_t>(site[static_cast<std::size_t>(top)]);
+            const std::size_t p = idx(site[idx(top)]);
             const float fq = f[at] + static_cast<float>(q) * static_cast<float>(q);
             const float fp = f[p] + static_cast<float>(p) * static_cast<float>(p);
             start = (fq - fp) / (2.0f * static_cast<float>(q - static_cast<int>(p)));
-            if (start > from[static_cast<std::size_t>(top)])
+            if (start > from[idx(top)])
                 break;
             --top;
         }
         if (top < 0)
             start = -kFar;
         ++top;
-        site[static_cast<std::size_t>(top)] = q;
-        from[static_cast<std::size_t>(top)] = start;
+        site[idx(top)] = q;
+        from[idx(top)] = start;
     }
     if (top < 0)
         return;
@@ -66,25 +66,22 @@ void transform_line(float* values, std::int32_t* labels, std::size_t stride, int
     int next = 0;
     for (int q = 0; q < count; ++q)
     {
-        while (next < top &&
-               from[static_cast<std::size_t>(next) + 1] < static_cast<float>(q))
+        while (next < top && from[idx(next) + 1] < static_cast<float>(q))
             ++next;
-        const int p = site[static_cast<std::size_t>(next)];
+        const int p = site[idx(next)];
         const float d = static_cast<float>(q - p);
-        values[static_cast<std::size_t>(q) * stride] =
-            d * d + f[static_cast<std::size_t>(p)];
+        values[idx(q) * stride] = d * d + f[idx(p)];
         if (labels)
-            labels[static_cast<std::size_t>(q) * stride] =
-                known[static_cast<std::size_t>(p)];
+            labels[idx(q) * stride] = known[idx(p)];
     }
 }
 
 /// Along x, then y, then z.
 void transform(std::vector<float>& d, std::int32_t* labels, const Eigen::Vector3i& counts)
 {
-    const std::size_t nx = static_cast<std::size_t>(counts.x());
-    const std::size_t ny = static_cast<std::size_t>(counts.y());
-    const std::size_t nz = static_cast<std::size_t>(counts.z());
+    const std::size_t nx = idx(counts.x());
+    const std::size_t ny = idx(counts.y());
+    const std::size_t nz = idx(counts.z());
     const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
     {
         parallel_ranges(lines, 64,

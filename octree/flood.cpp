@@ -9,6 +9,7 @@
 #include <numeric>
 #include <vector>
 
+#include "octree/base/index.h"
 #include "octree/distance_transform.h"
 
 namespace cellwarp
@@ -41,10 +42,7 @@ struct PaddedMarks
                 int width)
         : counts((grid.counts().array() + 2 * width).matrix()), border(width)
     {
-        marks.assign(static_cast<std::size_t>(counts.x()) *
-                         static_cast<std::size_t>(counts.y()) *
-                         static_cast<std::size_t>(counts.z()),
-                     0);
+        marks.assign(idx(counts.x()) * idx(counts.y()) * idx(counts.z()), 0);
         for (int k = 0; k < grid.counts().z(); ++k)
             for (int j = 0; j < grid.counts().y(); ++j)
                 std::copy_n(&of_grid[grid.index(0, j, k)], grid.counts().x(),
@@ -52,11 +50,8 @@ struct PaddedMarks
     }
     std::size_t at(int i, int j, int k) const
     {
-        return (static_cast<std::size_t>(k + border) *
-                    static_cast<std::size_t>(counts.y()) +
-                static_cast<std::size_t>(j + border)) *
-                   static_cast<std::size_t>(counts.x()) +
-               static_cast<std::size_t>(i + border);
+        return (idx(k + border) * idx(counts.y()) + idx(j + border)) * idx(counts.x()) +
+               idx(i + border);
     }
 };
 
@@ -77,25 +72,24 @@ std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
     std::vector<std::int8_t> reached(distances.size(), -1);
     const std::ptrdiff_t step[3] = {1, counts.x(),
                                     static_cast<std::ptrdiff_t>(counts.x()) * counts.y()};
-    std::vector<std::vector<std::size_t>> stacks(static_cast<std::size_t>(most) + 1);
+    std::vector<std::vector<std::size_t>> stacks(idx(most) + 1);
     reached[0] = static_cast<std::int8_t>(most);
     stacks.back().push_back(0);
     for (int r = most; r >= 0; --r)
-        while (!stacks[static_cast<std::size_t>(r)].empty())
+        while (!stacks[idx(r)].empty())
         {
-            const std::size_t voxel = stacks[static_cast<std::size_t>(r)].back();
-            stacks[static_cast<std::size_t>(r)].pop_back();
-            const std::size_t nx = static_cast<std::size_t>(counts.x());
-            const std::size_t ny = static_cast<std::size_t>(counts.y());
+            const std::size_t voxel = stacks[idx(r)].back();
+            stacks[idx(r)].pop_back();
+            const std::size_t nx = idx(counts.x());
+            const std::size_t ny = idx(counts.y());
             const std::size_t place[3] = {voxel % nx, voxel / nx % ny, voxel / nx / ny};
             for (int axis = 0; axis < 3; ++axis)
                 for (const int direction : {-1, 1})
                 {
-                    if (place[axis] ==
-                        (direction < 0 ? 0 : static_cast<std::size_t>(counts[axis] - 1)))
+                    if (place[axis] == (direction < 0 ? 0 : idx(counts[axis] - 1)))
                         continue;
-                    const std::size_t next = static_cast<std::size_t>(
-                        static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
+                    const std::size_t next =
+                        idx(static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
                     if (reached[next] >= 0)
                         continue;
                     const int there =
@@ -103,7 +97,7 @@ std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
                     if (there < 0)
                         continue;
                     reached[next] = static_cast<std::int8_t>(there);
-                    stacks[static_cast<std::size_t>(there)].push_back(next);
+                    stacks[idx(there)].push_back(next);
                 }
         }
     return reached;
@@ -120,7 +114,7 @@ EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
     const PaddedMarks padded(grid, marks, most + 2);
     std::vector<std::int8_t> reached;
     // Of each radius: free voxels that the flood does not reach, and the deepest of them.
-    std::vector<std::size_t> inside(static_cast<std::size_t>(most) + 1, 0);
+    std::vector<std::size_t> inside(idx(most) + 1, 0);
     std::vector<float> deepest(inside.size(), 0.0f);
     {
         const std::vector<float> distances =
@@ -129,15 +123,15 @@ EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
         for (std::size_t i = 0; i < reached.size(); ++i)
             for (int r = reached[i] + 1; r <= free_radius(distances[i], most); ++r)
             {
-                const std::size_t at = static_cast<std::size_t>(r);
+                const std::size_t at = idx(r);
                 ++inside[at];
                 deepest[at] = std::max(deepest[at], distances[i]);
             }
     }
     for (int r = 1; r <= most; ++r)
         if (const float depth = static_cast<float>(r) + kMinDepth;
-            deepest[static_cast<std::size_t>(r)] < depth * depth)
-            inside[static_cast<std::size_t>(r)] = 0;
+            deepest[idx(r)] < depth * depth)
+            inside[idx(r)] = 0;
     const double enough =
         kSealed * static_cast<double>(*std::max_element(inside.begin(), inside.end()));
     const int best =
@@ -147,7 +141,7 @@ EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
                          inside.begin());
     const double num_marks = static_cast<double>(std::count_if(
         marks.begin(), marks.end(), [](std::uint8_t mark) { return mark != 0; }));
-    if (static_cast<double>(inside[static_cast<std::size_t>(best)]) <
+    if (static_cast<double>(inside[idx(best)]) <
         std::max(1.0, kMinInsideShare * num_marks))
         return enclosed;
     std::vector<std::uint8_t> outside(reached.size());
@@ -254,13 +248,12 @@ void join_fragments(VoxelGrid& grid, int reach)
     }
     std::stable_sort(links.begin(), links.end(),
                      [](const Link& a, const Link& b) { return a.length < b.length; });
-    std::vector<std::int32_t> root(static_cast<std::size_t>(num_parts));
+    std::vector<std::int32_t> root(idx(num_parts));
     std::iota(root.begin(), root.end(), 0);
     const auto find = [&](std::int32_t i)
     {
-        while (root[static_cast<std::size_t>(i)] != i)
-            i = root[static_cast<std::size_t>(i)] =
-                root[static_cast<std::size_t>(root[static_cast<std::size_t>(i)])];
+        while (root[idx(i)] != i)
+            i = root[idx(i)] = root[idx(root[idx(i)])];
         return i;
     };
     for (const Link& link : links)
@@ -268,7 +261,7 @@ void join_fragments(VoxelGrid& grid, int reach)
         const std::int32_t a = find(part[link.a]), b = find(part[link.b]);
         if (a == b)
             continue;
-        root[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+        root[idx(std::max(a, b))] = std::min(a, b);
         for (std::size_t voxel : {link.a, link.b})
             for (; !material[voxel]; voxel = from[voxel])
                 material[voxel] = 1;

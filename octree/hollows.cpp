@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "octree/base/index.h"
 #include "octree/distance_transform.h"
 #include "octree/winding.h"
 #include "octree/wrap/wrap.h"
@@ -170,9 +171,8 @@ bool add_hollows(const Lattice& lattice, const Flags& enclosed, double radius,
     }
     if (!has_any)
         return false;
-    const std::size_t nx = static_cast<std::size_t>(lattice.counts().x());
-    const std::size_t stride[3] = {1, nx,
-                                   nx * static_cast<std::size_t>(lattice.counts().y())};
+    const std::size_t nx = idx(lattice.counts().x());
+    const std::size_t stride[3] = {1, nx, nx * idx(lattice.counts().y())};
     for (std::size_t at = stacks.size(); at-- > 0;)
         while (!stacks[at].empty())
         {

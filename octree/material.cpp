@@ -5,10 +5,10 @@
 #include <cmath>
 #include <tuple>
 
+#include "octree/base/point_tree.h"
 #include "octree/distance_transform.h"
 #include "octree/flood.h"
 #include "octree/hollows.h"
-#include "octree/point_tree.h"
 #include "octree/surface_marks.h"
 #include "octree/touching.h"
 #include "octree/winding.h"

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -73,7 +75,7 @@ int Octree::find(const Eigen::Vector3i& finest) const
     const auto after = std::upper_bound(keys_.begin(), keys_.end(), morton(finest));
     if (after == keys_.begin())
         return -1;
-    const std::size_t at = static_cast<std::size_t>(after - keys_.begin()) - 1;
+    const std::size_t at = idx(after - keys_.begin()) - 1;
     const Leaf& leaf = leaves_[at];
     const bool is_inside = (finest.array() >= leaf.corner.array()).all() &&
                            (finest.array() < leaf.corner.array() + width(leaf)).all();
@@ -125,8 +127,7 @@ std::vector<int> Octree::unbalanced() const
                 Eigen::Vector3i place = leaf.corner;
                 place[axis] += side;
                 const int other = find(place);
-                if (other >= 0 &&
-                    leaves_[static_cast<std::size_t>(other)].level < leaf.level - 1)
+                if (other >= 0 && leaves_[idx(other)].level < leaf.level - 1)
                     coarse.push_back(other);
             }
     }
@@ -148,8 +149,7 @@ Octree Octree::split(std::span<const int> leaves, const MaterialTest& has_materi
     {
         std::vector<bool> is_split(tree.leaves_.size(), false);
         for (const int leaf : wanted)
-            is_split[static_cast<std::size_t>(leaf)] =
-                tree.leaves_[static_cast<std::size_t>(leaf)].level < max_depth_;
+            is_split[idx(leaf)] = tree.leaves_[idx(leaf)].level < max_depth_;
         std::vector<Leaf> next;
         for (std::size_t i = 0; i < tree.leaves_.size(); ++i)
         {
@@ -194,8 +194,8 @@ Octree Octree::merge(std::span<const int> leaves) const
 {
     std::vector<Leaf> boxes;
     for (const int leaf : leaves)
-        if (leaves_[static_cast<std::size_t>(leaf)].level > 0)
-            boxes.push_back(parent(leaves_[static_cast<std::size_t>(leaf)]));
+        if (leaves_[idx(leaf)].level > 0)
+            boxes.push_back(parent(leaves_[idx(leaf)]));
     std::sort(boxes.begin(), boxes.end(),
               [&](const Leaf& a, const Leaf& b)
               { return std::pair(key(a), a.level) < std::pair(key(b), b.level); });
@@ -206,15 +206,14 @@ Octree Octree::merge(std::span<const int> leaves) const
     for (const Leaf& box : boxes)
     {
         // The leaves of a box stand together in Morton order.
-        const std::size_t begin = static_cast<std::size_t>(
-            std::lower_bound(keys_.begin(), keys_.end(), key(box)) - keys_.begin());
+        const std::size_t begin =
+            idx(std::lower_bound(keys_.begin(), keys_.end(), key(box)) - keys_.begin());
         std::size_t end = begin;
         bool may_merge = true;
         for (; end < leaves_.size() && is_inside(leaves_[end], box); ++end)
             may_merge &= leaves_[end].level == box.level + 1;
         for (const int neighbour : face_neighbours(box))
-            may_merge &=
-                leaves_[static_cast<std::size_t>(neighbour)].level <= box.level + 1;
+            may_merge &= leaves_[idx(neighbour)].level <= box.level + 1;
         if (!may_merge)
             continue;
         std::fill(is_merged.begin() + static_cast<std::ptrdiff_t>(begin),

@@ -6,7 +6,8 @@
 #include <map>
 #include <set>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -98,7 +99,7 @@ std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
                        const std::int32_t piece =
                            pieces.piece_of_voxel[grid.index(voxel)];
                        if (piece >= 0)
-                           ++sizes[static_cast<std::size_t>(piece - first)];
+                           ++sizes[idx(piece - first)];
                    });
     const double least = kCrumb * std::pow(block.width, 3);
     std::vector<bool> is_crumb;
@@ -119,7 +120,7 @@ touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
                    [&](const Eigen::Vector3i& voxel)
                    {
                        const std::int32_t piece = piece_at(voxel);
-                       if (piece < 0 || !is_crumb[static_cast<std::size_t>(piece)])
+                       if (piece < 0 || !is_crumb[idx(piece)])
                            return;
                        for (int axis = 0; axis < 3; ++axis)
                            for (const int step : {-1, 1})
@@ -129,8 +130,7 @@ touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
                                if (!grid.contains(next))
                                    continue;
                                const std::int32_t other = piece_at(next);
-                               if (other >= 0 && other != piece &&
-                                   !is_crumb[static_cast<std::size_t>(other)])
+                               if (other >= 0 && other != piece && !is_crumb[idx(other)])
                                    touches[piece].insert(other);
                            }
                    });
@@ -152,9 +152,9 @@ std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
         if (first[leaf + 1] - first[leaf] < 2)
             continue;
         shared.push_back(leaf);
-        const std::vector<bool> found = crumbs_of(
-            grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces, first[leaf],
-            static_cast<std::size_t>(first[leaf + 1] - first[leaf]));
+        const std::vector<bool> found =
+            crumbs_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
+                      first[leaf], idx(first[leaf + 1] - first[leaf]));
         std::copy(found.begin(), found.end(), is_crumb.begin() + first[leaf]);
     }
     for (const std::size_t leaf : shared)
@@ -162,7 +162,7 @@ std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
              touches_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
                         is_crumb))
             if (others.size() == 1)
-                adopter[static_cast<std::size_t>(piece)] = *others.begin();
+                adopter[idx(piece)] = *others.begin();
     return adopter;
 }
 
@@ -184,27 +184,25 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     for (std::size_t i = 0; i < leaves.size(); ++i)
     {
         first[i] = static_cast<std::int32_t>(pieces.size());
-        pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(),
-                                    static_cast<std::size_t>(counts[i]),
+        pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(), idx(counts[i]),
                                     static_cast<int>(i));
     }
     first.back() = static_cast<std::int32_t>(pieces.size());
     const auto renumber = [&](auto&& number_of)
     {
-        parallel_for(
-            leaves.size(),
-            [&](std::size_t i)
-            {
-                const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
-                for (const std::size_t row : rows_of(grid, block))
-                    for (int x = 0; x < block.width; ++x)
-                    {
-                        std::int32_t& piece =
-                            pieces.piece_of_voxel[row + static_cast<std::size_t>(x)];
-                        if (piece >= 0)
-                            piece = number_of(i, piece);
-                    }
-            });
+        parallel_for(leaves.size(),
+                     [&](std::size_t i)
+                     {
+                         const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
+                         for (const std::size_t row : rows_of(grid, block))
+                             for (int x = 0; x < block.width; ++x)
+                             {
+                                 std::int32_t& piece =
+                                     pieces.piece_of_voxel[row + idx(x)];
+                                 if (piece >= 0)
+                                     piece = number_of(i, piece);
+                             }
+                     });
     };
     renumber([&](std::size_t leaf, std::int32_t piece) { return first[leaf] + piece; });
     const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);
@@ -221,8 +219,8 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     renumber(
         [&](std::size_t, std::int32_t piece)
         {
-            const std::int32_t by = adopter[static_cast<std::size_t>(piece)];
-            return number[static_cast<std::size_t>(by < 0 ? piece : by)];
+            const std::int32_t by = adopter[idx(piece)];
+            return number[idx(by < 0 ? piece : by)];
         });
     pieces.leaf_of_piece = std::move(leaf_of_kept);
     return pieces;

@@ -23,8 +23,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
-#include "octree/parallel.h"
-#include "octree/point_tree.h"
+#include "octree/base/parallel.h"
+#include "octree/base/point_tree.h"
 #include "octree/winding.h"
 
 namespace cellwarp

@@ -15,7 +15,8 @@
 
 #include <Eigen/Geometry>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -31,7 +32,7 @@ VoxelLines lines_in_voxels(const VoxelGrid& grid)
     VoxelLines lines;
     for (int axis = 0; axis < 3; ++axis)
         for (const double line : grid.lines(axis))
-            lines[static_cast<std::size_t>(axis)].push_back(
+            lines[idx(axis)].push_back(
                 grid.to_voxels(Eigen::Vector3d::Constant(line))[axis]);
     return lines;
 }
@@ -92,9 +93,9 @@ private:
         Box box;
         for (int k = 0; k < 3; ++k)
         {
-            const std::vector<double>& lines = lines_[static_cast<std::size_t>(k)];
-            box.low[k] = lines[static_cast<std::size_t>(range.first[k])];
-            box.high[k] = lines[static_cast<std::size_t>(range.last[k]) + 1];
+            const std::vector<double>& lines = lines_[idx(k)];
+            box.low[k] = lines[idx(range.first[k])];
+            box.high[k] = lines[idx(range.last[k]) + 1];
         }
         return box;
     }

@@ -14,7 +14,8 @@
 #include <algorithm>
 #include <array>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "octree/surface_marks.h"
 
 namespace cellwarp
@@ -51,16 +52,16 @@ int parts_around(const VoxelGrid& grid, const std::vector<std::uint8_t>& materia
     for (int i = 0; i < 27; ++i)
     {
         const Eigen::Vector3i other = voxel + step(i);
-        is_left[static_cast<std::size_t>(i)] =
+        is_left[idx(i)] =
             i != kMiddle && grid.contains(other) && material[grid.index(other)];
     }
     int parts = 0;
     for (int seed = 0; seed < 27; ++seed)
     {
-        if (!is_left[static_cast<std::size_t>(seed)])
+        if (!is_left[idx(seed)])
             continue;
         ++parts;
-        is_left[static_cast<std::size_t>(seed)] = false;
+        is_left[idx(seed)] = false;
         std::array<int, 27> stack;
         std::size_t height = 0;
         stack[height++] = seed;
@@ -68,10 +69,9 @@ int parts_around(const VoxelGrid& grid, const std::vector<std::uint8_t>& materia
         {
             const int from = stack[--height];
             for (int to = 0; to < 27; ++to)
-                if (is_left[static_cast<std::size_t>(to)] &&
-                    (step(from) - step(to)).cwiseAbs().sum() == 1)
+                if (is_left[idx(to)] && (step(from) - step(to)).cwiseAbs().sum() == 1)
                 {
-                    is_left[static_cast<std::size_t>(to)] = false;
+                    is_left[idx(to)] = false;
                     stack[height++] = to;
                 }
         }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -68,10 +70,10 @@ VoxelGrid::VoxelGrid(const GridShape& shape)
         const int n = counts_[axis];
         const double size = shape.size[axis];
         corner_[axis] = 0.5 * (size - n * voxel);
-        std::vector<double>& lines = lines_[static_cast<std::size_t>(axis)];
-        lines.resize(static_cast<std::size_t>(n) + 1);
+        std::vector<double>& lines = lines_[idx(axis)];
+        lines.resize(idx(n) + 1);
         for (int i = 0; i <= n; ++i)
-            lines[static_cast<std::size_t>(i)] = corner_[axis] + i * voxel;
+            lines[idx(i)] = corner_[axis] + i * voxel;
         int& first = inside_box_.first[axis];
         int& last = inside_box_.last[axis];
         first = 0;
@@ -86,16 +88,13 @@ VoxelGrid::VoxelGrid(const GridShape& shape)
         std::fill(lines.begin(), lines.begin() + first + 1, 0.0);
         std::fill(lines.begin() + last + 1, lines.end(), size);
     }
-    material_.assign(static_cast<std::size_t>(counts_.x()) *
-                         static_cast<std::size_t>(counts_.y()) *
-                         static_cast<std::size_t>(counts_.z()),
-                     0);
+    material_.assign(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()), 0);
 }
 
 Eigen::Vector3i VoxelGrid::coordinates(std::size_t index) const
 {
-    const std::size_t nx = static_cast<std::size_t>(counts_.x());
-    const std::size_t ny = static_cast<std::size_t>(counts_.y());
+    const std::size_t nx = idx(counts_.x());
+    const std::size_t ny = idx(counts_.y());
     return {static_cast<int>(index % nx), static_cast<int>(index / nx % ny),
             static_cast<int>(index / nx / ny)};
 }
@@ -127,7 +126,7 @@ Eigen::Vector3d VoxelGrid::centre(const Eigen::Vector3i& v) const
     for (int axis = 0; axis < 3; ++axis)
     {
         const std::vector<double>& l = lines(axis);
-        const std::size_t i = static_cast<std::size_t>(v[axis]);
+        const std::size_t i = idx(v[axis]);
         x[axis] = 0.5 * (l[i] + l[i + 1]);
     }
     return x;

@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -81,10 +83,7 @@ public:
 
     std::size_t index(int i, int j, int k) const
     {
-        return (static_cast<std::size_t>(k) * static_cast<std::size_t>(counts_.y()) +
-                static_cast<std::size_t>(j)) *
-                   static_cast<std::size_t>(counts_.x()) +
-               static_cast<std::size_t>(i);
+        return (idx(k) * idx(counts_.y()) + idx(j)) * idx(counts_.x()) + idx(i);
     }
     std::size_t index(const Eigen::Vector3i& v) const
     {
@@ -113,15 +112,12 @@ public:
         return corner_ + shape_.voxel() * x;
     }
     /// Where the voxels of one axis begin and end: counts + 1 positions.
-    const std::vector<double>& lines(int axis) const
-    {
-        return lines_[static_cast<std::size_t>(axis)];
-    }
+    const std::vector<double>& lines(int axis) const { return lines_[idx(axis)]; }
     /// Of the voxels at place \p i of an axis.
     double extent(int axis, int i) const
     {
-        const std::vector<double>& at = lines_[static_cast<std::size_t>(axis)];
-        return at[static_cast<std::size_t>(i) + 1] - at[static_cast<std::size_t>(i)];
+        const std::vector<double>& at = lines_[idx(axis)];
+        return at[idx(i) + 1] - at[idx(i)];
     }
     Eigen::Vector3d centre(const Eigen::Vector3i& v) const;
 

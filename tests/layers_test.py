@@ -25,7 +25,7 @@ def check(files):
 
 good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n"}
 assert check(good)[0] == 0
-for path, text in (("octree/b.cpp", '#include "solver/glue.h"\n'),
+for path, text in (("octree/b.cpp", '#include "solver/cells/glue.h"\n'),
                    ("io/b.cpp", '#include "octree/a.h"\n'),
                    ("solver/b.cpp", '#include "solver/field/rbf.h"\n'),
                    ("solver/b.cpp", "#include <cholmod.h>\n"),

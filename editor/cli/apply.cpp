@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp apply: a saved deformation for any other data of the same space, streamed.
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <set>
 
 #include <fmt/format.h>
 
+#include "editor/apply/apply.h"
 #include "editor/cli/command.h"
-#include "editor/session/apply.h"
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/text.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -21,7 +22,6 @@ namespace cellwarp
 namespace
 {
 
-using Clock = std::chrono::steady_clock;
 namespace fs = std::filesystem;
 
 struct ApplyFlags
@@ -50,7 +50,7 @@ Shard parse_shard(const std::string& text)
     if (!index || !count || *index < 1 || *index > *count)
         throw Error(Fault::Usage, "--shard: got " + in_quotes(text) +
                                       ", need I/N with 1 <= I <= N, like 3/8");
-    return {static_cast<std::size_t>(*index), static_cast<std::size_t>(*count)};
+    return {idx(*index), idx(*count)};
 }
 
 std::vector<std::string> lines_of(const std::string& path)
@@ -200,7 +200,7 @@ int apply_one(const ApplyFlags& flags, const CommonFlags& common, ApplySettings 
     { progress.show(done, name); };
     const Clock::time_point start = Clock::now();
     const StreamReport report = apply_to_file(deformation, input, flags.output, settings);
-    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    const double seconds = seconds_since(start);
     progress.end();
     const std::vector<std::string> warnings = warnings_of(report, flags.output);
     print_warnings(warnings, common);
@@ -254,7 +254,7 @@ int apply_many(const ApplyFlags& flags, const CommonFlags& common, ApplySettings
     const Clock::time_point start = Clock::now();
     const std::vector<FileReport> reports = apply_to_batch(
         deformation, files, (fs::path(flags.output) / name).string(), settings);
-    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    const double seconds = seconds_since(start);
     progress.end();
 
     std::uint64_t samples = 0;

@@ -20,15 +20,15 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
-    const Session session(read_geometry(request.model, request.read),
+    const Session session(read_geometry(request.model, request.read).geometry,
                           std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
     print_warnings(warnings, common);
-    const Rig* const rig = session.rig();
-    const std::size_t cells = rig ? rig->body().cells.size() : 0;
-    const std::size_t regions = rig ? rig->regions().size() : 0;
-    const std::size_t samples = session.model().geometry.samples.size();
+    const CellSystem* const system = session.system();
+    const std::size_t cells = system ? system->body().cells.size() : 0;
+    const std::size_t regions = system ? system->regions().size() : 0;
+    const std::size_t samples = session.geometry().samples.size();
     std::string text;
     if (common.is_json)
         text =

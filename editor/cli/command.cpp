@@ -8,10 +8,11 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
-#include "editor/session/sweep.h"
+#include "editor/study/sweep.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "io/saved_pair.h"
@@ -47,6 +48,27 @@ Number in_range(const char* flag, Number value, Number low, Number high)
     return value;
 }
 
+template <class Number>
+void check_flag(const std::string& flag, Number given, const Between<Number>& allowed)
+{
+    in_range(flag.c_str(), given, allowed.low, allowed.high);
+}
+
+void check_flag(const std::string& flag, const std::string& given, const OneOf& allowed)
+{
+    if (allowed.has(given))
+        return;
+    throw Error(Fault::Usage, fmt::format("{}: got {}, need {}", flag, in_quotes(given),
+                                          fmt::join(allowed.words, " or ")));
+}
+
+/// "--max-depth" of "max_depth".
+std::string flag_of(std::string key)
+{
+    std::replace(key.begin(), key.end(), '_', '-');
+    return "--" + key;
+}
+
 } // namespace
 
 void SessionFlags::add_to(CLI::App& app)
@@ -64,33 +86,33 @@ void SessionFlags::add_to(CLI::App& app)
     app.add_flag("--preview", is_preview,
                  "stop at the drag-quality field (closest-cell blend)");
     app.add_option(
-        "--across", across,
+        "--across", settings.cells.across,
         "coarsest cells along the longest side (default: so many that there are "
         "1,000 to 2,500 cells)");
-    app.add_option("--max-depth", max_depth,
+    app.add_option("--max-depth", settings.cells.max_depth,
                    fmt::format("splits below the coarsest cells, at the most (default "
                                "{})",
                                kUsualDepth));
     app.add_option(
-        "--threshold", threshold,
+        "--threshold", settings.cells.threshold,
         fmt::format(
             "cells whose error is larger are split, of the diagonal; 0: all, down "
             "to --max-depth (default {}; {} with --energy botsch07)",
             kUsualThreshold, kUsualGap));
-    app.add_option("--fill", fill, "solid or shell (default solid)");
+    app.add_option("--fill", settings.cells.fill, "solid or shell (default solid)");
     app.add_option(
-        "--gap", gap,
+        "--gap", settings.cells.gap,
         fmt::format("parts farther apart than this, of the diagonal, are never "
                     "glued (default {})",
                     defaults.cells.gap));
     app.add_option(
-        "--thickness", thickness,
+        "--thickness", settings.cells.thickness,
         fmt::format("of shells and open sheets, of the diagonal; solids ignore "
                     "it (default {})",
                     defaults.cells.thickness));
-    app.add_option("--max-cells", max_cells,
+    app.add_option("--max-cells", settings.cells.max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
-    app.add_option("--energy", energy,
+    app.add_option("--energy", settings.energy,
                    "cellwarp, or botsch07: the paper's own method as a whole, its "
                    "fields and solver among it (default cellwarp)");
     app.add_option(
@@ -154,30 +176,16 @@ SessionRequest read_request(const SessionFlags& flags)
             request.warnings.push_back(*parted);
 
     // Flags win over the scene.
-    const auto take =
-        [](const char* flag, const auto& given, auto& in_scene, auto low, auto high)
-    {
-        using Number = std::decay_t<decltype(*given)>;
-        if (given)
-            in_scene = in_range(flag, *given, static_cast<Number>(low),
-                                static_cast<Number>(high));
-    };
-    take("--across", flags.across, scene.across, 1, 1 << 20);
-    take("--max-depth", flags.max_depth, scene.max_depth, 0, 20);
-    take("--threshold", flags.threshold, scene.threshold, 0.0, 1e300);
-    take("--gap", flags.gap, scene.gap, 1e-6, 1.0);
-    take("--thickness", flags.thickness, scene.thickness, 1e-6, 1.0);
-    take("--max-cells", flags.max_cells, scene.max_cells, 1, std::int64_t(1) << 31);
-    if (flags.fill)
-        scene.fill = flags.fill;
-    if (scene.fill && *scene.fill != "solid" && *scene.fill != "shell")
-        throw Error(Fault::Usage,
-                    "--fill: got " + in_quotes(*scene.fill) + ", need solid or shell");
-    if (flags.energy)
-        scene.energy = flags.energy;
-    if (scene.energy && *scene.energy != "cellwarp" && *scene.energy != "botsch07")
-        throw Error(Fault::Usage, "--energy: got " + in_quotes(*scene.energy) +
-                                      ", need cellwarp or botsch07");
+    visit_settings(
+        [](const char*, const char* key, const auto& allowed, const auto& given,
+           auto& in_scene)
+        {
+            if (!given)
+                return;
+            check_flag(flag_of(key), *given, allowed);
+            in_scene = given;
+        },
+        flags.settings, scene.settings);
     request.settings = settings_of(scene, flags.is_preview);
     SessionSettings& settings = request.settings;
     if (flags.max_iterations)

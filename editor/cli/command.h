@@ -39,9 +39,10 @@ struct SessionFlags
     std::string model;
     std::string columns;
     std::string handles, sel, def;
-    std::optional<double> threshold, gap, thickness, time;
-    std::optional<std::int64_t> max_depth, across, max_cells, max_iterations;
-    std::optional<std::string> fill, energy, solver, max_memory;
+    SceneSettings settings;
+    std::optional<double> time;
+    std::optional<std::int64_t> max_iterations;
+    std::optional<std::string> solver, max_memory;
     bool is_preview = false, is_tight = false;
 
     void add_to(CLI::App& app);

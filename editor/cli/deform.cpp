@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp deform: one scripted edit session from files to files.
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
 #include <fmt/format.h>
@@ -11,19 +10,14 @@
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start)
-{
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 /// "out-{frame:04}.ply": a name for each frame, or one name for the last.
 class OutputName
@@ -110,7 +104,7 @@ Json frame_json(const FrameReport& report)
             {"second_start", second_start_name(report.second_start)},
             {"steps", report.steps},
             {"cells", report.cells},
-            {"recuts", report.recuts},
+            {"recuts", report.refinements},
             {"cells_at_depth_limit", report.cells_at_limit},
             {"linear_steps", report.solve.linear_steps},
             {"refreshes", report.solve.refreshes},
@@ -175,31 +169,29 @@ void check_model_outputs(const OutputName& name, const GeometryFile& model,
 /// How the cells of the session's last stage came out.
 void add_cells(Json& json, const Session& session)
 {
-    const Rig* const rig = session.rig();
+    const CellSystem* const system = session.system();
     std::vector<int> per_depth;
     int free_cells = 0;
-    if (rig)
-        for (std::size_t c = 0; c < rig->body().cells.size(); ++c)
+    if (system)
+        for (std::size_t c = 0; c < system->body().cells.size(); ++c)
         {
-            const std::size_t leaf =
-                static_cast<std::size_t>(rig->body().cells.cells[c].leaf);
-            const std::size_t level =
-                static_cast<std::size_t>(rig->body().octree.leaves()[leaf].level);
+            const std::size_t leaf = idx(system->body().cells.cells[c].leaf);
+            const std::size_t level = idx(system->body().octree.leaves()[leaf].level);
             per_depth.resize(std::max(per_depth.size(), level + 1), 0);
             ++per_depth[level];
-            free_cells += rig->region_of_cell()[c] < 0;
+            free_cells += system->region_of_cell()[c] < 0;
         }
-    json["cells"] = rig ? rig->body().cells.size() : 0;
+    json["cells"] = system ? system->body().cells.size() : 0;
     json["free_cells"] = free_cells;
     json["depth"] = per_depth.empty() ? 0 : static_cast<int>(per_depth.size()) - 1;
     json["cells_per_depth"] = per_depth;
-    if (!rig)
+    if (!system)
         return;
-    const Material& material = rig->rest().material;
-    const double diagonal = rig->rest().frame.diagonal();
-    json["across"] = rig->rest().across;
-    json["faces_of_glue"] = rig->body().cells.faces.size();
-    json["groups_of_cells"] = rig->minimizer().multigrid().sizes();
+    const Material& material = system->rest().material;
+    const double diagonal = system->rest().frame.diagonal();
+    json["across"] = system->rest().across;
+    json["faces_of_glue"] = system->body().cells.faces.size();
+    json["groups_of_cells"] = system->minimizer().multigrid().sizes();
     json["material"] = {{"inside", inside_name(material.method)},
                         {"voxel", material.grid.shape().voxel() / diagonal},
                         {"sealed_up_to", 2.0 * material.seal_radius / diagonal},
@@ -209,16 +201,16 @@ void add_cells(Json& json, const Session& session)
 Json field_json(const Session& session, const std::string& release)
 {
     const Field* const field = session.field();
-    const Rig* const rig = session.rig();
+    const CellSystem* const system = session.system();
     if (!field || field->parts().num_centres == 0)
         return {{"kind", "blend"},
-                {"centres", rig ? rig->body().cells.size() : 0},
+                {"centres", system ? system->body().cells.size() : 0},
                 {"clusters", 0},
                 {"residual", 0.0}};
     return {{"kind", release},
             {"centres", field->parts().num_centres},
             {"clusters", field->num_clusters()},
-            {"residual", field->parts().residual / rig->rest().frame.diagonal()}};
+            {"residual", field->parts().residual / system->rest().frame.diagonal()}};
 }
 
 Json volume_json(const std::optional<Volume>& volume)
@@ -279,20 +271,21 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     request.settings.keeps_fields = !flags.field.empty();
 
     RunTimes ms;
-    GeometryFile model = read_geometry(request.model, request.read);
-    check_model_outputs(name, model, frames, common);
+    const auto model =
+        std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
+    check_model_outputs(name, *model, frames, common);
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
     const Clock::time_point build_start = Clock::now();
-    Session session(std::move(model), std::move(*request.handles), request.settings);
+    Session session(geometry_of(model), std::move(*request.handles), request.settings);
     ms.cells = ms_since(build_start);
     std::vector<std::string> warnings = request.warnings;
     const auto write = [&](const std::string& path)
     {
         const Clock::time_point write_start = Clock::now();
         const std::size_t num_split =
-            write_geometry(path, session.model(), session.patch(), common.overwrite());
+            write_geometry(path, *model, session.deformed(), common.overwrite());
         ms.write += ms_since(write_start);
         if (num_split > 0)
             warnings.push_back(
@@ -324,8 +317,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     {
         Json json;
         json["model"] = request.model;
-        json["samples"] = session.model().geometry.samples.size();
-        json["faces"] = session.model().geometry.num_faces();
+        json["samples"] = session.geometry().samples.size();
+        json["faces"] = session.geometry().num_faces();
         add_cells(json, session);
         json["frames"] = Json::array();
         for (const FrameReport& report : session.frames())

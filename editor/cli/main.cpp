@@ -17,7 +17,7 @@
 #include "editor/session/memory_guard.h"
 #include "io/error.h"
 #include "io/number.h"
-#include "octree/parallel.h"
+#include "octree/base/parallel.h"
 
 namespace
 {

@@ -90,7 +90,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
                 request.handles->stages.emplace_back();
             request.handles->stages.front().frames.push_back({0, {}, 0});
         }
-        Session session(read_geometry(request.model, request.read),
+        Session session(read_geometry(request.model, request.read).geometry,
                         std::move(*request.handles), request.settings);
         play(session, flags.frame);
         figures.push_back(figure_of(session));

@@ -211,9 +211,9 @@ SweepPictures draw_sweep(const SweepInput& input, const SweepReport& report,
     const SweepRow* const row = row_to_show(report.result.rows);
     const SweepRow& shown = row ? *row : report.result.rows.front();
     const Session session = play_case(input, report.settings, shown.of);
-    pictures->add(session, session.model().geometry.samples, false);
+    pictures->add(session, session.geometry().samples, false);
     pictures->add(session, report.result.reference, false);
-    pictures->add(session, session.patch().samples, true);
+    pictures->add(session, session.deformed().samples, true);
     return {pictures->png(),
             fmt::format("At rest; the reference's result; the result of {} with its {} "
                         "cells as glass. Blue is fixed, orange a handle, purple a pin, "
@@ -236,8 +236,8 @@ void show(Progress& progress, const SweepProgress& now)
 int run(SweepFlags flags, const CommonFlags& common)
 {
     // A scene's max_depth is for editing; that of the reference is this command's.
-    if (!flags.session.max_depth)
-        flags.session.max_depth = SweepSettings().max_depth;
+    if (!flags.session.settings.cells.max_depth)
+        flags.session.settings.cells.max_depth = SweepSettings().max_depth;
     SessionRequest request = read_request(flags.session);
     const ReportFolder folder(flags.output, common.overwrite());
     SweepReport report;

@@ -8,8 +8,8 @@
 
 #include "editor/cli/command.h"
 #include "editor/cli/machine.h"
-#include "editor/session/convergence.h"
-#include "editor/session/sweep.h"
+#include "editor/study/convergence.h"
+#include "editor/study/sweep.h"
 
 namespace cellwarp
 {

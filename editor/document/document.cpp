@@ -13,7 +13,7 @@ namespace cellwarp
 namespace
 {
 
-/// A name for a file's journal: the file's own, and a print of where it lies.
+/// A name for a file's journal: the file's own, and a fingerprint of where it lies.
 std::string journal_path(const std::string& folder, const std::string& path)
 {
     if (folder.empty())
@@ -25,12 +25,6 @@ std::string journal_path(const std::string& folder, const std::string& path)
             (std::filesystem::path(path).stem().string().substr(0, 100) + "-" +
              std::to_string(checksum_of(text)) + ".journal"))
         .string();
-}
-
-EditSettings settings_in(const SceneFile& scene)
-{
-    return {scene.across, scene.max_depth, scene.max_cells, scene.threshold,
-            scene.gap,    scene.fill,      scene.drag,      scene.release};
 }
 
 } // namespace
@@ -119,7 +113,7 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.scene = read_scene(path);
         s.scene_path = path;
         s.warnings = s.scene.warnings;
-        s.edited.settings = settings_in(s.scene);
+        s.edited.settings = s.scene.settings;
         if (!s.scene.handles.empty())
             s.edited.handles = read_handles(s.scene.handles);
         if (const auto parted = parted_save(s.scene, s.edited.handles))
@@ -161,7 +155,7 @@ std::vector<std::string> Document::recover()
     {
         const JournalHeader header = parse_header(left.contents.header, s.journal);
         Edited edited;
-        edited.settings = settings_in(parse_scene(header.document, header.scene));
+        edited.settings = parse_scene(header.document, header.scene).settings;
         edited.handles = parse_handles(header.handles_path, header.handles);
         edited.handles.labels = s.edited.handles.labels;
         edited.selection = Selection(s.model->geometry.samples.size());
@@ -176,7 +170,7 @@ std::vector<std::string> Document::recover()
         for (std::size_t k = 0; k < history.position(); ++k)
             apply(history.edit(k), edited);
         s.edited = std::move(edited);
-        s.stage_prints.clear();
+        s.stage_fingerprints.clear();
         s.find_regions();
         s.history = std::move(history);
     }
@@ -231,7 +225,7 @@ const HandleFile& Document::handles() const
     return state_->edited.handles;
 }
 
-const EditSettings& Document::settings() const
+const SceneSettings& Document::settings() const
 {
     return state_->edited.settings;
 }
@@ -274,22 +268,23 @@ std::uint64_t Document::result_revision() const
     return state_->result_revision;
 }
 
-std::uint64_t Document::stage_print() const
+std::uint64_t Document::stage_fingerprint() const
 {
-    return state_->stage_prints.back();
+    return state_->stage_fingerprints.back();
 }
 
-void Document::set_rest(std::uint64_t stage_print,
+void Document::set_rest(std::uint64_t stage_fingerprint,
                         std::shared_ptr<const std::vector<Eigen::Vector3d>> samples)
 {
     State& s = *state_;
-    if (s.rest && s.rest_print == stage_print)
+    if (s.rest && s.rest_fingerprint == stage_fingerprint)
         return;
     s.rest = std::move(samples);
-    s.rest_print = stage_print;
+    s.rest_fingerprint = stage_fingerprint;
     s.twins.reset(); // another rest may come to lie where the last one was
     s.rest_box = bounding_box(*s.rest);
-    if (s.edited.handles.stages.size() == 1 || s.stage_prints.back() != stage_print)
+    if (s.edited.handles.stages.size() == 1 ||
+        s.stage_fingerprints.back() != stage_fingerprint)
         return;
     try
     {
@@ -373,7 +368,7 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     if (is_own)
         overwrite = Overwrite::Yes;
     SceneFile saved_scene = scene;
-    saved_scene.save = save_print(scene_text(scene), handle_text(handles));
+    saved_scene.save = save_fingerprint(scene_text(scene), handle_text(handles));
     handles.save = {*saved_scene.save,
                     std::filesystem::path(scene_path).filename().string()};
     const std::string scene_bytes = scene_text(saved_scene),

@@ -51,7 +51,7 @@ public:
 
     // What the edits amount to.
     const HandleFile& handles() const;
-    const EditSettings& settings() const;
+    const SceneSettings& settings() const;
     SceneFile scene() const; ///< all that a scene file would say now
     const Selection& selection() const;
     const std::vector<EditedRegion>& regions() const;          ///< of the current stage
@@ -63,11 +63,11 @@ public:
     /// Rises with what changes the result: not with the selection.
     std::uint64_t result_revision() const;
 
-    /// Where the current stage begins, as StatementChain::before() tells it.
-    std::uint64_t stage_print() const;
+    /// Where the current stage begins, as ScriptFingerprint::before() tells it.
+    std::uint64_t stage_fingerprint() const;
     /// The rest samples of a stage that is not the first; known from its solution. Until
     /// then its regions are placed on the model.
-    void set_rest(std::uint64_t stage_print,
+    void set_rest(std::uint64_t stage_fingerprint,
                   std::shared_ptr<const std::vector<Eigen::Vector3d>> samples);
 
     // Commands: each is one edit, or none where it changes nothing. Throw Error
@@ -85,7 +85,7 @@ public:
     void set_role(const std::string& region, Role role, double factor = 1.0);
     /// Adds a frame.
     void move_region(const std::string& region, const Placement& placement);
-    void change_settings(const EditSettings& settings);
+    void change_settings(const SceneSettings& settings);
 
     // Undo and redo, without limit.
     const History& history() const;

@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "editor/document/document_state.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -59,7 +60,7 @@ RegionChange change_between(const std::vector<RegionStatement>& before,
     const auto last =
         std::mismatch(before.rbegin(), std::make_reverse_iterator(first.first),
                       after.rbegin(), std::make_reverse_iterator(first.second), is_same);
-    return {static_cast<std::size_t>(first.first - before.begin()),
+    return {idx(first.first - before.begin()),
             {first.first, last.first.base()},
             {first.second, last.second.base()}};
 }
@@ -269,7 +270,7 @@ void Document::move_region(const std::string& region, const Placement& placement
             {FramesAdded{frames_to(old, to, number, s.ground())}}});
 }
 
-void Document::change_settings(const EditSettings& settings)
+void Document::change_settings(const SceneSettings& settings)
 {
     State& s = *state_;
     if (settings == s.edited.settings)

@@ -12,8 +12,8 @@
 
 #include "editor/document/document.h"
 #include "editor/document/journal_header.h"
-#include "editor/session/statement_chain.h"
-#include "editor/session/twins.h"
+#include "editor/session/coincident_samples.h"
+#include "editor/session/script_fingerprint.h"
 #include "io/error.h"
 #include "io/journal.h"
 #include "io/number.h"
@@ -26,16 +26,9 @@ inline Error usage(const std::string& what)
     return {Fault::Usage, what};
 }
 
-inline SceneFile with_settings(SceneFile scene, const EditSettings& settings)
+inline SceneFile with_settings(SceneFile scene, const SceneSettings& settings)
 {
-    scene.across = settings.across;
-    scene.max_depth = settings.max_depth;
-    scene.max_cells = settings.max_cells;
-    scene.threshold = settings.threshold;
-    scene.gap = settings.gap;
-    scene.fill = settings.fill;
-    scene.drag = settings.drag;
-    scene.release = settings.release;
+    scene.settings = settings;
     return scene;
 }
 
@@ -69,10 +62,11 @@ struct Document::State
     // Derived.
     std::vector<EditedRegion> regions;
     std::vector<std::int32_t> region_of_sample;
-    std::vector<std::uint64_t> stage_prints; ///< StatementChain::before() of each
-    std::uint64_t rest_print = 0;            ///< of the rest that is known
+    std::vector<std::uint64_t>
+        stage_fingerprints;             ///< ScriptFingerprint::before() of each
+    std::uint64_t rest_fingerprint = 0; ///< of the rest that is known
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
-    mutable std::optional<Twins> twins; ///< found when they are asked for
+    mutable std::optional<CoincidentSamples> twins; ///< found when they are asked for
     mutable const std::vector<Eigen::Vector3d>* twins_of = nullptr;
     ModelBox rest_box;
     std::uint64_t revision = 0, result_revision = 0;
@@ -86,7 +80,7 @@ struct Document::State
     bool knows_rest() const
     {
         return edited.handles.stages.size() == 1 ||
-               (rest && rest_print == stage_prints.back());
+               (rest && rest_fingerprint == stage_fingerprints.back());
     }
 
     RegionGround ground() const
@@ -126,19 +120,20 @@ struct Document::State
 
     /// Of the stages that have none yet: so an edit costs the same after thousands of
     /// them.
-    void find_stage_prints()
+    void find_stage_fingerprints()
     {
         const std::vector<Stage>& stages = edited.handles.stages;
-        if (stage_prints.empty())
-            stage_prints = {StatementChain::before_first(edited.handles.is_relative)};
-        while (stage_prints.size() < stages.size())
-            stage_prints.push_back(StatementChain::before_next(
-                stage_prints.back(), stages[stage_prints.size() - 1]));
+        if (stage_fingerprints.empty())
+            stage_fingerprints = {
+                ScriptFingerprint::before_first(edited.handles.is_relative)};
+        while (stage_fingerprints.size() < stages.size())
+            stage_fingerprints.push_back(ScriptFingerprint::before_next(
+                stage_fingerprints.back(), stages[stage_fingerprints.size() - 1]));
     }
 
     void find_regions()
     {
-        find_stage_prints();
+        find_stage_fingerprints();
         const RegionGround on = ground();
         std::vector<EditedRegion> found = edited_regions(statements(), on);
         std::vector<std::int32_t> of_sample(model->geometry.samples.size(), -1);
@@ -209,7 +204,8 @@ struct Document::State
         else
             take_back(edit, edited);
         // A stage that is the last one may change.
-        stage_prints.resize(std::min(stage_prints.size(), edited.handles.stages.size()));
+        stage_fingerprints.resize(
+            std::min(stage_fingerprints.size(), edited.handles.stages.size()));
     }
 
     /// Does an edit; what cannot be leaves everything as it was.

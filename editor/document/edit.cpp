@@ -9,6 +9,7 @@
 
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -100,7 +101,16 @@ public:
 
     void operator()(const SettingsChange& change)
     {
-        edited_.settings = is_back_ ? change.before : change.after;
+        // A record may leave out what it does not change.
+        visit_settings(
+            [](const char*, const char*, const auto&, const auto& from, const auto& to,
+               auto& setting)
+            {
+                if (from != to)
+                    setting = to;
+            },
+            is_back_ ? change.after : change.before,
+            is_back_ ? change.before : change.after, edited_.settings);
     }
 
 private:
@@ -291,32 +301,21 @@ void get(const Json& json, const char* key, std::optional<Value>& value)
         value = json[key].get<Value>();
 }
 
-/// Every setting with its name, for both ways.
-template <class Visit, class Settings>
-void each_setting(Settings& settings, Visit&& visit)
-{
-    visit("across", settings.across);
-    visit("max_depth", settings.max_depth);
-    visit("max_cells", settings.max_cells);
-    visit("threshold", settings.threshold);
-    visit("gap", settings.gap);
-    visit("fill", settings.fill);
-    visit("drag", settings.drag);
-    visit("release", settings.release);
-}
-
-Json json_of(const EditSettings& settings)
+Json json_of(const SceneSettings& settings)
 {
     Json json = Json::object();
-    each_setting(settings,
-                 [&](const char* key, const auto& value) { put(json, key, value); });
+    visit_settings([&](const char*, const char* key, const auto&, const auto& value)
+                   { put(json, key, value); },
+                   settings);
     return json;
 }
 
-EditSettings settings_of(const Json& json)
+SceneSettings settings_of(const Json& json)
 {
-    EditSettings settings;
-    each_setting(settings, [&](const char* key, auto& value) { get(json, key, value); });
+    SceneSettings settings;
+    visit_settings([&](const char*, const char* key, const auto&, auto& value)
+                   { get(json, key, value); },
+                   settings);
     return settings;
 }
 

@@ -11,20 +11,10 @@
 
 #include "editor/document/selection.h"
 #include "io/handle_file.h"
+#include "io/scene_settings.h"
 
 namespace cellwarp
 {
-
-/// What a scene file says about cells, field and solver; empty: its default.
-struct EditSettings
-{
-    std::optional<std::int64_t> across, max_depth, max_cells;
-    std::optional<double> threshold, gap;
-    std::optional<std::string> fill;    ///< "solid" or "shell"
-    std::optional<std::string> drag;    ///< "blend" or "closest4"
-    std::optional<std::string> release; ///< "rbf", "rbf-global" or "blend"
-    bool operator==(const EditSettings&) const = default;
-};
 
 /// Samples that are selected where they were not, and the other way round.
 struct Toggled
@@ -59,7 +49,7 @@ struct StageAdded
 
 struct SettingsChange
 {
-    EditSettings before, after;
+    SceneSettings before, after;
 };
 
 using Change =
@@ -76,7 +66,7 @@ struct Edit
 struct Edited
 {
     HandleFile handles; ///< at least one stage
-    EditSettings settings;
+    SceneSettings settings;
     Selection selection;
 };
 

@@ -8,8 +8,8 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/path.h"
-#include "editor/session/twins.h"
+#include "editor/session/coincident_samples.h"
+#include "editor/session/handle_trajectory.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 
@@ -52,9 +52,9 @@ struct RegionGround
     const Geometry& geometry;
     const std::vector<Eigen::Vector3d>& rest; ///< samples [model unit]
     Units units;
-    const HandleFile& file; ///< of the statements
-    const Twins& twins;     ///< of the samples
-    bool is_known = true;   ///< false: the model stands for a rest that is not there yet
+    const HandleFile& file;         ///< of the statements
+    const CoincidentSamples& twins; ///< of the samples
+    bool is_known = true; ///< false: the model stands for a rest that is not there yet
 };
 
 /// Of all statements, at rest. Throws what resolve_regions() throws.

@@ -35,7 +35,7 @@ bool is_finite(const Placement& placement)
 }
 
 /// What a drag has in the hand.
-struct Hand
+struct ActiveDrag
 {
     std::string region;
     std::uint64_t revision = 0; ///< of the document's result, when it was taken
@@ -56,10 +56,10 @@ struct Editing::State
     bool shows_cells = false;
     std::uint64_t version = 0;
 
-    SolveDesk desk;
+    SolveWorker worker;
     std::optional<std::uint64_t> asked; ///< the document's result revision
     std::uint64_t result_revision = 0;
-    std::shared_ptr<const Patch> result;
+    std::shared_ptr<const DeformedSamples> result;
 
     std::optional<DragSource> source; ///< of the newest result
     bool wants_drag = false;          ///< to be made from the source
@@ -67,7 +67,7 @@ struct Editing::State
     std::optional<PreparedDrag> prepared;
     std::vector<Refining> left_over; ///< made for drags that have ended
 
-    std::optional<Hand> hand;
+    std::optional<ActiveDrag> hand;
 
     std::unique_ptr<FieldExport> field;
     ExportStatus::State seen_field = ExportStatus::State::None;
@@ -77,7 +77,7 @@ struct Editing::State
           layout(layout_of(document.model()->geometry)),
           rest(shown_at(document.model()->geometry, document.model()->geometry.samples,
                         layout, view)),
-          desk(document.model(), view)
+          worker(document.model(), view)
     {
         rest.version = ++version;
         result_shape = shape = rest;
@@ -85,7 +85,7 @@ struct Editing::State
     /// All threads end at the same time, not one after the other.
     ~State()
     {
-        desk.cancel();
+        worker.cancel();
         if (field)
             field->cancel();
     }
@@ -103,13 +103,13 @@ struct Editing::State
         if (asked == document.result_revision() || document.num_recoverable() > 0)
             return;
         const std::uint64_t revision = document.result_revision();
-        desk.ask({revision, document.handles(), document.scene(), layout});
+        worker.ask({revision, document.handles(), document.scene(), layout});
         asked = revision;
     }
 
     bool take_solved()
     {
-        std::optional<Solved> solved = desk.take();
+        std::optional<Solved> solved = worker.take();
         if (!solved || solved->revision != document.result_revision())
             return false;
         result = std::move(solved->patch);
@@ -120,7 +120,7 @@ struct Editing::State
         wants_drag = source.has_value();
         if (!hand)
             show(result_shape);
-        document.set_rest(solved->stage_print, std::move(solved->rest));
+        document.set_rest(solved->stage_fingerprint, std::move(solved->rest));
         return true;
     }
 
@@ -153,7 +153,7 @@ struct Editing::State
     {
         const std::vector<EditedRegion>& regions = document.regions();
         const RegionSet& own = *drag.source.regions;
-        if (drag.source.stage_print != document.stage_print() ||
+        if (drag.source.stage_fingerprint != document.stage_fingerprint() ||
             own.size() != regions.size())
             return false;
         for (std::size_t r = 0; r < own.size(); ++r)
@@ -239,7 +239,7 @@ struct Editing::State
             return false;
         const bool is_asked =
             asked == document.result_revision() || document.num_recoverable() > 0;
-        return is_asked && !desk.is_busy() && !wants_drag && !preparing.valid();
+        return is_asked && !worker.is_busy() && !wants_drag && !preparing.valid();
     }
 };
 
@@ -286,7 +286,7 @@ void Editing::wait()
 
 void Editing::cancel()
 {
-    state_->desk.cancel();
+    state_->worker.cancel();
 }
 
 void Editing::solve_again()
@@ -321,7 +321,7 @@ void Editing::show_cells(bool shows)
         state_->hand->live->show_cells(shows);
 }
 
-std::shared_ptr<const Patch> Editing::result() const
+std::shared_ptr<const DeformedSamples> Editing::result() const
 {
     return state_->result_revision == state_->document.result_revision() ? state_->result
                                                                          : nullptr;
@@ -329,7 +329,7 @@ std::shared_ptr<const Patch> Editing::result() const
 
 SolveStatus Editing::status() const
 {
-    return state_->desk.status();
+    return state_->worker.status();
 }
 
 DragStatus Editing::drag_status() const
@@ -364,10 +364,10 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     if (!found->knows_samples || !found->knows_placement)
         return refuse(in_quotes(region) + " lies on a shape that is not there yet");
     const bool is_ready = s.prepared && s.fits(*s.prepared);
-    if (const SolveStatus status = s.desk.status();
+    if (const SolveStatus status = s.worker.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)
         return refuse(status.error);
-    Hand& hand = s.hand.emplace();
+    ActiveDrag& hand = s.hand.emplace();
     hand.region = region;
     hand.revision = s.document.result_revision();
     hand.from = hand.to = found->placement;
@@ -419,7 +419,7 @@ std::optional<std::string> Editing::dragged() const
 
 void Editing::export_model(const std::string& path, Overwrite overwrite)
 {
-    const std::shared_ptr<const Patch> patch = result();
+    const std::shared_ptr<const DeformedSamples> patch = result();
     if (!patch)
         throw Error(Fault::Usage, "the result is not there yet");
     const GeometryFile& model = *state_->document.model();

@@ -11,7 +11,7 @@
 #include "editor/document/field_export.h"
 #include "editor/document/live_drag.h"
 #include "editor/document/shape.h"
-#include "editor/document/solve_desk.h"
+#include "editor/document/solve_worker.h"
 
 namespace cellwarp
 {
@@ -52,7 +52,7 @@ public:
     void show_cells(bool shows);
     /// Of the document, at full precision: what export writes. Null while it is not
     /// there.
-    std::shared_ptr<const Patch> result() const;
+    std::shared_ptr<const DeformedSamples> result() const;
     SolveStatus status() const;
     DragStatus drag_status() const;
 

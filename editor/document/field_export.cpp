@@ -35,7 +35,8 @@ struct FieldExport::State
 
     void write()
     {
-        Session session(std::move(model), std::move(handles), std::move(settings));
+        Session session(geometry_of(std::move(model)), std::move(handles),
+                        std::move(settings));
         for (std::size_t left = session.num_upcoming();
              left > 0 && !stop.stop_requested(); --left)
         {

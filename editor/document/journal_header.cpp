@@ -5,6 +5,7 @@
 #include <charconv>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -29,7 +30,7 @@ public:
         std::size_t size = 0;
         const auto read =
             std::from_chars(text_.data(), text_.data() + text_.size(), size);
-        const std::size_t digits = static_cast<std::size_t>(read.ptr - text_.data());
+        const std::size_t digits = idx(read.ptr - text_.data());
         if (read.ec != std::errc() || digits >= text_.size() || text_[digits] != ' ' ||
             size > text_.size() - digits - 1)
             fail();

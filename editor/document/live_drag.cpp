@@ -9,20 +9,14 @@
 #include <stop_token>
 #include <thread>
 
-#include "octree/parallel.h"
+#include "octree/base/clock.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start)
-{
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 /// The hand rests when it has not moved for so long: then smaller cells are made.
 constexpr auto kRest = std::chrono::milliseconds(120);
@@ -128,7 +122,7 @@ struct LiveDrag::State
         {
             refining =
                 std::async(std::launch::async, [source = prepared.source,
-                                                state = prepared.drag->rig().state(),
+                                                state = prepared.drag->system().state(),
                                                 stop = stop_refining.get_token()]
                            { return refined(source, state, stop); });
         }
@@ -176,7 +170,7 @@ struct LiveDrag::State
         }
         ShownCells cells;
         if (with_cells)
-            cells = shown_cells(prepared.drag->rig(), prepared.drag->rig().poses(),
+            cells = shown_cells(prepared.drag->system(), prepared.drag->system().poses(),
                                 prepared.source.view);
         const std::lock_guard lock(mutex);
         std::swap(ready, back);

@@ -11,8 +11,9 @@
 #include <numeric>
 #include <utility>
 
-#include "octree/parallel.h"
-#include "octree/point_tree.h"
+#include "octree/base/hash.h"
+#include "octree/base/parallel.h"
+#include "octree/base/point_tree.h"
 
 namespace cellwarp
 {
@@ -38,18 +39,6 @@ struct Lists
         return std::span(items).subspan(first[i], first[i + 1] - first[i]);
     }
 };
-
-std::uint64_t hash_of(const Eigen::Vector3d& x)
-{
-    std::uint64_t h = 0;
-    for (int k = 0; k < 3; ++k)
-    {
-        // Adding zero turns -0 into 0.
-        h = (h ^ std::bit_cast<std::uint64_t>(x[k] + 0.0)) * 0x9e3779b97f4a7c15u;
-        h ^= h >> 32;
-    }
-    return h;
-}
 
 /// The spot of every sample; spots count in the order of their first samples.
 std::vector<std::uint32_t> spots_of(std::span<const Eigen::Vector3d> samples,

@@ -10,11 +10,11 @@ namespace
 /// Iterations in new cells before they are looked at again.
 constexpr int kSettling = 6;
 
-Rig rig_of(const DragSource& source, const RigState& state)
+CellSystem system_of(const DragSource& source, const CellSystemState& state)
 {
-    Rig rig(source.body, source.regions, source.rig);
-    rig.set_state(state);
-    return rig;
+    CellSystem system(source.body, source.regions, source.system);
+    system.set_state(state);
+    return system;
 }
 
 } // namespace
@@ -30,37 +30,37 @@ PreparedDrag prepare_drag(DragSource source)
             {static_cast<std::uint32_t>(normals.size()), work.axes * normal});
     DragSettings settings;
     settings.field = from.field;
-    made.drag = std::make_unique<Drag>(rig_of(from, from.state), settings, normals);
+    made.drag = std::make_unique<Drag>(system_of(from, from.state), settings, normals);
     made.drag->start_from(from.state.poses, from.state.motions);
     made.layout = layout_of(from.model->geometry, made.drag->samples().order());
     made.to_view = view_of_work(work, from.view);
     return made;
 }
 
-std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state,
-                                    std::stop_token stop)
+std::optional<PreparedDrag> refined(const DragSource& source,
+                                    const CellSystemState& state, std::stop_token stop)
 {
-    Recutting recutting = source.recutting;
-    if (!recutting.is_adaptive())
+    CellRefiner refiner = source.refiner;
+    if (!refiner.is_adaptive())
         return std::nullopt;
-    Rig rig = rig_of(source, state);
+    CellSystem system = system_of(source, state);
     bool is_changed = false;
     SolveOptions options;
     options.max_iterations = kSettling;
     options.stop = stop;
-    while (std::optional<Rig> next = recutting.finer(rig))
+    while (std::optional<CellSystem> next = refiner.finer(system))
     {
         if (stop.stop_requested())
             return std::nullopt;
-        rig = std::move(*next);
-        rig.solve(options);
+        system = std::move(*next);
+        system.solve(options);
         is_changed = true;
     }
     if (!is_changed || stop.stop_requested())
         return std::nullopt;
     DragSource finer = source;
-    finer.body = rig.shared_body();
-    finer.state = rig.state();
+    finer.body = system.shared_body();
+    finer.state = system.state();
     return prepare_drag(std::move(finer));
 }
 

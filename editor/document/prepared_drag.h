@@ -8,8 +8,8 @@
 #include <stop_token>
 
 #include "editor/document/shape.h"
+#include "editor/session/cell_refiner.h"
 #include "editor/session/drag.h"
-#include "editor/session/recutting.h"
 #include "io/geometry.h"
 
 namespace cellwarp
@@ -23,12 +23,12 @@ struct DragSource
         rest; ///< of the stage [model unit]
     std::shared_ptr<const Body> body;
     std::shared_ptr<const RegionSet> regions;
-    RigState state;
-    Recutting recutting;
-    RigSettings rig;
+    CellSystemState state;
+    CellRefiner refiner;
+    CellSystemSettings system;
     FieldKind field = FieldKind::Blend;
     WorkFrame view;
-    std::uint64_t stage_print = 0; ///< of the stage
+    std::uint64_t stage_fingerprint = 0; ///< of the stage
 };
 
 struct PreparedDrag
@@ -43,7 +43,7 @@ PreparedDrag prepare_drag(DragSource source);
 
 /// The same in smaller cells, where the deformation wants them; nothing where it does
 /// not, or is stopped. \p state: of the cells of \p source now.
-std::optional<PreparedDrag> refined(const DragSource& source, const RigState& state,
-                                    std::stop_token stop);
+std::optional<PreparedDrag> refined(const DragSource& source,
+                                    const CellSystemState& state, std::stop_token stop);
 
 } // namespace cellwarp

@@ -6,6 +6,8 @@
 #include <bit>
 #include <cassert>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -33,7 +35,7 @@ Selection::Selection(std::size_t num_samples, std::span<const SampleRun> runs)
     {
         assert(first >= 0 && last < static_cast<std::int64_t>(num_samples));
         for (std::int64_t i = first; i <= last; ++i)
-            add(static_cast<std::size_t>(i));
+            add(idx(i));
     }
 }
 
@@ -70,8 +72,8 @@ std::vector<std::uint32_t> Selection::samples() const
     samples.reserve(count_);
     for (std::size_t w = 0; w < words_.size(); ++w)
         for (std::uint64_t word = words_[w]; word != 0; word &= word - 1)
-            samples.push_back(static_cast<std::uint32_t>(
-                w * kBits + static_cast<std::size_t>(std::countr_zero(word))));
+            samples.push_back(
+                static_cast<std::uint32_t>(w * kBits + idx(std::countr_zero(word))));
     return samples;
 }
 
@@ -82,7 +84,7 @@ Selection Selection::difference(const Selection& other) const
     for (std::size_t w = 0; w < words_.size(); ++w)
     {
         result.words_[w] = words_[w] ^ other.words_[w];
-        result.count_ += static_cast<std::size_t>(std::popcount(result.words_[w]));
+        result.count_ += idx(std::popcount(result.words_[w]));
     }
     return result;
 }

@@ -8,7 +8,8 @@
 #include <unordered_map>
 
 #include "editor/session/body.h"
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -162,19 +163,20 @@ Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view)
     return matrix;
 }
 
-ShownCells shown_cells(const Rig& rig, std::span<const Pose> poses, const WorkFrame& view)
+ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,
+                       const WorkFrame& view)
 {
-    const Body& body = rig.body();
-    const double diagonal = rig.rest().frame.diagonal();
+    const Body& body = system.body();
+    const double diagonal = system.rest().frame.diagonal();
     ShownCells shown;
-    shown.to_view = view_of_work(rig.rest().frame, view);
+    shown.to_view = view_of_work(system.rest().frame, view);
     shown.cells.resize(body.cells.size());
     for (std::size_t c = 0; c < shown.cells.size(); ++c)
     {
         const Cell& cell = body.cells.cells[c];
         ShownCell& out = shown.cells[c];
-        out.depth = body.octree.leaves()[static_cast<std::size_t>(cell.leaf)].level;
-        out.region = rig.region_of_cell()[c];
+        out.depth = body.octree.leaves()[idx(cell.leaf)].level;
+        out.region = system.region_of_cell()[c];
         for (std::size_t k = 0; k < 8; ++k)
         {
             const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
@@ -184,13 +186,12 @@ ShownCells shown_cells(const Rig& rig, std::span<const Pose> poses, const WorkFr
                     .cast<float>();
         }
     }
-    for (const GlueFace& face : rig.glue().faces)
+    for (const GlueFace& face : system.glue().faces)
     {
-        ShownCell& a = shown.cells[static_cast<std::size_t>(face.a)];
-        ShownCell& b = shown.cells[static_cast<std::size_t>(face.b)];
+        ShownCell& a = shown.cells[idx(face.a)];
+        ShownCell& b = shown.cells[idx(face.b)];
         const float gap = static_cast<float>(
-            std::sqrt(glue_energy(face, poses[static_cast<std::size_t>(face.a)],
-                                  poses[static_cast<std::size_t>(face.b)]) /
+            std::sqrt(glue_energy(face, poses[idx(face.a)], poses[idx(face.b)]) /
                       face.stiffness) /
             diagonal);
         a.gap = std::max(a.gap, gap);

@@ -11,10 +11,10 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/rig.h"
+#include "editor/session/cell_system.h"
 #include "editor/session/work_frame.h"
 #include "io/geometry.h"
-#include "solver/pose.h"
+#include "octree/base/rigid_motion.h"
 
 namespace cellwarp
 {
@@ -75,8 +75,8 @@ ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> s
 /// From one frame's work space to another's.
 Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view);
 
-/// The cells of a rig at other poses.
-ShownCells shown_cells(const Rig& rig, std::span<const Pose> poses,
+/// The cells of a system at other poses.
+ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,
                        const WorkFrame& view);
 
 } // namespace cellwarp

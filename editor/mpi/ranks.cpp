@@ -8,6 +8,7 @@
 #include <mpi.h>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -67,7 +68,7 @@ std::string Ranks::from(int rank, const std::string& text) const
     int size = static_cast<int>(text.size());
     MPI_Bcast(&size, 1, MPI_INT, rank, MPI_COMM_WORLD);
     std::string all = text;
-    all.resize(static_cast<std::size_t>(size));
+    all.resize(idx(size));
     MPI_Bcast(all.data(), size, MPI_CHAR, rank, MPI_COMM_WORLD);
     return all;
 }

@@ -6,6 +6,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -34,7 +35,7 @@ SpreadPly::SpreadPly(const std::string& path)
 
 std::string SpreadPly::read(std::uint64_t start, std::uint64_t count) const
 {
-    std::string bytes(static_cast<std::size_t>(count), '\0');
+    std::string bytes(idx(count), '\0');
     input_.read_at(start, bytes.data(), bytes.size());
     return bytes;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/picture/figures.h"
 
+#include "octree/base/index.h"
 #include "octree/material.h"
 
 namespace cellwarp
@@ -52,10 +53,10 @@ Figure figure_of(const Geometry& geometry)
 
 Figure figure_of(const Session& session)
 {
-    Figure figure = figure_of(session.model().geometry);
-    figure.points = session.patch().samples;
-    if (const Rig* const rig = session.rig())
-        for (const Region& region : rig->regions().regions())
+    Figure figure = figure_of(session.geometry());
+    figure.points = session.deformed().samples;
+    if (const CellSystem* const system = session.system())
+        for (const Region& region : system->regions().regions())
             for (const std::uint32_t i : region.samples)
                 figure.colours[i] = colour_of(region.role);
     return figure;
@@ -63,26 +64,25 @@ Figure figure_of(const Session& session)
 
 void add_cells(Figure& figure, const Session& session)
 {
-    const Rig* const rig = session.rig();
-    if (!rig)
+    const CellSystem* const system = session.system();
+    if (!system)
         return;
-    for (std::size_t c = 0; c < rig->body().cells.size(); ++c)
+    for (std::size_t c = 0; c < system->body().cells.size(); ++c)
     {
-        const Cell& cell = rig->body().cells.cells[c];
-        const Pose& pose = rig->poses()[c];
+        const Cell& cell = system->body().cells.cells[c];
+        const Pose& pose = system->poses()[c];
         std::array<Eigen::Vector3d, 8> corners;
         for (std::size_t k = 0; k < 8; ++k)
         {
             const Eigen::Vector3d side(k & 1 ? 0.5 : -0.5, k & 2 ? 0.5 : -0.5,
                                        k & 4 ? 0.5 : -0.5);
-            corners[k] = rig->rest().frame.to_model(
+            corners[k] = system->rest().frame.to_model(
                 image(pose, cell.centre, cell.box_centre + cell.edge * side));
         }
         figure.boxes.push_back(corners);
-        const int owner = rig->region_of_cell()[c];
+        const int owner = system->region_of_cell()[c];
         figure.box_colours.push_back(
-            owner < 0 ? kPlain
-                      : colour_of(rig->regions()[static_cast<std::size_t>(owner)].role));
+            owner < 0 ? kPlain : colour_of(system->regions()[idx(owner)].role));
     }
 }
 

@@ -11,7 +11,8 @@
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -353,9 +354,7 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     Image image;
     image.width = options.width * static_cast<int>(figures.size());
     image.height = options.height;
-    image.rgb.assign(3 * static_cast<std::size_t>(image.width) *
-                         static_cast<std::size_t>(image.height),
-                     255);
+    image.rgb.assign(3 * idx(image.width) * idx(image.height), 255);
     for (std::size_t f = 0; f < figures.size(); ++f)
     {
         Traced traced(device, figures[f], centre, extent);
@@ -388,16 +387,12 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                         sum +=
                             seen.head<3>() + (1.0f - seen.w()) * Eigen::Vector3f::Ones();
                     }
-                    const std::size_t pixel =
-                        3 * (static_cast<std::size_t>(row) *
-                                 static_cast<std::size_t>(image.width) +
-                             f * static_cast<std::size_t>(options.width) +
-                             static_cast<std::size_t>(column));
+                    const std::size_t pixel = 3 * (idx(row) * idx(image.width) +
+                                                   f * idx(options.width) + idx(column));
                     for (int k = 0; k < 3; ++k)
-                        image.rgb[pixel + static_cast<std::size_t>(k)] =
-                            static_cast<std::uint8_t>(std::lround(
-                                255.0f *
-                                std::clamp(sum[k] / (kSamples * kSamples), 0.0f, 1.0f)));
+                        image.rgb[pixel + idx(k)] = static_cast<std::uint8_t>(std::lround(
+                            255.0f *
+                            std::clamp(sum[k] / (kSamples * kSamples), 0.0f, 1.0f)));
                 }
             });
     }

@@ -9,6 +9,7 @@
 
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -50,8 +51,7 @@ int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
     {
         const GridShape candidate = grid_shape(size, across, 0, 0.0);
         std::vector<bool> has_material(
-            static_cast<std::size_t>(candidate.coarsest.cast<std::int64_t>().prod()),
-            false);
+            idx(candidate.coarsest.cast<std::int64_t>().prod()), false);
         const Eigen::Vector3d corner =
             0.5 * (size - candidate.edge * candidate.coarsest.cast<double>());
         std::size_t count = 0;
@@ -62,9 +62,8 @@ int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
             const Eigen::Vector3d x = grid.centre(grid.coordinates(i)) - corner;
             std::size_t leaf = 0;
             for (int axis = 2; axis >= 0; --axis)
-                leaf = leaf * static_cast<std::size_t>(candidate.coarsest[axis]) +
-                       static_cast<std::size_t>(
-                           std::clamp(static_cast<int>(x[axis] / candidate.edge), 0,
+                leaf = leaf * idx(candidate.coarsest[axis]) +
+                       idx(std::clamp(static_cast<int>(x[axis] / candidate.edge), 0,
                                       candidate.coarsest[axis] - 1));
             if (!has_material[leaf])
             {

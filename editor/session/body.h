@@ -24,7 +24,7 @@
 namespace cellwarp
 {
 
-class Rig;
+class CellSystem;
 
 /// What a scene gets that asks for nothing else: from the curves of `sweep`, where the
 /// error of the samples is worth the seconds.
@@ -42,7 +42,7 @@ struct CellSettings
     /// [diagonal] Cells with a larger error are split; infinity: none.
     double threshold = INFINITY;
     /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.
-    std::function<std::vector<double>(const Rig&)> errors = {};
+    std::function<std::vector<double>(const CellSystem&)> errors = {};
     double gap = 0.008;      ///< [diagonal] parts farther apart are never glued
     double thickness = 0.01; ///< [diagonal] of sheets: of what bounds no inside
     std::int64_t max_cells = 200000;

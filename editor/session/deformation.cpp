@@ -8,8 +8,8 @@
 
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/parallel.h"
 #include "octree/distance_transform.h"
-#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -43,14 +43,14 @@ Eigen::Matrix3d by_rows(const double* numbers)
     return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers);
 }
 
-void store_material(const Rig& rig, StoredField& out)
+void store_material(const CellSystem& system, StoredField& out)
 {
-    const GridShape& shape = rig.rest().material.grid.shape();
+    const GridShape& shape = system.rest().material.grid.shape();
     Eigen::Map<Eigen::Vector3i>(out.coarsest.data()) = shape.coarsest;
     out.edge = shape.edge;
     out.max_depth = shape.max_depth;
     out.voxels_per_leaf = shape.voxels_per_leaf;
-    for (const std::int32_t piece : rig.body().pieces.piece_of_voxel)
+    for (const std::int32_t piece : system.body().pieces.piece_of_voxel)
     {
         if (out.run_pieces.empty() || out.run_pieces.back() != piece)
         {
@@ -124,18 +124,18 @@ StoredRegion stored_region(const MovedRegion& region)
 
 } // namespace
 
-StoredField stored_field(const Rig& rig, const Field& field)
+StoredField stored_field(const CellSystem& system, const Field& field)
 {
     StoredField out;
-    const WorkFrame& frame = rig.rest().frame;
+    const WorkFrame& frame = system.rest().frame;
     Eigen::Map<Eigen::Vector3d>(out.origin.data()) = frame.origin;
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(out.axes.data()) =
         frame.axes;
     out.exponent = frame.exponent;
     Eigen::Map<Eigen::Vector3d>(out.size.data()) = frame.size;
-    store_material(rig, out);
+    store_material(system, out);
     const FieldParts& parts = field.parts();
-    store_cells(rig.body().cells, parts, out);
+    store_cells(system.body().cells, parts, out);
     out.kind = static_cast<std::int32_t>(parts.kind);
     out.num_centres = static_cast<std::uint32_t>(parts.num_centres);
     out.residual = parts.residual;
@@ -359,7 +359,7 @@ void Deformation::Map::carry(const Carried& carried) const
                             own[i] = cell_at(work[i]);
                         }
                     });
-    cellwarp::carry(*field, frame, work, own, carried);
+    cellwarp::apply_field(*field, frame, work, own, carried);
 }
 
 double memory_of(const FieldFile& file)

@@ -9,16 +9,16 @@
 #include <string>
 #include <vector>
 
-#include "editor/session/carrying.h"
-#include "editor/session/rig.h"
+#include "editor/session/apply_field.h"
+#include "editor/session/cell_system.h"
 #include "io/field_file.h"
 #include "solver/field/field.h"
 
 namespace cellwarp
 {
 
-/// What is kept of a rig and its field: all that moves a point.
-StoredField stored_field(const Rig& rig, const Field& field);
+/// What is kept of a system and its field: all that moves a point.
+StoredField stored_field(const CellSystem& system, const Field& field);
 
 /// What a Deformation of that file takes at the most, the file's own numbers included
 /// [byte].

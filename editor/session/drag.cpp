@@ -2,67 +2,57 @@
 #include "editor/session/drag.h"
 
 #include <cassert>
-#include <chrono>
+
+#include "octree/base/clock.h"
 
 namespace cellwarp
 {
 
-namespace
-{
-
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start)
-{
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-} // namespace
-
-Drag::Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> normals)
-    : settings_(settings), rig_(std::make_unique<Rig>(std::move(rig)))
+Drag::Drag(CellSystem system, const DragSettings& settings,
+           std::span<const SampleNormal> normals)
+    : settings_(settings), system_(std::make_unique<CellSystem>(std::move(system)))
 {
     std::vector<FadedRegion> faded;
-    for (std::size_t r = 0; r < rig_->regions().size(); ++r)
+    for (std::size_t r = 0; r < system_->regions().size(); ++r)
     {
-        if (!rig_->fade(r))
+        if (!system_->fade(r))
             continue;
         FadedRegion& region = faded.emplace_back();
-        region.fade = rig_->fade(r);
-        region.may_turn = rig_->regions()[r].role == Role::Pin;
-        for (std::size_t c = 0; c < rig_->region_of_cell().size(); ++c)
-            if (rig_->region_of_cell()[c] == static_cast<int>(r) &&
-                rig_->constraints()[c].hold == Hold::Prescribed)
+        region.fade = system_->fade(r);
+        region.may_turn = system_->regions()[r].role == Role::Pin;
+        for (std::size_t c = 0; c < system_->region_of_cell().size(); ++c)
+            if (system_->region_of_cell()[c] == static_cast<int>(r) &&
+                system_->constraints()[c].hold == Hold::Prescribed)
                 region.cells.push_back(static_cast<int>(c));
         faded_regions_.push_back(r);
     }
     faded_motions_.resize(faded.size());
-    const Body& body = rig_->body();
+    const Body& body = system_->body();
     samples_.emplace(settings.field, body.cells,
                      SampleSet{body.rest->samples, body.cell_of_sample, normals},
-                     rig_->constraints(), faded);
+                     system_->constraints(), faded);
 }
 
 void Drag::blend(std::span<const Motion> motions)
 {
     for (std::size_t k = 0; k < faded_regions_.size(); ++k)
         faded_motions_[k] = motions[faded_regions_[k]];
-    samples_->apply(rig_->poses(), faded_motions_);
+    samples_->apply(system_->poses(), faded_motions_);
 }
 
 DragReport Drag::frame(std::span<const Motion> motions)
 {
-    assert(motions.size() == rig_->regions().size());
+    assert(motions.size() == system_->regions().size());
     DragReport report;
     Clock::time_point start = Clock::now();
-    rig_->move_regions(motions);
-    rig_->carry_others();
+    system_->move_regions(motions);
+    system_->carry_others();
     SolveOptions options;
     options.max_iterations = settings_.max_iterations;
     options.gradient_tolerance = settings_.gradient_tolerance;
     options.time_budget = settings_.time_budget;
     options.may_refresh = false; // that would allocate
-    report.solve = rig_->solve(options);
+    report.solve = system_->solve(options);
     report.solve_ms = ms_since(start);
     start = Clock::now();
     blend(motions);
@@ -72,7 +62,7 @@ DragReport Drag::frame(std::span<const Motion> motions)
 
 void Drag::start_from(std::span<const Pose> poses, std::span<const Motion> motions)
 {
-    rig_->set_state(poses, motions);
+    system_->set_state(poses, motions);
     blend(motions);
 }
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "editor/session/rig.h"
+#include "editor/session/cell_system.h"
 #include "solver/field/sample_blend.h"
 
 namespace cellwarp
@@ -28,13 +28,14 @@ struct DragReport
     double solve_ms = 0.0, blend_ms = 0.0;
 };
 
-/// Keeps everything that lasts between frames: the rig with its preconditioner, tabulated
-/// blend weights, buffers. A frame allocates nothing and factorises nothing.
+/// Keeps everything that lasts between frames: the system with its preconditioner,
+/// tabulated blend weights, buffers. A frame allocates nothing and factorises nothing.
 class Drag
 {
 public:
-    /// Starts from where \p rig is. \p normals: in work axes.
-    Drag(Rig rig, const DragSettings& settings, std::span<const SampleNormal> normals);
+    /// Starts from where \p system is. \p normals: in work axes.
+    Drag(CellSystem system, const DragSettings& settings,
+         std::span<const SampleNormal> normals);
 
     /// Moves the regions (one motion each, from rest), takes a step or two towards
     /// the minimum, and moves all samples along. Frames with the same motions go on
@@ -44,7 +45,7 @@ public:
     /// Shows \p poses, at which the regions have made \p motions.
     void start_from(std::span<const Pose> poses, std::span<const Motion> motions);
 
-    const Rig& rig() const { return *rig_; }
+    const CellSystem& system() const { return *system_; }
     /// Places three numbers each [work], in an order of their own; see SampleBlend.
     const SampleBlend& samples() const { return *samples_; }
 
@@ -52,7 +53,7 @@ private:
     void blend(std::span<const Motion> motions);
 
     DragSettings settings_;
-    std::unique_ptr<Rig> rig_; ///< at a fixed address: the table points into it
+    std::unique_ptr<CellSystem> system_; ///< at a fixed address: the table points into it
     std::optional<SampleBlend> samples_;
     std::vector<std::size_t> faded_regions_;
     std::vector<Motion> faded_motions_;

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "solver/newton.h"
+#include "solver/minimize/newton.h"
 
 namespace cellwarp
 {
@@ -27,7 +27,7 @@ struct FrameReport
     std::int64_t frame = 0;
     SolveReport solve; ///< of the last step; iterations of all
     int steps = 0;
-    int recuts = 0; ///< times that other cells were made
+    int refinements = 0; ///< times that other cells were made
     SecondStart second_start = SecondStart::None;
     std::size_t cells = 0;
     int cells_at_limit = 0; ///< above the threshold, but at the deepest level

@@ -70,8 +70,8 @@ int MemoryGuard::main(int (*run)(int, char**), int argc, char** argv) const
     {
         const int exit_code = run(argc, argv);
         is_running = false;
-        if (exit_code == 0)
-            return 0;
+        if (exit_code != static_cast<int>(Fault::Budget))
+            return exit_code;
         // At a regular end the dense kernels wait for their threads, which wait for
         // memory for ever where there is none.
         std::fflush(nullptr);

@@ -11,6 +11,7 @@
 #include <map>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -33,13 +34,12 @@ template <class Visit>
 void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
 {
     const VoxelGrid& grid = body.rest->material.grid;
-    const Cell& a = body.cells.cells[static_cast<std::size_t>(face.a)];
-    const VoxelBlock block =
-        voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(a.leaf)]);
+    const Cell& a = body.cells.cells[idx(face.a)];
+    const VoxelBlock block = voxel_block(grid.shape(), body.octree.leaves()[idx(a.leaf)]);
     // What touches may be a crumb that belongs to the upper cell, from another leaf.
-    const Cell& b = body.cells.cells[static_cast<std::size_t>(face.b)];
+    const Cell& b = body.cells.cells[idx(face.b)];
     const VoxelBlock above_block =
-        voxel_block(grid.shape(), body.octree.leaves()[static_cast<std::size_t>(b.leaf)]);
+        voxel_block(grid.shape(), body.octree.leaves()[idx(b.leaf)]);
     const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
     Eigen::Vector3i below;
     below[axis] = block.first[axis] + block.width - 1;
@@ -83,9 +83,7 @@ double border_length(const Body& body, const RegionSet& regions, std::size_t reg
 {
     const VoxelGrid& grid = body.rest->material.grid;
     const int axis = face.axis;
-    const double half =
-        0.5 *
-        body.cells.cells[static_cast<std::size_t>(is_a_held ? face.b : face.a)].edge;
+    const double half = 0.5 * body.cells.cells[idx(is_a_held ? face.b : face.a)].edge;
     const int outwards = is_a_held ? 1 : -1; // of the region
     double area = 0.0, stiffness = 0.0;
     for_each_voxel_face(
@@ -116,7 +114,7 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
     std::vector<double> owned_share(num_cells, 0.0);
     const auto take = [&](std::size_t region, int cell, double share)
     {
-        const std::size_t c = static_cast<std::size_t>(cell);
+        const std::size_t c = idx(cell);
         if (owner[c] >= 0 && share <= owned_share[c] + kSameShare)
             return;
         owner[c] = static_cast<int>(region);
@@ -137,13 +135,12 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
             largest[home] = 0.0;
         const double of_all = shares[r].largest();
         for (const auto& [cell, share] : shares[r].cells)
-            if (const auto found =
-                    largest.find(component[static_cast<std::size_t>(cell)]);
+            if (const auto found = largest.find(component[idx(cell)]);
                 found != largest.end())
                 found->second = std::max(found->second, share);
         for (const auto& [cell, share] : shares[r].cells)
         {
-            const auto found = largest.find(component[static_cast<std::size_t>(cell)]);
+            const auto found = largest.find(component[idx(cell)]);
             const double most = found != largest.end() ? found->second : of_all;
             if (most < kMajority && share >= most - kSameShare)
                 take(r, cell, share);
@@ -191,7 +188,7 @@ std::vector<Homeless> homeless_regions(const RegionSet& regions,
         std::pair<int, double> of_all = {-1, 0.0};
         for (const auto& [cell, share] : shares[r].cells)
         {
-            const std::size_t c = static_cast<std::size_t>(cell);
+            const std::size_t c = idx(cell);
             if (share > of_all.second)
                 of_all = {cell, share};
             if (owner[c] == static_cast<int>(r))
@@ -207,8 +204,7 @@ std::vector<Homeless> homeless_regions(const RegionSet& regions,
             homeless.push_back({r, of_all.first, false});
         for (const auto& [home, cell] : most)
         {
-            const std::size_t other =
-                static_cast<std::size_t>(owner[static_cast<std::size_t>(cell.first)]);
+            const std::size_t other = idx(owner[idx(cell.first)]);
             if (has_any && !move_alike(regions, r, other))
                 homeless.push_back({r, cell.first, true});
         }
@@ -229,22 +225,21 @@ std::vector<int> crowded_cells(const RegionSet& regions,
             continue;
         std::vector<bool> is_left(cells.size(), false);
         for (const auto& [cell, share] : shares[r].cells)
-            is_left[static_cast<std::size_t>(cell)] = true;
+            is_left[idx(cell)] = true;
         for (const auto& [seed, share] : shares[r].cells)
         {
-            if (!is_left[static_cast<std::size_t>(seed)])
+            if (!is_left[idx(seed)])
                 continue;
-            is_left[static_cast<std::size_t>(seed)] = false;
+            is_left[idx(seed)] = false;
             std::vector<int> part = {seed};
             bool has_home = false;
             for (std::size_t next = 0; next < part.size(); ++next)
             {
-                has_home |=
-                    owner[static_cast<std::size_t>(part[next])] == static_cast<int>(r);
+                has_home |= owner[idx(part[next])] == static_cast<int>(r);
                 for (const int other : cells.neighbours_of(part[next]))
-                    if (is_left[static_cast<std::size_t>(other)])
+                    if (is_left[idx(other)])
                     {
-                        is_left[static_cast<std::size_t>(other)] = false;
+                        is_left[idx(other)] = false;
                         part.push_back(other);
                     }
             }
@@ -264,8 +259,7 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
     for (const auto& [r, cell, has_others] :
          homeless_regions(regions, shares, owner, component))
     {
-        const Region& other =
-            regions[static_cast<std::size_t>(owner[static_cast<std::size_t>(cell)])];
+        const Region& other = regions[idx(owner[idx(cell)])];
         throw Error(
             Fault::Unsolvable,
             at({regions.file(), regions[r].line, regions[r].name},
@@ -295,7 +289,7 @@ std::vector<double> cell_factors(const RegionSet& regions,
         const double needed = std::min(kMajority, shares[r].largest() - kSameShare);
         for (const auto& [cell, share] : shares[r].cells)
         {
-            const std::size_t c = static_cast<std::size_t>(cell);
+            const std::size_t c = idx(cell);
             if (share >= needed && share > best[c] + kSameShare)
             {
                 best[c] = share;
@@ -311,10 +305,8 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
 {
     const auto holder = [&](int cell)
     {
-        const int region = region_of_cell[static_cast<std::size_t>(cell)];
-        return region >= 0 && regions[static_cast<std::size_t>(region)].role != Role::Pin
-                   ? region
-                   : -1;
+        const int region = region_of_cell[idx(cell)];
+        return region >= 0 && regions[idx(region)].role != Role::Pin ? region : -1;
     };
     std::vector<BorderGlue> borders;
     for (std::size_t f = 0; f < body.cells.faces.size(); ++f)
@@ -324,9 +316,7 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
         if ((of_a >= 0) != (of_b >= 0))
             borders.push_back(
                 {static_cast<int>(f),
-                 border_length(body, regions,
-                               static_cast<std::size_t>(std::max(of_a, of_b)), face,
-                               of_a >= 0),
+                 border_length(body, regions, idx(std::max(of_a, of_b)), face, of_a >= 0),
                  of_a >= 0});
     }
     return borders;

@@ -8,7 +8,7 @@
 
 #include "editor/session/body.h"
 #include "editor/session/region_set.h"
-#include "solver/glue.h"
+#include "solver/cells/glue.h"
 
 namespace cellwarp
 {

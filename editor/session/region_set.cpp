@@ -5,8 +5,9 @@
 #include <cmath>
 
 #include "io/error.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "octree/nearest_sample.h"
-#include "octree/parallel.h"
 
 namespace cellwarp
 {
@@ -174,7 +175,7 @@ void RegionSet::find_overlaps()
             if (!regions_[r].prescribes())
                 break;
             if (first_region[i] >= 0)
-                overlaps_.push_back({static_cast<std::size_t>(first_region[i]), r, i});
+                overlaps_.push_back({idx(first_region[i]), r, i});
             else
                 first_region[i] = static_cast<int>(r);
         }
@@ -195,12 +196,12 @@ std::vector<std::uint32_t> RegionSet::samples_without(std::span<const double> pa
     std::vector<bool> has_part(component.size(), false);
     for (std::size_t piece = 0; piece < part.size(); ++piece)
         if (part[piece] > 0)
-            has_part[static_cast<std::size_t>(component[piece])] = true;
+            has_part[idx(component[piece])] = true;
     std::vector<std::uint32_t> samples;
     for (const std::uint32_t i : regions_[region].samples)
     {
-        const std::size_t piece = static_cast<std::size_t>(body.cell_of_sample[i]);
-        if (!has_part[static_cast<std::size_t>(component[piece])])
+        const std::size_t piece = idx(body.cell_of_sample[i]);
+        if (!has_part[idx(component[piece])])
             samples.push_back(i);
     }
     return samples;
@@ -220,21 +221,18 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
             std::vector<int>& homes = result[r].homes;
             std::vector<double> part(pieces.size(), 0.0);
             for (const std::uint32_t voxel : voxels_[r])
-                part[static_cast<std::size_t>(pieces.piece_of_voxel[voxel])] +=
-                    volume_of(grid, voxel);
+                part[idx(pieces.piece_of_voxel[voxel])] += volume_of(grid, voxel);
             // Where none of its voxels is in a component that holds samples of it,
             // because it ends there within a voxel or others outnumber its samples: the
             // cells that hold these stand for it.
             if (regions_[r].prescribes() || voxels_[r].empty())
                 for (const std::uint32_t i : samples_without(part, component, r, body))
                 {
-                    const std::size_t piece =
-                        static_cast<std::size_t>(body.cell_of_sample[i]);
+                    const std::size_t piece = idx(body.cell_of_sample[i]);
                     part[piece] = kTokenShare * body.cells.cells[piece].volume;
                 }
             for (const std::uint32_t i : regions_[r].samples)
-                homes.push_back(
-                    component[static_cast<std::size_t>(body.cell_of_sample[i])]);
+                homes.push_back(component[idx(body.cell_of_sample[i])]);
             std::sort(homes.begin(), homes.end());
             homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)

@@ -195,7 +195,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const Twins* known_twins)
+                                    const CoincidentSamples* known_twins)
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
@@ -227,7 +227,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
     }
-    std::optional<Twins> own_twins;
+    std::optional<CoincidentSamples> own_twins;
     for (Region& region : regions)
     {
         if (!region.listed.empty())

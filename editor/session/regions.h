@@ -11,8 +11,8 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/path.h"
-#include "editor/session/twins.h"
+#include "editor/session/coincident_samples.h"
+#include "editor/session/handle_trajectory.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 
@@ -57,7 +57,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const Twins* known_twins = nullptr);
+                                    const CoincidentSamples* known_twins = nullptr);
 
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
 std::string nearest_sample_note(const Region& region,

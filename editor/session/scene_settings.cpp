@@ -20,31 +20,34 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
 {
     SessionSettings settings;
     CellSettings& cells = settings.cells;
-    cells.fill = scene.fill == "shell" ? Fill::Shell : Fill::Solid;
-    cells.across = static_cast<int>(scene.across.value_or(cells.across));
-    cells.max_depth = static_cast<int>(scene.max_depth.value_or(kUsualDepth));
-    const bool is_paper = scene.energy == "botsch07";
-    cells.threshold = scene.threshold.value_or(is_paper ? kUsualGap : kUsualThreshold);
+    cells.fill = scene.settings.cells.fill == "shell" ? Fill::Shell : Fill::Solid;
+    cells.across = static_cast<int>(scene.settings.cells.across.value_or(cells.across));
+    cells.max_depth =
+        static_cast<int>(scene.settings.cells.max_depth.value_or(kUsualDepth));
+    const bool is_paper = scene.settings.energy == "botsch07";
+    cells.threshold =
+        scene.settings.cells.threshold.value_or(is_paper ? kUsualGap : kUsualThreshold);
     if (cells.threshold == 0.0)
         cells.min_depth = cells.max_depth;
-    cells.gap = scene.gap.value_or(cells.gap);
-    cells.thickness = scene.thickness.value_or(cells.thickness);
-    cells.max_cells = scene.max_cells.value_or(cells.max_cells);
+    cells.gap = scene.settings.cells.gap.value_or(cells.gap);
+    cells.thickness = scene.settings.cells.thickness.value_or(cells.thickness);
+    cells.max_cells = scene.settings.cells.max_cells.value_or(cells.max_cells);
     cells.frame = scene.frame;
     cells.frame_file = scene.path;
     if (is_paper)
         use(kBotsch07, settings);
     const Departures& departures = settings.departures;
-    if (is_preview || scene.release == "blend")
-        settings.field =
-            scene.drag.value_or(departures.blend ? "blend" : "closest4") == "closest4"
-                ? FieldKind::Closest4
-                : FieldKind::Blend;
-    else if (scene.release == "rbf-global")
+    if (is_preview || scene.settings.field.release == "blend")
+        settings.field = scene.settings.field.drag.value_or(
+                             departures.blend ? "blend" : "closest4") == "closest4"
+                             ? FieldKind::Closest4
+                             : FieldKind::Blend;
+    else if (scene.settings.field.release == "rbf-global")
         settings.field = FieldKind::RbfGlobal;
     else
-        settings.field = scene.release || departures.local_rbf ? FieldKind::Rbf
-                                                               : FieldKind::RbfCentres;
+        settings.field = scene.settings.field.release || departures.local_rbf
+                             ? FieldKind::Rbf
+                             : FieldKind::RbfCentres;
     return settings;
 }
 

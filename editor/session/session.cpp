@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -16,27 +15,21 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
-#include "editor/session/carrying.h"
+#include "editor/session/apply_field.h"
 #include "editor/session/deformation.h"
 #include "editor/session/turn_chains.h"
 #include "io/error.h"
 #include "io/number.h"
-#include "octree/parallel.h"
+#include "octree/base/clock.h"
+#include "octree/base/parallel.h"
+#include "solver/cells/refinement.h"
 #include "solver/field/turning.h"
-#include "solver/refinement.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start)
-{
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 /// Tolerance of the steps on the way: good enough to start the next one.
 constexpr double kTravelTolerance = 1e-3;
@@ -132,20 +125,20 @@ const char* second_start_name(SecondStart start)
 /// Everything that belongs to one stage.
 struct Session::StageState
 {
-    StageState(std::shared_ptr<const StageStart> of_stage, Rig in_cells)
-        : start(std::move(of_stage)), recutting(start->recutting),
-          rig(std::move(in_cells)), steps(rig.regions().size())
+    StageState(std::shared_ptr<const StageStart> of_stage, CellSystem in_cells)
+        : start(std::move(of_stage)), refiner(start->refiner),
+          system(std::move(in_cells)), steps(system.regions().size())
     {
     }
 
     std::shared_ptr<const StageStart> start;
-    Recutting recutting;
-    Rig rig;
+    CellRefiner refiner;
+    CellSystem system;
     std::vector<std::vector<Step>>
         steps;      ///< of the regions, at the end of the last frame
     FramePlan plan; ///< of the frame that is solved
     SolveReport last_solve;
-    std::optional<FieldFitter> fitter; ///< of the rig's cells
+    std::optional<FieldFitter> fitter; ///< of the system's cells
     std::unique_ptr<Field> field;
 };
 
@@ -158,43 +151,43 @@ const Field* Session::field() const
     return state_ ? state_->field.get() : nullptr;
 }
 
-const Rig* Session::rig() const
+const CellSystem* Session::system() const
 {
-    return state_ ? &state_->rig : nullptr;
+    return state_ ? &state_->system : nullptr;
 }
 
-Recutting Session::recutting() const
+CellRefiner Session::refiner() const
 {
-    return state_->recutting;
+    return state_->refiner;
 }
 
-Session::Session(GeometryFile model, HandleFile handles, SessionSettings settings)
-    : Session(std::make_shared<const GeometryFile>(std::move(model)), std::move(handles),
+Session::Session(Geometry geometry, HandleFile handles, SessionSettings settings)
+    : Session(std::make_shared<const Geometry>(std::move(geometry)), std::move(handles),
               std::move(settings))
 {
 }
 
-Session::Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
+Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
                  SessionSettings settings)
-    : model_(std::move(model)), settings_(std::move(settings))
+    : geometry_(std::move(of)), settings_(std::move(settings))
 {
-    assert(!settings_.keeps_states || !settings_.keeps_fields);
-    const Geometry& geometry = model_->geometry;
-    patch_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
+    assert(!settings_.keeps_checkpoints || !settings_.keeps_fields);
+    const Geometry& geometry = *geometry_;
+    deformed_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
     for (const DirectionUse& use : direction_uses(geometry))
     {
-        patch_.directions.push_back(geometry.directions[use.direction]);
+        deformed_.directions.push_back(geometry.directions[use.direction]);
         use_samples_.push_back(use.sample);
     }
     parts_.faces = geometry.num_faces() > 0;
     warnings_ = geometry.warnings;
-    if (settings_.keeps_states)
+    if (settings_.keeps_checkpoints)
     {
-        take(std::move(handles), settings_.stop);
+        set_script(std::move(handles), settings_.stop);
         return;
     }
     handles_ = std::move(handles);
-    chain_ = StatementChain(handles_);
+    chain_ = ScriptFingerprint(handles_);
     const bool has_frames =
         std::any_of(handles_.stages.begin(), handles_.stages.end(),
                     [](const Stage& stage) { return !stage.frames.empty(); });
@@ -204,22 +197,22 @@ Session::Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
         stage_ = handles_.stages.size();
         return;
     }
-    start_stage(make_rest(0, patch_));
+    start_stage(make_rest(0, deformed_));
 }
 
-RigSettings Session::rig_settings() const
+CellSystemSettings Session::system_settings() const
 {
     return {settings_.cells.max_memory, settings_.method, settings_.departures};
 }
 
-std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage, Patch samples)
+std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
+                                                    DeformedSamples samples)
 {
     auto rest = std::make_shared<StageRest>();
     rest->stage = stage;
-    rest->print = chain_.before(stage);
+    rest->fingerprint = chain_.before(stage);
     rest->samples = std::move(samples);
-    rest->shape =
-        build_rest_shape(model_->geometry, rest->samples.samples, settings_.cells);
+    rest->shape = build_rest_shape(*geometry_, rest->samples.samples, settings_.cells);
     parts_.interior += rest->shape->material.method != InsideMethod::None;
     return rest;
 }
@@ -236,29 +229,29 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const Units units{shape.frame, handles_.is_relative, bounding_box(samples)};
     const auto regions = std::make_shared<const RegionSet>(
         rest_->shape,
-        resolve_regions(handles_.stages[stage_].regions, model_->geometry, samples, units,
+        resolve_regions(handles_.stages[stage_].regions, *geometry_, samples, units,
                         handles_),
         handles_.path);
-    const auto start = std::make_shared<StageStart>(
-        StageStart{rest_, regions, units,
-                   Recutting(rest_->shape, regions, settings_.cells, rig_settings())});
-    Rig rig = start->recutting.first();
-    for (std::string& warning : start->recutting.take_warnings())
+    const auto start = std::make_shared<StageStart>(StageStart{
+        rest_, regions, units,
+        CellRefiner(rest_->shape, regions, settings_.cells, system_settings())});
+    CellSystem system = start->refiner.first();
+    for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
-    warnings_.insert(warnings_.end(), rig.warnings().begin(), rig.warnings().end());
-    state_ = std::make_unique<StageState>(start, std::move(rig));
+    warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
+    state_ = std::make_unique<StageState>(start, std::move(system));
     check_memory_of(settings_.field);
     check_frames();
-    patch_ = rest_->samples;
-    is_patch_current_ = true;
-    keep_state();
+    deformed_ = rest_->samples;
+    is_deformed_current_ = true;
+    add_checkpoint();
 }
 
-void Session::take(HandleFile handles, std::stop_token stop)
+void Session::set_script(HandleFile handles, std::stop_token stop)
 {
-    assert(settings_.keeps_states);
+    assert(settings_.keeps_checkpoints);
     settings_.stop = std::move(stop);
-    StatementChain chain(handles);
+    ScriptFingerprint chain(handles);
     const ScriptPlace here{stage_, frame_};
     const bool goes_on =
         state_ && chain.has(here) && chain.up_to(here) == chain_.up_to(here);
@@ -271,7 +264,7 @@ void Session::take(HandleFile handles, std::stop_token stop)
         else
             go_back();
         if (!upcoming_frame() &&
-            (!commit_to_end() || !(is_patch_current_ || update_samples())))
+            (!commit_to_end() || !(is_deformed_current_ || update_samples())))
             end_stopped();
     }
     catch (...)
@@ -286,17 +279,17 @@ void Session::take(HandleFile handles, std::stop_token stop)
 void Session::go_back()
 {
     if (!first_rest_)
-        first_rest_ = make_rest(0, patch_);
+        first_rest_ = make_rest(0, deformed_);
     const bool has_last = last_rest_ && last_rest_->stage < chain_.num_stages() &&
-                          chain_.before(last_rest_->stage) == last_rest_->print;
+                          chain_.before(last_rest_->stage) == last_rest_->fingerprint;
     const std::shared_ptr<const StageRest>& rest = has_last ? last_rest_ : first_rest_;
-    const KeptState* const kept = kept_.latest_on(chain_);
+    const Checkpoint* const kept = kept_.latest_on(chain_);
     if (kept && kept->place.stage >= rest->stage)
     {
         go_to(*kept);
         return;
     }
-    warnings_ = model_->geometry.warnings;
+    warnings_ = geometry_->warnings;
     reports_.clear();
     frames_done_ = 0;
     for (std::size_t s = 0; s < rest->stage; ++s)
@@ -304,16 +297,17 @@ void Session::go_back()
     start_stage(rest);
 }
 
-void Session::go_to(const KeptState& kept)
+void Session::go_to(const Checkpoint& kept)
 {
-    const KeptState state = kept; // what is kept may change on the way
+    const Checkpoint state = kept; // what is kept may change on the way
     rest_ = state.start->rest;
     stage_ = state.place.stage;
     frame_ = state.place.frame;
     state_ = std::make_unique<StageState>(
-        state.start, Rig(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
-                         state.start->regions, rig_settings()));
-    state_->rig.set_state(state.rig);
+        state.start,
+        CellSystem(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
+                   state.start->regions, system_settings()));
+    state_->system.set_state(state.system);
     state_->steps = state.steps;
     state_->last_solve = state.last_solve;
     warnings_ = state.warnings;
@@ -322,26 +316,26 @@ void Session::go_to(const KeptState& kept)
         reports_.push_back(*state.report);
     frames_done_ = state.frames_done;
     check_frames();
-    is_patch_current_ = frame_ == 0;
-    if (is_patch_current_)
-        patch_ = rest_->samples;
+    is_deformed_current_ = frame_ == 0;
+    if (is_deformed_current_)
+        deformed_ = rest_->samples;
 }
 
-void Session::keep_state()
+void Session::add_checkpoint()
 {
-    if (!settings_.keeps_states)
+    if (!settings_.keeps_checkpoints)
         return;
     const StageState& s = *state_;
-    KeptState kept{chain_.up_to({stage_, frame_}),
-                   {stage_, frame_},
-                   s.start,
-                   s.rig.body().octree,
-                   s.rig.state(),
-                   s.steps,
-                   s.last_solve,
-                   std::nullopt,
-                   warnings_,
-                   frames_done_};
+    Checkpoint kept{chain_.up_to({stage_, frame_}),
+                    {stage_, frame_},
+                    s.start,
+                    s.system.body().octree,
+                    s.system.state(),
+                    s.steps,
+                    s.last_solve,
+                    std::nullopt,
+                    warnings_,
+                    frames_done_};
     if (frame_ > 0)
         kept.report = reports_.back();
     kept_.add(std::move(kept));
@@ -351,10 +345,10 @@ void Session::check_memory_of(const FieldChoice& field) const
 {
     if (!is_dense(field.kind))
         return;
-    const Rig& rig = state_->rig;
-    const std::size_t centres =
-        centres_of_all(field.kind, rig.body().cells, rig.constraints(), rig.poses())
-            .points.size();
+    const CellSystem& system = state_->system;
+    const std::size_t centres = centres_of_all(field.kind, system.body().cells,
+                                               system.constraints(), system.poses())
+                                    .points.size();
     const double bytes = RbfSystem::memory_estimate(centres);
     if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
         throw Error(Fault::Budget,
@@ -370,8 +364,8 @@ Session::FramePlan Session::plan(const FrameStatement& frame,
                                  std::vector<std::string>& warnings) const
 {
     const StageState& s = *state_;
-    const RegionSet& regions = s.rig.regions();
-    const double diagonal = s.rig.rest().frame.diagonal();
+    const RegionSet& regions = s.system.regions();
+    const double diagonal = s.system.rest().frame.diagonal();
     std::map<std::string, const Move*> moves;
     for (const Move& move : frame.moves)
         moves[move.region] = &move;
@@ -395,7 +389,7 @@ Session::FramePlan Session::plan(const FrameStatement& frame,
             next = steps_of(move, s.start->units, regions.centre(r), box.low,
                             handles_.path, warnings);
         }
-        const Path& path = plan.paths.emplace_back(steps[r], next);
+        const HandleTrajectory& path = plan.paths.emplace_back(steps[r], next);
         steps[r] = std::move(next);
         motions.push_back(path.at(1.0));
         if (!regions[r].prescribes())
@@ -422,27 +416,27 @@ void Session::check_frames()
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
     for (std::size_t f = frame_; f < frames.size(); ++f)
         plan(frames[f], steps, of_frames);
-    if (!settings_.keeps_states)
+    if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
 
 void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const
 {
     const StageState& s = *state_;
-    for (const RegionSet::Overlap& overlap : s.rig.regions().overlaps())
+    for (const RegionSet::Overlap& overlap : s.system.regions().overlaps())
     {
-        const Eigen::Vector3d& x = s.rig.rest().samples[overlap.sample];
+        const Eigen::Vector3d& x = s.system.rest().samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
         const double scale =
-            std::max(s.rig.rest().frame.diagonal(), motions[overlap.a](x).norm());
+            std::max(s.system.rest().frame.diagonal(), motions[overlap.a](x).norm());
         if (!(apart <= kSameMotion * scale))
             throw malformed(
-                {handles_.path, line, s.rig.regions()[overlap.a].name},
+                {handles_.path, line, s.system.regions()[overlap.a].name},
                 fmt::format("and {} (line {}) both hold sample {} and move it "
                             "differently ({:.3g} of the diagonal apart)",
-                            s.rig.regions()[overlap.b].name,
-                            s.rig.regions()[overlap.b].line, overlap.sample,
-                            apart / s.rig.rest().frame.diagonal()));
+                            s.system.regions()[overlap.b].name,
+                            s.system.regions()[overlap.b].line, overlap.sample,
+                            apart / s.system.rest().frame.diagonal()));
     }
 }
 
@@ -474,12 +468,12 @@ struct Session::Standing
     ScriptPlace place;
     std::shared_ptr<const StageStart> start;
     std::shared_ptr<const Body> body;
-    RigState rig;
+    CellSystemState system;
     std::vector<std::vector<Step>> steps;
     SolveReport last_solve;
     std::vector<std::string> warnings;
     std::size_t frames_done, num_reports, num_committed;
-    bool is_patch_current;
+    bool is_deformed_current;
 };
 
 Session::Standing Session::standing() const
@@ -487,15 +481,15 @@ Session::Standing Session::standing() const
     const StageState& s = *state_;
     return {{stage_, frame_},
             s.start,
-            s.rig.shared_body(),
-            s.rig.state(),
+            s.system.shared_body(),
+            s.system.state(),
             s.steps,
             s.last_solve,
             warnings_,
             frames_done_,
             reports_.size(),
             committed_fields_.size(),
-            is_patch_current_};
+            is_deformed_current_};
 }
 
 /// The samples are those of the standing still: nothing half done is written to them.
@@ -509,10 +503,11 @@ void Session::stand_at(const Standing& standing)
     frames_done_ = standing.frames_done;
     reports_.resize(standing.num_reports);
     committed_fields_.resize(standing.num_committed);
-    is_patch_current_ = standing.is_patch_current;
+    is_deformed_current_ = standing.is_deformed_current;
     auto state = std::make_unique<StageState>(
-        standing.start, Rig(standing.body, standing.start->regions, rig_settings()));
-    state->rig.set_state(standing.rig);
+        standing.start,
+        CellSystem(standing.body, standing.start->regions, system_settings()));
+    state->system.set_state(standing.system);
     state->steps = standing.steps;
     state->last_solve = standing.last_solve;
     state_ = std::move(state);
@@ -557,8 +552,8 @@ void Session::solve_next(bool wants_samples, double cells_ms)
 {
     FrameStatement& statement = handles_.stages[stage_].frames[frame_];
     std::vector<std::string> told_before;
-    state_->plan =
-        plan(statement, state_->steps, settings_.keeps_states ? warnings_ : told_before);
+    state_->plan = plan(statement, state_->steps,
+                        settings_.keeps_checkpoints ? warnings_ : told_before);
     FrameReport& report = reports_.emplace_back();
     report.frame = statement.number;
     report.cells_ms = cells_ms;
@@ -566,9 +561,9 @@ void Session::solve_next(bool wants_samples, double cells_ms)
     solve_frame(report);
     report.solve_ms = ms_since(start) - (report.cells_ms - cells_ms);
     end_frame(report, wants_samples);
-    if (settings_.keeps_states)
+    if (settings_.keeps_checkpoints)
     {
-        statement.moves = {}; // not needed again: the next take() brings its own
+        statement.moves = {}; // not needed again: the next set_script() brings its own
         reports_.erase(reports_.begin(), reports_.end() - 1);
     }
 }
@@ -577,7 +572,7 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
 {
     ++frame_;
     ++frames_done_;
-    is_patch_current_ = false;
+    is_deformed_current_ = false;
     const bool is_committed = frame_ == handles_.stages[stage_].frames.size() &&
                               stage_ + 1 < handles_.stages.size();
     if (wants_samples || is_committed)
@@ -587,15 +582,15 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
         end_stopped();
         return;
     }
-    keep_state();
-    if (settings_.keeps_states && !upcoming_frame() && !commit_to_end())
+    add_checkpoint();
+    if (settings_.keeps_checkpoints && !upcoming_frame() && !commit_to_end())
         end_stopped();
 }
 
 /// Somewhere on the way: there is nothing to go on from but what was kept.
 void Session::end_stopped()
 {
-    if (settings_.keeps_states)
+    if (settings_.keeps_checkpoints)
         state_.reset();
 }
 
@@ -606,7 +601,7 @@ bool Session::stands() const
     const StageState& s = *state_;
     return s.last_solve.stop == Stop::Converged &&
            std::all_of(s.plan.paths.begin(), s.plan.paths.end(),
-                       [](const Path& path)
+                       [](const HandleTrajectory& path)
                        {
                            const Motion from = path.at(0.0), to = path.at(1.0);
                            return from.R == to.R && from.t == to.t;
@@ -617,9 +612,9 @@ bool Session::stands() const
 void Session::move_regions(double t)
 {
     std::vector<Motion> motions;
-    for (const Path& path : state_->plan.paths)
+    for (const HandleTrajectory& path : state_->plan.paths)
         motions.push_back(path.at(t));
-    state_->rig.move_regions(motions);
+    state_->system.move_regions(motions);
 }
 
 /// What the solves of one frame have in common.
@@ -644,8 +639,8 @@ struct Session::FrameSolve
     }
 };
 
-/// Solves from where the rig is; \p is_last: to the tolerance asked for, else well enough
-/// to go on from there.
+/// Solves from where the system is; \p is_last: to the tolerance asked for, else well
+/// enough to go on from there.
 void Session::solve_on(FrameSolve& frame, bool is_last)
 {
     StageState& s = *state_;
@@ -672,7 +667,7 @@ void Session::solve_on(FrameSolve& frame, bool is_last)
             settings_.watch({frames_done_, reports_.back().frame, frame.part, frame.parts,
                              done + iteration, gradient, energy});
         };
-    SolveReport solve = s.rig.solve(options);
+    SolveReport solve = s.system.solve(options);
     solve.add_earlier(frame.total);
     frame.total = solve;
 }
@@ -685,16 +680,16 @@ void Session::solve_wound(FrameSolve& frame, bool is_last)
     if (!frame.is_wound || frame.stays_stable)
         return solve_on(frame, is_last);
     StageState& s = *state_;
-    const RigState before = s.rig.state();
+    const CellSystemState before = s.system.state();
     const int iterations = frame.total.iterations;
     solve_on(frame, is_last);
-    const TurnChains chains(s.rig.body().cells, s.rig.region_of_cell());
-    const Eigen::Matrix3Xd lost = chains.turns(s.rig.poses()) - frame.turns;
+    const TurnChains chains(s.system.body().cells, s.system.region_of_cell());
+    const Eigen::Matrix3Xd lost = chains.turns(s.system.poses()) - frame.turns;
     if (!(lost.colwise().norm().array() > kLostTurn).any() || frame.is_out_of_time())
         return;
     frame.stays_stable = true;
     frame.iterations_lost += frame.total.iterations - std::max(0, iterations);
-    s.rig.set_state(before);
+    s.system.set_state(before);
     solve_on(frame, is_last);
 }
 
@@ -702,7 +697,7 @@ void Session::solve_wound(FrameSolve& frame, bool is_last)
 struct Session::FrameStart
 {
     std::shared_ptr<const Body> body;
-    RigState state;
+    CellSystemState state;
 };
 
 /// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
@@ -711,13 +706,14 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
 {
     StageState& s = *state_;
     frame.parts = s.plan.num_parts;
-    frame.is_wound = std::any_of(s.plan.paths.begin(), s.plan.paths.end(),
-                                 [](const Path& path) { return path.is_wound(); });
+    frame.is_wound =
+        std::any_of(s.plan.paths.begin(), s.plan.paths.end(),
+                    [](const HandleTrajectory& path) { return path.is_wound(); });
     std::optional<TurnChains> chains;
     if (frame.is_wound)
     {
-        chains.emplace(s.rig.body().cells, s.rig.region_of_cell());
-        frame.turns = chains->turns(s.rig.poses());
+        chains.emplace(s.system.body().cells, s.system.region_of_cell());
+        frame.turns = chains->turns(s.system.poses());
     }
     for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
     {
@@ -725,18 +721,18 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
         if (frame.is_out_of_time())
             frame.part = frame.parts;
         if (chains)
-            frame.turns -= chains->turns(s.rig.poses());
+            frame.turns -= chains->turns(s.system.poses());
         move_regions(static_cast<double>(frame.part) / frame.parts);
         if (frame.gradient_scale == 0.0)
         {
-            const Residual first = s.rig.residual();
+            const Residual first = s.system.residual();
             frame.gradient_scale =
                 std::max(first.gradient, kUncancelledShare * first.uncancelled);
         }
-        frame.energy_before = s.rig.energy();
-        s.rig.carry_others();
+        frame.energy_before = s.system.energy();
+        s.system.carry_others();
         if (chains)
-            frame.turns += chains->turns(s.rig.poses());
+            frame.turns += chains->turns(s.system.poses());
         solve_wound(frame, frame.part == frame.parts && ends_exactly);
         ++steps;
         if (frame.total.stop == Stop::NotPositiveDefinite)
@@ -746,17 +742,17 @@ void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
 }
 
 /// Whether there were other cells to take; they are taken then.
-bool Session::takes(std::optional<Rig> (Recutting::*change)(const Rig&),
+bool Session::takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
                     FrameReport& report)
 {
     StageState& s = *state_;
     const Clock::time_point start = Clock::now();
-    std::optional<Rig> next = (s.recutting.*change)(s.rig);
+    std::optional<CellSystem> next = (s.refiner.*change)(s.system);
     if (next)
     {
         s.fitter.reset();
-        s.rig = std::move(*next);
-        ++report.recuts;
+        s.system = std::move(*next);
+        ++report.refinements;
     }
     report.cells_ms += ms_since(start);
     return next.has_value();
@@ -764,27 +760,27 @@ bool Session::takes(std::optional<Rig> (Recutting::*change)(const Rig&),
 
 /// Fits the cells to the deformation: merges first, then splits, so that it ends. What
 /// the last, exact solve shows to be still is merged after it.
-void Session::recut(FrameSolve& frame, FrameReport& report)
+void Session::refine_cells(FrameSolve& frame, FrameReport& report)
 {
     const auto go_on = [&]
     { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
     // Where it is not stable, errors of the cells tell nothing.
-    const auto may_recut = [&] { return go_on() && !frame.stays_stable; };
-    while (may_recut() && takes(&Recutting::coarser, report))
+    const auto may_refine = [&] { return go_on() && !frame.stays_stable; };
+    while (may_refine() && takes(&CellRefiner::coarser, report))
         solve_wound(frame, false);
-    for (double before = state_->rig.energy();
-         may_recut() && takes(&Recutting::finer, report);)
+    for (double before = state_->system.energy();
+         may_refine() && takes(&CellRefiner::finer, report);)
     {
         solve_wound(frame, false);
-        const double after = state_->rig.energy();
+        const double after = state_->system.energy();
         frame.has_risen |= after > kRise * before;
         before = after;
     }
     if (go_on())
         solve_wound(frame, true);
-    while (may_recut() && takes(&Recutting::coarser, report))
+    while (may_refine() && takes(&CellRefiner::coarser, report))
         solve_wound(frame, true);
-    report.cells_at_limit = state_->recutting.num_at_limit();
+    report.cells_at_limit = state_->refiner.num_at_limit();
 }
 
 /// Whether there are signs of a lower minimum than the one found: a direction in which
@@ -792,11 +788,11 @@ void Session::recut(FrameSolve& frame, FrameReport& report)
 /// would have it elsewhere, or an energy that rose in smaller cells.
 bool Session::may_miss_a_minimum(const FrameSolve& frame) const
 {
-    const Rig& rig = state_->rig;
+    const CellSystem& system = state_->system;
     return frame.total.stop == Stop::Converged &&
            (frame.total.is_saddle || frame.has_risen ||
-            least_stretch(rig.body().cells, rig.glue(), rig.constraints(), rig.poses()) <
-                kFold);
+            least_stretch(system.body().cells, system.glue(), system.constraints(),
+                          system.poses()) < kFold);
 }
 
 /// Goes the way of the frame again, in the cells in which it ended, and stays where that
@@ -804,27 +800,27 @@ bool Session::may_miss_a_minimum(const FrameSolve& frame) const
 void Session::start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report)
 {
     StageState& s = *state_;
-    const double energy = s.rig.energy();
-    Rig other = s.recutting.in_cells_of(s.rig, start.body, start.state);
-    std::swap(s.rig, other);
+    const double energy = s.system.energy();
+    CellSystem other = s.refiner.in_cells_of(s.system, start.body, start.state);
+    std::swap(s.system, other);
     FrameSolve second;
     second.start = frame.start;
     second.gradient_scale = frame.gradient_scale;
     second.iterations_before = frame.total.iterations;
     travel(second, report.steps, true);
     const bool is_lower = second.total.stop == Stop::Converged &&
-                          s.rig.energy() < (1.0 - kSameEnergy) * energy;
+                          s.system.energy() < (1.0 - kSameEnergy) * energy;
     report.second_start = is_lower ? SecondStart::Taken : SecondStart::Dropped;
     if (!is_lower)
     {
-        std::swap(s.rig, other);
+        std::swap(s.system, other);
         frame.total.add_earlier(second.total);
         return;
     }
     second.total.add_earlier(frame.total);
     second.iterations_before = 0; // they are in the total now
     frame = second;
-    recut(frame, report);
+    refine_cells(frame, report);
 }
 
 /// Parts the material that this frame's motions part, before anything moves.
@@ -832,14 +828,14 @@ void Session::part_regions(FrameReport& report)
 {
     StageState& s = *state_;
     std::vector<Motion> motions;
-    for (const Path& path : s.plan.paths)
+    for (const HandleTrajectory& path : s.plan.paths)
         motions.push_back(path.at(1.0));
     const Clock::time_point start = Clock::now();
-    while (std::optional<Rig> next = s.recutting.parted(s.rig, motions))
+    while (std::optional<CellSystem> next = s.refiner.parted(s.system, motions))
     {
         s.fitter.reset();
-        s.rig = std::move(*next);
-        ++report.recuts;
+        s.system = std::move(*next);
+        ++report.refinements;
     }
     report.cells_ms += ms_since(start);
 }
@@ -859,16 +855,16 @@ void Session::solve_frame(FrameReport& report)
     else
     {
         s.field.reset(); // it is of the last frame's cells
-        s.rig.forget_way();
+        s.system.forget_way();
         part_regions(report);
-        const FrameStart start{s.rig.shared_body(), s.rig.state()};
+        const FrameStart start{s.system.shared_body(), s.system.state()};
         FrameSolve frame;
-        const bool is_adaptive = s.recutting.is_adaptive();
+        const bool is_adaptive = s.refiner.is_adaptive();
         travel(frame, report.steps, !is_adaptive);
         if (is_adaptive)
         {
-            recut(frame, report);
-            if (report.recuts > 0 && may_miss_a_minimum(frame))
+            refine_cells(frame, report);
+            if (report.refinements > 0 && may_miss_a_minimum(frame))
                 start_again(start, frame, report);
         }
         if (frame.stays_stable)
@@ -879,9 +875,10 @@ void Session::solve_frame(FrameReport& report)
         s.last_solve = frame.total;
         s.last_solve.energy_before = frame.energy_before;
     }
-    for (std::string& warning : s.recutting.take_warnings())
+    for (std::string& warning : s.refiner.take_warnings())
         warnings_.push_back(std::move(warning));
-    if (report.cells_at_limit > kManyAtLimit * static_cast<double>(s.rig.poses().size()))
+    if (report.cells_at_limit >
+        kManyAtLimit * static_cast<double>(s.system.poses().size()))
         warnings_.push_back(fmt::format(
             "frame {}: depth limit reached in {} cells: their error is above the "
             "threshold (a larger --max-depth lets them split)",
@@ -898,9 +895,9 @@ void Session::solve_frame(FrameReport& report)
             fmt::format("frame {}: the result may not be stable: its energy "
                         "falls in some direction",
                         report.frame));
-    report.cells = s.rig.body().cells.size();
-    parts_.refinement += report.recuts;
-    report.max_pair_gap = s.rig.largest_gap();
+    report.cells = s.system.body().cells.size();
+    parts_.refinement += report.refinements;
+    report.max_pair_gap = s.system.largest_gap();
 }
 
 /// Of the last frame.
@@ -908,21 +905,22 @@ std::vector<MovedRegion> Session::moved_regions() const
 {
     const StageState& s = *state_;
     std::vector<MovedRegion> moved;
-    for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
-        if (s.rig.fade(r))
-            moved.push_back({s.rig.fade(r), s.rig.motions()[r],
-                             s.rig.regions()[r].role == Role::Pin});
+    for (std::size_t r = 0; r < s.system.regions().size(); ++r)
+        if (s.system.fade(r))
+            moved.push_back({s.system.fade(r), s.system.motions()[r],
+                             s.system.regions()[r].role == Role::Pin});
     return moved;
 }
 
 std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
 {
     check_memory_of(field);
-    const Rig& rig = state_->rig;
+    const CellSystem& system = state_->system;
     std::vector<Eigen::Vector3d> samples = rest_->samples.samples;
-    carry(fit_field(field, rig.body().cells, rig.poses(), rig.constraints(),
-                    moved_regions()),
-          rig.rest().frame, rig.rest().samples, rig.body().cell_of_sample, {samples});
+    apply_field(fit_field(field, system.body().cells, system.poses(),
+                          system.constraints(), moved_regions()),
+                system.rest().frame, system.rest().samples, system.body().cell_of_sample,
+                {samples});
     return samples;
 }
 
@@ -930,13 +928,13 @@ std::vector<Eigen::Vector3d> Session::samples_by(const FieldChoice& field) const
 bool Session::move_samples(FrameReport& report)
 {
     StageState& s = *state_;
-    const WorkFrame& frame = s.rig.rest().frame;
+    const WorkFrame& frame = s.system.rest().frame;
     Clock::time_point start = Clock::now();
     if (!s.fitter)
-        s.fitter.emplace(settings_.field, s.rig.body().cells, s.rig.constraints(),
+        s.fitter.emplace(settings_.field, s.system.body().cells, s.system.constraints(),
                          frame_ < handles_.stages[stage_].frames.size());
     std::optional<Field> field =
-        s.fitter->fit(s.rig.poses(), moved_regions(), settings_.stop);
+        s.fitter->fit(s.system.poses(), moved_regions(), settings_.stop);
     if (!field)
     {
         report.solve.stop = Stop::Stopped;
@@ -950,29 +948,29 @@ bool Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
-    Patch moved = rest_->samples;
-    const std::vector<Eigen::Vector3d> displacements =
-        carry(*s.field, frame, s.rig.rest().samples, s.rig.body().cell_of_sample,
-              {moved.samples,
-               {use_samples_, moved.directions},
-               {model_->geometry.tangent_samples, moved.tangents},
-               {model_->geometry.rotation_samples, moved.rotations}});
-    patch_ = std::move(moved);
+    DeformedSamples moved = rest_->samples;
+    const std::vector<Eigen::Vector3d> displacements = apply_field(
+        *s.field, frame, s.system.rest().samples, s.system.body().cell_of_sample,
+        {moved.samples,
+         {use_samples_, moved.directions},
+         {geometry_->tangent_samples, moved.tangents},
+         {geometry_->rotation_samples, moved.rotations}});
+    deformed_ = std::move(moved);
     parts_.normals += !rest_->samples.directions.empty() ||
                       !rest_->samples.tangents.empty() ||
                       !rest_->samples.rotations.empty();
     report.apply_ms = ms_since(start);
-    is_patch_current_ = true;
+    is_deformed_current_ = true;
 
     const double diagonal = frame.diagonal();
-    for (std::size_t r = 0; r < s.rig.regions().size(); ++r)
+    for (std::size_t r = 0; r < s.system.regions().size(); ++r)
     {
-        if (!s.rig.regions()[r].prescribes())
+        if (!s.system.regions()[r].prescribes())
             continue;
-        const Motion motion = s.rig.motions()[r];
-        for (const std::uint32_t i : s.rig.regions()[r].samples)
+        const Motion motion = s.system.motions()[r];
+        for (const std::uint32_t i : s.system.regions()[r].samples)
         {
-            const Eigen::Vector3d& x = s.rig.rest().samples[i];
+            const Eigen::Vector3d& x = s.system.rest().samples[i];
             const Eigen::Vector3d wanted =
                 (motion.R - Eigen::Matrix3d::Identity()) * x + motion.t;
             report.handle_residual = std::max(
@@ -987,8 +985,8 @@ bool Session::update_samples()
 {
     if (frame_ > 0)
         return move_samples(reports_.back());
-    patch_ = rest_->samples;
-    is_patch_current_ = true;
+    deformed_ = rest_->samples;
+    is_deformed_current_ = true;
     return true;
 }
 
@@ -996,11 +994,11 @@ bool Session::update_samples()
 /// first and that was stopped: then nothing is committed.
 bool Session::commit()
 {
-    if (!is_patch_current_ && !update_samples())
+    if (!is_deformed_current_ && !update_samples())
         return false;
     if (settings_.keeps_fields)
-        committed_fields_.push_back(stored_field(state_->rig, *state_->field));
-    last_rest_ = make_rest(stage_ + 1, patch_);
+        committed_fields_.push_back(stored_field(state_->system, *state_->field));
+    last_rest_ = make_rest(stage_ + 1, deformed_);
     start_stage(last_rest_);
     return true;
 }
@@ -1017,16 +1015,16 @@ bool Session::commit_to_end()
 FieldFile Session::field_file() const
 {
     FieldFile file{committed_fields_};
-    file.stages.push_back(stored_field(state_->rig, *state_->field));
+    file.stages.push_back(stored_field(state_->system, *state_->field));
     return file;
 }
 
 std::optional<Volume> Session::volume() const
 {
-    if (!is_closed(model_->geometry))
+    if (!is_closed(*geometry_))
         return std::nullopt;
-    return Volume{enclosed_volume(model_->geometry, model_->geometry.samples),
-                  enclosed_volume(model_->geometry, patch_.samples)};
+    return Volume{enclosed_volume(*geometry_, geometry_->samples),
+                  enclosed_volume(*geometry_, deformed_.samples)};
 }
 
 } // namespace cellwarp

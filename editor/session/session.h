@@ -14,11 +14,11 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/cell_refiner.h"
+#include "editor/session/cell_system.h"
+#include "editor/session/checkpoints.h"
 #include "editor/session/frame_report.h"
-#include "editor/session/kept_states.h"
-#include "editor/session/recutting.h"
-#include "editor/session/rig.h"
-#include "editor/session/statement_chain.h"
+#include "editor/session/script_fingerprint.h"
 #include "io/field_file.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -46,9 +46,9 @@ struct SessionSettings
     double gradient_tolerance = 1e-6;
     double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
     FieldChoice field = FieldKind::Rbf;
-    Departures departures = {}; ///< from [Botsch07]; of the cells and their solution
-    bool keeps_fields = false;  ///< of commits, for field_file()
-    bool keeps_states = false;  ///< to go back to, for take()
+    Departures departures = {};     ///< from [Botsch07]; of the cells and their solution
+    bool keeps_fields = false;      ///< of commits, for field_file()
+    bool keeps_checkpoints = false; ///< to go back to, for set_script()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};
@@ -73,8 +73,8 @@ public:
     /// Builds the cells of the first stage and checks all of its statements against
     /// the model, so that what cannot be done fails before anything is. A later stage
     /// is checked when its commit has made its rest shape. Throws Error.
-    Session(GeometryFile model, HandleFile handles, SessionSettings settings);
-    Session(std::shared_ptr<const GeometryFile> model, HandleFile handles,
+    Session(Geometry geometry, HandleFile handles, SessionSettings settings);
+    Session(std::shared_ptr<const Geometry> geometry, HandleFile handles,
             SessionSettings settings);
     ~Session();
     Session(Session&&) noexcept;
@@ -94,39 +94,40 @@ public:
     /// the bit. With no frame left, the session stands in the last stage, its samples
     /// moved. \p stop ends the solve of a frame, and moving the samples, from another
     /// thread. Throws what the constructor throws; then, and after one that was stopped
-    /// here or in next_frame(), rig() is null until another take().
-    /// \pre keeps_states
-    void take(HandleFile handles, std::stop_token stop = {});
+    /// here or in next_frame(), system() is null until another set_script().
+    /// \pre keeps_checkpoints
+    void set_script(HandleFile handles, std::stop_token stop = {});
     /// How many frames are left.
     std::size_t num_upcoming() const;
 
-    const GeometryFile& model() const { return *model_; }
+    /// At rest, before the first stage.
+    const Geometry& geometry() const { return *geometry_; }
     /// The samples and directions after the last frame that wanted them.
-    const Patch& patch() const { return patch_; }
+    const DeformedSamples& deformed() const { return deformed_; }
     /// Of the last frame alone where states are kept.
     const std::vector<FrameReport>& frames() const { return reports_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
     const PartCounts& parts() const { return parts_; }
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
-    /// What patch().samples would be by another field of the same poses. Throws
+    /// What deformed().samples would be by another field of the same poses. Throws
     /// Fault::Budget. \pre the last frame wanted samples
     std::vector<Eigen::Vector3d> samples_by(const FieldChoice& field) const;
     /// The maps of all commits and of the last frame that wanted samples, as a chain.
     /// \pre keeps_fields, and field()
     FieldFile field_file() const;
-    /// At rest in this stage [model unit]. \pre rig()
+    /// At rest in this stage [model unit]. \pre system()
     const std::vector<Eigen::Vector3d>& rest_samples() const
     {
         return rest_->samples.samples;
     }
-    /// StatementChain::before() of this stage. \pre rig()
-    std::uint64_t stage_print() const { return rest_->print; }
-    /// Makes other cells of the rig. \pre rig()
-    Recutting recutting() const;
+    /// ScriptFingerprint::before() of this stage. \pre system()
+    std::uint64_t stage_fingerprint() const { return rest_->fingerprint; }
+    /// Makes other cells of the system. \pre system()
+    CellRefiner refiner() const;
     /// What the session works on now: null before its first stage, and valid until the
     /// next one begins.
-    const Rig* rig() const;
+    const CellSystem* system() const;
     /// Null unless every edge has exactly two, opposite faces.
     std::optional<Volume> volume() const;
 
@@ -135,16 +136,17 @@ private:
     /// The way of each region in one frame.
     struct FramePlan
     {
-        std::vector<Path> paths;
+        std::vector<HandleTrajectory> paths;
         int num_parts = 1;
     };
 
-    RigSettings rig_settings() const;
-    std::shared_ptr<const StageRest> make_rest(std::size_t stage, Patch samples);
+    CellSystemSettings system_settings() const;
+    std::shared_ptr<const StageRest> make_rest(std::size_t stage,
+                                               DeformedSamples samples);
     void start_stage(std::shared_ptr<const StageRest> rest);
-    void go_to(const KeptState& state);
+    void go_to(const Checkpoint& state);
     void go_back();
-    void keep_state();
+    void add_checkpoint();
     bool commit();
     bool commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
@@ -162,8 +164,9 @@ private:
     void travel(FrameSolve& frame, int& steps, bool ends_exactly);
     bool may_miss_a_minimum(const FrameSolve& frame) const;
     void start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report);
-    bool takes(std::optional<Rig> (Recutting::*change)(const Rig&), FrameReport& report);
-    void recut(FrameSolve& frame, FrameReport& report);
+    bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
+               FrameReport& report);
+    void refine_cells(FrameSolve& frame, FrameReport& report);
     void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;
@@ -176,19 +179,19 @@ private:
     bool move_samples(FrameReport& report);
     bool update_samples();
 
-    std::shared_ptr<const GeometryFile> model_;
+    std::shared_ptr<const Geometry> geometry_;
     HandleFile handles_;
     SessionSettings settings_;
-    StatementChain chain_; ///< of the handles
+    ScriptFingerprint chain_; ///< of the handles
     std::size_t stage_ = 0, frame_ = 0;
     std::vector<std::uint32_t> use_samples_;                  ///< of the direction uses
     std::shared_ptr<const StageRest> rest_;                   ///< of this stage
     std::shared_ptr<const StageRest> first_rest_, last_rest_; ///< to start stages from
-    Patch patch_;
-    bool is_patch_current_ = true; ///< of the last frame
+    DeformedSamples deformed_;
+    bool is_deformed_current_ = true; ///< of the last frame
     std::vector<FrameReport> reports_;
     std::size_t frames_done_ = 0;
-    KeptStates kept_;
+    Checkpoints kept_;
     std::vector<std::string> warnings_;
     PartCounts parts_;
     std::vector<StoredField> committed_fields_;

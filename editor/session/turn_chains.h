@@ -9,8 +9,8 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {

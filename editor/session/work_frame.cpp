@@ -8,10 +8,11 @@
 #include <cstdlib>
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
 
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/index.h"
+#include "octree/base/nearest_rotation.h"
 
 namespace cellwarp
 {
@@ -96,13 +97,10 @@ WorkFrame given_frame(const FrameBox& box, const std::string& file)
     frame.origin = Eigen::Vector3d(box.origin[0], box.origin[1], box.origin[2]);
     for (int k = 0; k < 3; ++k)
         for (int c = 0; c < 3; ++c)
-            frame.axes(k, c) =
-                box.axes[static_cast<std::size_t>(k)][static_cast<std::size_t>(c)];
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(frame.axes, Eigen::ComputeFullU |
-                                                                Eigen::ComputeFullV);
-    const Eigen::Matrix3d nearest = svd.matrixU() * svd.matrixV().transpose();
+            frame.axes(k, c) = box.axes[idx(k)][idx(c)];
+    const Eigen::Matrix3d nearest = nearest_rotation(frame.axes);
     const double distance = (frame.axes - nearest).norm();
-    if (!(distance <= 1e-4) || !(nearest.determinant() > 0))
+    if (!(distance <= 1e-4))
         throw malformed({file, 0, "cells.frame.axes"},
                         "are no right-handed unit vectors at right angles (off by " +
                             shortest(distance) + ")");

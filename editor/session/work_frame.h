@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "io/scene_file.h"
-#include "solver/pose.h"
+#include "octree/base/rigid_motion.h"
 
 namespace cellwarp
 {

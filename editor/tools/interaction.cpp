@@ -45,7 +45,8 @@ void Interaction::button(Button button, bool is_pressed, const Modifiers& modifi
 void Interaction::wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers)
 {
     State& s = *state_;
-    if (!steps.allFinite() || s.current<State::Grasp>() || s.current<State::Choice>())
+    if (!steps.allFinite() || s.current<State::HandleDrag>() ||
+        s.current<State::Choice>())
         return;
     s.follow_pointer();
     if (s.tool == Tool::Brush && !modifiers.control)
@@ -76,12 +77,12 @@ void Interaction::update()
         s.has_framed = true;
     }
     // Somebody else may have ended the drag, or removed the region.
-    if (s.current<State::Grasp>() && !s.editing.dragged())
+    if (s.current<State::HandleDrag>() && !s.editing.dragged())
         s.gesture = {};
     if (!s.active_region())
         s.active.clear();
     s.follow_pointer();
-    if (!s.current<State::Grasp>()) // nothing is picked meanwhile
+    if (!s.current<State::HandleDrag>()) // nothing is picked meanwhile
         s.picker.update(s.editing.shape());
     s.update_choice();
     if (s.spread && !s.editing.dragged())
@@ -202,10 +203,10 @@ const Selection& Interaction::shown_selection() const
 std::string Interaction::status() const
 {
     const State& s = *state_;
-    if (const State::Grasp* const grasp = s.current<State::Grasp>())
-        return grasp->drag.status() + (grasp->is_by_key
-                                           ? " (Enter or click: done, Esc: back)"
-                                           : " (let go: done, Esc: back)");
+    if (const State::HandleDrag* const handle_drag = s.current<State::HandleDrag>())
+        return handle_drag->drag.status() + (handle_drag->is_by_key
+                                                 ? " (Enter or click: done, Esc: back)"
+                                                 : " (let go: done, Esc: back)");
     if (const State::Choice* const choice = s.current<State::Choice>())
         return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
     if (const State::Look* const look = s.current<State::Look>())
@@ -217,8 +218,8 @@ std::string Interaction::status() const
 
 std::string Interaction::hint() const
 {
-    return next_step(state_->document(),
-                     {state_->current<State::Grasp>() != nullptr, state_->has_dragged});
+    return next_step(state_->document(), {state_->current<State::HandleDrag>() != nullptr,
+                                          state_->has_dragged});
 }
 
 std::string Interaction::complaint() const

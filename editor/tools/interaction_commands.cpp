@@ -21,14 +21,14 @@ void Interaction::State::key(const KeyEvent& event)
     follow_pointer();
     if (event.key == Key::Escape)
         return cancel();
-    if (Grasp* const grasp = current<Grasp>())
+    if (HandleDrag* const handle_drag = current<HandleDrag>())
     {
         if (event.key == Key::Enter || event.key == Key::Space)
             return let_go();
-        if (grasp->drag.key(event))
+        if (handle_drag->drag.key(event))
         {
-            grasp->part.reset();
-            editing.drag_to(grasp->drag.placement());
+            handle_drag->part.reset();
+            editing.drag_to(handle_drag->drag.placement());
         }
         return;
     }

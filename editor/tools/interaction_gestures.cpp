@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "editor/tools/interaction_state.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -73,21 +74,23 @@ const EditedRegion*
 Interaction::State::region_at(const std::optional<Picked>& picked) const
 {
     const int index = picked ? document().region_of(picked->sample) : -1;
-    return index < 0 ? nullptr : &document().regions()[static_cast<std::size_t>(index)];
+    return index < 0 ? nullptr : &document().regions()[idx(index)];
 }
 
 std::vector<GizmoPart> Interaction::State::gizmo() const
 {
     const EditedRegion* const region = active_region();
     if (!region || !region->moves() ||
-        (tool != Tool::Move && tool != Tool::Rotate && !current<Grasp>()))
+        (tool != Tool::Move && tool != Tool::Rotate && !current<HandleDrag>()))
         return {};
-    const Grasp* const grasp = current<Grasp>();
-    const Eigen::Vector3d centre = grasp ? grasp->drag.centre() : centre_of(*region);
-    const bool turns = grasp ? grasp->drag.way().turns() : tool_turns(*region);
+    const HandleDrag* const handle_drag = current<HandleDrag>();
+    const Eigen::Vector3d centre =
+        handle_drag ? handle_drag->drag.centre() : centre_of(*region);
+    const bool turns =
+        handle_drag ? handle_drag->drag.way().turns() : tool_turns(*region);
     std::vector<GizmoPart> parts =
         turns ? turn_gizmo(centre, camera) : move_gizmo(centre, camera);
-    const std::optional<GizmoPart>& marked = grasp ? grasp->part : hot;
+    const std::optional<GizmoPart>& marked = handle_drag ? handle_drag->part : hot;
     for (GizmoPart& part : parts)
         part.is_hot = marked && part.is_same(*marked);
     return parts;
@@ -105,13 +108,13 @@ std::optional<GizmoPart> Interaction::State::part_at(const Eigen::Vector2d& wher
     return index ? std::optional(parts[*index]) : std::nullopt;
 }
 
-void Interaction::State::take(const std::string& name, const Grip& grip)
+void Interaction::State::take(const std::string& name, const DragStart& start)
 {
     complaint.clear();
     const EditedRegion* const region = document().region(name);
     if (!region)
         return complain("no region is active: select samples and press H");
-    if (grip.way.turns() && region->role == Role::Pin)
+    if (start.way.turns() && region->role == Role::Pin)
         return complain(name + " is a pin: it turns as it likes");
     std::string why;
     if (!editing.begin_drag(name, &why))
@@ -119,14 +122,15 @@ void Interaction::State::take(const std::string& name, const Grip& grip)
     active = name;
     const double view_per_model = std::ldexp(1.0, editing.view_frame().exponent);
     const double longest = document().box().size().maxCoeff();
-    gesture = Grasp{RegionDrag(*region, {view_per_model, snap_step(longest)}, camera,
-                               centre_of(*region), grip.grabbed, grip.way, grip.pixel),
-                    grip.is_by_key, grip.part};
+    gesture =
+        HandleDrag{RegionDrag(*region, {view_per_model, snap_step(longest)}, camera,
+                              centre_of(*region), start.grabbed, start.way, start.pixel),
+                   start.is_by_key, start.part};
 }
 
 void Interaction::State::let_go()
 {
-    editing.drag_to(current<Grasp>()->drag.placement());
+    editing.drag_to(current<HandleDrag>()->drag.placement());
     gesture = {};
     const std::uint64_t before = document().result_revision();
     attempt([&] { editing.end_drag(); });
@@ -193,13 +197,13 @@ void Interaction::State::click(const Press& press)
 
 void Interaction::State::press(Button button, const Modifiers& with)
 {
-    if (Grasp* const grasp = current<Grasp>())
+    if (HandleDrag* const handle_drag = current<HandleDrag>())
     {
         if (button == Button::Right)
             return cancel();
-        if (button == Button::Left && grasp->is_by_key)
+        if (button == Button::Left && handle_drag->is_by_key)
         {
-            grasp->drag.move_to(pixel, with.control);
+            handle_drag->drag.move_to(pixel, with.control);
             let_go();
         }
         return;
@@ -238,7 +242,8 @@ void Interaction::State::release(Button button)
         gesture = {};
     if (button != Button::Left)
         return;
-    if (Grasp* const grasp = current<Grasp>(); grasp && !grasp->is_by_key)
+    if (HandleDrag* const handle_drag = current<HandleDrag>();
+        handle_drag && !handle_drag->is_by_key)
         let_go();
     else if (const Press* const press = current<Press>())
     {
@@ -289,10 +294,10 @@ void Interaction::State::follow_pointer()
     }
     else if (Choice* const choice = current<Choice>(); choice && !choice->is_released)
         choice->gesture.move_to(pixel);
-    else if (Grasp* const grasp = current<Grasp>())
+    else if (HandleDrag* const handle_drag = current<HandleDrag>())
     {
-        grasp->drag.move_to(pixel, modifiers.control);
-        editing.drag_to(grasp->drag.placement());
+        handle_drag->drag.move_to(pixel, modifiers.control);
+        editing.drag_to(handle_drag->drag.placement());
     }
 }
 

@@ -55,14 +55,14 @@ struct Interaction::State
         std::string name() const; ///< "Select by box"
     };
     /// A region in the hand.
-    struct Grasp
+    struct HandleDrag
     {
         RegionDrag drag;
         bool is_by_key; ///< no button is pressed
         std::optional<GizmoPart> part = {};
     };
     /// How a region is taken into the hand.
-    struct Grip
+    struct DragStart
     {
         DragWay way;
         Eigen::Vector2d pixel;
@@ -92,7 +92,7 @@ struct Interaction::State
     Modifiers modifiers;
     bool is_inside = false; ///< the pointer has been in the view
     bool has_moved = false; ///< since the last update
-    std::variant<std::monostate, Press, Look, Choice, Grasp> gesture;
+    std::variant<std::monostate, Press, Look, Choice, HandleDrag> gesture;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
     std::optional<Hover> hover;
@@ -145,7 +145,7 @@ struct Interaction::State
     std::vector<GizmoPart> gizmo() const;
     /// The part under a pixel.
     std::optional<GizmoPart> part_at(const Eigen::Vector2d& where) const;
-    void take(const std::string& name, const Grip& grip);
+    void take(const std::string& name, const DragStart& start);
     void let_go();
 
     // Choosing.

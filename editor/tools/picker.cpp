@@ -15,7 +15,8 @@
 #include <Eigen/LU>
 #include <embree3/rtcore.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -55,7 +56,7 @@ RTCRay ray_of(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
 double
 spacing_of(const Eigen::Ref<const Eigen::Matrix3Xf, 0, Eigen::OuterStride<>>& points)
 {
-    const std::size_t count = static_cast<std::size_t>(points.cols());
+    const std::size_t count = idx(points.cols());
     const Eigen::Vector3f low = points.rowwise().minCoeff();
     const float longest = (points.rowwise().maxCoeff() - low).maxCoeff();
     if (!(longest > 0))
@@ -63,7 +64,7 @@ spacing_of(const Eigen::Ref<const Eigen::Matrix3Xf, 0, Eigen::OuterStride<>>& po
     for (int across = 256; across > 1; across /= 2)
     {
         const float per_length = static_cast<float>(across) / longest;
-        const std::size_t row = static_cast<std::size_t>(across) + 1;
+        const std::size_t row = idx(across) + 1;
         std::vector<bool> holds(row * row * row);
         std::size_t cubes = 0;
         for (std::size_t i = 0; i < count && 4 * cubes <= count; ++i)

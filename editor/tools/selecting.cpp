@@ -10,7 +10,8 @@
 #include <numbers>
 #include <span>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {

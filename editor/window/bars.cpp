@@ -12,6 +12,7 @@
 #include "editor/window/panels.h"
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -122,61 +123,61 @@ bool tool_button(const ToolName& tool, bool is_on, bool shows_name)
     return is_pressed;
 }
 
-void show_file_menu(Desk& desk)
+void show_file_menu(EditorApp& app)
 {
-    const bool has_document = desk.opened() != nullptr;
+    const bool has_document = app.opened() != nullptr;
     if (ImGui::MenuItem("Open…", "Ctrl+O"))
-        desk.choosing = Choosing::Open;
-    if (ImGui::BeginMenu("Open recent", !desk.recent.paths().empty()))
+        app.choosing = Choosing::Open;
+    if (ImGui::BeginMenu("Open recent", !app.recent.paths().empty()))
     {
         // A copy: opening one changes the list.
-        const std::vector<std::string> paths = desk.recent.paths();
+        const std::vector<std::string> paths = app.recent.paths();
         for (const std::string& path : paths)
             if (ImGui::MenuItem(path.c_str()))
-                desk.ask_to_open(path);
+                app.ask_to_open(path);
         ImGui::EndMenu();
     }
     ImGui::Separator();
     if (ImGui::MenuItem("Save", "Ctrl+S", false, has_document))
-        desk.save();
+        app.save();
     if (ImGui::MenuItem("Save as…", "Ctrl+Shift+S", false, has_document))
-        desk.choosing = Choosing::SaveAs;
+        app.choosing = Choosing::SaveAs;
     ImGui::Separator();
     if (ImGui::MenuItem("Export model…", "Ctrl+E", false, has_document))
-        desk.choosing = Choosing::ExportModel;
+        app.choosing = Choosing::ExportModel;
     if (ImGui::MenuItem("Export field…", nullptr, false, has_document))
-        desk.choosing = Choosing::ExportField;
+        app.choosing = Choosing::ExportField;
     ImGui::Separator();
     if (ImGui::MenuItem("Close", "Ctrl+W", false, has_document))
-        desk.ask_to_close();
+        app.ask_to_close();
     if (ImGui::MenuItem("Quit", "Ctrl+Q"))
-        desk.ask_to_quit();
+        app.ask_to_quit();
 }
 
-void show_edit_menu(Desk& desk)
+void show_edit_menu(EditorApp& app)
 {
-    const bool has_document = desk.opened() != nullptr;
-    const bool takes_edits = desk.takes_edits();
-    const bool can_undo = takes_edits && desk.document().can_undo();
-    const bool can_redo = takes_edits && desk.document().can_redo();
+    const bool has_document = app.opened() != nullptr;
+    const bool takes_edits = app.takes_edits();
+    const bool can_undo = takes_edits && app.document().can_undo();
+    const bool can_redo = takes_edits && app.document().can_redo();
     std::string undo = "Undo", redo = "Redo";
     if (has_document)
     {
-        const History& history = desk.document().history();
+        const History& history = app.document().history();
         if (can_undo)
             undo += " " + history.name(history.position() - 1);
         if (can_redo)
             redo += " " + history.name(history.position());
     }
     if (ImGui::MenuItem((undo + "##undo").c_str(), "Ctrl+Z", false, can_undo))
-        desk.undo();
+        app.undo();
     if (ImGui::MenuItem((redo + "##redo").c_str(), "Ctrl+Shift+Z", false, can_redo))
-        desk.redo();
+        app.redo();
 }
 
-void show_view_menu(Desk& desk)
+void show_view_menu(EditorApp& app)
 {
-    ViewOptions& view = desk.view;
+    ViewOptions& view = app.view;
     ImGui::MenuItem("Faces", nullptr, &view.shows_faces);
     ImGui::MenuItem("Edges", nullptr, &view.shows_edges);
     ImGui::MenuItem("Region colours", nullptr, &view.shows_regions);
@@ -184,13 +185,13 @@ void show_view_menu(Desk& desk)
     ImGui::MenuItem("Floor", nullptr, &view.shows_floor);
     ImGui::Separator();
     ImGui::MenuItem("Dark", nullptr, &view.is_dark);
-    if (ImGui::MenuItem("Frame selection", "", false, desk.opened() != nullptr))
-        desk.opened()->hand.frame_selection();
+    if (ImGui::MenuItem("Frame selection", "", false, app.opened() != nullptr))
+        app.opened()->hand.frame_selection();
 }
 
-void show_view_toggles(Desk& desk)
+void show_view_toggles(EditorApp& app)
 {
-    ViewOptions& view = desk.view;
+    ViewOptions& view = app.view;
     const std::array<const char*, 4> names = {"Edges", "Colours", "Rest shape", "Cells"};
     float width = 0.0f;
     for (const char* name : names)
@@ -218,9 +219,9 @@ void show_view_toggles(Desk& desk)
 }
 
 /// What is selected, and the region under the pointer.
-std::string at_rest(const Desk& desk)
+std::string at_rest(const EditorApp& app)
 {
-    const OpenedDocument& opened = *desk.opened();
+    const OpenedDocument& opened = *app.opened();
     const Document& document = opened.editing.document();
     std::string said;
     if (!document.selection().empty())
@@ -230,17 +231,16 @@ std::string at_rest(const Desk& desk)
     const bool is_over = !ImGui::IsWindowHovered(ImGuiHoveredFlags_AnyWindow);
     // The hover may be older than the document.
     if (!hover || !is_over || hover->region < 0 ||
-        static_cast<std::size_t>(hover->region) >= document.regions().size())
+        idx(hover->region) >= document.regions().size())
         return said;
-    const EditedRegion& region =
-        document.regions()[static_cast<std::size_t>(hover->region)];
+    const EditedRegion& region = document.regions()[idx(hover->region)];
     return (said.empty() ? "" : said + "     ") + "Under the pointer: " + region.name +
            " (" + role_name(region.role) + ")";
 }
 
 } // namespace
 
-float show_menu_bar(Desk& desk)
+float show_menu_bar(EditorApp& app)
 {
     float height = 0.0f;
     ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
@@ -251,26 +251,26 @@ float show_menu_bar(Desk& desk)
     height = ImGui::GetWindowHeight();
     if (ImGui::BeginMenu("File"))
     {
-        show_file_menu(desk);
+        show_file_menu(app);
         ImGui::EndMenu();
     }
     if (ImGui::BeginMenu("Edit"))
     {
-        show_edit_menu(desk);
+        show_edit_menu(app);
         ImGui::EndMenu();
     }
     if (ImGui::BeginMenu("View"))
     {
-        show_view_menu(desk);
+        show_view_menu(app);
         ImGui::EndMenu();
     }
     if (ImGui::BeginMenu("Help"))
     {
         if (ImGui::MenuItem("Keys", "?"))
-            desk.shows_keys = true;
+            app.shows_keys = true;
         ImGui::EndMenu();
     }
-    const std::string title = desk.title();
+    const std::string title = app.title();
     const float width = ImGui::CalcTextSize(title.c_str()).x;
     const float middle = (ImGui::GetWindowWidth() - width) / 2;
     if (middle > ImGui::GetCursorPosX())
@@ -282,11 +282,11 @@ float show_menu_bar(Desk& desk)
     return height;
 }
 
-void show_tool_bar(Desk& desk)
+void show_tool_bar(EditorApp& app)
 {
-    if (desk.opened() == nullptr)
+    if (app.opened() == nullptr)
         return;
-    Interaction& hand = desk.opened()->hand;
+    Interaction& hand = app.opened()->hand;
     const bool shows_names = ImGui::GetWindowWidth() > letters(kRoomForNames);
     ImGui::SetCursorPos({letters(0.6f), letters(0.6f)});
     for (const ToolName& tool : kTools)
@@ -317,44 +317,44 @@ void show_tool_bar(Desk& desk)
         tip("The wheel changes it, too");
         ImGui::SameLine();
     }
-    show_view_toggles(desk);
+    show_view_toggles(app);
 }
 
-void show_status_bar(Desk& desk)
+void show_status_bar(EditorApp& app)
 {
     ImGui::AlignTextToFramePadding();
     ImGui::SetCursorPosX(letters(1.2f));
     std::string said;
     ImVec4 colour = ImGui::GetStyleColorVec4(ImGuiCol_Text);
-    if (const Notice* notice = desk.notice(Place::Window))
+    if (const Notice* notice = app.notice(Place::Window))
     {
         said = notice->text;
         if (notice->is_error)
             colour = palette().error;
     }
-    else if (desk.is_opening())
+    else if (app.is_opening())
         said = "Reading " +
-               std::filesystem::path(desk.opening_path()).filename().string() + "…";
-    else if (desk.opened() != nullptr)
+               std::filesystem::path(app.opening_path()).filename().string() + "…";
+    else if (app.opened() != nullptr)
     {
-        const Interaction& hand = desk.opened()->hand;
+        const Interaction& hand = app.opened()->hand;
         said = hand.complaint();
         if (!said.empty())
             colour = palette().warning;
         else
             said = hand.status();
         if (said.empty())
-            said = at_rest(desk);
+            said = at_rest(app);
     }
     ImGui::TextColored(colour, "%s", said.c_str());
-    if (desk.opened() == nullptr)
+    if (app.opened() == nullptr)
         return;
-    const DragStatus drag = desk.opened()->editing.drag_status();
+    const DragStatus drag = app.opened()->editing.drag_status();
     std::string times;
     if (drag.is_dragging && drag.frames > 0)
         times = "latency " + rounded(drag.latency_ms) + " ms     ";
-    times += "frame " + rounded(desk.frame_times.median()) + " ms, worst " +
-             rounded(desk.frame_times.worst()) + " ms";
+    times += "frame " + rounded(app.frame_times.median()) + " ms, worst " +
+             rounded(app.frame_times.worst()) + " ms";
     ImGui::SameLine(ImGui::GetWindowWidth() - ImGui::CalcTextSize(times.c_str()).x -
                     letters(1.2f));
     ImGui::TextColored(palette().faint, "%s", times.c_str());

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -14,6 +13,8 @@
 
 #include "editor/window/gl.h"
 #include "editor/window/shaders.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -132,8 +133,7 @@ public:
         else if (detail == Detail::Coarse && num_coarse_ > 0)
             glDrawElements(
                 GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
-                reinterpret_cast<const void*>(static_cast<std::size_t>(num_corners_) *
-                                              sizeof(std::uint32_t)));
+                reinterpret_cast<const void*>(idx(num_corners_) * sizeof(std::uint32_t)));
         else
             glDrawElements(GL_TRIANGLES, num_corners_, GL_UNSIGNED_INT, nullptr);
     }
@@ -297,7 +297,7 @@ CellScale Canvas::scale_of_cells() const
 
 double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
 {
-    const auto start = std::chrono::steady_clock::now();
+    const Clock::time_point start = Clock::now();
     State& state = *state_;
     state.shape->upload(scene.shape);
     const ColoursOf colours_of{scene.document.revision(), state.shape->layout().get(),
@@ -319,9 +319,7 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
         state.cells.upload(scene.cells, options.cell_colours, scene.document.regions());
         state.cells_of = cells_of;
     }
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() -
-                                                     start)
-        .count();
+    return ms_since(start);
 }
 
 void Canvas::State::begin(const ViewRect& rect, int window_height,

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -63,7 +65,7 @@ std::vector<Colour> sample_colours(const Document& document, const Selection& se
     for (const SampleRun& run : selection.runs())
         for (std::int64_t sample = run.first; sample <= run.second; ++sample)
         {
-            Colour& colour = colours[layout.place_of[static_cast<std::size_t>(sample)]];
+            Colour& colour = colours[layout.place_of[idx(sample)]];
             colour[3] = colour == free_colour() ? kMarked : kMarkedInRegion;
         }
     return colours;
@@ -89,8 +91,8 @@ Colour cell_colour(const ShownCell& cell, CellColours by, const CellScale& scale
                    std::span<const EditedRegion> regions)
 {
     if (by == CellColours::Region)
-        return cell.region >= 0 && static_cast<std::size_t>(cell.region) < regions.size()
-                   ? role_colour(regions[static_cast<std::size_t>(cell.region)].role)
+        return cell.region >= 0 && idx(cell.region) < regions.size()
+                   ? role_colour(regions[idx(cell.region)].role)
                    : free_colour();
     if (!(scale.high > scale.low))
         return scale_colour(0.0);

@@ -64,7 +64,7 @@ constexpr ImGuiWindowFlags kModal = ImGuiWindowFlags_NoResize | ImGuiWindowFlags
 
 } // namespace
 
-void FileDialog::begin(Desk& desk, Choosing choosing)
+void FileDialog::begin(EditorApp& app, Choosing choosing)
 {
     shown_ = choosing;
     is_taken_ = false;
@@ -73,7 +73,7 @@ void FileDialog::begin(Desk& desk, Choosing choosing)
     if (folder_.empty())
         folder_ = failure ? "/" : now.string();
     name_.clear();
-    OpenedDocument* opened = desk.opened();
+    OpenedDocument* opened = app.opened();
     if (opened != nullptr && choosing != Choosing::Open)
     {
         const Document& document = opened->editing.document();
@@ -166,48 +166,48 @@ std::string FileDialog::in_the_way(Choosing choosing) const
                : "";
 }
 
-void FileDialog::take(Desk& desk, Choosing choosing, Overwrite overwrite)
+void FileDialog::take(EditorApp& app, Choosing choosing, Overwrite overwrite)
 {
     const std::string path = chosen();
     bool is_done = true;
     if (choosing == Choosing::Open)
-        desk.ask_to_open(path);
+        app.ask_to_open(path);
     else
-        is_done = desk.attempt(Place::Window,
-                               [&]
-                               {
-                                   Editing& editing = desk.opened()->editing;
-                                   if (choosing == Choosing::SaveAs)
-                                       desk.document().save(path, overwrite);
-                                   else if (choosing == Choosing::ExportModel)
-                                       editing.export_model(path, overwrite);
-                                   else
-                                       desk.export_field(path, overwrite);
-                               });
+        is_done = app.attempt(Place::Window,
+                              [&]
+                              {
+                                  Editing& editing = app.opened()->editing;
+                                  if (choosing == Choosing::SaveAs)
+                                      app.document().save(path, overwrite);
+                                  else if (choosing == Choosing::ExportModel)
+                                      editing.export_model(path, overwrite);
+                                  else
+                                      app.export_field(path, overwrite);
+                              });
     if (!is_done)
         return;
     if (choosing == Choosing::SaveAs || choosing == Choosing::ExportModel)
-        desk.say(Place::Window, "Written: " + path);
+        app.say(Place::Window, "Written: " + path);
     if (choosing == Choosing::SaveAs)
-        desk.recent.add(path);
-    desk.choosing.reset();
-    if (choosing == Choosing::SaveAs && desk.leaves_when_saved)
+        app.recent.add(path);
+    app.choosing.reset();
+    if (choosing == Choosing::SaveAs && app.leaves_when_saved)
     {
-        desk.leaves_when_saved = false;
-        desk.leave(false);
+        app.leaves_when_saved = false;
+        app.leave(false);
     }
 }
 
-void FileDialog::show(Desk& desk)
+void FileDialog::show(EditorApp& app)
 {
-    if (!desk.choosing)
+    if (!app.choosing)
     {
         shown_.reset();
         return;
     }
-    const Choosing choosing = *desk.choosing;
+    const Choosing choosing = *app.choosing;
     if (shown_ != choosing)
-        begin(desk, choosing);
+        begin(app, choosing);
     const std::string title = std::string(title_of(choosing)) + "##file";
     if (!ImGui::IsPopupOpen(title.c_str()))
         ImGui::OpenPopup(title.c_str());
@@ -229,7 +229,7 @@ void FileDialog::show(Desk& desk)
         ImGui::SetKeyboardFocusHere();
     const bool is_entered = ImGui::InputTextWithHint(
         "##name", "name of the file", &name_, ImGuiInputTextFlags_EnterReturnsTrue);
-    if (const Notice* notice = desk.notice(Place::Window); notice && notice->is_error)
+    if (const Notice* notice = app.notice(Place::Window); notice && notice->is_error)
         error_text(notice->text);
     std::error_code none;
     const std::string old = in_the_way(choosing);
@@ -244,15 +244,15 @@ void FileDialog::show(Desk& desk)
     if (ImGui::Button("Cancel", size) ||
         ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
     {
-        desk.choosing.reset();
-        desk.leaves_when_saved = false;
-        desk.stay();
+        app.choosing.reset();
+        app.leaves_when_saved = false;
+        app.stay();
     }
     ImGui::SameLine();
     ImGui::BeginDisabled(name_.empty());
     const bool is_pressed = ImGui::Button(replaces ? "Replace" : verb_of(choosing), size);
     ImGui::EndDisabled();
-    if ((is_pressed || is_entered || is_taken_) && !name_.empty() && desk.choosing)
+    if ((is_pressed || is_entered || is_taken_) && !name_.empty() && app.choosing)
     {
         is_taken_ = false;
         if (fs::is_directory(chosen(), none))
@@ -261,9 +261,9 @@ void FileDialog::show(Desk& desk)
             name_.clear();
         }
         else
-            take(desk, choosing, replaces ? Overwrite::Yes : Overwrite::No);
+            take(app, choosing, replaces ? Overwrite::Yes : Overwrite::No);
     }
-    if (!desk.choosing)
+    if (!app.choosing)
         ImGui::CloseCurrentPopup();
     ImGui::EndPopup();
 }
@@ -271,9 +271,9 @@ void FileDialog::show(Desk& desk)
 namespace
 {
 
-void ask_about_changes(Desk& desk)
+void ask_about_changes(EditorApp& app)
 {
-    if (desk.leaving == Leaving::No || desk.choosing)
+    if (app.leaving == Leaving::No || app.choosing)
         return;
     constexpr const char* kTitle = "Unsaved changes##leave";
     if (!ImGui::IsPopupOpen(kTitle))
@@ -289,27 +289,27 @@ void ask_about_changes(Desk& desk)
     if (ImGui::Button("Save", size))
     {
         done();
-        desk.leave(true);
+        app.leave(true);
     }
     ImGui::SameLine();
     if (ImGui::Button("Do not save", size))
     {
         done();
-        desk.leave(false);
+        app.leave(false);
     }
     ImGui::SameLine();
     if (ImGui::Button("Cancel", size) ||
         ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
     {
         done();
-        desk.stay();
+        app.stay();
     }
     ImGui::EndPopup();
 }
 
-void ask_to_recover(Desk& desk)
+void ask_to_recover(EditorApp& app)
 {
-    if (!desk.asks_to_recover || desk.opened() == nullptr)
+    if (!app.asks_to_recover || app.opened() == nullptr)
         return;
     constexpr const char* kTitle = "The last session did not end well##recover";
     if (!ImGui::IsPopupOpen(kTitle))
@@ -317,28 +317,28 @@ void ask_to_recover(Desk& desk)
     centre_next_window(letters(62));
     if (!ImGui::BeginPopupModal(kTitle, nullptr, kModal))
         return;
-    const auto count = static_cast<std::int64_t>(desk.document().num_recoverable());
+    const auto count = static_cast<std::int64_t>(app.document().num_recoverable());
     ImGui::TextWrapped("%s of this file can be recovered.",
                        counted(count, "edit", "edits").c_str());
     ImGui::Dummy({0, letters(0.8f)});
     const ImVec2 size = {letters(14), 0};
     if (ImGui::Button("Recover", size))
     {
-        desk.asks_to_recover = false;
-        desk.attempt(Place::Window,
-                     [&]
-                     {
-                         const auto warnings = desk.document().recover();
-                         desk.say(Place::Window,
-                                  warnings.empty() ? "Recovered" : warnings.front());
-                     });
+        app.asks_to_recover = false;
+        app.attempt(Place::Window,
+                    [&]
+                    {
+                        const auto warnings = app.document().recover();
+                        app.say(Place::Window,
+                                warnings.empty() ? "Recovered" : warnings.front());
+                    });
         ImGui::CloseCurrentPopup();
     }
     ImGui::SameLine();
     if (ImGui::Button("Drop them", size))
     {
-        desk.asks_to_recover = false;
-        desk.attempt(Place::Window, [&] { desk.document().drop_recoverable(); });
+        app.asks_to_recover = false;
+        app.attempt(Place::Window, [&] { app.document().drop_recoverable(); });
         ImGui::CloseCurrentPopup();
     }
     ImGui::EndPopup();
@@ -346,10 +346,10 @@ void ask_to_recover(Desk& desk)
 
 } // namespace
 
-void show_questions(Desk& desk)
+void show_questions(EditorApp& app)
 {
-    ask_about_changes(desk);
-    ask_to_recover(desk);
+    ask_about_changes(app);
+    ask_to_recover(app);
 }
 
 } // namespace cellwarp

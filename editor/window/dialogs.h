@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Windows over everything that want an answer: a file, what to do with changes, whether
-// to recover. The answers are commands of the desk.
+// to recover. The answers are commands of the app.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "editor/window/desk.h"
+#include "editor/window/editor_app.h"
 
 namespace cellwarp
 {
@@ -15,8 +15,8 @@ namespace cellwarp
 class FileDialog
 {
 public:
-    /// Shows itself while the desk is choosing.
-    void show(Desk& desk);
+    /// Shows itself while the app is choosing.
+    void show(EditorApp& app);
 
 private:
     struct Entry
@@ -25,13 +25,13 @@ private:
         bool is_folder = false;
     };
 
-    void begin(Desk& desk, Choosing choosing);
+    void begin(EditorApp& app, Choosing choosing);
     void list_folder();
     void show_entries(Choosing choosing);
     std::string chosen() const;
     /// The file that would be replaced; empty: none.
     std::string in_the_way(Choosing choosing) const;
-    void take(Desk& desk, Choosing choosing, Overwrite overwrite);
+    void take(EditorApp& app, Choosing choosing, Overwrite overwrite);
 
     std::optional<Choosing> shown_;
     std::string folder_, listed_, name_;
@@ -41,6 +41,6 @@ private:
 };
 
 /// "Save the changes?", "Recover the last session?"
-void show_questions(Desk& desk);
+void show_questions(EditorApp& app);
 
 } // namespace cellwarp

@@ -8,15 +8,16 @@
 #include "editor/window/panels.h"
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
 
-void show_document_panel(Desk& desk)
+void show_document_panel(EditorApp& app)
 {
     if (!section("Model", true))
         return;
-    const std::shared_ptr<const GeometryFile> model = desk.document().model();
+    const std::shared_ptr<const GeometryFile> model = app.document().model();
     const Geometry& geometry = model->geometry;
     ImGui::TextUnformatted(
         std::filesystem::path(model->path).filename().string().c_str());
@@ -27,29 +28,29 @@ void show_document_panel(Desk& desk)
         counts += ", " + counted(static_cast<std::int64_t>(geometry.num_faces()), "face",
                                  "faces");
     faint_text(counts);
-    const Eigen::Vector3d size = desk.document().box().size();
+    const Eigen::Vector3d size = app.document().box().size();
     faint_text("Size " + rounded(size.x()) + " × " + rounded(size.y()) + " × " +
                rounded(size.z()));
     if (!geometry.not_writable.empty())
         warning_text("Cannot be exported: " + geometry.not_writable);
-    for (const std::string& warning : desk.document().warnings())
+    for (const std::string& warning : app.document().warnings())
         warning_text(warning);
 }
 
-void show_history_panel(Desk& desk, PanelState& state)
+void show_history_panel(EditorApp& app, PanelState& state)
 {
     if (!section("History", true))
         return;
-    const History& history = desk.document().history();
-    const bool is_busy = !desk.takes_edits();
-    ImGui::BeginDisabled(is_busy || !desk.document().can_undo());
+    const History& history = app.document().history();
+    const bool is_busy = !app.takes_edits();
+    ImGui::BeginDisabled(is_busy || !app.document().can_undo());
     if (ImGui::Button("Undo"))
-        desk.undo();
+        app.undo();
     ImGui::EndDisabled();
     ImGui::SameLine();
-    ImGui::BeginDisabled(is_busy || !desk.document().can_redo());
+    ImGui::BeginDisabled(is_busy || !app.document().can_redo());
     if (ImGui::Button("Redo"))
-        desk.redo();
+        app.redo();
     ImGui::EndDisabled();
     ImGui::SameLine();
     ImGui::AlignTextToFramePadding();
@@ -64,7 +65,7 @@ void show_history_panel(Desk& desk, PanelState& state)
     while (clipper.Step())
         for (int row = clipper.DisplayStart; row < clipper.DisplayEnd; ++row)
         {
-            const auto position = static_cast<std::size_t>(row);
+            const auto position = idx(row);
             const std::string name = (row == 0 ? "Opened" : history.name(position - 1)) +
                                      "##" + std::to_string(row);
             const bool is_undone = position > history.position();
@@ -85,15 +86,15 @@ void show_history_panel(Desk& desk, PanelState& state)
     ImGui::EndChild();
     ImGui::PopStyleColor();
     if (wanted && !is_busy)
-        desk.attempt(Place::Window, [&] { desk.document().go_to(*wanted); });
+        app.attempt(Place::Window, [&] { app.document().go_to(*wanted); });
 }
 
-void show_view_panel(Desk& desk)
+void show_view_panel(EditorApp& app)
 {
     if (!section("View", false))
         return;
-    ViewOptions& view = desk.view;
-    Interaction& hand = desk.opened()->hand;
+    ViewOptions& view = app.view;
+    Interaction& hand = app.opened()->hand;
     const float column = ImGui::GetContentRegionAvail().x / 2;
     const auto pair =
         [&](const char* left, bool& is_left, const char* right, bool& is_right)

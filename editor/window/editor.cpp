@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <chrono>
 
 #include <imgui.h>
 #include <imgui_internal.h>
@@ -11,14 +10,13 @@
 #include "editor/window/overlay.h"
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
+#include "octree/base/clock.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr float kPanelWidth = 36.0f; ///< [letters]
 /// While a result is made, or a handle is in the hand, new shapes are looked for this
@@ -32,11 +30,6 @@ constexpr double kProgressStep = 0.1;
 constexpr double kSlowFrame = 20.0;
 /// ImGui needs another frame or two after an event to settle.
 constexpr int kFramesAfterEvent = 3;
-
-double ms_since(Clock::time_point start)
-{
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 std::uint32_t bit_of(Button button)
 {
@@ -53,9 +46,9 @@ bool is_pointer(const InputEvent& event)
 } // namespace
 
 Editor::Editor(const WindowOptions& options, bool keeps_journals)
-    : window_(options), desk_(keeps_journals)
+    : window_(options), app_(keeps_journals)
 {
-    desk_.view.is_dark = is_dark_ = options.is_dark;
+    app_.view.is_dark = is_dark_ = options.is_dark;
     lay_out();
 }
 
@@ -66,7 +59,7 @@ void Editor::lay_out()
     // Widths follow the font, which there is from the first frame on.
     const float scale = static_cast<float>(window_.scale());
     const float letter = 15.0f * scale * 0.62f;
-    const bool has_document = desk_.opened() != nullptr;
+    const bool has_document = app_.opened() != nullptr;
     const float panel = has_document ? kPanelWidth * letter : 0.0f;
     const float tools = has_document ? 4.8f * letter : 0.0f;
     const float status = 3.2f * letter;
@@ -82,8 +75,8 @@ bool Editor::panels_have(const InputEvent& event) const
 {
     const bool has_popup = ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId |
                                                       ImGuiPopupFlags_AnyPopupLevel);
-    if (has_popup || desk_.choosing || desk_.leaving != Leaving::No ||
-        desk_.asks_to_recover || desk_.shows_keys)
+    if (has_popup || app_.choosing || app_.leaving != Leaving::No ||
+        app_.asks_to_recover || app_.shows_keys)
         return true;
     if (is_pointer(event) || event.kind == InputEvent::Kind::Wheel)
         return false; // told by the place
@@ -94,27 +87,27 @@ bool Editor::handle_shortcut(const InputEvent& event)
 {
     if (event.kind != InputEvent::Kind::KeyDown || !event.modifiers.control)
         return false;
-    const bool has_document = desk_.opened() != nullptr;
+    const bool has_document = app_.opened() != nullptr;
     switch (event.key.character)
     {
     case 'o':
-        desk_.choosing = Choosing::Open;
+        app_.choosing = Choosing::Open;
         return true;
     case 's':
         if (has_document && event.modifiers.shift)
-            desk_.choosing = Choosing::SaveAs;
+            app_.choosing = Choosing::SaveAs;
         else
-            desk_.save();
+            app_.save();
         return true;
     case 'e':
         if (has_document)
-            desk_.choosing = Choosing::ExportModel;
+            app_.choosing = Choosing::ExportModel;
         return true;
     case 'w':
-        desk_.ask_to_close();
+        app_.ask_to_close();
         return true;
     case 'q':
-        desk_.ask_to_quit();
+        app_.ask_to_quit();
         return true;
     default:
         return false;
@@ -147,10 +140,10 @@ void Editor::handle(const InputEvent& event)
     if (event.kind == InputEvent::Kind::Drop)
     {
         if (!event.paths.empty())
-            desk_.ask_to_open(event.paths.front());
+            app_.ask_to_open(event.paths.front());
         return;
     }
-    OpenedDocument* opened = desk_.opened();
+    OpenedDocument* opened = app_.opened();
     if (event.kind == InputEvent::Kind::FocusLost)
     {
         held_in_view_ = 0;
@@ -174,12 +167,12 @@ void Editor::handle(const InputEvent& event)
         (event.kind == InputEvent::Kind::KeyDown && event.key.character == '?');
     if (is_question)
     {
-        desk_.shows_keys = true;
+        app_.shows_keys = true;
         return;
     }
     if (opened == nullptr)
         return;
-    if (desk_.is_opening())
+    if (app_.is_opening())
     {
         held_in_view_ = 0;
         return;
@@ -210,7 +203,7 @@ void Editor::handle_events()
 {
     InputEvent event;
     while (window_.take(event))
-        desk_.guard([&] { handle(event); });
+        app_.guard([&] { handle(event); });
 }
 
 void Editor::show_panels()
@@ -219,32 +212,32 @@ void Editor::show_panels()
         ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
         ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
         ImGuiWindowFlags_NoNavInputs | ImGuiWindowFlags_NoNavFocus;
-    menu_height_ = show_menu_bar(desk_);
+    menu_height_ = show_menu_bar(app_);
     lay_out();
     const auto below = static_cast<float>(view_.y + view_.height);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowRounding, 0.0f);
     ImGui::PushStyleVar(ImGuiStyleVar_WindowBorderSize, 0.0f);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
-    if (desk_.opened() != nullptr)
+    if (app_.opened() != nullptr)
     {
         ImGui::SetNextWindowPos({0, menu_height_});
         ImGui::SetNextWindowSize({static_cast<float>(view_.width),
                                   static_cast<float>(view_.y) - menu_height_});
         ImGui::Begin("tools", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
-        show_tool_bar(desk_);
+        show_tool_bar(app_);
         ImGui::End();
         ImGui::SetNextWindowPos({static_cast<float>(view_.width), menu_height_});
         ImGui::SetNextWindowSize(
             {size.x - static_cast<float>(view_.width), below - menu_height_});
         ImGui::Begin("panels", nullptr, flags & ~ImGuiWindowFlags_NoScrollbar);
-        ImGui::BeginDisabled(desk_.is_opening());
-        show_document_panel(desk_);
-        show_regions_panel(desk_, panels_);
-        show_solver_panel(desk_);
-        show_history_panel(desk_, panels_);
-        show_cells_panel(desk_, panels_);
-        show_field_panel(desk_);
-        show_view_panel(desk_);
+        ImGui::BeginDisabled(app_.is_opening());
+        show_document_panel(app_);
+        show_regions_panel(app_, panels_);
+        show_solver_panel(app_);
+        show_history_panel(app_, panels_);
+        show_cells_panel(app_, panels_);
+        show_field_panel(app_);
+        show_view_panel(app_);
         ImGui::EndDisabled();
         ImGui::End();
     }
@@ -253,20 +246,20 @@ void Editor::show_panels()
     ImGui::SetNextWindowPos({0, below});
     ImGui::SetNextWindowSize({size.x, size.y - below});
     ImGui::Begin("status", nullptr, flags | ImGuiWindowFlags_NoScrollWithMouse);
-    show_status_bar(desk_);
+    show_status_bar(app_);
     ImGui::End();
     ImGui::PopStyleVar(3);
     ImGui::PopStyleColor();
-    show_welcome_page(desk_, view_);
-    file_dialog_.show(desk_);
-    show_questions(desk_);
-    show_keys_page(desk_);
+    show_welcome_page(app_, view_);
+    file_dialog_.show(app_);
+    show_questions(app_);
+    show_keys_page(app_);
 }
 
 /// \return what copying to the graphics card took [ms]
 double Editor::draw_canvas()
 {
-    OpenedDocument* opened = desk_.opened();
+    OpenedDocument* opened = app_.opened();
     if (drawn_ != opened)
     {
         canvas_.clear();
@@ -274,11 +267,11 @@ double Editor::draw_canvas()
     }
     if (opened == nullptr)
     {
-        canvas_.draw_empty(desk_.view, view_, window_.height());
+        canvas_.draw_empty(app_.view, view_, window_.height());
         return 0.0;
     }
     Editing& editing = opened->editing;
-    editing.show_cells(desk_.view.cells != CellsShown::No);
+    editing.show_cells(app_.view.cells != CellsShown::No);
     const WorkFrame& frame = editing.view_frame();
     const CanvasScene scene{editing.document(),
                             opened->hand.shown_selection(),
@@ -288,10 +281,10 @@ double Editor::draw_canvas()
                             opened->hand.camera(),
                             frame.to_work(editing.document().box().low),
                             frame.to_work(editing.document().box().high)};
-    const double upload_ms = canvas_.upload(scene, desk_.view);
-    ViewOptions options = desk_.view;
+    const double upload_ms = canvas_.upload(scene, app_.view);
+    ViewOptions options = app_.view;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests.
-    if (opened->hand.is_busy() && desk_.frame_times.median() > kSlowFrame)
+    if (opened->hand.is_busy() && app_.frame_times.median() > kSlowFrame)
     {
         options.detail = Detail::Coarse;
         options.is_smooth = false;
@@ -305,29 +298,29 @@ FrameParts Editor::frame()
     const Clock::time_point start = Clock::now();
     FrameParts parts;
     handle_events();
-    desk_.update();
+    app_.update();
     parts.update = ms_since(start);
-    if (is_dark_ != desk_.view.is_dark)
-        window_.set_dark(is_dark_ = desk_.view.is_dark);
+    if (is_dark_ != app_.view.is_dark)
+        window_.set_dark(is_dark_ = app_.view.is_dark);
     const Clock::time_point draw_start = Clock::now();
     window_.begin_frame();
-    if (!desk_.guard([&] { show_panels(); }))
+    if (!app_.guard([&] { show_panels(); }))
         ImGui::ErrorCheckEndFrameRecover(nullptr); // ends what panels have begun
-    desk_.guard(
+    app_.guard(
         [&]
         {
-            if (OpenedDocument* opened = desk_.opened())
+            if (OpenedDocument* opened = app_.opened())
                 opened->hand.resize(view_.width / window_.scale(),
                                     view_.height / window_.scale());
             parts.upload = draw_canvas();
-            draw_overlay(desk_, view_, window_.scale(), canvas_.scale_of_cells());
+            draw_overlay(app_, view_, window_.scale(), canvas_.scale_of_cells());
         });
     window_.draw_panels();
     parts.draw = ms_since(draw_start) - parts.upload;
     parts.total = ms_since(start);
-    desk_.frame_times.add(seconds_now(), parts.total);
+    app_.frame_times.add(seconds_now(), parts.total);
     window_.show_frame();
-    if (std::string title = desk_.title(); title != title_)
+    if (std::string title = app_.title(); title != title_)
         window_.set_title(title_ = std::move(title));
     return parts;
 }
@@ -336,9 +329,9 @@ FrameParts Editor::frame()
 std::string Editor::words() const
 {
     std::string words;
-    if (const Notice* notice = desk_.notice(Place::Window))
+    if (const Notice* notice = app_.notice(Place::Window))
         words += notice->text;
-    if (const OpenedDocument* opened = desk_.opened())
+    if (const OpenedDocument* opened = app_.opened())
         words += opened->hand.hint() + opened->hand.status() + opened->hand.complaint();
     return words;
 }
@@ -347,21 +340,21 @@ void Editor::run()
 {
     int frames_to_draw = kFramesAfterEvent;
     double last_frame = 0.0;
-    while (!desk_.wants_to_quit)
+    while (!app_.wants_to_quit)
     {
-        const bool is_idle = desk_.is_idle();
+        const bool is_idle = app_.is_idle();
         window_.wait(frames_to_draw > 0 ? 0.0 : is_idle ? kIdleWait : kBusyWait);
         if (window_.wants_to_close())
         {
             window_.keep_open();
-            desk_.ask_to_quit();
+            app_.ask_to_quit();
             frames_to_draw = kFramesAfterEvent;
         }
         if (window_.has_news())
             frames_to_draw = kFramesAfterEvent;
         if (frames_to_draw == 0)
         {
-            const bool is_new = desk_.update();
+            const bool is_new = app_.update();
             const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
             const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
             if (!is_new && !is_typing && !is_late && words() == words_)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The window and the desk in it: events go to the panels or to the hand, and a frame is
+// The window and the app in it: events go to the panels or to the hand, and a frame is
 // drawn. Scripts and people use the same way through.
 #pragma once
 
@@ -7,8 +7,8 @@
 #include <string>
 
 #include "editor/window/canvas.h"
-#include "editor/window/desk.h"
 #include "editor/window/dialogs.h"
+#include "editor/window/editor_app.h"
 #include "editor/window/panels.h"
 #include "editor/window/window.h"
 
@@ -35,7 +35,7 @@ public:
     /// Takes the events that are there and draws a frame.
     FrameParts frame();
     Window& window() { return window_; }
-    Desk& desk() { return desk_; }
+    EditorApp& app() { return app_; }
     /// Of the last frame.
     const ViewRect& view() const { return view_; }
     Image image() const { return window_.image(); }
@@ -52,7 +52,7 @@ private:
     double draw_canvas();
 
     Window window_;
-    Desk desk_;
+    EditorApp app_;
     Canvas canvas_;
     PanelState panels_;
     FileDialog file_dialog_;

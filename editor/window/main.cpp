@@ -10,7 +10,7 @@
 #include "editor/session/memory_guard.h"
 #include "editor/window/playback.h"
 #include "io/error.h"
-#include "octree/parallel.h"
+#include "octree/base/parallel.h"
 
 namespace
 {
@@ -36,8 +36,8 @@ void play_script(const EditorFlags& flags, WindowOptions options)
     Editor editor(options, true);
     if (!flags.model.empty())
     {
-        editor.desk().open(flags.model);
-        editor.desk().finish_opening();
+        editor.app().open(flags.model);
+        editor.app().finish_opening();
     }
     const PlaybackReport report = play(editor, flags.script, statements);
     if (!flags.report.empty())
@@ -90,7 +90,7 @@ int run(int argc, char** argv)
     }
     Editor editor(options, true);
     if (!flags.model.empty())
-        editor.desk().open(flags.model);
+        editor.app().open(flags.model);
     editor.run();
     return 0;
 }

@@ -10,6 +10,7 @@
 
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -61,7 +62,7 @@ ImU32 part_colour(const GizmoPart& part)
     constexpr std::array<ImU32, 3> kAxes = {IM_COL32(232, 84, 84, 255),
                                             IM_COL32(112, 192, 84, 255),
                                             IM_COL32(84, 142, 244, 255)};
-    return kAxes[static_cast<std::size_t>(std::clamp(part.axis, 0, 2))];
+    return kAxes[idx(std::clamp(part.axis, 0, 2))];
 }
 
 void draw_part(const Overlay& overlay, const GizmoPart& part)
@@ -207,13 +208,12 @@ void draw_axes(const Overlay& overlay, const Camera& camera)
         const ImVec2 tip = {centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(24),
                             centre.y - static_cast<float>(to_eye(1, a)) * overlay.px(24)};
         overlay.list().AddLine(centre, tip, ink, overlay.px(2.0f));
-        const ImVec2 size = ImGui::CalcTextSize(kNames[static_cast<std::size_t>(a)]);
+        const ImVec2 size = ImGui::CalcTextSize(kNames[idx(a)]);
         const ImVec2 word = {centre.x + static_cast<float>(to_eye(0, a)) * overlay.px(33),
                              centre.y -
                                  static_cast<float>(to_eye(1, a)) * overlay.px(33)};
         overlay.list().AddText({word.x - size.x / 2, word.y - size.y / 2},
-                               packed(palette().view_ink),
-                               kNames[static_cast<std::size_t>(a)]);
+                               packed(palette().view_ink), kNames[idx(a)]);
     }
 }
 
@@ -240,9 +240,10 @@ void draw_progress(const Overlay& overlay, const SolveStatus& status)
 
 } // namespace
 
-void draw_overlay(Desk& desk, const ViewRect& view, double scale, const CellScale& cells)
+void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
+                  const CellScale& cells)
 {
-    OpenedDocument* opened = desk.opened();
+    OpenedDocument* opened = app.opened();
     if (opened == nullptr || view.width < 1 || view.height < 1)
         return;
     const Interaction& hand = opened->hand;
@@ -256,7 +257,7 @@ void draw_overlay(Desk& desk, const ViewRect& view, double scale, const CellScal
     draw_outline(overlay, hand);
     draw_hover(overlay, hand);
     draw_axes(overlay, hand.camera());
-    draw_scale(overlay, desk.view, cells);
+    draw_scale(overlay, app.view, cells);
     draw_progress(overlay, opened->editing.status());
     draw_hint(overlay, hand.hint());
     list.PopClipRect();

@@ -3,13 +3,14 @@
 // scale of the cells' colours, and what the user may do next.
 #pragma once
 
-#include "editor/window/desk.h"
+#include "editor/window/editor_app.h"
 
 namespace cellwarp
 {
 
 /// \p scale: pixels of the screen for one of the hand's. \p cells: what their colours
 /// mean.
-void draw_overlay(Desk& desk, const ViewRect& view, double scale, const CellScale& cells);
+void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
+                  const CellScale& cells);
 
 } // namespace cellwarp

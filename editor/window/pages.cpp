@@ -18,8 +18,8 @@ namespace
 
 constexpr std::size_t kRecentShown = 6;
 
-void show_paths(Desk& desk, const char* heading, const std::vector<std::string>& paths,
-                bool shows_folder)
+void show_paths(EditorApp& app, const char* heading,
+                const std::vector<std::string>& paths, bool shows_folder)
 {
     if (paths.empty())
         return;
@@ -30,7 +30,7 @@ void show_paths(Desk& desk, const char* heading, const std::vector<std::string>&
         const std::filesystem::path path(paths[k]);
         ImGui::PushID(static_cast<int>(k));
         if (ImGui::Selectable((shows_folder ? path.filename() : path.stem()).c_str()))
-            desk.ask_to_open(paths[k]);
+            app.ask_to_open(paths[k]);
         if (shows_folder)
         {
             ImGui::SameLine(letters(26));
@@ -43,7 +43,7 @@ void show_paths(Desk& desk, const char* heading, const std::vector<std::string>&
 }
 
 /// Names of the samples, as many side by side as there is room for.
-void show_samples(Desk& desk)
+void show_samples(EditorApp& app)
 {
     static const std::vector<std::string> samples = sample_scenes();
     if (samples.empty())
@@ -63,7 +63,7 @@ void show_samples(Desk& desk)
                 ImGui::NewLine();
         }
         if (ImGui::Button(name.c_str()))
-            desk.ask_to_open(samples[k]);
+            app.ask_to_open(samples[k]);
     }
 }
 
@@ -114,9 +114,9 @@ void show_keys(const std::vector<KeyHelp>& lines)
 
 } // namespace
 
-void show_welcome_page(Desk& desk, const ViewRect& view)
+void show_welcome_page(EditorApp& app, const ViewRect& view)
 {
-    if (desk.opened() != nullptr)
+    if (app.opened() != nullptr)
         return;
     const float width = std::min(letters(72), static_cast<float>(view.width));
     ImGui::SetNextWindowPos(
@@ -131,12 +131,12 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
                      ImGuiWindowFlags_NoSavedSettings |
                      ImGuiWindowFlags_NoFocusOnAppearing |
                      ImGuiWindowFlags_NoBringToFrontOnFocus);
-    if (desk.is_opening())
+    if (app.is_opening())
     {
         ImGui::PushFont(heading_font());
         ImGui::TextUnformatted("Reading…");
         ImGui::PopFont();
-        faint_text(desk.opening_path());
+        faint_text(app.opening_path());
     }
     else
     {
@@ -147,7 +147,7 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
         faint_text(
             "Drop a model or a scene here: OBJ, PLY, STL, OFF, glTF, PCD, XYZ, or a "
             "scene (JSON).");
-        if (const Notice* notice = desk.notice(Place::Window);
+        if (const Notice* notice = app.notice(Place::Window);
             notice != nullptr && notice->is_error)
         {
             ImGui::Dummy({0, letters(0.4f)});
@@ -160,37 +160,37 @@ void show_welcome_page(Desk& desk, const ViewRect& view)
         ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 1.0f, 1.0f, 1.0f});
         ImGui::PushStyleVar(ImGuiStyleVar_FramePadding, {letters(2), letters(0.9f)});
         if (ImGui::Button("Open a file…"))
-            desk.choosing = Choosing::Open;
+            app.choosing = Choosing::Open;
         ImGui::PopStyleVar();
         ImGui::PopStyleColor(2);
-        std::vector<std::string> recent = desk.recent.paths();
+        std::vector<std::string> recent = app.recent.paths();
         recent.resize(std::min(recent.size(), kRecentShown));
-        show_paths(desk, "Recent files", recent, true);
-        show_samples(desk);
+        show_paths(app, "Recent files", recent, true);
+        show_samples(app);
     }
     ImGui::End();
     ImGui::PopStyleVar(2);
 }
 
-void show_keys_page(Desk& desk)
+void show_keys_page(EditorApp& app)
 {
     constexpr const char* kTitle = "Keys##keys";
-    if (!desk.shows_keys)
+    if (!app.shows_keys)
         return;
     if (!ImGui::IsPopupOpen(kTitle))
         ImGui::OpenPopup(kTitle);
     const ImVec2 size = ImGui::GetIO().DisplaySize;
     ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
     ImGui::SetNextWindowSize({std::min(letters(134), size.x - letters(4)), 0});
-    if (!ImGui::BeginPopupModal(kTitle, &desk.shows_keys,
+    if (!ImGui::BeginPopupModal(kTitle, &app.shows_keys,
                                 ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove))
         return;
     const Navigation navigation =
-        desk.opened() != nullptr ? desk.opened()->hand.navigation() : Navigation::Blender;
+        app.opened() != nullptr ? app.opened()->hand.navigation() : Navigation::Blender;
     show_keys(key_help(navigation));
     if (ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape)))
-        desk.shows_keys = false;
-    if (!desk.shows_keys)
+        app.shows_keys = false;
+    if (!app.shows_keys)
         ImGui::CloseCurrentPopup();
     ImGui::EndPopup();
 }

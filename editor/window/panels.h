@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The panels: each shows a part of the desk and calls its commands. They decide nothing
+// The panels: each shows a part of the app and calls its commands. They decide nothing
 // and keep nothing but what is being typed.
 #pragma once
 
 #include <optional>
 #include <string>
 
-#include "editor/window/desk.h"
+#include "editor/window/editor_app.h"
 
 namespace cellwarp
 {
@@ -28,26 +28,26 @@ struct PanelState
     std::string renamed; ///< the region whose name is being typed
     std::string name;    ///< as typed so far
     std::optional<double> factor;
-    EditSettings settings; ///< while a number of it is typed
+    SceneSettings settings; ///< while a number of it is typed
     bool types_settings = false;
     std::size_t history_position = 0; ///< that the list was scrolled to
 };
 
-void show_document_panel(Desk& desk);
-void show_regions_panel(Desk& desk, PanelState& state);
-void show_cells_panel(Desk& desk, PanelState& state);
-void show_field_panel(Desk& desk);
-void show_solver_panel(Desk& desk);
-void show_history_panel(Desk& desk, PanelState& state);
-void show_view_panel(Desk& desk);
+void show_document_panel(EditorApp& app);
+void show_regions_panel(EditorApp& app, PanelState& state);
+void show_cells_panel(EditorApp& app, PanelState& state);
+void show_field_panel(EditorApp& app);
+void show_solver_panel(EditorApp& app);
+void show_history_panel(EditorApp& app, PanelState& state);
+void show_view_panel(EditorApp& app);
 
 /// The bars around the view. The menu bar also gives its height [pixel].
-float show_menu_bar(Desk& desk);
-void show_tool_bar(Desk& desk);
-void show_status_bar(Desk& desk);
+float show_menu_bar(EditorApp& app);
+void show_tool_bar(EditorApp& app);
+void show_status_bar(EditorApp& app);
 
 /// Over the view, where nothing is open.
-void show_welcome_page(Desk& desk, const ViewRect& view);
-void show_keys_page(Desk& desk);
+void show_welcome_page(EditorApp& app, const ViewRect& view);
+void show_keys_page(EditorApp& app);
 
 } // namespace cellwarp

@@ -10,6 +10,7 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "io/text.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -166,7 +167,7 @@ Eigen::Vector2d Player::point(std::size_t k) const
     Eigen::Vector2d place;
     for (int axis = 0; axis < 2; ++axis)
     {
-        const std::string& whole = word(k + static_cast<std::size_t>(axis));
+        const std::string& whole = word(k + idx(axis));
         const std::string end = axis == 0 ? "w" : "h";
         std::string digits = whole;
         double low = 0.0, length = 1.0;
@@ -221,9 +222,9 @@ Modifiers Player::modifiers(std::size_t first) const
 
 OpenedDocument& Player::opened() const
 {
-    if (editor_.desk().opened() == nullptr)
+    if (editor_.app().opened() == nullptr)
         fail("no file is open");
-    return *editor_.desk().opened();
+    return *editor_.app().opened();
 }
 
 void Player::post(InputEvent event)
@@ -284,9 +285,9 @@ void Player::drag()
         pointer_ = from + (to - from) * k / moves;
         editor_.window().post({.kind = InputEvent::Kind::Move, .place = pointer_});
         times.frames.push_back(editor_.frame());
-        if (editor_.desk().opened() == nullptr)
+        if (editor_.app().opened() == nullptr)
             continue;
-        const DragStatus status = editor_.desk().opened()->editing.drag_status();
+        const DragStatus status = editor_.app().opened()->editing.drag_status();
         if (!status.is_dragging || status.frames == times.solved)
             continue;
         times.solved = status.frames;
@@ -337,7 +338,7 @@ void Player::text()
 void Player::wait()
 {
     editor_.frame();
-    if (OpenedDocument* opened = editor_.desk().opened())
+    if (OpenedDocument* opened = editor_.app().opened())
     {
         opened->hand.wait();
         editor_.frame(); // what it did is asked for
@@ -345,7 +346,7 @@ void Player::wait()
     }
     for (int k = 0; k < 3; ++k) // what came out is seen, and panels have settled
         editor_.frame();
-    if (editor_.desk().opened() == nullptr)
+    if (editor_.app().opened() == nullptr)
         return;
     const SolveStatus status = opened().editing.status();
     if (status.state == SolveStatus::State::Failed)
@@ -438,7 +439,7 @@ void Player::show()
     if (word(2) != "on" && word(2) != "off")
         fail("on or off is needed (got " + in_quotes(word(2)) + ")");
     const bool is_on = word(2) == "on";
-    ViewOptions& view = editor_.desk().view;
+    ViewOptions& view = editor_.app().view;
     const std::array<std::pair<const char*, bool*>, 7> switches = {
         {{"edges", &view.shows_edges},
          {"faces", &view.shows_faces},
@@ -446,7 +447,7 @@ void Player::show()
          {"ghost", &view.shows_ghost},
          {"floor", &view.shows_floor},
          {"dark", &view.is_dark},
-         {"keys", &editor_.desk().shows_keys}}};
+         {"keys", &editor_.app().shows_keys}}};
     const auto* found =
         std::find_if(switches.begin(), switches.end(),
                      [&](const auto& known) { return word(1) == known.first; });
@@ -464,8 +465,8 @@ void Player::show()
 
 void Player::open()
 {
-    editor_.desk().open(word(1));
-    editor_.desk().finish_opening();
+    editor_.app().open(word(1));
+    editor_.app().finish_opening();
     editor_.frame();
 }
 
@@ -485,7 +486,7 @@ void Player::undo()
 {
     if (!opened().editing.document().can_undo())
         fail("there is nothing to undo");
-    editor_.desk().undo();
+    editor_.app().undo();
     editor_.frame();
 }
 
@@ -493,7 +494,7 @@ void Player::redo()
 {
     if (!opened().editing.document().can_redo())
         fail("there is nothing to redo");
-    editor_.desk().redo();
+    editor_.app().redo();
     editor_.frame();
 }
 
@@ -502,7 +503,7 @@ void Player::recover()
     Document& document = opened().editing.document();
     if (document.num_recoverable() == 0)
         fail("there is nothing to recover");
-    editor_.desk().asks_to_recover = false;
+    editor_.app().asks_to_recover = false;
     if (word(1) == "yes")
         document.recover();
     else if (word(1) == "no")
@@ -522,7 +523,7 @@ PlaybackReport Player::take_report()
     report_.width = editor_.window().width();
     report_.height = editor_.window().height();
     report_.renderer = editor_.window().renderer();
-    if (OpenedDocument* opened = editor_.desk().opened())
+    if (OpenedDocument* opened = editor_.app().opened())
     {
         report_.model = opened->editing.document().path();
         report_.samples = opened->editing.document().model()->geometry.samples.size();
@@ -571,7 +572,7 @@ PlaybackReport play(Editor& editor, const std::string& path,
             break;
     }
     PlaybackReport report = player.take_report();
-    editor.desk().close();
+    editor.app().close();
     return report;
 }
 

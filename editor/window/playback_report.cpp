@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/window/playback.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -22,8 +23,7 @@ Json summary_of(std::vector<double> values)
     const auto at = [&](double share)
     {
         const double place = share * static_cast<double>(values.size() - 1);
-        return std::round(values[static_cast<std::size_t>(std::lround(place))] * 1000.0) /
-               1000.0;
+        return std::round(values[idx(std::lround(place))] * 1000.0) / 1000.0;
     };
     return {{"median", at(0.5)}, {"p95", at(0.95)}, {"worst", at(1.0)}};
 }

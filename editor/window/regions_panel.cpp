@@ -37,9 +37,9 @@ const char* name_of(Role role)
     return "";
 }
 
-void show_makers(Desk& desk)
+void show_makers(EditorApp& app)
 {
-    const std::size_t count = desk.document().selection().count();
+    const std::size_t count = app.document().selection().count();
     if (count == 0)
         faint_text("Select samples in the view, then make a region of them.");
     else
@@ -58,13 +58,13 @@ void show_makers(Desk& desk)
         colour.w = 0.70f;
         ImGui::PushStyleColor(ImGuiCol_ButtonActive, colour);
         if (ImGui::Button(known.name, {width, 0}))
-            desk.attempt(Place::Regions,
-                         [&]
-                         {
-                             const std::string name =
-                                 desk.document().add_region(known.role);
-                             desk.opened()->hand.set_active_region(name);
-                         });
+            app.attempt(Place::Regions,
+                        [&]
+                        {
+                            const std::string name =
+                                app.document().add_region(known.role);
+                            app.opened()->hand.set_active_region(name);
+                        });
         ImGui::PopStyleColor(3);
         tip(known.tip);
         if (known.role != Role::Stiff)
@@ -73,9 +73,9 @@ void show_makers(Desk& desk)
     ImGui::EndDisabled();
 }
 
-void show_row(Desk& desk, const EditedRegion& region, const std::string& failed)
+void show_row(EditorApp& app, const EditedRegion& region, const std::string& failed)
 {
-    Interaction& hand = desk.opened()->hand;
+    Interaction& hand = app.opened()->hand;
     ImGui::PushID(region.name.c_str());
     ImGui::TableNextRow();
     ImGui::TableNextColumn();
@@ -103,12 +103,12 @@ void show_row(Desk& desk, const EditedRegion& region, const std::string& failed)
     ImGui::PopID();
 }
 
-void show_list(Desk& desk)
+void show_list(EditorApp& app)
 {
-    const std::vector<EditedRegion>& regions = desk.document().regions();
+    const std::vector<EditedRegion>& regions = app.document().regions();
     if (regions.empty())
         return;
-    const SolveStatus status = desk.opened()->editing.status();
+    const SolveStatus status = app.opened()->editing.status();
     const std::string failed =
         status.state == SolveStatus::State::Failed ? status.error_region : "";
     if (ImGui::BeginTable("regions", 4, ImGuiTableFlags_NoPadOuterX))
@@ -118,14 +118,14 @@ void show_list(Desk& desk)
         ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(5.5f));
         ImGui::TableSetupColumn("", ImGuiTableColumnFlags_WidthFixed, letters(7.5f));
         for (const EditedRegion& region : regions)
-            show_row(desk, region, failed);
+            show_row(app, region, failed);
         ImGui::EndTable();
     }
     if (!failed.empty())
         error_text(status.error);
 }
 
-void show_name(Desk& desk, PanelState& state, const EditedRegion& region)
+void show_name(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
     label("Name");
     if (state.renamed != region.name)
@@ -139,15 +139,15 @@ void show_name(Desk& desk, PanelState& state, const EditedRegion& region)
         return;
     const std::string old = region.name, name = state.name;
     state.renamed.clear();
-    desk.attempt(Place::Regions,
-                 [&]
-                 {
-                     desk.document().rename_region(old, name);
-                     desk.opened()->hand.set_active_region(name);
-                 });
+    app.attempt(Place::Regions,
+                [&]
+                {
+                    app.document().rename_region(old, name);
+                    app.opened()->hand.set_active_region(name);
+                });
 }
 
-void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
+void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
     label("Role");
     ImGui::SetNextItemWidth(region.role == Role::Stiff ? letters(9.0f) : -1);
@@ -161,8 +161,8 @@ void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
                 // get as much.
                 const double factor = known.role == Role::Stiff ? kUsualStiffness : 1.0;
                 const std::string name = region.name;
-                desk.attempt(Place::Regions,
-                             [&] { desk.document().set_role(name, known.role, factor); });
+                app.attempt(Place::Regions,
+                            [&] { app.document().set_role(name, known.role, factor); });
                 ImGui::EndCombo();
                 return;
             }
@@ -180,15 +180,16 @@ void show_role(Desk& desk, PanelState& state, const EditedRegion& region)
     {
         const std::string name = region.name;
         state.factor.reset();
-        desk.attempt(Place::Regions,
-                     [&] { desk.document().set_role(name, Role::Stiff, factor); });
+        app.attempt(Place::Regions,
+                    [&] { app.document().set_role(name, Role::Stiff, factor); });
     }
 }
 
 /// Number fields of the placement. \return whether one is in the hand
-bool show_numbers(Desk& desk, const EditedRegion& region, Placement& value, bool& changed)
+bool show_numbers(EditorApp& app, const EditedRegion& region, Placement& value,
+                  bool& changed)
 {
-    const double diagonal = desk.document().box().size().norm();
+    const double diagonal = app.document().box().size().norm();
     const auto speed = static_cast<float>(diagonal * 1e-3);
     bool is_held = false;
     label("Move");
@@ -220,17 +221,17 @@ bool show_numbers(Desk& desk, const EditedRegion& region, Placement& value, bool
     return is_held;
 }
 
-void show_placement(Desk& desk, PanelState& state, const EditedRegion& region)
+void show_placement(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
-    Editing& editing = desk.opened()->editing;
+    Editing& editing = app.opened()->editing;
     PlacementEntry& entry = state.placement;
     if (!entry.is_held)
         entry.value = region.placement;
     const std::string name = region.name;
     bool changed = false;
     // While the hand in the view is at work, numbers only show.
-    ImGui::BeginDisabled(desk.opened()->hand.is_busy() && !entry.is_held);
-    const bool is_active = show_numbers(desk, region, entry.value, changed);
+    ImGui::BeginDisabled(app.opened()->hand.is_busy() && !entry.is_held);
+    const bool is_active = show_numbers(app, region, entry.value, changed);
     ImGui::EndDisabled();
     entry.is_over = entry.is_over && is_active;
     changed = changed && !entry.is_over;
@@ -240,44 +241,43 @@ void show_placement(Desk& desk, PanelState& state, const EditedRegion& region)
         entry.is_held = editing.begin_drag(name, &why);
         entry.region = name;
         if (!entry.is_held)
-            desk.say(Place::Regions, why, true);
+            app.say(Place::Regions, why, true);
     }
     if (changed && entry.is_held)
         editing.drag_to(entry.value);
     if (!is_active && entry.is_held)
     {
         entry.is_held = false;
-        desk.attempt(Place::Regions, [&] { editing.end_drag(); });
+        app.attempt(Place::Regions, [&] { editing.end_drag(); });
     }
 }
 
 /// A drag by the fields ends with its region, and where another one is active.
-void end_stray_entry(Desk& desk, PlacementEntry& entry)
+void end_stray_entry(EditorApp& app, PlacementEntry& entry)
 {
     if (!entry.is_held)
         return;
-    Editing& editing = desk.opened()->editing;
+    Editing& editing = app.opened()->editing;
     if (editing.dragged() != entry.region)
     {
         entry.is_held = false;
         entry.is_over = true;
         return;
     }
-    const EditedRegion* region = desk.document().region(entry.region);
+    const EditedRegion* region = app.document().region(entry.region);
     const bool can_move = region != nullptr && region->moves();
-    if (can_move && desk.opened()->hand.active_region() == entry.region)
+    if (can_move && app.opened()->hand.active_region() == entry.region)
         return;
     entry.is_held = false;
     if (can_move)
-        desk.attempt(Place::Regions, [&] { editing.end_drag(); });
+        app.attempt(Place::Regions, [&] { editing.end_drag(); });
     else
         editing.cancel_drag();
 }
 
-void show_active(Desk& desk, PanelState& state)
+void show_active(EditorApp& app, PanelState& state)
 {
-    const EditedRegion* found =
-        desk.document().region(desk.opened()->hand.active_region());
+    const EditedRegion* found = app.document().region(app.opened()->hand.active_region());
     if (found == nullptr)
         return;
     // A copy: commands below change what it points to.
@@ -285,46 +285,46 @@ void show_active(Desk& desk, PanelState& state)
     ImGui::Dummy({0, letters(0.2f)});
     ImGui::Separator();
     ImGui::Dummy({0, letters(0.1f)});
-    ImGui::BeginDisabled(desk.opened()->editing.dragged().has_value());
-    show_name(desk, state, region);
-    show_role(desk, state, region);
+    ImGui::BeginDisabled(app.opened()->editing.dragged().has_value());
+    show_name(app, state, region);
+    show_role(app, state, region);
     ImGui::EndDisabled();
     if (region.moves())
-        show_placement(desk, state, region);
-    const bool is_dragging = desk.opened()->editing.dragged().has_value();
+        show_placement(app, state, region);
+    const bool is_dragging = app.opened()->editing.dragged().has_value();
     ImGui::BeginDisabled(is_dragging);
     if (region.moves() && ImGui::Button("Back to rest"))
-        desk.attempt(Place::Regions,
-                     [&] { desk.document().move_region(region.name, Placement()); });
+        app.attempt(Place::Regions,
+                    [&] { app.document().move_region(region.name, Placement()); });
     if (region.moves())
         ImGui::SameLine();
-    ImGui::BeginDisabled(desk.document().selection().empty());
+    ImGui::BeginDisabled(app.document().selection().empty());
     if (ImGui::Button("Use selection"))
-        desk.attempt(Place::Regions, [&] { desk.document().set_samples(region.name); });
+        app.attempt(Place::Regions, [&] { app.document().set_samples(region.name); });
     tip("The region becomes what is selected");
     ImGui::EndDisabled();
     ImGui::SameLine();
     if (ImGui::Button("Remove"))
-        desk.attempt(Place::Regions, [&] { desk.document().remove_region(region.name); });
+        app.attempt(Place::Regions, [&] { app.document().remove_region(region.name); });
     ImGui::EndDisabled();
 }
 
 } // namespace
 
-void show_regions_panel(Desk& desk, PanelState& state)
+void show_regions_panel(EditorApp& app, PanelState& state)
 {
-    end_stray_entry(desk, state.placement);
+    end_stray_entry(app, state.placement);
     if (!section("Regions", true))
         return;
     // A click here ends the typing of a number first: it must not be lost for that.
-    const bool is_dragging = desk.opened()->hand.is_busy() && !state.placement.is_held;
+    const bool is_dragging = app.opened()->hand.is_busy() && !state.placement.is_held;
     ImGui::BeginDisabled(is_dragging);
-    show_makers(desk);
-    show_list(desk);
+    show_makers(app);
+    show_list(app);
     ImGui::EndDisabled();
-    if (const Notice* notice = desk.notice(Place::Regions))
+    if (const Notice* notice = app.notice(Place::Regions))
         notice->is_error ? error_text(notice->text) : faint_text(notice->text);
-    show_active(desk, state);
+    show_active(app, state);
 }
 
 } // namespace cellwarp

@@ -100,10 +100,10 @@ Typed show_number(const char* name, std::optional<Number>& value, const char* hi
 }
 
 /// What the document's settings are, or what is being typed instead.
-EditSettings& settings_in_hand(Desk& desk, PanelState& state)
+SceneSettings& settings_in_hand(EditorApp& app, PanelState& state)
 {
     if (!state.types_settings)
-        state.settings = desk.document().settings();
+        state.settings = app.document().settings();
     return state.settings;
 }
 
@@ -248,16 +248,16 @@ void show_report(const SolveStatus& status)
 
 } // namespace
 
-void show_cells_panel(Desk& desk, PanelState& state)
+void show_cells_panel(EditorApp& app, PanelState& state)
 {
-    const SolveStatus status = desk.opened()->editing.status();
+    const SolveStatus status = app.opened()->editing.status();
     if (!section("Cells", false,
                  status.cells > 0 ? counted(static_cast<std::int64_t>(status.cells))
                                   : ""))
         return;
     show_cell_counts(status);
-    ImGui::BeginDisabled(desk.opened()->hand.is_busy());
-    EditSettings& settings = settings_in_hand(desk, state);
+    ImGui::BeginDisabled(app.opened()->hand.is_busy());
+    SceneSettings& settings = settings_in_hand(app, state);
     bool is_done = false, is_typing = false;
     const auto take = [&](Typed typed)
     {
@@ -266,35 +266,35 @@ void show_cells_panel(Desk& desk, PanelState& state)
     };
     const std::string across =
         status.across > 0 ? std::to_string(status.across) + " (by itself)" : "by itself";
-    take(show_number("Across", settings.across, across.c_str(),
+    take(show_number("Across", settings.cells.across, across.c_str(),
                      "Coarsest cells along the longest side"));
-    take(show_number("Threshold", settings.threshold, "by itself",
+    take(show_number("Threshold", settings.cells.threshold, "by itself",
                      "Cells split whose error is larger, relative to the diagonal"));
-    take(show_number("Depth", settings.max_depth, "by itself",
+    take(show_number("Depth", settings.cells.max_depth, "by itself",
                      "How often a coarsest cell may be halved"));
-    take(show_number("Gap", settings.gap, "0.008 (default)",
+    take(show_number("Gap", settings.cells.gap, "0.008 (default)",
                      "Parts farther apart than this are never glued, relative to the "
                      "diagonal"));
     constexpr std::array<Choice, 3> kFills = {
         {{nullptr, "Solid (default)"}, {"solid", "Solid"}, {"shell", "Shell"}}};
-    is_done |= show_choice("Fill", settings.fill, kFills);
+    is_done |= show_choice("Fill", settings.cells.fill, kFills);
     ImGui::EndDisabled();
     state.types_settings = is_typing;
     if (is_done)
     {
-        const EditSettings wanted = settings;
+        const SceneSettings wanted = settings;
         state.types_settings = false;
-        desk.attempt(Place::Cells, [&] { desk.document().change_settings(wanted); });
+        app.attempt(Place::Cells, [&] { app.document().change_settings(wanted); });
     }
-    if (const Notice* notice = desk.notice(Place::Cells))
+    if (const Notice* notice = app.notice(Place::Cells))
         error_text(notice->text);
 }
 
-void show_field_panel(Desk& desk)
+void show_field_panel(EditorApp& app)
 {
     if (!section("Field", false))
         return;
-    EditSettings settings = desk.document().settings();
+    SceneSettings settings = app.document().settings();
     constexpr std::array<Choice, 4> kReleases = {
         {{nullptr, "Smooth (default)"},
          {"rbf", "Smooth, local fits"},
@@ -303,11 +303,11 @@ void show_field_panel(Desk& desk)
     constexpr std::array<Choice, 3> kDrags = {{{nullptr, "Blend (default)"},
                                                {"blend", "Blend of near cells"},
                                                {"closest4", "Four closest cells"}}};
-    ImGui::BeginDisabled(desk.opened()->hand.is_busy());
-    bool changed = show_choice("Released", settings.release, kReleases);
-    changed |= show_choice("Dragged", settings.drag, kDrags);
+    ImGui::BeginDisabled(app.opened()->hand.is_busy());
+    bool changed = show_choice("Released", settings.field.release, kReleases);
+    changed |= show_choice("Dragged", settings.field.drag, kDrags);
     ImGui::EndDisabled();
-    const SolveStatus status = desk.opened()->editing.status();
+    const SolveStatus status = app.opened()->editing.status();
     if (status.centres > 0)
         faint_text(
             counted(static_cast<std::int64_t>(status.centres), "centre", "centres") +
@@ -316,26 +316,26 @@ void show_field_panel(Desk& desk)
                                     "clusters")
                  : std::string()));
     if (changed)
-        desk.attempt(Place::Field, [&] { desk.document().change_settings(settings); });
-    const ExportStatus written = desk.opened()->editing.export_status();
+        app.attempt(Place::Field, [&] { app.document().change_settings(settings); });
+    const ExportStatus written = app.opened()->editing.export_status();
     if (written.state == ExportStatus::State::Working)
     {
         faint_text("Writing " + std::filesystem::path(written.path).filename().string());
         ImGui::SameLine(ImGui::GetContentRegionMax().x - letters(9));
         if (ImGui::SmallButton(" Cancel ##field"))
-            desk.opened()->editing.cancel_export();
+            app.opened()->editing.cancel_export();
         ImGui::ProgressBar(
             static_cast<float>(written.frames_done) /
                 static_cast<float>(std::max<std::size_t>(1, written.frames)),
             {-1, letters(0.6f)}, "");
     }
-    if (const Notice* notice = desk.notice(Place::Field))
+    if (const Notice* notice = app.notice(Place::Field))
         error_text(notice->text);
 }
 
-void show_solver_panel(Desk& desk)
+void show_solver_panel(EditorApp& app)
 {
-    const SolveStatus status = desk.opened()->editing.status();
+    const SolveStatus status = app.opened()->editing.status();
     if (!section("Solver", true))
         return;
     const bool is_working = status.state == SolveStatus::State::Preparing ||
@@ -346,7 +346,7 @@ void show_solver_panel(Desk& desk)
     {
         ImGui::SameLine(ImGui::GetContentRegionMax().x - letters(9));
         if (ImGui::SmallButton(" Cancel "))
-            desk.opened()->editing.cancel();
+            app.opened()->editing.cancel();
     }
     // Always there, so that nothing below it jumps.
     ImGui::ProgressBar(done_of(status), {-1, letters(0.6f)}, "");
@@ -355,9 +355,9 @@ void show_solver_panel(Desk& desk)
     if (status.state == SolveStatus::State::Failed && status.error_region.empty())
         error_text(status.error);
     if (status.state == SolveStatus::State::Failed && ImGui::Button("Solve again"))
-        desk.opened()->editing.solve_again();
+        app.opened()->editing.solve_again();
     // Before there is a region nothing is wrong yet.
-    if (!desk.document().regions().empty())
+    if (!app.document().regions().empty())
         show_warnings(status.warnings);
     show_report(status);
     show_energy_curve(status);

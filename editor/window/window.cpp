@@ -16,6 +16,7 @@
 #include "editor/window/gl.h"
 #include "editor/window/style.h"
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -87,7 +88,7 @@ char letter_of(int code, int scancode, bool& is_keypad)
     if (code >= GLFW_KEY_KP_0 && code <= GLFW_KEY_KP_ADD)
     {
         is_keypad = true;
-        return kKeypad[static_cast<std::size_t>(code - GLFW_KEY_KP_0)];
+        return kKeypad[idx(code - GLFW_KEY_KP_0)];
     }
     const char* name = glfwGetKeyName(code, scancode);
     if (name == nullptr || name[0] == 0 || name[1] != 0)
@@ -505,8 +506,8 @@ Image Window::image() const
     Image image;
     image.width = width();
     image.height = height();
-    const std::size_t row = 3 * static_cast<std::size_t>(image.width);
-    image.rgb.resize(row * static_cast<std::size_t>(image.height));
+    const std::size_t row = 3 * idx(image.width);
+    image.rgb.resize(row * idx(image.height));
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
     glReadPixels(0, 0, image.width, image.height, GL_RGB, GL_UNSIGNED_BYTE,
                  image.rgb.data());

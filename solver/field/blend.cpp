@@ -33,7 +33,8 @@
 
 #include <Eigen/Geometry>
 
-#include "octree/point_tree.h"
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
 #include "solver/field/glue_network.h"
 
 namespace cellwarp
@@ -91,7 +92,7 @@ void ClosestCells::reach(const Eigen::Vector3d& place, int own,
     // With u = (1 - d/s)^2: grad u = -2 (1 - d/s) / s * (x - c) / d.
     const auto weigh = [&](int cell, std::size_t before)
     {
-        const std::size_t c = static_cast<std::size_t>(cell);
+        const std::size_t c = idx(cell);
         const Eigen::Vector3d arm = place - box_centres_[c];
         const double squared = arm.squaredNorm();
         if (squared > kNotNear * edges_[c] * edges_[c])
@@ -127,7 +128,7 @@ void ClosestCells::reach(const Eigen::Vector3d& place, int own,
 ClosestCells::Resistance ClosestCells::resistance_at(const Eigen::Vector3d& place,
                                                      int cell) const
 {
-    const std::size_t c = static_cast<std::size_t>(cell);
+    const std::size_t c = idx(cell);
     const double edge = edges_[c];
     const Eigen::Vector3d arm = place - box_centres_[c], beyond = beyond_box(arm, edge);
     const double d = arm.norm(), rest = 1.0 - d / edge;
@@ -164,11 +165,11 @@ void ClosestCells::narrow(const Eigen::Vector3d& place, int own,
     for (std::size_t i = 0; i < out.size(); ++i)
         for (const int other : neighbours_of(out[i].cell))
         {
-            const std::size_t k = static_cast<std::size_t>(number_of(other));
+            const std::size_t k = idx(number_of(other));
             if (k > i && k < out.size() && out[k].cell == other)
                 network.join(i, k);
         }
-    network.solve_for(static_cast<std::size_t>(number_of(own)));
+    network.solve_for(idx(number_of(own)));
     for (std::size_t i = 0; i < out.size(); ++i)
     {
         const double u = out[i].weight, R = network.resistance_to(i);
@@ -188,8 +189,7 @@ void ClosestCells::influences(const Eigen::Vector3d& x, int own,
                               std::vector<Influence>& out) const
 {
     const Eigen::Vector3d place =
-        nearest_in_box(box_centres_[static_cast<std::size_t>(own)],
-                       edges_[static_cast<std::size_t>(own)], x);
+        nearest_in_box(box_centres_[idx(own)], edges_[idx(own)], x);
     const Eigen::Array3d is_within = (place.array() == x.array()).cast<double>();
     bool is_narrow = false;
     reach(place, own, out, is_narrow);
@@ -255,7 +255,7 @@ FieldValue blended(std::span<const Influence> influences, std::span<const Pose> 
     FieldValue value;
     for (const Influence& influence : influences)
     {
-        const std::size_t c = static_cast<std::size_t>(influence.cell);
+        const std::size_t c = idx(influence.cell);
         const Eigen::Vector3d d = displacement(poses[c], cells.cells[c].centre, x);
         value.displacement += influence.weight * d;
         value.gradient += influence.weight * (poses[c].R - Eigen::Matrix3d::Identity()) +

@@ -8,8 +8,9 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {
@@ -66,18 +67,14 @@ public:
     /// box the weights are those of the nearest point of the box. Replaces \p out.
     void influences(const Eigen::Vector3d& x, int own, std::vector<Influence>& out) const;
 
-    const Eigen::Vector3d& box_centre(int cell) const
-    {
-        return box_centres_[static_cast<std::size_t>(cell)];
-    }
-    double edge(int cell) const { return edges_[static_cast<std::size_t>(cell)]; }
+    const Eigen::Vector3d& box_centre(int cell) const { return box_centres_[idx(cell)]; }
+    double edge(int cell) const { return edges_[idx(cell)]; }
     std::span<const int> neighbours_of(int cell) const
     {
-        const std::size_t c = static_cast<std::size_t>(cell);
+        const std::size_t c = idx(cell);
         return std::span(neighbours_)
-            .subspan(
-                static_cast<std::size_t>(first_neighbour_[c]),
-                static_cast<std::size_t>(first_neighbour_[c + 1] - first_neighbour_[c]));
+            .subspan(idx(first_neighbour_[c]),
+                     idx(first_neighbour_[c + 1] - first_neighbour_[c]));
     }
 
 private:

@@ -12,7 +12,8 @@
 #include <numeric>
 #include <tuple>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -93,7 +94,7 @@ DualBoxes dual_boxes(const Points& points, const Cells& cells)
 {
     const auto octant_of = [&](std::size_t i)
     {
-        const std::size_t cell = static_cast<std::size_t>(points.cell(i));
+        const std::size_t cell = idx(points.cell(i));
         const Eigen::Vector3d& centre = cells.cells[cell].box_centre;
         std::size_t octant = 0;
         for (int k = 0; k < 3; ++k)
@@ -226,7 +227,7 @@ void PartMaker::add_member(std::uint32_t point)
     member.point = point;
     member.first_influence = member.end_influence = pool_.size();
     const int own = points_.cell(point);
-    if (is_idle_[static_cast<std::size_t>(own)])
+    if (is_idle_[idx(own)])
         member.follows = kIdle;
     else
     {
@@ -266,24 +267,22 @@ void PartMaker::find_cells()
 {
     cells_.clear();
     for (const Influence& influence : pool_)
-        if (int& bit = bit_of_cell_[static_cast<std::size_t>(influence.cell)]; bit < 0)
+        if (int& bit = bit_of_cell_[idx(influence.cell)]; bit < 0)
         {
             bit = 0;
             cells_.push_back(influence.cell);
         }
     std::sort(cells_.begin(), cells_.end());
     for (std::size_t i = 0; i < cells_.size(); ++i)
-        bit_of_cell_[static_cast<std::size_t>(cells_[i])] = static_cast<int>(i);
+        bit_of_cell_[idx(cells_[i])] = static_cast<int>(i);
     for (Member& member : members_)
         for (const Influence& influence : influences_of(member))
             // More cells than bits: one group of them all.
-            member.cells |=
-                cells_.size() > 64
-                    ? ~std::uint64_t(0)
-                    : std::uint64_t(1)
-                          << bit_of_cell_[static_cast<std::size_t>(influence.cell)];
+            member.cells |= cells_.size() > 64
+                                ? ~std::uint64_t(0)
+                                : std::uint64_t(1) << bit_of_cell_[idx(influence.cell)];
     for (const int cell : cells_)
-        bit_of_cell_[static_cast<std::size_t>(cell)] = -1;
+        bit_of_cell_[idx(cell)] = -1;
 }
 
 /// Afterwards members of one group are beside each other. The cells of those that are
@@ -377,10 +376,9 @@ void PartMaker::fill_row_lanes(const Member& member, std::span<const std::uint32
         return;
     for (const Influence& influence : influences_of(member))
     {
-        const std::size_t i = static_cast<std::size_t>(
-            std::find(maps.begin(), maps.end(),
-                      static_cast<std::uint32_t>(influence.cell)) -
-            maps.begin());
+        const std::size_t i = idx(std::find(maps.begin(), maps.end(),
+                                            static_cast<std::uint32_t>(influence.cell)) -
+                                  maps.begin());
         // The kernel does without the weight of the first.
         if (i == 0)
             continue;

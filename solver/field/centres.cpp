@@ -19,7 +19,8 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -70,7 +71,7 @@ std::vector<int> neighbourhood(const Cells& cells, int cell)
 /// space, any choice would do; the coordinate axes' parts in it turn with the axes.
 std::vector<Eigen::Vector3d> flat_directions(const Cells& cells, int cell)
 {
-    const Cell& own = cells.cells[static_cast<std::size_t>(cell)];
+    const Cell& own = cells.cells[idx(cell)];
     const std::vector<int> near = neighbourhood(cells, cell);
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
@@ -78,7 +79,7 @@ std::vector<Eigen::Vector3d> flat_directions(const Cells& cells, int cell)
     for (const int other : near)
     {
         const Eigen::Vector3d x =
-            (cells.cells[static_cast<std::size_t>(other)].centre - own.centre) / own.edge;
+            (cells.cells[idx(other)].centre - own.centre) / own.edge;
         mean += share * x;
         spread += share * x * x.transpose();
     }
@@ -106,7 +107,7 @@ std::vector<Eigen::Vector3d> flat_directions(const Cells& cells, int cell)
 std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
                                       const Eigen::Vector3d& open)
 {
-    const Cell& own = cells.cells[static_cast<std::size_t>(cell)];
+    const Cell& own = cells.cells[idx(cell)];
     std::vector<Eigen::Vector3d> sides;
     const auto add = [&](const Eigen::Vector3d& direction)
     {
@@ -139,15 +140,13 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
         largest = std::max(largest, cell.edge);
     for (const Face& face : cells.faces)
     {
-        const bool a_is_held =
-            constraints[static_cast<std::size_t>(face.a)].hold == Hold::Prescribed;
-        const bool b_is_held =
-            constraints[static_cast<std::size_t>(face.b)].hold == Hold::Prescribed;
+        const bool a_is_held = constraints[idx(face.a)].hold == Hold::Prescribed;
+        const bool b_is_held = constraints[idx(face.b)].hold == Hold::Prescribed;
         if (a_is_held == b_is_held)
             continue;
-        const std::size_t held = static_cast<std::size_t>(a_is_held ? face.a : face.b);
+        const std::size_t held = idx(a_is_held ? face.a : face.b);
         if (is_full(cells.cells[held]))
-            sides[held][static_cast<std::size_t>(2 * face.axis + a_is_held)] = true;
+            sides[held][idx(2 * face.axis + a_is_held)] = true;
     }
     for (std::size_t i = 0; i < cells.size(); ++i)
         for (int k = 0; k < 27; ++k)
@@ -157,10 +156,8 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
                 continue;
             bool is_on = false;
             for (int axis = 0; axis < 3; ++axis)
-                is_on =
-                    is_on ||
-                    (place[axis] != 0 &&
-                     sides[i][static_cast<std::size_t>(2 * axis + (place[axis] > 0))]);
+                is_on = is_on ||
+                        (place[axis] != 0 && sides[i][idx(2 * axis + (place[axis] > 0))]);
             if (is_on)
                 points[i].push_back(cells.cells[i].box_centre +
                                     0.5 * cells.cells[i].edge * place.cast<double>());
@@ -180,14 +177,14 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> const
     std::vector<Eigen::Vector3d> open(cells.size(), Eigen::Vector3d::Zero());
     for (const Face& face : cells.faces)
     {
-        open[static_cast<std::size_t>(face.a)][face.axis] -= face.contact;
-        open[static_cast<std::size_t>(face.b)][face.axis] += face.contact;
+        open[idx(face.a)][face.axis] -= face.contact;
+        open[idx(face.b)][face.axis] += face.contact;
     }
     // Next to prescribed cells the surface is not free.
     for (const Face& face : cells.faces)
         for (const auto& [one, other] : {std::pair(face.a, face.b), {face.b, face.a}})
-            if (constraints[static_cast<std::size_t>(other)].hold == Hold::Prescribed)
-                open[static_cast<std::size_t>(one)].setZero();
+            if (constraints[idx(other)].hold == Hold::Prescribed)
+                open[idx(one)].setZero();
     parallel_for(cells.size(),
                  [&](std::size_t i)
                  {
@@ -222,7 +219,7 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
         cells_.cells.empty() ? Eigen::Vector3d::Zero() : cells_.cells.front().box_centre;
     for (const int cell_index : some_cells)
     {
-        const std::size_t i = static_cast<std::size_t>(cell_index);
+        const std::size_t i = idx(cell_index);
         const Cell& cell = cells_.cells[i];
         if (constraints_[i].hold == Hold::Idle)
             continue;
@@ -243,7 +240,7 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
         {
             std::array<std::int64_t, 3> key;
             for (int axis = 0; axis < 3; ++axis)
-                key[static_cast<std::size_t>(axis)] =
+                key[idx(axis)] =
                     std::llround((point[axis] - origin[axis]) / finest_ * 2.0);
             const Eigen::Vector3d d = displacement(poses[i], cell.centre, point);
             const auto [found, is_new] = known.try_emplace(key, KnownPoint{point, d});

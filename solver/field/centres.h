@@ -7,9 +7,9 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "solver/constraints.h"
-#include "solver/pose.h"
+#include "solver/cells/constraints.h"
 
 namespace cellwarp
 {

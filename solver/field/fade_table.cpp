@@ -7,7 +7,8 @@
 
 #include <algorithm>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -58,26 +59,25 @@ FadeNodes::FadeNodes(const Cells& cells, const BlendInfluences& influences,
         region_of_node_.resize(places_.size(), static_cast<int>(fades.size()) - 1);
         std::vector<char>& carried = is_carried.emplace_back(cells.size(), char(false));
         for (const int cell : region.cells)
-            carried[static_cast<std::size_t>(cell)] = true;
+            carried[idx(cell)] = true;
     }
     fades_ = RegionFades(std::move(fades), cells.size());
     follows_.assign(places_.size(), false);
-    parallel_ranges(
-        places_.size(), 256,
-        [&](std::size_t begin, std::size_t end)
-        {
-            BlendInfluences::Found found;
-            for (std::size_t i = begin; i < end; ++i)
-            {
-                influences.find(places_[i], own_[i], found);
-                const std::vector<char>& carried =
-                    is_carried[static_cast<std::size_t>(region_of_node_[i])];
-                follows_[i] = std::all_of(
-                    found.base.begin(), found.base.end(),
-                    [&](const Influence& influence)
-                    { return carried[static_cast<std::size_t>(influence.cell)]; });
-            }
-        });
+    parallel_ranges(places_.size(), 256,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        BlendInfluences::Found found;
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            influences.find(places_[i], own_[i], found);
+                            const std::vector<char>& carried =
+                                is_carried[idx(region_of_node_[i])];
+                            follows_[i] =
+                                std::all_of(found.base.begin(), found.base.end(),
+                                            [&](const Influence& influence)
+                                            { return carried[idx(influence.cell)]; });
+                        }
+                    });
 }
 
 template <class Add>
@@ -88,7 +88,7 @@ void FadeNodes::for_each_node(const Eigen::Vector3d& x,
     RegionFade::NodeShares near;
     for (const RegionFades::Share& share : shares)
     {
-        const std::size_t first = first_node_[static_cast<std::size_t>(share.region)];
+        const std::size_t first = first_node_[idx(share.region)];
         fades_.fade(share.region).node_shares(x, near);
         for (const RegionFade::NodeShare& node : near.nodes)
             if (!follows_[first + node.node])
@@ -169,14 +169,14 @@ void FadeNodes::find_misses(std::span<const AffineMap> maps)
     { Eigen::Map<Eigen::Vector3f>(miss.columns + 4 * column) = value.cast<float>(); };
     const auto find = [&](std::size_t u)
     {
-        const std::size_t i = used_[u], r = static_cast<std::size_t>(region_of_node_[i]);
+        const std::size_t i = used_[u], r = idx(region_of_node_[i]);
         const Eigen::Vector3d& x = places_[i];
         Eigen::Vector3d miss = of_regions[r].A * x + of_regions[r].b;
         Eigen::Matrix3d slope = of_regions[r].A;
         for (std::size_t k = first_influence_[u]; k < first_influence_[u + 1]; ++k)
         {
             const Influence& influence = influences_[k];
-            const AffineMap& map = maps[static_cast<std::size_t>(influence.cell)];
+            const AffineMap& map = maps[idx(influence.cell)];
             const Eigen::Vector3d d = map.A * x + map.b;
             miss -= influence.weight * d;
             slope -= influence.weight * map.A + d * influence.gradient.transpose();

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
 #include "octree/cells.h"
 #include "solver/field/blend.h"
 #include "solver/field/blend_kernel.h"
@@ -62,10 +63,7 @@ public:
               std::span<const FadedRegion> regions);
 
     const RegionFades& fades() const { return fades_; }
-    bool may_turn(int region) const
-    {
-        return regions_[static_cast<std::size_t>(region)].may_turn;
-    }
+    bool may_turn(int region) const { return regions_[idx(region)].may_turn; }
 
     /// Adds the terms of the correction at \p x, or of its slopes along \p directions,
     /// one list each. Left out are nodes at which nothing is ever missed, because all

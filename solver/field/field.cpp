@@ -5,8 +5,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "octree/parallel.h"
-#include "octree/point_tree.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+#include "octree/base/point_tree.h"
 #include "solver/field/place_lanes.h"
 
 namespace cellwarp
@@ -65,7 +66,7 @@ public:
         const std::span<const InfluenceOnPlaces> near =
             influences_.find(places, wants_gradient);
         find_base(places, near, wants_gradient, out);
-        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        const Cell& cell = field_.cells_.cells[idx(own_)];
         const bool is_touched = field_.regions_.touches(own_);
         for (int l = 0; l < count; ++l)
         {
@@ -120,7 +121,7 @@ private:
     /// put onto the box.
     PlaceVectors without_far_ones(const PlaceVectors& places) const
     {
-        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        const Cell& cell = field_.cells_.cells[idx(own_)];
         PlaceVectors kept = places;
         for (int l = 0; l < kPlaces; ++l)
         {
@@ -137,7 +138,7 @@ private:
     void fade_outside(const PlaceVectors& places, std::span<const InfluenceOnPlaces> near,
                       bool wants_gradient, ValueOnPlaces& out)
     {
-        const Cell& cell = field_.cells_.cells[static_cast<std::size_t>(own_)];
+        const Cell& cell = field_.cells_.cells[idx(own_)];
         const double width = kOutside * cell.edge;
         bool has_outside = false;
         for (int l = 0; l < kPlaces; ++l)
@@ -241,8 +242,7 @@ CellOrder in_cell_order(std::span<const Eigen::Vector3d> points, std::span<const
                         }
                     });
     std::vector<std::uint32_t> first(8 * num_cells + 1, 0);
-    const auto key = [&](std::size_t i)
-    { return 8 * static_cast<std::size_t>(own[i]) + order.octants[i]; };
+    const auto key = [&](std::size_t i) { return 8 * idx(own[i]) + order.octants[i]; };
     for (std::size_t i = 0; i < points.size(); ++i)
         ++first[key(i) + 1];
     for (std::size_t k = 1; k < first.size(); ++k)
@@ -271,7 +271,7 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
     const auto run_task = [&](Evaluation& evaluation, std::span<const std::uint32_t> task)
     {
         const int cell = own[task.front()];
-        if (parts_.is_idle[static_cast<std::size_t>(cell)])
+        if (parts_.is_idle[idx(cell)])
         {
             for (const std::uint32_t i : task)
                 take(i, FieldValue{});
@@ -414,20 +414,19 @@ void FieldFitter::find_misses(const Field& field, const std::vector<bool>& follo
     const ClosestCells closest(cells_);
     // Most nodes lie deep in their region, and nothing is missed.
     std::vector<char> is_missed(nodes.size(), false);
-    parallel_ranges(
-        nodes.size(), 256,
-        [&](std::size_t begin, std::size_t end)
-        {
-            std::vector<Influence> influences;
-            for (std::size_t i = begin; i < end; ++i)
-            {
-                closest.influences(nodes[i], own[i], influences);
-                is_missed[i] = std::any_of(
-                    influences.begin(), influences.end(),
-                    [&](const Influence& influence)
-                    { return !follows[static_cast<std::size_t>(influence.cell)]; });
-            }
-        });
+    parallel_ranges(nodes.size(), 256,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        std::vector<Influence> influences;
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            closest.influences(nodes[i], own[i], influences);
+                            is_missed[i] =
+                                std::any_of(influences.begin(), influences.end(),
+                                            [&](const Influence& influence)
+                                            { return !follows[idx(influence.cell)]; });
+                        }
+                    });
     std::vector<std::size_t> missed;
     std::vector<Eigen::Vector3d> places;
     std::vector<int> cells;
@@ -467,15 +466,13 @@ void FieldFitter::find_deep_cells(const std::vector<bool>& follows,
     for (std::size_t r = 0; r < regions.size(); ++r)
         if (r != region)
             for (const int cell : regions[r].fade->near_cells())
-                is_deep[static_cast<std::size_t>(cell)] = false;
+                is_deep[idx(cell)] = false;
     for (int ring = 0; ring < kRingsThatCount; ++ring)
     {
         const std::vector<bool> before = is_deep;
         for (const Face& face : cells_.faces)
-            if (!before[static_cast<std::size_t>(face.a)] ||
-                !before[static_cast<std::size_t>(face.b)])
-                is_deep[static_cast<std::size_t>(face.a)] =
-                    is_deep[static_cast<std::size_t>(face.b)] = false;
+            if (!before[idx(face.a)] || !before[idx(face.b)])
+                is_deep[idx(face.a)] = is_deep[idx(face.b)] = false;
     }
     for (std::size_t i = 0; i < follows.size(); ++i)
     {
@@ -506,10 +503,8 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
     std::vector<bool> by_clusters = follows;
     for (std::size_t i = 0; i < follows.size(); ++i)
         for (const Membership& member : clusters.of_cell(static_cast<int>(i)))
-            for (const int cell :
-                 clusters.clusters[static_cast<std::size_t>(member.cluster)].cells)
-                by_clusters[i] =
-                    by_clusters[i] && follows[static_cast<std::size_t>(cell)];
+            for (const int cell : clusters.clusters[idx(member.cluster)].cells)
+                by_clusters[i] = by_clusters[i] && follows[idx(cell)];
     return by_clusters;
 }
 

@@ -11,14 +11,14 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "solver/constraints.h"
+#include "solver/cells/constraints.h"
 #include "solver/field/blend.h"
 #include "solver/field/centres.h"
 #include "solver/field/local_rbf.h"
 #include "solver/field/rbf.h"
 #include "solver/field/region_fade.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {

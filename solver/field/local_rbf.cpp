@@ -3,7 +3,8 @@
 
 #include <algorithm>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -46,14 +47,14 @@ void LocalRbf::value(const PlaceVectors& places,
     ValueOnPlaces fit;
     for (const Share& share : scratch)
     {
-        fits_[static_cast<std::size_t>(share.cluster)]->value(places, fit);
+        fits_[idx(share.cluster)]->value(places, fit);
         total += share.weight;
         total_gradient += share.gradient;
         for (int k = 0; k < 3; ++k)
             out.displacement.col(k) += share.weight * fit.displacement.col(k);
         for (int axis = 0; axis < 3; ++axis)
         {
-            const std::size_t a = static_cast<std::size_t>(axis);
+            const std::size_t a = idx(axis);
             for (int k = 0; k < 3; ++k)
                 out.slopes[a].col(k) +=
                     share.weight * fit.slopes[a].col(k) +
@@ -65,7 +66,7 @@ void LocalRbf::value(const PlaceVectors& places,
     for (int axis = 0; axis < 3; ++axis)
         for (int k = 0; k < 3; ++k)
         {
-            PlaceVectors& slope = out.slopes[static_cast<std::size_t>(axis)];
+            PlaceVectors& slope = out.slopes[idx(axis)];
             slope.col(k) =
                 (slope.col(k) - out.displacement.col(k) * total_gradient.col(axis)) /
                 total;
@@ -82,7 +83,7 @@ void LocalRbf::displacement(const PlaceVectors& places,
     PlaceVectors fit;
     for (const Share& share : scratch)
     {
-        fits_[static_cast<std::size_t>(share.cluster)]->displacement(places, fit);
+        fits_[idx(share.cluster)]->displacement(places, fit);
         total += share.weight;
         for (int k = 0; k < 3; ++k)
             out.col(k) += share.weight * fit.col(k);
@@ -150,16 +151,14 @@ double LocalRbfFitter::residual() const
 
 std::size_t LocalRbfFitter::num_solved() const
 {
-    return static_cast<std::size_t>(std::count_if(fits_.begin(), fits_.end(),
-                                                  [](const ClusterFit& fit)
-                                                  { return fit.was_solved; }));
+    return idx(std::count_if(fits_.begin(), fits_.end(),
+                             [](const ClusterFit& fit) { return fit.was_solved; }));
 }
 
 std::size_t LocalRbfFitter::num_factored() const
 {
-    return static_cast<std::size_t>(std::count_if(fits_.begin(), fits_.end(),
-                                                  [](const ClusterFit& fit)
-                                                  { return fit.was_factored; }));
+    return idx(std::count_if(fits_.begin(), fits_.end(),
+                             [](const ClusterFit& fit) { return fit.was_factored; }));
 }
 
 } // namespace cellwarp

@@ -12,7 +12,7 @@
 
 #include <Eigen/Core>
 
-#include "solver/clusters.h"
+#include "solver/cells/clusters.h"
 #include "solver/field/blend.h"
 #include "solver/field/centres.h"
 #include "solver/field/rbf.h"

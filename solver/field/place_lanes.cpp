@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -85,23 +87,23 @@ void PlaceInfluences::find_ways(const Eigen::Vector3d& middle)
     hops_.assign(near_.size(), -1);
     lead_.assign(near_.size(), -1);
     order_.assign(1, place_of(own_));
-    hops_[static_cast<std::size_t>(order_.front())] = 0;
+    hops_[idx(order_.front())] = 0;
     for (std::size_t next = 0; next < order_.size(); ++next)
     {
-        const std::size_t i = static_cast<std::size_t>(order_[next]);
+        const std::size_t i = idx(order_[next]);
         for (const int cell : closest_.neighbours_of(near_[i]))
         {
             const int other = place_of(cell);
             if (other < 0)
                 continue;
-            const std::size_t o = static_cast<std::size_t>(other);
+            const std::size_t o = idx(other);
             if (hops_[o] < 0)
             {
                 hops_[o] = hops_[i] + 1;
                 order_.push_back(other);
             }
             if (hops_[o] == hops_[i] - 1 &&
-                (lead_[i] < 0 || away_[o] < away_[static_cast<std::size_t>(lead_[i])]))
+                (lead_[i] < 0 || away_[o] < away_[idx(lead_[i])]))
                 lead_[i] = other;
         }
     }
@@ -115,12 +117,12 @@ void PlaceInfluences::ask_for_ways()
     const double edge = closest_.edge(own_), hair = 1e-6 * edge;
     is_regular_.assign(near_.size(), false);
     is_asked_.assign(near_.size(), false);
-    is_regular_[static_cast<std::size_t>(order_.front())] = true;
+    is_regular_[idx(order_.front())] = true;
     has_asked_ = false;
     for (std::size_t next = 1; next < order_.size(); ++next)
     {
-        const std::size_t i = static_cast<std::size_t>(order_[next]);
-        std::size_t lead = static_cast<std::size_t>(lead_[i]);
+        const std::size_t i = idx(order_[next]);
+        std::size_t lead = idx(lead_[i]);
         const Eigen::Array3d at = closest_.box_centre(near_[i]).array() - origin;
         const Eigen::Array3d step =
             closest_.box_centre(near_[lead]).array() - origin - at;
@@ -132,7 +134,7 @@ void PlaceInfluences::ask_for_ways()
             continue;
         has_asked_ = true;
         is_asked_[i] = true;
-        for (; hops_[lead] > 0; lead = static_cast<std::size_t>(lead_[lead]))
+        for (; hops_[lead] > 0; lead = idx(lead_[lead]))
             is_asked_[lead] = true;
     }
 }
@@ -147,7 +149,7 @@ PlaceInfluences::narrow_places(const PlaceVectors& inside,
     PlaceMarks is_narrow = PlaceMarks::Constant(false);
     for (const int place : order_)
     {
-        const std::size_t i = static_cast<std::size_t>(place);
+        const std::size_t i = idx(place);
         if (!is_asked_[i])
             continue;
         const PlaceNumbers& rest = rests[i];
@@ -182,7 +184,7 @@ void PlaceInfluences::find_alone(const PlaceVectors& places, int place)
     for (const Influence& influence : single_)
     {
         const auto at = std::lower_bound(near_.begin(), near_.end(), influence.cell);
-        InfluenceOnPlaces& of_cell = found_[static_cast<std::size_t>(at - near_.begin())];
+        InfluenceOnPlaces& of_cell = found_[idx(at - near_.begin())];
         of_cell.weight[place] = influence.weight;
         of_cell.gradient.row(place) = influence.gradient.transpose().array();
     }
@@ -262,7 +264,7 @@ void blend(std::span<const InfluenceOnPlaces> influences, std::span<const Pose> 
     {
         if ((influence.weight == 0.0).all())
             continue;
-        const std::size_t c = static_cast<std::size_t>(influence.cell);
+        const std::size_t c = idx(influence.cell);
         const Eigen::Vector3d& centre = cells.cells[c].centre;
         const Eigen::Matrix3d turn = poses[c].R - Eigen::Matrix3d::Identity();
         const Eigen::Vector3d shift = poses[c].p - centre;
@@ -273,9 +275,8 @@ void blend(std::span<const InfluenceOnPlaces> influences, std::span<const Pose> 
                                        turn(k, 2) * arm.col(2) + shift[k];
             out.displacement.col(k) += influence.weight * moved;
             for (int axis = 0; axis < 3 && wants_gradient; ++axis)
-                out.slopes[static_cast<std::size_t>(axis)].col(k) +=
-                    influence.weight * turn(k, axis) +
-                    moved * influence.gradient.col(axis);
+                out.slopes[idx(axis)].col(k) += influence.weight * turn(k, axis) +
+                                                moved * influence.gradient.col(axis);
         }
     }
 }

@@ -16,8 +16,9 @@
 
 #include <lapacke.h>
 
-#include "octree/parallel.h"
-#include "solver/linear_solver.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+#include "solver/linear/cholesky.h"
 
 namespace cellwarp
 {
@@ -150,7 +151,7 @@ RbfSystem::Rows RbfSystem::products(const Rows& weights) const
     RbfProducts all;
     all.centres = centres_.data();
     all.num_centres = kept_.size();
-    all.num_padded = static_cast<std::size_t>(centres_.cols());
+    all.num_padded = idx(centres_.cols());
     all.weights = weights.data();
     all.out = out.data();
     parallel_ranges(all.num_padded / kCentreLanes, 64,
@@ -159,8 +160,7 @@ RbfSystem::Rows RbfSystem::products(const Rows& weights) const
                         RbfProducts some = all;
                         some.first = begin * kCentreLanes;
                         some.end = end * kCentreLanes;
-                        widest_kernels().products(
-                            some, static_cast<std::size_t>(weights.rows()));
+                        widest_kernels().products(some, idx(weights.rows()));
                     });
     out.rightCols(out.cols() - static_cast<Eigen::Index>(kept_.size())).setZero();
     return out;
@@ -224,8 +224,7 @@ void RbfSystem::solve(Rows& b) const
 {
     if (dense_.size() == 0)
     {
-        widest_kernels().solve(packed_.data(), static_cast<std::size_t>(b.cols()),
-                               b.data());
+        widest_kernels().solve(packed_.data(), idx(b.cols()), b.data());
         return;
     }
     const Eigen::Index n = static_cast<Eigen::Index>(kept_.size());
@@ -241,7 +240,7 @@ RbfSystem::Fit RbfSystem::fit(std::span<const Eigen::Vector3d> displacements) co
     const Eigen::Index n = static_cast<Eigen::Index>(kept_.size());
     Rows f = Rows::Zero(3, centres_.cols());
     for (Eigen::Index i = 0; i < n; ++i)
-        f.col(i) = displacements[kept_[static_cast<std::size_t>(i)]];
+        f.col(i) = displacements[kept_[idx(i)]];
     // Solved and mended: close centres cost digits that the next passes find.
     Rows w = Rows::Zero(3, centres_.cols()), Aw = w;
     for (int pass = 0; pass < kPasses && is_factored_; ++pass)
@@ -265,8 +264,7 @@ RbfSystem::Fit RbfSystem::fit(std::span<const Eigen::Vector3d> displacements) co
             .solve(Q_.topRows(rank) * (f - Aw).transpose());
     terms.polynomial.setZero();
     for (Eigen::Index k = 0; k < rank; ++k)
-        terms.polynomial.col(terms_[static_cast<std::size_t>(k)]) =
-            coefficients.row(k).transpose();
+        terms.polynomial.col(terms_[idx(k)]) = coefficients.row(k).transpose();
     double residual = 0.0;
     for (Eigen::Index i = 0; i < n; ++i)
         residual = std::max(
@@ -300,7 +298,7 @@ void add_polynomial(const Eigen::Matrix<double, 3, kTerms>& coefficients,
 {
     for (int k = 0; k < 3; ++k)
         for (int term = 0; term < kTerms; ++term)
-            out.col(k) += coefficients(k, term) * bases[static_cast<std::size_t>(term)];
+            out.col(k) += coefficients(k, term) * bases[idx(term)];
 }
 
 } // namespace
@@ -308,8 +306,7 @@ void add_polynomial(const Eigen::Matrix<double, 3, kTerms>& coefficients,
 void RbfField::displacement(const PlaceVectors& places, PlaceVectors& out) const
 {
     const PlaceVectors u = places.rowwise() - terms_.origin.transpose().array();
-    widest_kernels().displacement({terms_.centres.data(),
-                                   static_cast<std::size_t>(terms_.centres.cols()),
+    widest_kernels().displacement({terms_.centres.data(), idx(terms_.centres.cols()),
                                    u.data(), out.data(), nullptr});
     add_polynomial(terms_.polynomial, bases(u), out);
 }
@@ -318,16 +315,15 @@ void RbfField::value(const PlaceVectors& places, ValueOnPlaces& out) const
 {
     const PlaceVectors u = places.rowwise() - terms_.origin.transpose().array();
     Eigen::Array<double, kPlaces, 9> slopes;
-    widest_kernels().value({terms_.centres.data(),
-                            static_cast<std::size_t>(terms_.centres.cols()), u.data(),
+    widest_kernels().value({terms_.centres.data(), idx(terms_.centres.cols()), u.data(),
                             out.displacement.data(), slopes.data()});
     add_polynomial(terms_.polynomial, bases(u), out.displacement);
     const auto more = base_slopes(u);
     for (int axis = 0; axis < 3; ++axis)
     {
-        PlaceVectors& along = out.slopes[static_cast<std::size_t>(axis)];
+        PlaceVectors& along = out.slopes[idx(axis)];
         along = slopes.middleCols<3>(3 * axis);
-        add_polynomial(terms_.polynomial, more[static_cast<std::size_t>(axis)], along);
+        add_polynomial(terms_.polynomial, more[idx(axis)], along);
     }
 }
 

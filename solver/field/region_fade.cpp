@@ -26,6 +26,8 @@
 
 #include <unsupported/Eigen/AutoDiff>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -88,8 +90,7 @@ std::vector<RegionFade::Node> joined(const Cells& cells,
     for (std::size_t i = 0; i < further.size(); ++i)
     {
         const RegionFade::Node& node = further[i];
-        const double same =
-            kSamePlace * cells.cells[static_cast<std::size_t>(node.cell)].edge;
+        const double same = kSamePlace * cells.cells[idx(node.cell)].edge;
         bool is_new = sample_tree.nearest(node.place).distance_squared > same * same;
         further_tree.nearest(node.place, kCopies, near);
         for (const PointTree::Neighbour& other : near)
@@ -104,7 +105,7 @@ double largest_edge(const Cells& cells, std::span<const RegionFade::Node> nodes)
 {
     double edge = 0.0;
     for (const RegionFade::Node& node : nodes)
-        edge = std::max(edge, cells.cells[static_cast<std::size_t>(node.cell)].edge);
+        edge = std::max(edge, cells.cells[idx(node.cell)].edge);
     return edge;
 }
 
@@ -153,13 +154,10 @@ RegionFade::RegionFade(const Cells& cells, double edge, const std::vector<Node>&
         queue.pop();
         if (d > distance[cell])
             continue;
-        const Eigen::Vector3d& from =
-            cells.cells[static_cast<std::size_t>(cell)].box_centre;
+        const Eigen::Vector3d& from = cells.cells[idx(cell)].box_centre;
         for (const int other : cells.neighbours_of(cell))
         {
-            const double length =
-                d +
-                (cells.cells[static_cast<std::size_t>(other)].box_centre - from).norm();
+            const double length = d + (cells.cells[idx(other)].box_centre - from).norm();
             if (length <= reach)
                 offer(other, length);
         }
@@ -180,7 +178,7 @@ void RegionFade::find_touched(const Cells& cells)
                 candidates.insert(other);
     for (const int cell : candidates)
     {
-        const Cell& box = cells.cells[static_cast<std::size_t>(cell)];
+        const Cell& box = cells.cells[idx(cell)];
         const double half = kHalfDiagonal * box.edge;
         if (std::sqrt(tree_.nearest(box.box_centre).distance_squared) < radius_ + half)
             touched_cells_.push_back(cell);
@@ -338,8 +336,7 @@ RegionFades::RegionFades(std::vector<const RegionFade*> fades, std::size_t num_c
 {
     for (std::size_t r = 0; r < fades_.size(); ++r)
         for (const int cell : fades_[r]->near_cells())
-            regions_of_cell_[static_cast<std::size_t>(cell)].push_back(
-                static_cast<int>(r));
+            regions_of_cell_[idx(cell)].push_back(static_cast<int>(r));
 }
 
 void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
@@ -356,8 +353,7 @@ void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> inf
     near.clear();
     for (const Influence& influence : influences)
     {
-        const std::vector<int>& more =
-            regions_of_cell_[static_cast<std::size_t>(influence.cell)];
+        const std::vector<int>& more = regions_of_cell_[idx(influence.cell)];
         near.insert(near.end(), more.begin(), more.end());
     }
     std::sort(near.begin(), near.end());
@@ -414,9 +410,9 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
     {
         fades.push_back(regions_[r].fade);
         for (const int cell : regions_[r].fade->touched_cells())
-            is_touched_[static_cast<std::size_t>(cell)] = true;
+            is_touched_[idx(cell)] = true;
         for (const int cell : regions_[r].deep_cells)
-            deep_region_[static_cast<std::size_t>(cell)] = static_cast<int>(r);
+            deep_region_[idx(cell)] = static_cast<int>(r);
     }
     fades_ = RegionFades(std::move(fades), num_cells);
 }
@@ -428,15 +424,14 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
     fades_.reach(x, influences, scratch.reach);
     if (scratch.reach.node_of >= 0)
     {
-        const MovedRegion& region =
-            regions_[static_cast<std::size_t>(scratch.reach.node_of)];
+        const MovedRegion& region = regions_[idx(scratch.reach.node_of)];
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
         return;
     }
     for (const RegionFades::Share& share : scratch.reach.shares)
     {
-        const MovedRegion& region = regions_[static_cast<std::size_t>(share.region)];
+        const MovedRegion& region = regions_[idx(share.region)];
         if (!wants_gradient)
         {
             value.displacement += share.value * region.fade->average_displacement(

@@ -9,10 +9,11 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "octree/point_tree.h"
 #include "solver/field/blend.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {
@@ -139,10 +140,7 @@ public:
     void reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
                Reach& out) const;
 
-    const RegionFade& fade(int region) const
-    {
-        return *fades_[static_cast<std::size_t>(region)];
-    }
+    const RegionFade& fade(int region) const { return *fades_[idx(region)]; }
 
 private:
     std::vector<const RegionFade*> fades_;
@@ -167,12 +165,12 @@ public:
                  bool wants_gradient, Scratch& scratch, FieldValue& value) const;
 
     /// Whether a correction counts somewhere in the box of a cell.
-    bool touches(int cell) const { return is_touched_[static_cast<std::size_t>(cell)]; }
+    bool touches(int cell) const { return is_touched_[idx(cell)]; }
     /// The region in which a cell is deep; null: none.
     const MovedRegion* deep_region(int cell) const
     {
-        const int region = deep_region_[static_cast<std::size_t>(cell)];
-        return region < 0 ? nullptr : &regions_[static_cast<std::size_t>(region)];
+        const int region = deep_region_[idx(cell)];
+        return region < 0 ? nullptr : &regions_[idx(region)];
     }
 
 private:

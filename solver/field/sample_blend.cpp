@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/field/sample_blend.h"
 
-#include "octree/parallel.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {

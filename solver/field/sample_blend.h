@@ -9,13 +9,13 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
-#include "solver/constraints.h"
+#include "solver/cells/constraints.h"
 #include "solver/field/blend_kernel.h"
 #include "solver/field/blend_table.h"
 #include "solver/field/fade_table.h"
 #include "solver/field/field.h"
-#include "solver/pose.h"
 
 namespace cellwarp
 {

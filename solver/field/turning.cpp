@@ -2,7 +2,8 @@
 #include "solver/field/turning.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
+
+#include "octree/base/nearest_rotation.h"
 
 namespace cellwarp
 {
@@ -32,12 +33,7 @@ Eigen::Vector4d turned_rotation(const Eigen::Matrix3d& J, const Eigen::Vector4d&
 {
     if (J.isIdentity(0))
         return rotation;
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(J, Eigen::ComputeFullU |
-                                                       Eigen::ComputeFullV);
-    Eigen::Matrix3d U = svd.matrixU();
-    if (U.determinant() * svd.matrixV().determinant() < 0)
-        U.col(2) = -U.col(2);
-    const Eigen::Quaterniond turn(Eigen::Matrix3d(U * svd.matrixV().transpose()));
+    const Eigen::Quaterniond turn(nearest_rotation(J));
     const Eigen::Quaterniond before(rotation[0], rotation[1], rotation[2], rotation[3]);
     const Eigen::Quaterniond after = turn * before;
     const Eigen::Vector4d turned(after.w(), after.x(), after.y(), after.z());

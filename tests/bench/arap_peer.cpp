@@ -3,7 +3,6 @@
 // deformation, as it ships (one thread, its default solver), on the same scenes with the
 // same fixed and moved vertices. One JSON object on stdout.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 
 #include <CGAL/Simple_cartesian.h>
@@ -15,23 +14,20 @@
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
 
+#include "octree/base/clock.h"
 #include "tests/bench/scenes.h"
 
 namespace
 {
 
+using cellwarp::Clock;
+using cellwarp::seconds_since;
 using cellwarp::bench::Scene;
 using Eigen::Vector3d;
 using Json = nlohmann::ordered_json;
-using Clock = std::chrono::steady_clock;
 using Point = CGAL::Simple_cartesian<double>::Point_3;
 using Mesh = CGAL::Surface_mesh<Point>;
 using Points = std::vector<Vector3d>;
-
-double seconds_since(Clock::time_point start)
-{
-    return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 Mesh mesh_of(const cellwarp::Shape& shape)
 {

@@ -10,7 +10,8 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "solver/field/sample_blend.h"
 #include "tests/support/shapes.h"
 

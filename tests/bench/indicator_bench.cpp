@@ -14,7 +14,8 @@
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/handle_file.h"
-#include "solver/refinement.h"
+#include "octree/base/index.h"
+#include "solver/cells/refinement.h"
 
 namespace cellwarp
 {
@@ -22,7 +23,7 @@ namespace cellwarp
 namespace
 {
 
-using Indicator = std::function<std::vector<double>(const Rig&)>;
+using Indicator = std::function<std::vector<double>(const CellSystem&)>;
 
 struct Scene
 {
@@ -39,15 +40,15 @@ constexpr double kThresholds[] = {1.6e-2, 8e-3, 4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4};
 constexpr double kShares[] = {0.01, 0.03, 0.1};
 
 /// The largest gap over a face of each cell.
-std::vector<double> plain_gaps(const Rig& rig)
+std::vector<double> plain_gaps(const CellSystem& system)
 {
-    std::vector<double> errors(rig.poses().size(), 0.0);
-    for (const GlueFace& face : rig.glue().faces)
+    std::vector<double> errors(system.poses().size(), 0.0);
+    for (const GlueFace& face : system.glue().faces)
     {
-        const std::size_t a = static_cast<std::size_t>(face.a);
-        const std::size_t b = static_cast<std::size_t>(face.b);
-        const double gap =
-            std::sqrt(glue_energy(face, rig.poses()[a], rig.poses()[b]) / face.stiffness);
+        const std::size_t a = idx(face.a);
+        const std::size_t b = idx(face.b);
+        const double gap = std::sqrt(
+            glue_energy(face, system.poses()[a], system.poses()[b]) / face.stiffness);
         errors[a] = std::max(errors[a], gap);
         errors[b] = std::max(errors[b], gap);
     }
@@ -55,13 +56,13 @@ std::vector<double> plain_gaps(const Rig& rig)
 }
 
 /// How far the two fields are apart in each cell.
-std::vector<double> field_differences(const Rig& rig)
+std::vector<double> field_differences(const CellSystem& system)
 {
-    const Cells& cells = rig.body().cells;
+    const Cells& cells = system.body().cells;
     const Field blend =
-        fit_field(FieldKind::Blend, cells, rig.poses(), rig.constraints(), {});
+        fit_field(FieldKind::Blend, cells, system.poses(), system.constraints(), {});
     const Field rbf =
-        fit_field(FieldKind::Rbf, cells, rig.poses(), rig.constraints(), {});
+        fit_field(FieldKind::Rbf, cells, system.poses(), system.constraints(), {});
     std::vector<double> errors(cells.size(), 0.0);
     for (std::size_t c = 0; c < cells.size(); ++c)
         for (int k = 0; k < 8; ++k)
@@ -91,16 +92,16 @@ Result run(const Scene& scene, const CellSettings& cells, const Result* referenc
     settings.cells = cells;
     settings.cells.across = scene.across;
     settings.cells.max_depth = scene.depth;
-    Session session(read_geometry(path + ".obj", {}), read_handles(path + ".handles"),
-                    settings);
+    Session session(read_geometry(path + ".obj", {}).geometry,
+                    read_handles(path + ".handles"), settings);
     while (session.upcoming_frame())
         session.next_frame(true);
     Result result;
-    result.cells = session.rig()->body().cells.size();
-    result.samples = session.patch().samples;
+    result.cells = session.system()->body().cells.size();
+    result.samples = session.deformed().samples;
     if (!reference)
         return result;
-    const std::vector<Eigen::Vector3d>& rest = session.model().geometry.samples;
+    const std::vector<Eigen::Vector3d>& rest = session.geometry().samples;
     Eigen::Vector3d low = rest[0], high = low;
     for (const Eigen::Vector3d& x : rest)
     {

@@ -15,6 +15,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "octree/base/index.h"
 #include "octree/flood.h"
 #include "octree/hollows.h"
 #include "octree/surface_marks.h"
@@ -165,7 +166,7 @@ using Flags = std::vector<std::uint8_t>;
 
 std::size_t count(const Flags& flags)
 {
-    return static_cast<std::size_t>(std::count(flags.begin(), flags.end(), 1));
+    return idx(std::count(flags.begin(), flags.end(), 1));
 }
 
 /// What is in either.

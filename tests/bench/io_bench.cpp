@@ -216,7 +216,7 @@ void write(benchmark::State& state, const Format& format)
 {
     const Input& file = input(format);
     const GeometryFile model = read_geometry(file.path);
-    Patch patch;
+    DeformedSamples patch;
     patch.samples = model.geometry.samples;
     for (Eigen::Vector3d& x : patch.samples)
         x += Eigen::Vector3d(0.123456, 0.1, -0.2);

@@ -6,7 +6,6 @@
 //   frame/SAMPLES, frame_cells/CELLS    a frame; its counters X_ms are parts of it
 //   case/NAME/METHOD        solves to the end, in one jump: steps of each method
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <memory>
@@ -17,9 +16,11 @@
 #include <fmt/format.h>
 
 #include "editor/session/drag.h"
+#include "io/geometry.h"
 #include "io/handle_file.h"
-#include "solver/multigrid.h"
-#include "solver/newton.h"
+#include "octree/base/clock.h"
+#include "solver/cells/rigid_multigrid.h"
+#include "solver/minimize/newton.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 
@@ -29,13 +30,7 @@ namespace
 using namespace cellwarp;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Clock = std::chrono::steady_clock;
 using Counters = benchmark::UserCounters;
-
-double seconds_since(Clock::time_point start)
-{
-    return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 double median(std::vector<double> values)
 {
@@ -68,22 +63,22 @@ double median_seconds(const Call& call)
     return median_seconds([] {}, call);
 }
 
-void assemble(const Energy& energy, BlockMatrix& matrix)
+void assemble(const BlockOperator& H, BlockMatrix& matrix)
 {
     for (int b = 0; b < matrix.num_blocks(); ++b)
-        energy.diagonal_block(b, matrix.diagonal(b));
-    for (std::size_t p = 0; p < energy.pairs().size(); ++p)
+        H.diagonal_block(b, matrix.diagonal(b));
+    for (std::size_t p = 0; p < H.pairs().size(); ++p)
     {
-        const auto& [row, column] = energy.pairs()[p];
-        energy.pair_block(static_cast<int>(p), matrix.block(matrix.find(row, column)));
+        const auto& [row, column] = H.pairs()[p];
+        H.pair_block(static_cast<int>(p), matrix.block(matrix.find(row, column)));
     }
 }
 
-BlockMatrix assembled(const Energy& energy)
+BlockMatrix assembled(const BlockOperator& H)
 {
-    const std::span<const std::pair<int, int>> pairs = energy.pairs();
-    BlockMatrix matrix(energy.block_sizes(), {pairs.begin(), pairs.end()});
-    assemble(energy, matrix);
+    const std::span<const std::pair<int, int>> pairs = H.pairs();
+    BlockMatrix matrix(H.block_sizes(), {pairs.begin(), pairs.end()});
+    assemble(H, matrix);
     return matrix;
 }
 
@@ -92,8 +87,7 @@ BlockMatrix assembled(const Energy& energy)
 class RestFactor final : public Preconditioner
 {
 public:
-    explicit RestFactor(const Energy& energy)
-        : matrix_(assembled(energy)), factor_(matrix_)
+    explicit RestFactor(const BlockOperator& H) : matrix_(assembled(H)), factor_(matrix_)
     {
         factorize();
     }
@@ -107,7 +101,7 @@ public:
 
 private:
     BlockMatrix matrix_;
-    LinearSolver factor_;
+    SparseCholesky factor_;
 };
 
 /// A bar of cells along x, how much of its ends is held, and where one goes.
@@ -150,11 +144,12 @@ public:
         }
         energy_.emplace(built_.cells, glue_, constraints_,
                         find_components(built_.cells, constraints_));
-        for (int u = 0; u < energy_->num_unknown_cells(); ++u)
-            places_.push_back(grid_place(built_.cells, energy_->cell_of_unknown(u)));
+        for (int u = 0; u < energy_->state.num_unknown_cells(); ++u)
+            places_.push_back(
+                grid_place(built_.cells, energy_->state.cell_of_unknown(u)));
     }
 
-    GlueEnergy& energy() { return *energy_; }
+    CellEnergy& energy() { return *energy_; }
     /// Only the end has moved.
     std::vector<Pose> jumped() const
     {
@@ -164,7 +159,7 @@ public:
                 poses[c] = carried(task_.motion, built_.cells.cells[c].centre);
         return poses;
     }
-    MotionSpread spread() const
+    InitialGuess spread() const
     {
         return {built_.cells, glue_, constraints_, region_of_cell_, 2};
     }
@@ -182,25 +177,25 @@ public:
     double gradient_scale()
     {
         VectorXd gradient;
-        energy_->set_poses(jumped());
-        energy_->gradient(gradient);
-        return std::max(gradient.norm(), 1e-3 * energy_->uncancelled());
+        energy_->state.set_poses(jumped());
+        energy_->total.gradient(gradient);
+        return std::max(gradient.norm(), 1e-3 * energy_->glue.uncancelled());
     }
     void linearise_at_rest()
     {
-        energy_->set_poses(rest_);
-        energy_->linearise(kGaussNewton);
+        energy_->state.set_poses(rest_);
+        energy_->total.linearise(kGaussNewton);
     }
     void linearise_at_start()
     {
-        energy_->set_poses(start());
-        energy_->linearise(kExact);
+        energy_->state.set_poses(start());
+        energy_->total.linearise(kExact);
     }
-    Multigrid new_multigrid() const
+    RigidMultigrid new_multigrid() const
     {
-        return {*energy_, places_, energy_->unknown_poses()};
+        return {energy_->total, places_, energy_->state.unknown_poses()};
     }
-    Multigrid& multigrid()
+    RigidMultigrid& multigrid()
     {
         if (!multigrid_)
         {
@@ -214,7 +209,7 @@ public:
         if (!rest_factor_)
         {
             linearise_at_rest();
-            rest_factor_ = std::make_unique<RestFactor>(*energy_);
+            rest_factor_ = std::make_unique<RestFactor>(energy_->total);
         }
         return *rest_factor_;
     }
@@ -227,15 +222,15 @@ private:
     std::vector<int> region_of_cell_, free_cells_;
     std::vector<Pose> rest_, start_;
     std::vector<GridPlace> places_;
-    std::optional<GlueEnergy> energy_;
-    std::optional<Multigrid> multigrid_;
+    std::optional<CellEnergy> energy_;
+    std::optional<RigidMultigrid> multigrid_;
     std::unique_ptr<RestFactor> rest_factor_;
 };
 
 double linearise(System& system, Counters&)
 {
     system.linearise_at_start();
-    return median_seconds([&] { system.energy().linearise(kExact); });
+    return median_seconds([&] { system.energy().total.linearise(kExact); });
 }
 
 /// A vector to multiply, as a solve has it.
@@ -243,7 +238,7 @@ VectorXd gradient_at_start(System& system)
 {
     VectorXd gradient;
     system.linearise_at_start();
-    system.energy().gradient(gradient);
+    system.energy().total.gradient(gradient);
     return gradient;
 }
 
@@ -251,7 +246,7 @@ double multiply(System& system, Counters&)
 {
     const VectorXd x = gradient_at_start(system);
     VectorXd y(x.size());
-    return median_seconds([&] { system.energy().multiply(x, y); });
+    return median_seconds([&] { system.energy().total.multiply(x, y); });
 }
 
 double apply(System& system, Preconditioner& preconditioner)
@@ -273,7 +268,7 @@ double cg_step(System& system, Preconditioner& preconditioner)
     return median_seconds(
         [&]
         {
-            system.energy().multiply(x, y);
+            system.energy().total.multiply(x, y);
             preconditioner.apply(y, z);
         });
 }
@@ -299,7 +294,8 @@ double rest_factor_setup(System& system, Counters& counters)
 {
     counters["MB"] = 1e-6 * system.rest_factor().bytes();
     system.linearise_at_rest();
-    return median_seconds([&] { benchmark::DoNotOptimize(RestFactor(system.energy())); });
+    return median_seconds(
+        [&] { benchmark::DoNotOptimize(RestFactor(system.energy().total)); });
 }
 
 /// The numeric factorisation alone, of a structure that was analysed before.
@@ -319,9 +315,9 @@ double solve(System& system, Preconditioner& preconditioner,
              const std::vector<Pose>& start, const SolveOptions& options,
              Counters& counters)
 {
-    NewtonSolver solver(system.energy(), preconditioner);
+    NewtonSolver solver(system.energy().total, preconditioner);
     SolveReport report;
-    const double seconds = median_seconds([&] { system.energy().set_poses(start); },
+    const double seconds = median_seconds([&] { system.energy().state.set_poses(start); },
                                           [&] { report = solver.minimize(options); });
     if (report.stop != Stop::Converged && options.max_iterations > 1)
         throw std::runtime_error(stop_name(report.stop));
@@ -398,12 +394,12 @@ public:
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
                             file),
             file.path);
-        drag_.emplace(Rig(body, regions, {}), DragSettings(),
+        drag_.emplace(CellSystem(body, regions, {}), DragSettings(),
                       std::span<const SampleNormal>());
     }
 
     Drag& drag() { return *drag_; }
-    std::size_t num_cells() const { return drag_->rig().body().cells.size(); }
+    std::size_t num_cells() const { return drag_->system().body().cells.size(); }
     /// Once around a circle across the bar, from rest to rest.
     std::vector<std::vector<Motion>> circle(std::size_t num_frames) const
     {
@@ -417,7 +413,7 @@ public:
                                  kRadius * std::sin(angle));
             motions.push_back({{},
                                {Eigen::Matrix3d::Identity(),
-                                drag_->rig().rest().frame.vector_to_work(shift)}});
+                                drag_->system().rest().frame.vector_to_work(shift)}});
         }
         return motions;
     }

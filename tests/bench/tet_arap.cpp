@@ -27,6 +27,7 @@
 #include <Eigen/SVD>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp::bench
 {
@@ -87,7 +88,7 @@ Eigen::Matrix3d trace_less(const Eigen::Matrix3d& A)
 Eigen::Matrix<double, 3, 4> corner_gradients(const TetMesh& mesh, const Tet& tet)
 {
     const auto point = [&](std::size_t k) -> const Eigen::Vector3d&
-    { return mesh.points[static_cast<std::size_t>(tet[k])]; };
+    { return mesh.points[idx(tet[k])]; };
     Eigen::Matrix3d edges;
     edges << point(1) - point(0), point(2) - point(0), point(3) - point(0);
     Eigen::Matrix<double, 3, 4> gradients;
@@ -149,8 +150,7 @@ TetElements::TetElements(const TetMesh& mesh, int order_)
                 node_of_edge.try_emplace(edge, static_cast<int>(places.size()));
             if (is_new)
             {
-                const std::size_t a = static_cast<std::size_t>(edge.first),
-                                  b = static_cast<std::size_t>(edge.second);
+                const std::size_t a = idx(edge.first), b = idx(edge.second);
                 places.push_back(0.5 * (places[a] + places[b]));
                 region_of_node.push_back(
                     region_of_node[a] == region_of_node[b] ? region_of_node[a] : -1);
@@ -293,8 +293,8 @@ TetSolver::TetSolver(const TetElements& elements)
         for (Eigen::Index i = 0; i < at.gradients.cols(); ++i)
             for (Eigen::Index j = 0; j < at.gradients.cols(); ++j)
             {
-                const int row = row_of_node_[static_cast<std::size_t>(own[i])],
-                          column = row_of_node_[static_cast<std::size_t>(own[j])];
+                const int row = row_of_node_[idx(own[i])],
+                          column = row_of_node_[idx(own[j])];
                 if (row >= column && column >= 0)
                     entries.emplace_back(
                         row, column,

@@ -17,6 +17,7 @@
 #include <CGAL/make_mesh_3.h>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp::bench
 {
@@ -85,7 +86,7 @@ TetMesh mesh_of(const Complex& complex)
             if (is_new)
                 mesh.points.emplace_back(vertex->point().x(), vertex->point().y(),
                                          vertex->point().z());
-            tet[static_cast<std::size_t>(k)] = found->second;
+            tet[idx(k)] = found->second;
         }
         if (six_volumes(mesh, tet) < 0)
             std::swap(tet[0], tet[1]);

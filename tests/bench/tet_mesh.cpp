@@ -16,6 +16,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "octree/base/index.h"
+
 namespace cellwarp::bench
 {
 
@@ -34,7 +36,7 @@ TetMesh compacted(const TetMesh& mesh)
     {
         for (int& point : tet)
         {
-            const std::size_t old = static_cast<std::size_t>(point);
+            const std::size_t old = idx(point);
             if (numbers[old] < 0)
             {
                 numbers[old] = static_cast<int>(compact.points.size());
@@ -84,14 +86,8 @@ private:
     };
     using Polygon = std::vector<int>;
 
-    bool is(int point, Side side) const
-    {
-        return sides_[static_cast<std::size_t>(point)] == side;
-    }
-    const Eigen::Vector3d& place(int point) const
-    {
-        return mesh_.points[static_cast<std::size_t>(point)];
-    }
+    bool is(int point, Side side) const { return sides_[idx(point)] == side; }
+    const Eigen::Vector3d& place(int point) const { return mesh_.points[idx(point)]; }
 
     struct Crossing
     {
@@ -101,7 +97,7 @@ private:
     Crossing crossing(int inner, int outer) const
     {
         constexpr int kHalvings = 40;
-        Crossing found{0.0, mesh_.region_of_point[static_cast<std::size_t>(inner)]};
+        Crossing found{0.0, mesh_.region_of_point[idx(inner)]};
         double beyond = 1.0;
         for (int k = 0; k < kHalvings; ++k)
         {
@@ -127,11 +123,11 @@ private:
                 const Crossing at = crossing(inner, outer);
                 if (at.share > 1.0 - kNextToEnd)
                 {
-                    sides_[static_cast<std::size_t>(outer)] = Side::Border;
-                    mesh_.region_of_point[static_cast<std::size_t>(outer)] = at.region;
+                    sides_[idx(outer)] = Side::Border;
+                    mesh_.region_of_point[idx(outer)] = at.region;
                 }
                 else if (at.share < kNextToEnd)
-                    sides_[static_cast<std::size_t>(inner)] = Side::Border;
+                    sides_[idx(inner)] = Side::Border;
             }
     }
 
@@ -243,7 +239,7 @@ private:
 Eigen::Vector4d weights_of(const TetMesh& mesh, const Tet& tet, const Eigen::Vector3d& x)
 {
     const auto point = [&](int k) -> const Eigen::Vector3d&
-    { return mesh.points[static_cast<std::size_t>(tet[static_cast<std::size_t>(k)])]; };
+    { return mesh.points[idx(tet[idx(k)])]; };
     Eigen::Matrix3d edges;
     for (int k = 0; k < 3; ++k)
         edges.col(k) = point(k + 1) - point(0);
@@ -261,8 +257,7 @@ double distance_from(const TetMesh& mesh, const Tet& tet, const Eigen::Vector4d&
     const Eigen::Vector4d inside = weights.cwiseMax(0.0) / weights.cwiseMax(0.0).sum();
     Eigen::Vector3d place = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < 4; ++k)
-        place += inside[static_cast<Eigen::Index>(k)] *
-                 mesh.points[static_cast<std::size_t>(tet[k])];
+        place += inside[static_cast<Eigen::Index>(k)] * mesh.points[idx(tet[k])];
     return (x - place).norm();
 }
 
@@ -271,7 +266,7 @@ double distance_from(const TetMesh& mesh, const Tet& tet, const Eigen::Vector4d&
 double six_volumes(const TetMesh& mesh, const Tet& tet)
 {
     const auto point = [&](std::size_t k) -> const Eigen::Vector3d&
-    { return mesh.points[static_cast<std::size_t>(tet[k])]; };
+    { return mesh.points[idx(tet[k])]; };
     return (point(1) - point(0)).cross(point(2) - point(0)).dot(point(3) - point(0));
 }
 
@@ -294,14 +289,13 @@ TetFinder::TetFinder(const TetMesh& mesh) : mesh_(mesh)
     const Eigen::Vector3d size = high - low_;
     width_ = std::cbrt(size.prod() / static_cast<double>(mesh.tets.size()));
     counts_ = (size / width_).array().floor().cast<int>() + 1;
-    tets_of_bin_.resize(static_cast<std::size_t>(counts_.cast<std::int64_t>().prod()));
+    tets_of_bin_.resize(idx(counts_.cast<std::int64_t>().prod()));
     for (std::size_t t = 0; t < mesh.tets.size(); ++t)
     {
         Eigen::Vector3i first = counts_, last = -Eigen::Vector3i::Ones();
         for (const int point : mesh.tets[t])
         {
-            const Eigen::Vector3i bin =
-                bin_of(mesh.points[static_cast<std::size_t>(point)]);
+            const Eigen::Vector3i bin = bin_of(mesh.points[idx(point)]);
             first = first.cwiseMin(bin);
             last = last.cwiseMax(bin);
         }
@@ -320,9 +314,9 @@ Eigen::Vector3i TetFinder::bin_of(const Eigen::Vector3d& x) const
 
 std::size_t TetFinder::index(const Eigen::Vector3i& bin) const
 {
-    return static_cast<std::size_t>(
-        bin.x() + static_cast<std::int64_t>(counts_.x()) *
-                      (bin.y() + static_cast<std::int64_t>(counts_.y()) * bin.z()));
+    return idx(bin.x() +
+               static_cast<std::int64_t>(counts_.x()) *
+                   (bin.y() + static_cast<std::int64_t>(counts_.y()) * bin.z()));
 }
 
 TetFinder::Found TetFinder::find(const Eigen::Vector3d& x) const

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "tests/bench/tet_box.h"
 #include "tests/support/shapes.h"
 
@@ -47,7 +48,7 @@ double area_of(const TetMesh& mesh)
     {
         EXPECT_LE(count, 2);
         const auto point = [&, &corners = face](std::size_t k)
-        { return mesh.points[static_cast<std::size_t>(corners[k])]; };
+        { return mesh.points[idx(corners[k])]; };
         if (count == 1)
             sum += 0.5 * (point(1) - point(0)).cross(point(2) - point(0)).norm();
     }
@@ -131,9 +132,7 @@ TEST(TetFinder, finds_the_tetrahedron_of_a_place_and_the_nearest_one_outside)
         const TetFinder::Found found = finder.find(x);
         Vector3d place = Vector3d::Zero();
         for (int k = 0; k < 4; ++k)
-            place += found.weights[k] *
-                     mesh.points[static_cast<std::size_t>(
-                         mesh.tets[found.tet][static_cast<std::size_t>(k)])];
+            place += found.weights[k] * mesh.points[idx(mesh.tets[found.tet][idx(k)])];
         EXPECT_LT((place - x).norm(), 1e-12);
         EXPECT_GT(found.weights.minCoeff(), is_outside ? -0.6 : -1e-12);
     }

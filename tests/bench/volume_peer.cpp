@@ -5,7 +5,6 @@
 // solve the same problem; tetrahedra, energy and solver are not. One JSON object on
 // stdout.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 
@@ -14,12 +13,15 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/session/body.h"
-#include "editor/session/path.h"
+#include "editor/session/handle_trajectory.h"
 #include "editor/session/region_set.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
+#include "io/geometry.h"
 #include "io/geometry_output.h"
 #include "io/handle_file.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
 #include "tests/bench/tet_arap.h"
 #include "tests/bench/tet_fill.h"
 #include "tests/bench/tet_mesh.h"
@@ -31,8 +33,6 @@ namespace
 {
 
 using Json = nlohmann::ordered_json;
-using Clock = std::chrono::steady_clock;
-
 struct Flags
 {
     std::string scene, output;
@@ -42,11 +42,6 @@ struct Flags
     int order = 2;
     double tolerance = 1e-6;
 };
-
-double seconds_since(Clock::time_point start)
-{
-    return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 /// A scene as a session sees it.
 struct Problem
@@ -130,7 +125,7 @@ TetMesh tets_of(const Problem& problem, const Flags& flags)
 /// The ways of all regions in one frame, and in how many parts a session goes them.
 struct Plan
 {
-    std::vector<Path> paths;
+    std::vector<HandleTrajectory> paths;
     int parts = 1;
 };
 
@@ -151,7 +146,7 @@ Plan plan_of(const Problem& problem, const FrameStatement& frame,
             found != moves.end())
             next = steps_of(*found->second, problem.units, box.centre(), box.low,
                             problem.handles.path, warnings);
-        const Path& path = plan.paths.emplace_back(steps[r], next);
+        const HandleTrajectory& path = plan.paths.emplace_back(steps[r], next);
         steps[r] = std::move(next);
         plan.parts = std::max(plan.parts, path.num_parts(box.low, box.high,
                                                          problem.rest->frame.diagonal()));
@@ -186,7 +181,7 @@ Deformed deform(const Problem& problem, const TetElements& elements, double tole
             for (std::size_t n = 0; n < elements.num_nodes(); ++n)
                 if (const int region = elements.region_of_node[n]; region >= 0)
                     now.places.col(static_cast<Eigen::Index>(n)) =
-                        now.motions[static_cast<std::size_t>(region)](
+                        now.motions[idx(region)](
                             elements.rest.col(static_cast<Eigen::Index>(n)));
             now.last = solver.solve(now.places, options);
             now.newton += now.last.newton;
@@ -207,7 +202,7 @@ std::vector<Eigen::Vector3d> carried(const Problem& problem, const TetMesh& mesh
     {
         const int region = region_at(problem, x);
         samples.push_back(problem.rest->frame.to_model(
-            region >= 0 ? now.motions[static_cast<std::size_t>(region)](x)
+            region >= 0 ? now.motions[idx(region)](x)
                         : elements.place(finder.find(x), now.places)));
     }
     return samples;
@@ -224,7 +219,7 @@ int run(const Flags& flags)
     const Deformed now = deform(problem, elements, flags.tolerance);
     const double solve_seconds = seconds_since(solve_start);
     const Geometry& geometry = problem.model.geometry;
-    Patch patch{
+    DeformedSamples patch{
         carried(problem, mesh, elements, now), {}, geometry.tangents, geometry.rotations};
     for (const DirectionUse& use : direction_uses(geometry))
         patch.directions.push_back(geometry.directions[use.direction]);

@@ -34,7 +34,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             require(x.allFinite());
         for (const std::uint32_t corner : geometry.corners)
             require(corner < geometry.samples.size());
-        Patch patch{geometry.samples, {}};
+        DeformedSamples patch{geometry.samples, {}};
         for (const DirectionUse& use : direction_uses(geometry))
             patch.directions.push_back(geometry.directions[use.direction]);
         require(patched(file, patch) == file.bytes);

@@ -12,6 +12,7 @@
 
 #include "io/error.h"
 #include "io/journal.h"
+#include "octree/base/index.h"
 
 using namespace cellwarp;
 
@@ -41,7 +42,7 @@ public:
     std::string path() const { return "/proc/self/fd/" + std::to_string(file_); }
     std::string bytes() const
     {
-        std::string bytes(static_cast<std::size_t>(::lseek(file_, 0, SEEK_END)), '\0');
+        std::string bytes(idx(::lseek(file_, 0, SEEK_END)), '\0');
         require(::pread(file_, bytes.data(), bytes.size(), 0) ==
                 static_cast<ssize_t>(bytes.size()));
         return bytes;

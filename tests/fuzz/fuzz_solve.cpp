@@ -10,15 +10,16 @@
 
 #include <Eigen/LU>
 
+#include "octree/base/index.h"
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "octree/material.h"
 #include "octree/octree.h"
 #include "octree/pieces.h"
 #include "octree/sheet.h"
-#include "solver/constraints.h"
-#include "solver/glue.h"
-#include "solver/minimize.h"
-#include "solver/pose.h"
+#include "solver/cells/cell_minimizer.h"
+#include "solver/cells/constraints.h"
+#include "solver/cells/glue.h"
 
 using namespace cellwarp;
 
@@ -69,7 +70,7 @@ Shape shape(Bytes& bytes, const Eigen::Vector3d& size, bool has_triangles)
 {
     Shape shape;
     constexpr std::size_t kMostSamples = 60;
-    const std::size_t count = 1 + static_cast<std::size_t>(bytes.byte()) % kMostSamples;
+    const std::size_t count = 1 + idx(bytes.byte()) % kMostSamples;
     for (std::size_t i = 0; i < count; ++i)
         shape.samples.push_back(vector(bytes).cwiseProduct(size));
     // Some corners stand at the box's own, as those of every shape do.
@@ -92,11 +93,10 @@ void check_octree(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         require(has_material == (pieces.piece_of_voxel[v] >= 0));
         if (!has_material)
             continue;
-        require(static_cast<std::size_t>(pieces.piece_of_voxel[v]) < pieces.size());
+        require(idx(pieces.piece_of_voxel[v]) < pieces.size());
         const int leaf = octree.find(grid.coordinates(v) / per_leaf);
         require(leaf >= 0);
-        const VoxelBlock block =
-            voxel_block(grid.shape(), octree.leaves()[static_cast<std::size_t>(leaf)]);
+        const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[idx(leaf)]);
         require(is_in(block, grid.coordinates(v)));
     }
 }
@@ -140,7 +140,7 @@ SolveReport solve(const Cells& cells, const Glue& glue,
     options.method = method;
     options.max_iterations = 6;
     options.checks_stability = true;
-    return Minimizer(cells, glue, constraints, components).minimize(poses, options);
+    return CellMinimizer(cells, glue, constraints, components).minimize(poses, options);
 }
 
 bool same_bits(const std::vector<Pose>& a, const std::vector<Pose>& b)

@@ -21,7 +21,7 @@ std::string refused(const std::string& name, const std::string& text)
     return error_of(Fault::Malformed, [&] { scan_geometry(name, text); });
 }
 
-Patch same(const Geometry& geometry)
+DeformedSamples same(const Geometry& geometry)
 {
     return {geometry.samples, geometry.directions};
 }
@@ -46,7 +46,7 @@ TEST(Columns, keeps_every_other_column)
         "id,\"na,me\",z,y,x,class\n7,\"a,b\",3,2,1.0,tree\n8,c,6,5,4,wall\n";
     const GeometryFile file = scan_geometry("x.csv", text);
     EXPECT_EQ(file.geometry.samples[0], Eigen::Vector3d(1, 2, 3));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), text);
     patch.samples[0] = {1.0, 20, 30};
     EXPECT_TRUE(contains(patched(file, patch), "7,\"a,b\",30,20,1.0,tree\n"));

@@ -12,6 +12,7 @@
 #include "io/base64.h"
 #include "io/geometry_output.h"
 #include "io/stored_number.h"
+#include "octree/base/index.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -108,7 +109,7 @@ std::string refused(const std::string& text, const std::string& name = "x.gltf")
     return error_of(Fault::Malformed, [&] { scan_geometry(name, text); });
 }
 
-Patch same(const Geometry& geometry)
+DeformedSamples same(const Geometry& geometry)
 {
     return {geometry.samples, geometry.directions, geometry.tangents};
 }
@@ -172,7 +173,7 @@ TEST(Gltf, a_patch_goes_into_the_space_of_its_node)
                     1e-15);
         EXPECT_NEAR(before.directions[i].norm(), 1, 1e-15);
     }
-    Patch patch = same(before);
+    DeformedSamples patch = same(before);
     EXPECT_EQ(patched(file, patch), text);
     patch.samples[1] += Eigen::Vector3d(0.25, -0.5, 3);
     patch.directions[2] = Eigen::Vector3d(0.6, 0, -0.8);
@@ -200,7 +201,7 @@ TEST(Gltf, a_patch_goes_into_the_space_of_its_node)
 TEST(Gltf, bounds_follow_and_the_rest_of_the_json_keeps_its_bytes)
 {
     const GeometryFile file = scanned(triangle_text());
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[0] = {-0.5, 0, 0.1};
     const std::string text = patched(file, patch);
     EXPECT_TRUE(contains(text, "\"min\":[-0.5, 0.0,0],\"max\":[ 1,1.00," +
@@ -227,7 +228,7 @@ TEST(Gltf, slashes_that_are_escaped_are_still_base64)
         escaped.replace(at, 1, "\\/");
     const std::string text = triangle_text("\"mesh\":0", escaped);
     const GeometryFile file = scanned(text);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), text);
     patch.samples[2] = {1, 2, 3};
     EXPECT_EQ(scanned(patched(file, patch)).geometry.samples[2], patch.samples[2]);
@@ -238,7 +239,7 @@ TEST(Gltf, a_binary_file_is_patched_with_its_lengths)
     const std::string bytes = glb_triangle();
     const GeometryFile file = scan_geometry("x.glb", bytes + "after");
     EXPECT_TRUE(contains(file.geometry.warnings.at(0), "5 bytes after the end"));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), bytes + "after");
     patch.samples[1] = {0.1, 0.2, 0.3};
     const std::string moved = patched(file, patch);
@@ -290,7 +291,7 @@ TEST(Gltf, buffers_beside_it_are_written_beside_the_result)
     const std::string path =
         folder.write("in/x.gltf", triangle_text("\"mesh\":0", "the%20buffer.bin"));
     const GeometryFile file = read_geometry(path);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), file.bytes);
     patch.samples[1] = {1, 2, 3};
     const std::string out = folder / "moved here.gltf";
@@ -352,7 +353,7 @@ TEST(Gltf, a_file_that_many_buffers_name_is_read_once_and_written_once)
     EXPECT_LT(memory.bytes(), 20000000u);
     EXPECT_EQ(file.geometry.unpacked.size(), 1000000u);
     EXPECT_EQ(file.geometry.directions[0], Eigen::Vector3d(0, 0, 1));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     for (Eigen::Vector3d& x : patch.samples)
         x += Eigen::Vector3d(1, 2, 3);
     std::filesystem::create_directory(folder / "out");
@@ -414,8 +415,8 @@ TEST(Gltf, what_many_primitives_share_is_read_in_proportion_to_the_file_or_refus
     json["meshes"][0]["primitives"] = list;
     EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
     for (int i = 0; i < 5000; ++i)
-        json["meshes"][0]["primitives"][static_cast<std::size_t>(i)]["attributes"] = {
-            {"POSITION", 0}, {"NORMAL", i}};
+        json["meshes"][0]["primitives"][idx(i)]["attributes"] = {{"POSITION", 0},
+                                                                 {"NORMAL", i}};
     EXPECT_TRUE(contains(refused(json.dump()), "nodes: more "));
 }
 
@@ -538,7 +539,7 @@ TEST(Gltf, what_is_not_one_nodes_own_is_read_but_not_written)
     const auto reason = [](const Json& json)
     {
         const GeometryFile file = scanned(json.dump());
-        Patch patch = same(file.geometry);
+        DeformedSamples patch = same(file.geometry);
         EXPECT_EQ(patched(file, patch), file.bytes);
         patch.samples[0] += Eigen::Vector3d(1, 0, 0);
         const std::string error =
@@ -599,7 +600,7 @@ TEST(Gltf, interleaved_attributes_are_written)
     json["buffers"][0] = {{"byteLength", 72}, {"uri", data_uri(body)}};
     const GeometryFile file = scanned(json.dump());
     EXPECT_EQ(file.geometry.not_writable, "");
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[1] = {7, 8, 9};
     patch.directions[2] = {1, 0, 0};
     const Geometry moved = scanned(patched(file, patch)).geometry;
@@ -751,7 +752,7 @@ TEST(Gltf, normals_that_are_none_stay)
     const GeometryFile file = scanned(triangle_text(kTilted, data_uri(body)));
     EXPECT_EQ(file.geometry.direction_samples, (std::vector<std::uint32_t>{2}));
     EXPECT_EQ(file.geometry.warnings.size(), 1u);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.directions[0] = {0, 1, 0};
     EXPECT_EQ(scanned(patched(file, patch)).geometry.unpacked.substr(36, 24),
               body.substr(36, 24));

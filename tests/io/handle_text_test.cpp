@@ -366,13 +366,13 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         scene.model = "dir/" + any_name(rng) + ".obj";
         if (rng() % 2)
             scene.handles = rng() % 2 ? "/h\".handles" : "dir/b.handles";
-        maybe(scene.fill, rng() % 2 ? "solid" : "shell");
-        maybe(scene.across, std::int64_t(1 + rng() % (1 << 20)));
-        maybe(scene.max_depth, std::int64_t(rng() % 21));
-        maybe(scene.threshold, double(rng()) * 5e-324);
-        maybe(scene.gap, 1e-6 + double(rng()) / 3e10);
-        maybe(scene.thickness, 1e-6 + double(rng()) / 3e10);
-        maybe(scene.max_cells, std::int64_t(1 + rng() / 2));
+        maybe(scene.settings.cells.fill, rng() % 2 ? "solid" : "shell");
+        maybe(scene.settings.cells.across, std::int64_t(1 + rng() % (1 << 20)));
+        maybe(scene.settings.cells.max_depth, std::int64_t(rng() % 21));
+        maybe(scene.settings.cells.threshold, double(rng()) * 5e-324);
+        maybe(scene.settings.cells.gap, 1e-6 + double(rng()) / 3e10);
+        maybe(scene.settings.cells.thickness, 1e-6 + double(rng()) / 3e10);
+        maybe(scene.settings.cells.max_cells, std::int64_t(1 + rng() / 2));
         if (rng() % 2)
         {
             FrameBox& frame = scene.frame.emplace();
@@ -384,24 +384,24 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
                     entry = any_number(rng);
             }
         }
-        maybe(scene.drag, rng() % 2 ? "blend" : "closest4");
-        maybe(scene.release, rng() % 2 ? "rbf-global" : "blend");
-        maybe(scene.energy, rng() % 2 ? "cellwarp" : "botsch07");
+        maybe(scene.settings.field.drag, rng() % 2 ? "blend" : "closest4");
+        maybe(scene.settings.field.release, rng() % 2 ? "rbf-global" : "blend");
+        maybe(scene.settings.energy, rng() % 2 ? "cellwarp" : "botsch07");
         const std::string text = scene_text(scene);
         const SceneFile again = parse_scene(scene.path, text);
         EXPECT_TRUE(again.warnings.empty());
         EXPECT_EQ(again.model, scene.model);
         EXPECT_EQ(again.handles, scene.handles);
-        EXPECT_EQ(again.fill, scene.fill);
-        EXPECT_EQ(again.across, scene.across);
-        EXPECT_EQ(again.max_depth, scene.max_depth);
-        EXPECT_EQ(again.threshold, scene.threshold);
-        EXPECT_EQ(again.gap, scene.gap);
-        EXPECT_EQ(again.thickness, scene.thickness);
-        EXPECT_EQ(again.max_cells, scene.max_cells);
-        EXPECT_EQ(again.drag, scene.drag);
-        EXPECT_EQ(again.release, scene.release);
-        EXPECT_EQ(again.energy, scene.energy);
+        EXPECT_EQ(again.settings.cells.fill, scene.settings.cells.fill);
+        EXPECT_EQ(again.settings.cells.across, scene.settings.cells.across);
+        EXPECT_EQ(again.settings.cells.max_depth, scene.settings.cells.max_depth);
+        EXPECT_EQ(again.settings.cells.threshold, scene.settings.cells.threshold);
+        EXPECT_EQ(again.settings.cells.gap, scene.settings.cells.gap);
+        EXPECT_EQ(again.settings.cells.thickness, scene.settings.cells.thickness);
+        EXPECT_EQ(again.settings.cells.max_cells, scene.settings.cells.max_cells);
+        EXPECT_EQ(again.settings.field.drag, scene.settings.field.drag);
+        EXPECT_EQ(again.settings.field.release, scene.settings.field.release);
+        EXPECT_EQ(again.settings.energy, scene.settings.energy);
         ASSERT_EQ(again.frame.has_value(), scene.frame.has_value());
         if (scene.frame)
         {

@@ -31,9 +31,9 @@ std::string refused(const std::string& text)
 
 const std::string kTriangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
-Patch same(const Geometry& geometry)
+DeformedSamples same(const Geometry& geometry)
 {
-    Patch patch{geometry.samples, {}};
+    DeformedSamples patch{geometry.samples, {}};
     for (const DirectionUse& use : direction_uses(geometry))
         patch.directions.push_back(geometry.directions[use.direction]);
     return patch;
@@ -163,7 +163,7 @@ TEST(Obj, a_patch_replaces_only_the_numbers_that_change)
 {
     const GeometryFile file = scan_geometry(
         "x.obj", "v 1.50 2 3 0.5 0.5 0.5 # c\nv 1 0 \\\n 0\nv 0 1 0\nf 1 2 3\n");
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[0] = {1.5, -0.1, 1e-20};
     patch.samples[1].z() = 7;
     EXPECT_EQ(patched(file, patch),
@@ -174,7 +174,7 @@ TEST(Obj, a_normal_whose_users_part_company_is_split)
 {
     const GeometryFile file = scan_geometry(
         "x.obj", kTriangle + "vn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/-1\nf 3//1 2//1 1//1");
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     const std::vector<DirectionUse> uses = direction_uses(file.geometry);
     ASSERT_EQ(uses.size(), 3u);
     patch.directions[1] = Eigen::Vector3d(1, 0, 0);

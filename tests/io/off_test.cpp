@@ -41,7 +41,7 @@ TEST(Off, records_may_break_over_lines)
         scan_geometry("x.off", "OFF\n4 1 0\n0 0\n0 1 0 0 1\n1 0 0 1 0\n4 0\n1 2\n3\n");
     EXPECT_EQ(file.geometry.samples[2], Eigen::Vector3d(1, 1, 0));
     EXPECT_EQ(file.geometry.face(0).size(), 4u);
-    Patch patch{file.geometry.samples, {}};
+    DeformedSamples patch{file.geometry.samples, {}};
     patch.samples[0].z() = 5;
     EXPECT_EQ(patched(file, patch),
               "OFF\n4 1 0\n0 0\n5 1 0 0 1\n1 0 0 1 0\n4 0\n1 2\n3\n");
@@ -53,7 +53,7 @@ TEST(Off, colours_and_normals_are_told_apart)
         "x.off", "CNOFF\n3 1 0\n0 0 0 0 0 1 255 0 0 255\n1 0 0 0 0 1 1 1 1\n0 1 0 0 0 1\n"
                  "3 0 1 2 0.5 0.5 0.5\n");
     EXPECT_EQ(file.geometry.directions.size(), 3u);
-    Patch patch{file.geometry.samples, file.geometry.directions};
+    DeformedSamples patch{file.geometry.samples, file.geometry.directions};
     patch.directions[0] = {1, 0, 0};
     EXPECT_TRUE(contains(patched(file, patch), "0 0 0 1 0 0 255 0 0 255\n"));
 }

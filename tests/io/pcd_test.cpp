@@ -26,7 +26,7 @@ std::string refused(const std::string& bytes)
     return error_of(Fault::Malformed, [&] { scan_geometry("x.pcd", bytes); });
 }
 
-Patch same(const Geometry& geometry)
+DeformedSamples same(const Geometry& geometry)
 {
     return {geometry.samples, geometry.directions};
 }
@@ -119,7 +119,7 @@ TEST(Pcd, reads_text_and_keeps_what_does_not_change)
     EXPECT_EQ(file.geometry.colours[0], (std::array<std::uint8_t, 3>{16, 32, 48}));
     EXPECT_EQ(file.geometry.attributes,
               (std::vector<std::string>{"intensity", "colours"}));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), text);
     patch.samples[1] = {5.25, 8, -9.6};
     EXPECT_TRUE(
@@ -137,7 +137,7 @@ TEST(Pcd, reads_and_patches_binary_points_and_compressed_columns)
         EXPECT_EQ(file.geometry.colours[1], (std::array<std::uint8_t, 3>{16, 32, 48}));
         // The second normal is zero: it takes no part.
         EXPECT_EQ(file.geometry.direction_samples, (std::vector<std::uint32_t>{0, 2}));
-        Patch patch = same(file.geometry);
+        DeformedSamples patch = same(file.geometry);
         EXPECT_EQ(patched(file, patch), bytes);
         patch.samples[0].x() = 0.7;
         patch.directions[1] = {0, 0, -1};
@@ -158,7 +158,7 @@ TEST(Pcd, reads_and_patches_binary_points_and_compressed_columns)
     // Columns in the order of the fields, and new sizes in front of them.
     const GeometryFile file = scan_geometry("x.pcd", compressed() + "tail");
     EXPECT_EQ(file.geometry.unpacked, columns_body());
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[0].x() = 0.75;
     EXPECT_EQ(patched(file, patch), compressed(0.75) + "tail");
     EXPECT_TRUE(contains(file.geometry.warnings.back(), "4 bytes after the last point"));
@@ -171,7 +171,7 @@ TEST(Pcd, a_missing_point_of_an_organised_cloud_is_no_sample_and_stays)
     ASSERT_EQ(file.geometry.samples.size(), 2u);
     ASSERT_EQ(file.geometry.warnings.size(), 1u);
     EXPECT_TRUE(contains(file.geometry.warnings[0], "2 points without a place"));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[1] = {2, 3, 4};
     EXPECT_TRUE(
         contains(patched(file, patch), "0 0 0\nnan nan nan\n2 3 4\nnan nan nan\n"));
@@ -279,7 +279,7 @@ TEST(Pcd, rows_of_text_must_fit_their_fields)
 TEST(Pcd, a_value_that_its_type_cannot_hold_is_an_error)
 {
     const GeometryFile file = scan_geometry("x.pcd", compressed());
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[0].x() = 1e300;
     EXPECT_TRUE(
         contains(error_of(Fault::Malformed, [&] { patched(file, patch); }), "byte 6"));

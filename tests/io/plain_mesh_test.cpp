@@ -30,7 +30,7 @@ Geometry model()
 TEST(PlainMesh, what_is_written_reads_back)
 {
     const Geometry geometry = model();
-    Patch patch{geometry.samples, geometry.directions};
+    DeformedSamples patch{geometry.samples, geometry.directions};
     patch.samples[2] = {1, 1.0 / 3, 1e-30};
     patch.directions[4] = {1, 0, 0};
     for (const std::string extension : {"obj", "ply"})
@@ -52,7 +52,7 @@ TEST(PlainMesh, normals_are_left_out_where_a_sample_has_none)
     geometry.direction_samples.pop_back();
     geometry.corners.clear();
     geometry.face_ends.clear();
-    const Patch patch{geometry.samples, geometry.directions};
+    const DeformedSamples patch{geometry.samples, geometry.directions};
     for (const std::string extension : {"obj", "ply"})
     {
         const Geometry read =

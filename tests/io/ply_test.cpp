@@ -29,9 +29,9 @@ std::string refused(const std::string& bytes)
     return error_of(Fault::Malformed, [&] { scan_geometry("x.ply", bytes); });
 }
 
-Patch same(const Geometry& geometry)
+DeformedSamples same(const Geometry& geometry)
 {
-    Patch patch{geometry.samples, {}};
+    DeformedSamples patch{geometry.samples, {}};
     for (const DirectionUse& use : direction_uses(geometry))
         patch.directions.push_back(geometry.directions[use.direction]);
     return patch;
@@ -80,7 +80,7 @@ TEST(Ply, reads_ascii_with_any_properties_in_any_order)
     EXPECT_EQ(file.geometry.samples[0], Eigen::Vector3d(0.1, 0.2, 0.3));
     EXPECT_EQ(file.geometry.colours[2], (std::array<std::uint8_t, 3>{7, 8, 9}));
     EXPECT_EQ(file.geometry.num_faces(), 1u);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), text);
     patch.samples[0] = {11, 22, 33};
     EXPECT_TRUE(contains(patched(file, patch), "1 2 3 33 2 9 9 22 11\n"));
@@ -93,7 +93,7 @@ TEST(Ply, reads_and_patches_both_binaries)
         const GeometryFile file = scan_geometry("x.ply", binary(big));
         EXPECT_EQ(file.geometry.samples[0].x(), static_cast<double>(0.1f));
         ASSERT_EQ(file.geometry.num_faces(), 1u);
-        Patch patch = same(file.geometry);
+        DeformedSamples patch = same(file.geometry);
         EXPECT_EQ(patched(file, patch), file.bytes);
         patch.samples[2].y() = 0.7;
         const std::string bytes = patched(file, patch);
@@ -117,7 +117,7 @@ TEST(Ply, integers_stay_integers)
         header("ascii", "property int x\nproperty int y\nproperty int z\n", 0) +
         "0 0 0\n10 0 0\n0 10 0\n";
     const GeometryFile file = scan_geometry("x.ply", text);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[1].x() = 12.7;
     EXPECT_TRUE(contains(patched(file, patch), "\n13 0 0\n"));
 }
@@ -128,7 +128,7 @@ TEST(Ply, a_value_that_its_type_cannot_hold_is_an_error)
                                "property char x\nproperty char y\nproperty char z\n", 0) +
                         std::string("\1\2\3\4\5\6\7\1\2");
     const GeometryFile file = scan_geometry("x.ply", bytes);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.samples[0].x() = 200.0;
     EXPECT_TRUE(
         contains(error_of(Fault::Malformed, [&] { patched(file, patch); }), "byte"));
@@ -143,7 +143,7 @@ TEST(Ply, normals_turn_and_bad_ones_stay)
     const GeometryFile file = scan_geometry("x.ply", text);
     ASSERT_EQ(file.geometry.directions.size(), 1u);
     EXPECT_EQ(file.geometry.warnings.size(), 1u);
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     patch.directions[0] = {1, 0, 0};
     EXPECT_TRUE(
         contains(patched(file, patch), "0 0 0 1 0 0\n1 0 0 nan 0 0\n0 1 0 0 0 0\n"));
@@ -165,7 +165,7 @@ TEST(Ply, the_rotations_of_splats_turn_and_zero_normals_stay)
     EXPECT_EQ(file.geometry.rotations[0], Eigen::Vector4d(0.1, 0.2, 0.3, 0.4));
     ASSERT_EQ(file.geometry.warnings.size(), 1u);
     EXPECT_TRUE(contains(file.geometry.warnings[0], "2 rotations are zero or not"));
-    Patch patch = same(file.geometry);
+    DeformedSamples patch = same(file.geometry);
     EXPECT_EQ(patched(file, patch), text);
     patch.rotations = {Eigen::Vector4d(5, 0.2, 6, 0.4)};
     EXPECT_TRUE(contains(patched(file, patch), "\n0 0 0 0 0 0 .2 5 7 6 .4\n"));

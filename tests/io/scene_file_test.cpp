@@ -38,18 +38,18 @@ TEST(SceneFile, reads_every_key)
         "field": {"drag": "closest4", "release": "rbf-global"}})");
     EXPECT_EQ(scene.model, "dir/a.obj");
     EXPECT_EQ(scene.handles, "/b.handles");
-    EXPECT_EQ(scene.energy, "botsch07");
-    EXPECT_EQ(scene.fill, "shell");
-    EXPECT_EQ(scene.across, 20);
-    EXPECT_EQ(scene.max_depth, 2);
-    EXPECT_EQ(scene.threshold, 0.01);
-    EXPECT_EQ(scene.gap, 0.02);
-    EXPECT_EQ(scene.thickness, 0.03);
-    EXPECT_EQ(scene.max_cells, 5000);
+    EXPECT_EQ(scene.settings.energy, "botsch07");
+    EXPECT_EQ(scene.settings.cells.fill, "shell");
+    EXPECT_EQ(scene.settings.cells.across, 20);
+    EXPECT_EQ(scene.settings.cells.max_depth, 2);
+    EXPECT_EQ(scene.settings.cells.threshold, 0.01);
+    EXPECT_EQ(scene.settings.cells.gap, 0.02);
+    EXPECT_EQ(scene.settings.cells.thickness, 0.03);
+    EXPECT_EQ(scene.settings.cells.max_cells, 5000);
     ASSERT_TRUE(scene.frame);
     EXPECT_EQ(scene.frame->axes[1][0], -1.0);
-    EXPECT_EQ(scene.drag, "closest4");
-    EXPECT_EQ(scene.release, "rbf-global");
+    EXPECT_EQ(scene.settings.field.drag, "closest4");
+    EXPECT_EQ(scene.settings.field.release, "rbf-global");
     EXPECT_TRUE(scene.warnings.empty());
 }
 

@@ -101,10 +101,10 @@ StreamWork work_with(const Move& move)
             {}};
 }
 
-Patch moved(const GeometryFile& file, const Move& move)
+DeformedSamples moved(const GeometryFile& file, const Move& move)
 {
     const std::vector<DirectionUse> uses = direction_uses(file.geometry);
-    Patch patch;
+    DeformedSamples patch;
     std::vector<std::uint32_t> points;
     std::vector<Eigen::Vector3d> places = file.geometry.samples;
     for (const DirectionUse& use : uses)

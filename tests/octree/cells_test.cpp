@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "octree/nearest_sample.h"
 #include "tests/support/shapes.h"
 
@@ -86,8 +87,7 @@ TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alik
             {
                 return voxel_block(
                     body.material.grid.shape(),
-                    body.octree.leaves()[static_cast<std::size_t>(
-                        body.cells.cells[static_cast<std::size_t>(cell)].leaf)]);
+                    body.octree.leaves()[idx(body.cells.cells[idx(cell)].leaf)]);
             };
             const VoxelBlock below = block(face.a), above = block(face.b);
             ASSERT_EQ(below.first[face.axis] + below.width, above.first[face.axis]);
@@ -99,8 +99,7 @@ TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alik
             {
                 const VoxelBlock own = voxel_block(
                     body.material.grid.shape(),
-                    body.octree.leaves()[static_cast<std::size_t>(
-                        body.pieces.leaf_of_piece[static_cast<std::size_t>(piece)])]);
+                    body.octree.leaves()[idx(body.pieces.leaf_of_piece[idx(piece)])]);
                 const Eigen::Vector3i v = body.material.grid.coordinates(voxel);
                 num_crumbs += (v.array() < own.first.array()).any() ||
                               (v.array() >= own.first.array() + own.width).any();
@@ -118,7 +117,7 @@ TEST(Cells, faces_add_up_to_the_sections)
     const Built uniform = built(box_shape({0, 0, 0}, {4, 1, 1}), 8, 1, Fill::Solid, 0.1);
     std::vector<double> area(3, 0.0);
     for (const Face& face : uniform.cells.faces)
-        area[static_cast<std::size_t>(face.axis)] += face.area;
+        area[idx(face.axis)] += face.area;
     EXPECT_NEAR(area[0], 15.0 * 1.0, 1e-9);
     EXPECT_NEAR(area[1], 3.0 * 4.0, 1e-9);
     EXPECT_NEAR(area[2], 3.0 * 4.0, 1e-9);
@@ -134,8 +133,7 @@ TEST(Cells, two_fingers_in_one_leaf_are_two_cells)
     const std::vector<int> components = connected_components(two.cells);
     EXPECT_EQ(*std::max_element(components.begin(), components.end()), 1);
     for (const Face& face : two.cells.faces)
-        EXPECT_EQ(components[static_cast<std::size_t>(face.a)],
-                  components[static_cast<std::size_t>(face.b)]);
+        EXPECT_EQ(components[idx(face.a)], components[idx(face.b)]);
 }
 
 TEST(Cells, a_crumb_beside_another_piece_belongs_to_its_neighbour)
@@ -191,8 +189,8 @@ TEST(Cells, neighbours_of_different_size_share_their_true_area)
     int num_large = 0;
     for (const Face& face : cells.faces)
     {
-        const bool is_large = cells.cells[static_cast<std::size_t>(face.a)].edge > 0.9 ||
-                              cells.cells[static_cast<std::size_t>(face.b)].edge > 0.9;
+        const bool is_large =
+            cells.cells[idx(face.a)].edge > 0.9 || cells.cells[idx(face.b)].edge > 0.9;
         num_large += is_large;
         EXPECT_NEAR(face.area, 0.25, 1e-12);
         if (is_large)

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -13,9 +15,9 @@ TEST(SpreadLabels, every_voxel_gets_the_label_of_a_nearest_one)
 {
     const Eigen::Vector3i counts(13, 7, 9);
     const auto index = [&](int i, int j, int k)
-    { return static_cast<std::size_t>((k * counts.y() + j) * counts.x() + i); };
+    { return idx((k * counts.y() + j) * counts.x() + i); };
     std::mt19937 rng(3);
-    std::vector<std::int32_t> given(static_cast<std::size_t>(counts.prod()), -1);
+    std::vector<std::int32_t> given(idx(counts.prod()), -1);
     std::vector<Eigen::Vector3i> places;
     for (int n = 0; n < 12; ++n)
     {

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "octree/distance_transform.h"
 #include "octree/pieces.h"
 #include "octree/wrap/wrap.h"
@@ -35,8 +36,7 @@ double volume(const VoxelGrid& grid)
             const Eigen::Vector3i v = grid.coordinates(i);
             double product = 1.0;
             for (int k = 0; k < 3; ++k)
-                product *= grid.lines(k)[static_cast<std::size_t>(v[k]) + 1] -
-                           grid.lines(k)[static_cast<std::size_t>(v[k])];
+                product *= grid.lines(k)[idx(v[k]) + 1] - grid.lines(k)[idx(v[k])];
             sum += product;
         }
     return sum;

@@ -7,6 +7,8 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
+
 namespace cellwarp
 {
 
@@ -72,8 +74,7 @@ MaterialTest speckled(unsigned seed)
                 for (int i = 0; i < w; ++i)
                 {
                     const Eigen::Vector3i at = leaf.corner + Eigen::Vector3i(i, j, k);
-                    if (holds[static_cast<std::size_t>((at.z() * 32 + at.y()) * 64 +
-                                                       at.x())])
+                    if (holds[idx((at.z() * 32 + at.y()) * 64 + at.x())])
                         return true;
                 }
         return false;
@@ -115,7 +116,7 @@ Octree merged_down_to(const Octree& goal, Octree octree)
         {
             const Leaf& leaf = octree.leaves()[i];
             const int base = goal.find(leaf.corner);
-            if (goal.leaves()[static_cast<std::size_t>(base)].level < leaf.level)
+            if (goal.leaves()[idx(base)].level < leaf.level)
                 finer.push_back(static_cast<int>(i));
         }
         Octree next = octree.merge(finer);
@@ -154,7 +155,7 @@ TEST(Octree, every_place_is_found_in_its_leaf)
                                     static_cast<int>(rng() % 32));
         const int found = octree.find(place);
         ASSERT_GE(found, 0);
-        const Leaf& leaf = octree.leaves()[static_cast<std::size_t>(found)];
+        const Leaf& leaf = octree.leaves()[idx(found)];
         EXPECT_TRUE((place.array() >= leaf.corner.array()).all());
         EXPECT_TRUE((place.array() < leaf.corner.array() + octree.width(leaf)).all());
     }
@@ -177,10 +178,8 @@ TEST(Octree, a_deep_corner_makes_its_neighbours_follow)
     Octree octree(shape(), kAll);
     for (int depth = 0; depth < kDepth; ++depth)
         octree = octree.split(std::vector<int>{octree.find({15, 15, 15})}, kAll);
-    EXPECT_EQ(octree.leaves()[static_cast<std::size_t>(octree.find({15, 15, 15}))].level,
-              kDepth);
-    EXPECT_GE(octree.leaves()[static_cast<std::size_t>(octree.find({16, 15, 15}))].level,
-              kDepth - 1);
+    EXPECT_EQ(octree.leaves()[idx(octree.find({15, 15, 15}))].level, kDepth);
+    EXPECT_GE(octree.leaves()[idx(octree.find({16, 15, 15}))].level, kDepth - 1);
     EXPECT_TRUE(octree.is_balanced());
 }
 
@@ -268,8 +267,7 @@ TEST(Octree, families_are_whole_and_ascending)
     ASSERT_EQ(families.size(), 1u);
     EXPECT_EQ(families[0], (std::vector<int>{3, 4, 5, 6, 7, 8, 9, 10}));
     for (const int leaf : families[0])
-        EXPECT_TRUE(
-            overlap(octree.leaves()[static_cast<std::size_t>(leaf)], coarse.leaves()[3]));
+        EXPECT_TRUE(overlap(octree.leaves()[idx(leaf)], coarse.leaves()[3]));
 }
 
 TEST(Octree, a_family_of_which_one_part_is_split_is_none)

@@ -1,40 +1,47 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tests/support/dense_energy.h"
 
-#include <algorithm>
 #include <limits>
+
+#include "octree/base/index.h"
 
 namespace cellwarp::support
 {
 
-DenseEnergy::DenseEnergy(std::vector<int> sizes, const Eigen::VectorXd& x)
-    : sizes_(std::move(sizes)), first_(1, 0), x_(x), base_(x)
+DenseEnergy::Structure::Structure(std::vector<int> of) : sizes(std::move(of)), first(1, 0)
 {
-    for (const int size : sizes_)
-        first_.push_back(first_.back() + size);
-    for (int row = 0; row < static_cast<int>(sizes_.size()); ++row)
+    for (const int size : sizes)
+        first.push_back(first.back() + size);
+    for (int row = 0; row < static_cast<int>(sizes.size()); ++row)
         for (int column = 0; column < row; ++column)
-            pairs_.emplace_back(row, column);
+            pairs.emplace_back(row, column);
 }
 
-void DenseEnergy::rounding(std::span<double> out) const
+DenseEnergy::DenseEnergy(std::vector<int> sizes, const Eigen::VectorXd& x)
+    : State({}), structure_(std::move(sizes)), x_(x), base_(x)
 {
-    std::fill(out.begin(), out.end(),
-              16.0 * std::numeric_limits<double>::epsilon() * (1.0 + x_.norm()));
 }
 
-void DenseEnergy::diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
+void DenseEnergy::add_rounding(std::span<double> out) const
 {
-    const std::size_t b = static_cast<std::size_t>(block);
-    out = H_.block(first_[b], first_[b], sizes_[b], sizes_[b]);
+    for (double& error : out)
+        error += 16.0 * std::numeric_limits<double>::epsilon() * (1.0 + x_.norm());
 }
 
-void DenseEnergy::pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
+void DenseEnergy::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
 {
-    const auto [row, column] = pairs_[static_cast<std::size_t>(pair)];
-    const std::size_t r = static_cast<std::size_t>(row);
-    const std::size_t c = static_cast<std::size_t>(column);
-    out = H_.block(first_[r], first_[c], sizes_[r], sizes_[c]);
+    const auto& [sizes, first, pairs] = structure_;
+    const std::size_t b = idx(block);
+    out += H_.block(first[b], first[b], sizes[b], sizes[b]);
+}
+
+void DenseEnergy::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
+{
+    const auto& [sizes, first, pairs] = structure_;
+    const auto [row, column] = pairs[idx(pair)];
+    const std::size_t r = idx(row);
+    const std::size_t c = idx(column);
+    out += H_.block(first[r], first[c], sizes[r], sizes[c]);
 }
 
 Quadratic::Quadratic(std::vector<int> sizes, const Eigen::MatrixXd& A,

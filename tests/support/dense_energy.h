@@ -8,32 +8,37 @@
 
 #include <Eigen/Core>
 
-#include "solver/energy.h"
+#include "solver/minimize/energy.h"
 
 namespace cellwarp::support
 {
 
 /// The state is the vector; a step is added to it. Every block is coupled to every other.
-class DenseEnergy : public Energy
+class DenseEnergy : public State, public Term
 {
 public:
     DenseEnergy(std::vector<int> sizes, const Eigen::VectorXd& x);
+    DenseEnergy(const DenseEnergy&) = delete;
+    DenseEnergy& operator=(const DenseEnergy&) = delete;
 
     const Eigen::VectorXd& x() const { return x_; }
     const Eigen::MatrixXd& hessian() const { return H_; }
     void set_x(const Eigen::VectorXd& x) { x_ = base_ = x; }
 
-    std::span<const int> block_sizes() const override { return sizes_; }
-    std::span<const std::pair<int, int>> pairs() const override { return pairs_; }
-    void gradient(Eigen::VectorXd& out) const override { out = gradient_at(x_); }
-    void rounding(std::span<double> out) const override;
-    void linearise(Curvature curvature) override { H_ = hessian_at(x_, curvature); }
-    void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const override
+    std::span<const int> block_sizes() const override { return structure_.sizes; }
+    std::span<const std::pair<int, int>> pairs() const override
     {
-        y.noalias() = H_ * x;
+        return structure_.pairs;
     }
-    void diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const override;
-    void pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override;
+    void add_gradient(Eigen::VectorXd& out) const override { out += gradient_at(x_); }
+    void add_rounding(std::span<double> out) const override;
+    void linearise(Curvature curvature) override { H_ = hessian_at(x_, curvature); }
+    void add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const override
+    {
+        y.noalias() += H_ * x;
+    }
+    void add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const override;
+    void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override;
     void move(const Eigen::VectorXd& step, double length) override
     {
         x_ = base_ + length * step;
@@ -46,8 +51,18 @@ protected:
                                        Curvature curvature) const = 0;
 
 private:
-    std::vector<int> sizes_, first_;
-    std::vector<std::pair<int, int>> pairs_;
+    struct Structure
+    {
+        std::vector<int> sizes, first;
+        std::vector<std::pair<int, int>> pairs;
+
+        explicit Structure(std::vector<int> of);
+    } structure_;
+
+public:
+    Energy total{{this}, {this}}; ///< this term alone, of this state alone
+
+private:
     Eigen::VectorXd x_, base_;
     Eigen::MatrixXd H_;
 };

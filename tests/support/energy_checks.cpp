@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support
@@ -188,8 +189,8 @@ void check_blocks(Energy& energy, Curvature curvature)
     Eigen::MatrixXd blocks = Eigen::MatrixXd::Zero(H.rows(), H.cols());
     const auto at = [&](int row, int column)
     {
-        const std::size_t r = static_cast<std::size_t>(row);
-        const std::size_t c = static_cast<std::size_t>(column);
+        const std::size_t r = idx(row);
+        const std::size_t c = idx(column);
         return blocks.block(first[r], first[c], sizes[r], sizes[c]);
     };
     for (int b = 0; b < static_cast<int>(sizes.size()); ++b)

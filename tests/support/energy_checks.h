@@ -7,7 +7,7 @@
 
 #include <Eigen/Core>
 
-#include "solver/energy.h"
+#include "solver/minimize/energy.h"
 
 namespace cellwarp::support
 {

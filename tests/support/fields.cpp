@@ -14,7 +14,7 @@ std::string twisted_bar_field(FieldKind kind)
     settings.field = kind;
     settings.keeps_fields = true;
     Session session(
-        scan_geometry("bar.obj", obj_text(box_shape({0, 0, 0}, {6, 2, 2}, 6))),
+        scan_geometry("bar.obj", obj_text(box_shape({0, 0, 0}, {6, 2, 2}, 6))).geometry,
         parse_handles("bar.handles", "cellwarp-handles 1\n"
                                      "fixed foot box -1 -1 -1 0.6 3 3\n"
                                      "handle head box 5.4 -1 -1 7 3 3\n"

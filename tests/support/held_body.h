@@ -5,10 +5,9 @@
 #include <vector>
 
 #include "octree/cells.h"
-#include "solver/constraints.h"
-#include "solver/glue.h"
-#include "solver/glue_energy.h"
-#include "solver/multigrid.h"
+#include "solver/cells/cell_energy.h"
+#include "solver/cells/constraints.h"
+#include "solver/cells/glue.h"
 
 namespace cellwarp::support
 {
@@ -39,10 +38,10 @@ struct HeldBody
         constraints[cell] = {Hold::Pinned, point, point};
     }
     /// The energy at rest, when all is held that is to be.
-    GlueEnergy energy()
+    CellEnergy energy()
     {
         components = find_components(cells, constraints);
-        return GlueEnergy(cells, glue, constraints, components);
+        return CellEnergy(cells, glue, constraints, components);
     }
     std::vector<Pose> rest() const
     {
@@ -50,13 +49,6 @@ struct HeldBody
         for (const Cell& cell : cells.cells)
             poses.push_back({Eigen::Matrix3d::Identity(), cell.centre});
         return poses;
-    }
-    std::vector<GridPlace> places(const GlueEnergy& energy) const
-    {
-        std::vector<GridPlace> places;
-        for (int u = 0; u < energy.num_unknown_cells(); ++u)
-            places.push_back(grid_place(cells, energy.cell_of_unknown(u)));
-        return places;
     }
 };
 

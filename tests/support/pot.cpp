@@ -7,6 +7,8 @@
 #include <cmath>
 #include <map>
 
+#include "octree/base/index.h"
+
 namespace cellwarp::support
 {
 
@@ -28,8 +30,7 @@ struct Field
 
     std::size_t at(const Vector3i& i) const
     {
-        return static_cast<std::size_t>((i.z() * counts.y() + i.y()) * counts.x() +
-                                        i.x());
+        return idx((i.z() * counts.y() + i.y()) * counts.x() + i.x());
     }
     Vector3d place(const Vector3i& i) const { return low + h * i.cast<double>(); }
 };
@@ -77,7 +78,7 @@ Shape level_set(const std::function<double(const Vector3d&)>& distance,
                 const Vector3d& low, const Vector3d& high, double h)
 {
     Field field{((high - low) / h).array().ceil().cast<int>() + 1, low, h, {}};
-    field.values.resize(static_cast<std::size_t>(field.counts.prod()));
+    field.values.resize(idx(field.counts.prod()));
     Vector3i i;
     const auto for_all = [&](auto&& visit)
     {

@@ -10,6 +10,8 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
+
 namespace cellwarp::support
 {
 
@@ -88,8 +90,7 @@ void wait_until_caught(pid_t process, int signal)
 
 std::size_t num_files(const Folder& folder)
 {
-    return static_cast<std::size_t>(
-        std::distance(std::filesystem::directory_iterator(folder.path()), {}));
+    return idx(std::distance(std::filesystem::directory_iterator(folder.path()), {}));
 }
 
 BarFiles::BarFiles()

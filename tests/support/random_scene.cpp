@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support
@@ -120,7 +121,7 @@ Mesh Maker::grid_surface(int nu, int nv, bool closed_u, bool closed_v, auto&& at
             mesh.samples.push_back(
                 at(static_cast<double>(u) / nu, static_cast<double>(v) / nv));
     const auto index = [&](int u, int v)
-    { return static_cast<std::size_t>((u % rows) * columns + v % columns); };
+    { return idx((u % rows) * columns + v % columns); };
     for (int u = 0; u < nu; ++u)
         for (int v = 0; v < nv; ++v)
         {

@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "io/number.h"
+#include "octree/base/index.h"
 #include "octree/sheet.h"
 
 namespace cellwarp::support
@@ -80,9 +81,8 @@ Shape blocks_shape(const std::array<std::vector<double>, 3>& lines,
         const auto [found, is_new] = known.try_emplace(
             {at.x(), at.y(), at.z()}, static_cast<std::uint32_t>(shape.samples.size()));
         if (is_new)
-            shape.samples.emplace_back(lines[0][static_cast<std::size_t>(at.x())],
-                                       lines[1][static_cast<std::size_t>(at.y())],
-                                       lines[2][static_cast<std::size_t>(at.z())]);
+            shape.samples.emplace_back(lines[0][idx(at.x())], lines[1][idx(at.y())],
+                                       lines[2][idx(at.z())]);
         return found->second;
     };
     for (int k = 0; k < counts.z(); ++k)

@@ -13,10 +13,10 @@
 #include <Eigen/Core>
 
 #include "io/geometry.h"
+#include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "octree/material.h"
 #include "octree/octree.h"
-#include "solver/pose.h"
 
 namespace cellwarp::support
 {

@@ -12,10 +12,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "editor/session/apply.h"
+#include "editor/apply/apply.h"
+#include "editor/apply/manifest.h"
 #include "editor/session/deformation.h"
-#include "editor/session/manifest.h"
 #include "io/lzf.h"
+#include "octree/base/index.h"
 #include "tests/support/fields.h"
 #include "tests/support/program.h"
 #include "tests/support/sanitized.h"
@@ -69,7 +70,7 @@ struct Files
 
 std::size_t num_lines(const std::string& text)
 {
-    return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+    return idx(std::count(text.begin(), text.end(), '\n'));
 }
 
 std::string word(std::size_t value)

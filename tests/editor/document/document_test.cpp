@@ -8,6 +8,7 @@
 
 #include "editor/session/session.h"
 #include "io/journal.h"
+#include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 
@@ -66,11 +67,10 @@ TEST(Document, names_the_selection_and_takes_it_from_other_regions)
     document.select(between(document, 0, 0), "Select by box");
     EXPECT_EQ(document.add_region(Role::Stiff), "stiff");
     EXPECT_EQ(document.region("pin")->samples, document.region("stiff")->samples);
-    EXPECT_EQ(document
-                  .regions()[static_cast<std::size_t>(
-                      document.region_of(document.region("pin")->samples[0]))]
-                  .name,
-              "pin");
+    EXPECT_EQ(
+        document.regions()[idx(document.region_of(document.region("pin")->samples[0]))]
+            .name,
+        "pin");
     document.select(between(document, 0, 0), "Select by box");
     EXPECT_EQ(document.add_region(Role::Fixed, "floor"), "floor");
     EXPECT_EQ(document.region("pin"), nullptr); // all of it went
@@ -173,7 +173,7 @@ TEST(Document, regions_of_a_stage_wait_for_its_rest_shape_where_they_depend_on_i
         EXPECT_EQ(contents(document), before);
         document.move_region("tip", shifted(0.5)); // the same on any shape
         document.undo();
-        document.set_rest(document.stage_print(), lift(document));
+        document.set_rest(document.stage_fingerprint(), lift(document));
         EXPECT_FALSE(document.region("head")->samples.empty());
         EXPECT_EQ(document.region("head")->centre, Eigen::Vector3d(0.5, 0.5, 13.75));
         document.select(between(document, 0, 0.6), "Select by box");
@@ -199,7 +199,7 @@ TEST(Document, places_in_a_box_wait_for_the_rest_shape_that_has_it)
     std::vector<Eigen::Vector3d> rest = document.model()->geometry.samples;
     for (Eigen::Vector3d& x : rest)
         x = {x.z(), x.y(), -x.x()};
-    document.set_rest(document.stage_print(),
+    document.set_rest(document.stage_fingerprint(),
                       std::make_shared<const std::vector<Eigen::Vector3d>>(rest));
     document.move_region("tip", shifted(1));
     // A quarter of the box, which lies along x now.
@@ -223,7 +223,7 @@ TEST(Document, label_files_are_read_once)
     document.undo(); // its statements come back from the journal
     document.rename_region("head", "top");
     EXPECT_EQ(document.region("top")->samples, head);
-    Session session(document.model(), document.handles(), {});
+    Session session(geometry_of(document.model()), document.handles(), {});
     EXPECT_EQ(resolve_regions(document.handles().stages[0].regions,
                               document.model()->geometry,
                               document.model()->geometry.samples,
@@ -347,16 +347,16 @@ TEST(Document, keeps_what_it_does_not_know_in_a_scene)
     Document document(path, "");
     EXPECT_EQ(document.warnings().size(), 6u);
     hold_ends(document);
-    EditSettings settings = document.settings();
-    settings.gap = 0.05;
-    settings.across.reset();
-    settings.drag.reset();
-    settings.release = "blend";
+    SceneSettings settings = document.settings();
+    settings.cells.gap = 0.05;
+    settings.cells.across.reset();
+    settings.field.drag.reset();
+    settings.field.release = "blend";
     document.change_settings(settings);
     document.save(path);
     const std::string saved = support::bytes_of(path);
-    const std::string print = saved.substr(saved.rfind(' '));
-    EXPECT_EQ(saved.substr(0, saved.size() - print.size()), R"({
+    const std::string fingerprint = saved.substr(saved.rfind(' '));
+    EXPECT_EQ(saved.substr(0, saved.size() - fingerprint.size()), R"({
   "note": [
     1,
     "two"
@@ -418,16 +418,16 @@ TEST(Document, settings_that_a_file_may_not_say_are_refused)
 {
     const Bar bar;
     Document document = bar.open();
-    EditSettings settings;
-    settings.threshold = -1.0;
+    SceneSettings settings;
+    settings.cells.threshold = -1.0;
     EXPECT_TRUE(
         contains(error_of(Fault::Malformed, [&] { document.change_settings(settings); }),
                  "threshold"));
-    settings.threshold = 1e-3;
+    settings.cells.threshold = 1e-3;
     document.change_settings(settings);
-    EXPECT_EQ(document.scene().threshold, 1e-3);
+    EXPECT_EQ(document.scene().settings.cells.threshold, 1e-3);
     document.undo();
-    EXPECT_FALSE(document.scene().threshold);
+    EXPECT_FALSE(document.scene().settings.cells.threshold);
 }
 
 TEST(Document, what_a_run_left_is_recovered_edit_by_edit)

@@ -10,6 +10,7 @@
 
 #include "editor/session/deformation.h"
 #include "editor/session/scene_settings.h"
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -37,9 +38,9 @@ struct Bar
     Document document() const
     {
         Document document(model, "");
-        EditSettings settings;
-        settings.across = 8;
-        settings.max_depth = 1;
+        SceneSettings settings;
+        settings.cells.across = 8;
+        settings.cells.max_depth = 1;
         document.change_settings(settings);
         return document;
     }
@@ -135,11 +136,11 @@ void bend_twice(Editing& editing)
 std::vector<Eigen::Vector3d> replayed(const std::string& scene_path)
 {
     const SceneFile scene = read_scene(scene_path);
-    Session session(read_geometry(scene.model), read_handles(scene.handles),
+    Session session(read_geometry(scene.model).geometry, read_handles(scene.handles),
                     settings_of(scene));
     while (session.next_frame(true))
         ;
-    return session.patch().samples;
+    return session.deformed().samples;
 }
 
 } // namespace
@@ -206,7 +207,7 @@ TEST(Editing, undo_takes_the_shape_back_and_redo_does_it_again_to_the_bit)
     {
         editing.document().undo();
         editing.wait();
-        EXPECT_TRUE(editing.result()->samples == results[static_cast<std::size_t>(k)]);
+        EXPECT_TRUE(editing.result()->samples == results[idx(k)]);
     }
     while (editing.document().can_undo())
         editing.document().undo();
@@ -311,8 +312,8 @@ TEST(Editing, a_region_that_fails_is_named_and_what_was_before_it_comes_back)
     const Bar bar;
     Editing editing(bar.document());
     Document& document = editing.document();
-    EditSettings uniform = document.settings();
-    uniform.max_depth = 0;
+    SceneSettings uniform = document.settings();
+    uniform.cells.max_depth = 0;
     document.change_settings(uniform);
     hold_ends(document);
     editing.wait();
@@ -358,15 +359,16 @@ TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
   "axes": [[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1]]}}})");
     const Document document(scene, "");
     ASSERT_TRUE(document.region("core")->samples.empty());
-    Session session(document.model(), document.handles(), settings_of(document.scene()));
+    Session session(geometry_of(document.model()), document.handles(),
+                    settings_of(document.scene()));
     session.next_frame(false);
     for (std::size_t r = 0; r < document.regions().size(); ++r)
     {
         const EditedRegion& region = document.regions()[r];
         SCOPED_TRACE(region.name);
         const Motion hand =
-            motion_of(region.placement, region.centre, session.rig()->rest().frame);
-        const Motion& released = session.rig()->motions()[r];
+            motion_of(region.placement, region.centre, session.system()->rest().frame);
+        const Motion& released = session.system()->motions()[r];
         EXPECT_LT((hand.R - released.R).norm(), 1e-14);
         EXPECT_LT((hand.t - released.t).norm(), 1e-14);
     }

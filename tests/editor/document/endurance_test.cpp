@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Long sessions: what ten thousand edits leave behind.
-#include <chrono>
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -9,6 +8,7 @@
 
 #include "editor/document/editing.h"
 #include "editor/session/scene_settings.h"
+#include "octree/base/clock.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/sanitized.h"
 
@@ -34,12 +34,6 @@ double resident_mb()
     return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start)
-{
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start)
-        .count();
-}
-
 } // namespace
 
 TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_speed)
@@ -51,7 +45,7 @@ TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_spe
     std::mt19937 rng(7);
     const auto edit_until = [&](std::size_t count)
     {
-        const auto begun = std::chrono::steady_clock::now();
+        const Clock::time_point begun = Clock::now();
         while (document.history().size() < count)
             edit_at_random(document, rng);
         return seconds_since(begun);
@@ -62,7 +56,7 @@ TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_spe
     const double last_seconds = edit_until(kEdits);
     const double late_mb = resident_mb();
     const std::string end = contents(document);
-    const auto begun = std::chrono::steady_clock::now();
+    const Clock::time_point begun = Clock::now();
     while (document.can_undo())
         document.undo();
     EXPECT_EQ(contents(document), start);
@@ -86,10 +80,10 @@ TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_bac
     const support::BarDocument bar;
     Editing editing(bar.open());
     Document& document = editing.document();
-    EditSettings settings;
-    settings.across = 6;
-    settings.max_depth = 0;
-    settings.gap = 0.1; // coarse voxels
+    SceneSettings settings;
+    settings.cells.across = 6;
+    settings.cells.max_depth = 0;
+    settings.cells.gap = 0.1; // coarse voxels
     document.change_settings(settings);
     hold_ends(document);
     editing.wait();
@@ -111,11 +105,11 @@ TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_bac
     EXPECT_GT(document.handles().stages.size(), 3u);
     document.save(bar.folder / "scene.json");
     const SceneFile scene = read_scene(bar.folder / "scene.json");
-    Session replay(read_geometry(scene.model), read_handles(scene.handles),
+    Session replay(read_geometry(scene.model).geometry, read_handles(scene.handles),
                    settings_of(scene));
     while (replay.next_frame(true))
         ;
-    EXPECT_TRUE(replay.patch().samples == end);
+    EXPECT_TRUE(replay.deformed().samples == end);
     const std::size_t done = document.history().position();
     for (std::size_t k = 1; document.can_undo(); ++k)
     {

@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
 
 namespace cellwarp
@@ -149,7 +150,7 @@ TEST(JournalKill, loses_at_most_the_last_edit_at_any_moment)
         document.recover();
         const std::string state = state_of(document);
         const auto is = [&](int steps)
-        { return steps <= kSteps && state == states[static_cast<std::size_t>(steps)]; };
+        { return steps <= kSteps && state == states[idx(steps)]; };
         const bool has_one_more = !is(step + reported);
         ASSERT_TRUE(!has_one_more || is(step + reported + 1))
             << "after " << step << " steps and " << reported << " more:\n"

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/selection.h"
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -100,7 +101,7 @@ TEST(Neighbours, of_a_cloud_are_the_nearest_and_mutual)
         std::sort(by_distance.begin(), by_distance.end());
         for (int k = 0; k < 8; ++k)
         {
-            const std::uint32_t near = by_distance[static_cast<std::size_t>(k)].second;
+            const std::uint32_t near = by_distance[idx(k)].second;
             EXPECT_TRUE(std::binary_search(own.begin(), own.end(), near));
             const Samples others = list(neighbours, near);
             EXPECT_TRUE(std::binary_search(others.begin(), others.end(), i));

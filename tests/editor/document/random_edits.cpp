@@ -75,8 +75,8 @@ void edit_at_random(Document& document, std::mt19937& rng)
         break;
     case 4:
     {
-        EditSettings settings = document.settings();
-        settings.threshold = number(1e-4, 1e-2);
+        SceneSettings settings = document.settings();
+        settings.cells.threshold = number(1e-4, 1e-2);
         document.change_settings(settings);
         break;
     }

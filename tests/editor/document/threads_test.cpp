@@ -29,11 +29,11 @@ struct Held
 
     explicit Held(int across = 10)
     {
-        EditSettings settings;
-        settings.across = across;
-        settings.max_depth = 1;
-        settings.gap = 0.03;
-        settings.threshold = 1e-4;
+        SceneSettings settings;
+        settings.cells.across = across;
+        settings.cells.max_depth = 1;
+        settings.cells.gap = 0.03;
+        settings.cells.threshold = 1e-4;
         document().change_settings(settings);
         hold_ends(document());
     }
@@ -81,11 +81,11 @@ double computed()
 std::vector<Eigen::Vector3d> replayed(const std::string& scene_path)
 {
     const SceneFile scene = read_scene(scene_path);
-    Session session(read_geometry(scene.model), read_handles(scene.handles),
+    Session session(read_geometry(scene.model).geometry, read_handles(scene.handles),
                     settings_of(scene));
     while (session.next_frame(true))
         ;
-    return session.patch().samples;
+    return session.deformed().samples;
 }
 
 /// Lets the hand rest until the drag goes on in smaller cells.
@@ -285,22 +285,24 @@ TEST(Threads, a_drag_whose_smaller_cells_fail_goes_on_in_its_own)
 {
     const support::BarDocument bar(8);
     SceneFile scene;
-    scene.across = 10;
-    scene.max_depth = 1;
-    scene.gap = 0.03;
-    scene.threshold = 1e-4;
+    scene.settings.cells.across = 10;
+    scene.settings.cells.max_depth = 1;
+    scene.settings.cells.gap = 0.03;
+    scene.settings.cells.threshold = 1e-4;
     Document held = bar.open(false);
     hold_ends(held);
     const WorkFrame view = automatic_frame(held.box());
-    SolveDesk desk(held.model(), view);
-    desk.ask({1, held.handles(), scene, layout_of(held.model()->geometry)});
+    SolveWorker worker(held.model(), view);
+    worker.ask({1, held.handles(), scene, layout_of(held.model()->geometry)});
     std::optional<Solved> solved;
-    while (!(solved = desk.take()) && desk.status().state != SolveStatus::State::Failed)
+    while (!(solved = worker.take()) &&
+           worker.status().state != SolveStatus::State::Failed)
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    ASSERT_TRUE(solved) << desk.status().error;
+    ASSERT_TRUE(solved) << worker.status().error;
     PreparedDrag prepared = prepare_drag(*solved->drag);
     const std::size_t cells = prepared.source.body->cells.size();
-    prepared.source.rig = {1.0, Method::GaussNewtonDirect}; // smaller ones find no memory
+    prepared.source.system = {1.0,
+                              Method::GaussNewtonDirect}; // smaller ones find no memory
     LiveDrag live(std::move(prepared));
     const WorkFrame frame = solved->drag->body->rest->frame;
     live.move({Motion(), motion_of(bent(60, 0.5), held.region("head")->centre, frame)});

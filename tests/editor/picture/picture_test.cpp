@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/picture/figures.h"
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -33,7 +34,7 @@ PictureOptions small()
 
 std::array<int, 3> pixel(const Image& image, int x, int y)
 {
-    const std::size_t at = 3 * static_cast<std::size_t>(y * image.width + x);
+    const std::size_t at = 3 * idx(y * image.width + x);
     return {image.rgb[at], image.rgb[at + 1], image.rgb[at + 2]};
 }
 
@@ -105,17 +106,17 @@ TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
     const Shape bar = support::box_shape({0, 0, 0}, {1, 1, 4}, 4);
     SessionSettings settings;
     settings.cells.across = 8;
-    Session session(scan_geometry("m.obj", support::obj_text(bar)),
+    Session session(scan_geometry("m.obj", support::obj_text(bar)).geometry,
                     parse_handles("h", "cellwarp-handles 1\nfixed a box 0 0 0 1 1 0.5\n"
                                        "handle b box 0 0 3.5 1 1 4\nframe 1\n"
                                        "move b translate 1 0 0\n"),
                     settings);
     session.next_frame(true);
     Figure figure = figure_of(session);
-    EXPECT_EQ(figure.points, session.patch().samples);
+    EXPECT_EQ(figure.points, session.deformed().samples);
     EXPECT_NE(figure.colours.front(), figure.colours.back());
     add_cells(figure, session);
-    EXPECT_EQ(figure.boxes.size(), session.rig()->body().cells.size());
+    EXPECT_EQ(figure.boxes.size(), session.system()->body().cells.size());
 }
 
 } // namespace cellwarp

@@ -8,7 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -32,9 +33,9 @@ const std::string kPull = "move knob translate 0.3 0.1 0.1\n";
 const std::string kTurn = "move knob rotate 0 1 0 25 translate 0.1 0 0\n";
 const std::string kBack = "move knob translate 0 0 0\n";
 
-GeometryFile model()
+Geometry model()
 {
-    return scan_geometry("model.obj", support::obj_text(block()));
+    return scan_geometry("model.obj", support::obj_text(block())).geometry;
 }
 
 HandleFile handles(const std::string& text)
@@ -62,7 +63,7 @@ Session played(const std::string& text, const SessionSettings& s)
 
 const std::vector<Leaf>& leaves(const Session& session)
 {
-    return session.rig()->body().octree.leaves();
+    return session.system()->body().octree.leaves();
 }
 
 double largest_difference(const std::vector<Eigen::Vector3d>& a,
@@ -94,7 +95,7 @@ Session played_sample(const std::string& name, const std::string& model_name, do
     s.cells.threshold = threshold;
     s.cells.gap = gap;
     s.gradient_tolerance = 1e-4;
-    Session session(read_geometry(folder + model_name),
+    Session session(read_geometry(folder + model_name).geometry,
                     read_handles(folder + name + ".handles"), s);
     while (session.next_frame(true))
         ;
@@ -104,20 +105,18 @@ Session played_sample(const std::string& name, const std::string& model_name, do
 std::size_t num_components(const Cells& cells)
 {
     const std::vector<int> components = connected_components(cells);
-    return static_cast<std::size_t>(
-               *std::max_element(components.begin(), components.end())) +
-           1;
+    return idx(*std::max_element(components.begin(), components.end())) + 1;
 }
 
 /// Calls visit(a, b) with the centres of each pair of glued cells [model unit].
 template <class Visit>
 void for_each_glued_pair(const Session& session, Visit&& visit)
 {
-    const Cells& cells = session.rig()->body().cells;
-    const WorkFrame& frame = session.rig()->rest().frame;
+    const Cells& cells = session.system()->body().cells;
+    const WorkFrame& frame = session.system()->rest().frame;
     for (const Face& face : cells.faces)
-        visit(frame.to_model(cells.cells[static_cast<std::size_t>(face.a)].centre),
-              frame.to_model(cells.cells[static_cast<std::size_t>(face.b)].centre));
+        visit(frame.to_model(cells.cells[idx(face.a)].centre),
+              frame.to_model(cells.cells[idx(face.b)].centre));
 }
 
 } // namespace
@@ -125,12 +124,12 @@ void for_each_glued_pair(const Session& session, Visit&& visit)
 TEST(AdaptiveSession, refines_near_a_local_handle_and_not_far_away)
 {
     const Session session = played(kRegions + "frame 1\n" + kPull, adaptive(2e-3, 3));
-    const Body& body = session.rig()->body();
+    const Body& body = session.system()->body();
     std::size_t num_fine = 0;
     for (const Cell& cell : body.cells.cells)
     {
-        const Eigen::Vector3d x = session.rig()->rest().frame.to_model(cell.centre);
-        const int level = leaves(session)[static_cast<std::size_t>(cell.leaf)].level;
+        const Eigen::Vector3d x = session.system()->rest().frame.to_model(cell.centre);
+        const int level = leaves(session)[idx(cell.leaf)].level;
         num_fine += level > 1;
         if (x.z() < 1.5)
         {
@@ -141,7 +140,7 @@ TEST(AdaptiveSession, refines_near_a_local_handle_and_not_far_away)
     EXPECT_TRUE(body.octree.is_balanced());
     EXPECT_LT(body.cells.size(), 64u * 512u / 5u);
     EXPECT_EQ(session.frames()[0].cells, body.cells.size());
-    EXPECT_GE(session.frames()[0].recuts, 2);
+    EXPECT_GE(session.frames()[0].refinements, 2);
     EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
     EXPECT_LT(session.frames()[0].handle_residual, 1e-12);
 }
@@ -152,7 +151,7 @@ TEST(AdaptiveSession, errors_fall_with_the_threshold)
     SessionSettings deepest = adaptive(INFINITY);
     deepest.cells.min_depth = 2;
     const Session wanted = played(text, deepest);
-    ASSERT_EQ(wanted.rig()->body().cells.size(), 4096u);
+    ASSERT_EQ(wanted.system()->body().cells.size(), 4096u);
     double last_error = INFINITY;
     std::size_t last_cells = 0;
     for (const double threshold : {1e-1, 2e-3, 3e-4})
@@ -160,11 +159,12 @@ TEST(AdaptiveSession, errors_fall_with_the_threshold)
         SCOPED_TRACE(threshold);
         const Session session = played(text, adaptive(threshold));
         const double error =
-            rms_difference(session.patch().samples, wanted.patch().samples) / kDiagonal;
+            rms_difference(session.deformed().samples, wanted.deformed().samples) /
+            kDiagonal;
         EXPECT_LT(error, 0.6 * last_error);
-        EXPECT_GT(session.rig()->body().cells.size(), last_cells);
+        EXPECT_GT(session.system()->body().cells.size(), last_cells);
         last_error = error;
-        last_cells = session.rig()->body().cells.size();
+        last_cells = session.system()->body().cells.size();
     }
     EXPECT_LT(last_error, 5e-4);
     EXPECT_LT(last_cells, 4096u);
@@ -185,7 +185,7 @@ TEST(AdaptiveSession, out_and_back_is_at_rest_in_the_cells_of_the_start)
     EXPECT_GT(leaves(session).size(), 2 * start.size());
     session.next_frame(true);
     EXPECT_EQ(leaves(session), start);
-    EXPECT_LT(largest_difference(session.patch().samples, block().samples),
+    EXPECT_LT(largest_difference(session.deformed().samples, block().samples),
               1e-6 * kDiagonal);
 }
 
@@ -213,15 +213,15 @@ TEST(AdaptiveSession, a_part_of_a_region_that_is_smaller_than_a_cell_gets_cells)
                              "frame 1\nmove knob translate -0.3 0 0\n";
     Session session(model(), handles(text), adaptive(1e9));
     session.next_frame(false);
-    const Rig& rig = *session.rig();
+    const CellSystem& system = *session.system();
     const auto moved = [&](std::size_t c)
     {
         const Eigen::Vector3d place =
-            rig.rest().frame.to_model(rig.body().cells.cells[c].centre);
-        return rig.region_of_cell()[c] == 1 && std::abs(place.z() - 2.0) < 0.2;
+            system.rest().frame.to_model(system.body().cells.cells[c].centre);
+        return system.region_of_cell()[c] == 1 && std::abs(place.z() - 2.0) < 0.2;
     };
     int num_moved = 0;
-    for (std::size_t c = 0; c < rig.poses().size(); ++c)
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
         num_moved += moved(c);
     EXPECT_GT(num_moved, 0);
 }
@@ -233,7 +233,7 @@ TEST(AdaptiveSession, a_leaf_that_splits_into_one_is_split_further)
         support::joined(block(), support::box_shape({2.4, 0.4, 2.0}, {2.5, 0.5, 2.1}));
     SessionSettings s = adaptive(1e9, 5);
     s.cells.gap = 0.01;
-    Session session(scan_geometry("model.obj", support::obj_text(shape)),
+    Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
                     handles("fixed back box -1 -1 -1 3 2 0.5\n"
                             "fixed low box 2.35 0 1.9 2.55 1 2.06\n"
                             "handle high box 2.35 0 2.0605 2.55 1 2.2\n"
@@ -241,9 +241,9 @@ TEST(AdaptiveSession, a_leaf_that_splits_into_one_is_split_further)
                     s);
     session.next_frame(true);
     std::vector<bool> has_cell(3, false);
-    for (const int region : session.rig()->region_of_cell())
+    for (const int region : session.system()->region_of_cell())
         if (region >= 0)
-            has_cell[static_cast<std::size_t>(region)] = true;
+            has_cell[idx(region)] = true;
     EXPECT_EQ(has_cell, std::vector<bool>(3, true));
 }
 
@@ -260,11 +260,11 @@ TEST(AdaptiveSession, cells_and_samples_are_a_function_of_the_file)
         const Session session = played(text, adaptive(2e-3));
         if (samples.empty())
         {
-            samples = session.patch().samples;
+            samples = session.deformed().samples;
             cells = leaves(session);
             EXPECT_GT(cells.size(), 64u);
         }
-        EXPECT_EQ(session.patch().samples, samples);
+        EXPECT_EQ(session.deformed().samples, samples);
         EXPECT_EQ(leaves(session), cells);
     }
 }
@@ -277,7 +277,7 @@ TEST(AdaptiveSession, samples_that_nobody_wants_change_no_cell)
     session.next_frame(false);
     session.next_frame(true);
     EXPECT_EQ(leaves(session), leaves(wanted));
-    EXPECT_EQ(session.patch().samples, wanted.patch().samples);
+    EXPECT_EQ(session.deformed().samples, wanted.deformed().samples);
 }
 
 TEST(AdaptiveSession, without_a_threshold_nothing_is_cut_anew)
@@ -286,7 +286,7 @@ TEST(AdaptiveSession, without_a_threshold_nothing_is_cut_anew)
     const Session session = played(text, adaptive(INFINITY));
     EXPECT_EQ(leaves(session).size(), 64u);
     for (const FrameReport& frame : session.frames())
-        EXPECT_EQ(frame.recuts, 0);
+        EXPECT_EQ(frame.refinements, 0);
 }
 
 TEST(AdaptiveSession, a_rigid_motion_of_all_regions_refines_nothing)
@@ -298,7 +298,7 @@ TEST(AdaptiveSession, a_rigid_motion_of_all_regions_refines_nothing)
                "move back rotate 1 2 3 70 about 0 0 0 translate 1 2 3\n"
                "move knob rotate 1 2 3 70 about 0 0 0 translate 1 2 3\n",
                adaptive(1e-9));
-    EXPECT_EQ(session.frames()[0].recuts, 0);
+    EXPECT_EQ(session.frames()[0].refinements, 0);
     EXPECT_EQ(leaves(session).size(), 64u);
 }
 
@@ -311,16 +311,17 @@ TEST(AdaptiveSession, even_strain_refines_nothing)
     s.cells.threshold = 2e-3;
     Session session(
         scan_geometry("bar.obj",
-                      support::obj_text(support::box_shape({0, 0, 0}, {4, 1, 1}, 4))),
+                      support::obj_text(support::box_shape({0, 0, 0}, {4, 1, 1}, 4)))
+            .geometry,
         handles("fixed foot box -1 -1 -1 1 2 2\nhandle head box 3 -1 -1 5 2 2\n"
                 "frame 1\nmove head translate 1 0 0\n"),
         s);
     session.next_frame(true);
     EXPECT_EQ(leaves(session).size(), 256u);
-    EXPECT_EQ(session.frames()[0].recuts, 0);
+    EXPECT_EQ(session.frames()[0].refinements, 0);
     // Strain of a half in a volume of two.
-    const double diagonal = session.rig()->rest().frame.diagonal();
-    EXPECT_NEAR(session.rig()->energy() * std::pow(std::sqrt(18.0) / diagonal, 3), 0.5,
+    const double diagonal = session.system()->rest().frame.diagonal();
+    EXPECT_NEAR(session.system()->energy() * std::pow(std::sqrt(18.0) / diagonal, 3), 0.5,
                 1e-6);
 }
 
@@ -334,7 +335,7 @@ TEST(AdaptiveSession, small_cells_find_the_minimum_of_uniform_ones_where_a_fold_
         s.cells.max_depth = 2;
         s.cells.min_depth = min_depth;
         s.cells.threshold = threshold;
-        Session session(scan_geometry("bar.obj", support::obj_text(bar)),
+        Session session(scan_geometry("bar.obj", support::obj_text(bar)).geometry,
                         handles("fixed foot box -1 -1 -1 2 2 2.5\n"
                                 "handle head box -1 -1 3.8 2 2 5\nframe 1\n"
                                 "move head rotate 1 0 0 60 about 0.5 0.5 3.4\n"),
@@ -345,8 +346,8 @@ TEST(AdaptiveSession, small_cells_find_the_minimum_of_uniform_ones_where_a_fold_
     const Session uniform = bent(0.0, 2), adaptive = bent(1e-9, 0);
     EXPECT_EQ(uniform.frames()[0].second_start, SecondStart::None);
     EXPECT_EQ(adaptive.frames()[0].second_start, SecondStart::Taken);
-    EXPECT_NEAR(adaptive.rig()->energy() / uniform.rig()->energy(), 1.0, 1e-6);
-    EXPECT_LT(largest_difference(adaptive.patch().samples, uniform.patch().samples),
+    EXPECT_NEAR(adaptive.system()->energy() / uniform.system()->energy(), 1.0, 1e-6);
+    EXPECT_LT(largest_difference(adaptive.deformed().samples, uniform.deformed().samples),
               1e-3 * std::sqrt(18.0));
 }
 
@@ -362,9 +363,9 @@ TEST(AdaptiveSession, a_budget_of_time_that_runs_out_leaves_a_state_to_draw)
         EXPECT_EQ(frame.solve.stop, Stop::TimeLimit);
         EXPECT_LT(frame.handle_residual, 1e-12);
     }
-    for (const Eigen::Vector3d& x : session.patch().samples)
+    for (const Eigen::Vector3d& x : session.deformed().samples)
         ASSERT_TRUE(x.allFinite());
-    EXPECT_LT(largest_difference(session.patch().samples, block().samples), 2.0);
+    EXPECT_LT(largest_difference(session.deformed().samples, block().samples), 2.0);
 }
 
 TEST(AdaptiveSession, a_commit_starts_from_coarse_cells)
@@ -379,7 +380,7 @@ TEST(AdaptiveSession, a_commit_starts_from_coarse_cells)
     session.next_frame(true);
     EXPECT_GT(leaves(session).size(), 80u);
     session.next_frame(true);
-    EXPECT_EQ(session.frames()[1].recuts, 0);
+    EXPECT_EQ(session.frames()[1].refinements, 0);
     for (const Leaf& leaf : leaves(session))
         EXPECT_EQ(leaf.level, 0);
 }
@@ -398,10 +399,10 @@ TEST(AdaptiveSession, cells_over_the_budget_are_warned_of_once)
 TEST(AdaptiveSession, links_of_a_chain_stay_apart_at_every_size)
 {
     const Session coarse = played_sample("chain", "chain.obj", 0.008, INFINITY);
-    EXPECT_EQ(num_components(coarse.rig()->body().cells), 5u);
+    EXPECT_EQ(num_components(coarse.system()->body().cells), 5u);
     const Session fine = played_sample("chain", "chain.obj", 0.008, 1e-3);
     EXPECT_GT(leaves(fine).size(), leaves(coarse).size() + 100u);
-    EXPECT_EQ(num_components(fine.rig()->body().cells), 5u);
+    EXPECT_EQ(num_components(fine.system()->body().cells), 5u);
 }
 
 TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
@@ -411,7 +412,7 @@ TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
     for (const Leaf& leaf : leaves(session))
         levels.insert(leaf.level);
     EXPECT_EQ(levels.size(), 3u);
-    EXPECT_EQ(num_components(session.rig()->body().cells), 1u);
+    EXPECT_EQ(num_components(session.system()->body().cells), 1u);
     // Where on the wire a place is [turn]: it rises evenly as it goes round.
     constexpr double kPitch = 0.139;
     const auto turns = [](const Eigen::Vector3d& x)
@@ -429,7 +430,7 @@ TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
 TEST(AdaptiveSession, fingers_of_a_hand_are_never_glued_to_each_other)
 {
     const Session session = played_sample("hand", "hand.ply", 0.005, 5e-3);
-    EXPECT_EQ(num_components(session.rig()->body().cells), 1u);
+    EXPECT_EQ(num_components(session.system()->body().cells), 1u);
     constexpr double kPitch = 0.1946, kKnuckles = 1.0;
     std::size_t num_pairs = 0, num_fingers_glued = 0;
     for_each_glued_pair(session,
@@ -444,12 +445,12 @@ TEST(AdaptiveSession, fingers_of_a_hand_are_never_glued_to_each_other)
     EXPECT_GT(num_pairs, 200u);
     EXPECT_EQ(num_fingers_glued, 0u);
     // The ring finger, which nobody moves, stays nearly where it is.
-    const std::vector<Eigen::Vector3d>& rest = session.model().geometry.samples;
+    const std::vector<Eigen::Vector3d>& rest = session.geometry().samples;
     double ring = 0.0, middle = 0.0;
     for (std::size_t i = 0; i < rest.size(); ++i)
         if (rest[i].y() > 1.45 && rest[i].x() > -0.5 * kPitch)
         {
-            const double way = (session.patch().samples[i] - rest[i]).norm();
+            const double way = (session.deformed().samples[i] - rest[i]).norm();
             const long finger = std::lround(rest[i].x() / kPitch);
             (finger == 0 ? middle : ring) = std::max(finger == 0 ? middle : ring, way);
         }

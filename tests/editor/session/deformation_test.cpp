@@ -8,7 +8,7 @@
 
 #include "editor/session/session.h"
 #include "io/error.h"
-#include "octree/parallel.h"
+#include "octree/base/parallel.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -41,11 +41,11 @@ Shape bar_and_cube()
 
 struct Played
 {
-    GeometryFile model;
+    Geometry model;
     Session session;
 
     explicit Played(FieldKind kind, double threshold = INFINITY)
-        : model(scan_geometry("model.obj", support::obj_text(bar_and_cube()))),
+        : model(scan_geometry("model.obj", support::obj_text(bar_and_cube())).geometry),
           session(model, parse_handles("h.handles", kStatements),
                   settings(kind, threshold))
     {
@@ -93,12 +93,12 @@ TEST(Deformation, moves_the_samples_of_its_model_as_the_session_did_to_the_bit)
         const Played played(kind);
         const Deformation deformation = played.deformation();
         EXPECT_EQ(deformation.num_maps(), 2u);
-        EXPECT_TRUE(same_bits(moved(deformation, played.model.geometry.samples),
-                              played.session.patch().samples));
+        EXPECT_TRUE(same_bits(moved(deformation, played.model.samples),
+                              played.session.deformed().samples));
     }
     const Played refined(FieldKind::Rbf, 1e-3);
-    EXPECT_TRUE(same_bits(moved(refined.deformation(), refined.model.geometry.samples),
-                          refined.session.patch().samples));
+    EXPECT_TRUE(same_bits(moved(refined.deformation(), refined.model.samples),
+                          refined.session.deformed().samples));
 }
 
 TEST(Deformation, takes_no_more_memory_than_it_says_or_nothing)

@@ -6,7 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "solver/field/field.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
@@ -51,7 +52,7 @@ struct Bar
     {
         return regions("fixed foot box 0 0 0 1 1 0.25\nhandle head box 0 0 3.75 1 1 4\n");
     }
-    Drag drag() const { return {Rig(body, ends(), {}), {}, {}}; }
+    Drag drag() const { return {CellSystem(body, ends(), {}), {}, {}}; }
 };
 
 /// The head turned about the bar's axis [work].
@@ -70,25 +71,26 @@ TEST(Drag, follows_the_hand_and_arrives_where_the_canonical_solve_does)
     Drag drag = bar.drag();
     for (int frame = 1; frame <= 20; ++frame)
     {
-        const double energy = drag.rig().energy();
+        const double energy = drag.system().energy();
         const DragReport report = drag.frame(turned_head(bar, 0.05 * frame));
         EXPECT_LE(report.solve.iterations, 2);
-        EXPECT_GE(drag.rig().energy(), energy); // twisted more and more
+        EXPECT_GE(drag.system().energy(), energy); // twisted more and more
     }
-    Rig rig(bar.body, bar.ends(), {});
+    CellSystem system(bar.body, bar.ends(), {});
     const std::vector<Motion> motions = turned_head(bar, 1.0);
-    rig.move_regions(motions);
-    rig.carry_others();
-    rig.solve({.gradient_tolerance = 1e-9});
+    system.move_regions(motions);
+    system.carry_others();
+    system.solve({.gradient_tolerance = 1e-9});
     double largest = 0.0;
-    for (std::size_t c = 0; c < rig.poses().size(); ++c)
-        largest = std::max(largest, (rig.poses()[c].p - drag.rig().poses()[c].p).norm());
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+        largest =
+            std::max(largest, (system.poses()[c].p - drag.system().poses()[c].p).norm());
     EXPECT_LT(largest, 2e-3 * bar.body->rest->frame.diagonal());
     // Where the hand rests the frames go on converging.
     for (int frame = 0; frame < 5; ++frame)
         drag.frame(motions);
-    for (std::size_t c = 0; c < rig.poses().size(); ++c)
-        ASSERT_LT((rig.poses()[c].p - drag.rig().poses()[c].p).norm(),
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+        ASSERT_LT((system.poses()[c].p - drag.system().poses()[c].p).norm(),
                   1e-6 * bar.body->rest->frame.diagonal());
 }
 
@@ -100,9 +102,10 @@ TEST(Drag, shows_the_blend_of_its_poses)
     drag.frame(motions);
     std::vector<MovedRegion> moved;
     for (std::size_t r = 0; r < motions.size(); ++r)
-        moved.push_back({drag.rig().fade(r), motions[r], false, {}});
-    const Field field = fit_field(FieldKind::Blend, bar.body->cells, drag.rig().poses(),
-                                  drag.rig().constraints(), moved);
+        moved.push_back({drag.system().fade(r), motions[r], false, {}});
+    const Field field =
+        fit_field(FieldKind::Blend, bar.body->cells, drag.system().poses(),
+                  drag.system().constraints(), moved);
     const std::vector<Eigen::Vector3d> wanted =
         field.displacements(bar.body->rest->samples, bar.body->cell_of_sample);
     const std::vector<Eigen::Vector3f> shown = drag.samples().positions_as_given();
@@ -121,7 +124,7 @@ TEST(Drag, a_frame_allocates_nothing)
     for (int frame = 0; frame < 12; ++frame)
         ways.push_back(turned_head(bar, 0.1 * frame));
     for (int frame = 0; frame < 2; ++frame)
-        drag.frame(ways[static_cast<std::size_t>(frame)]);
+        drag.frame(ways[idx(frame)]);
     const std::size_t before = support::num_allocations();
     for (const std::vector<Motion>& motions : ways)
         drag.frame(motions);
@@ -153,11 +156,11 @@ TEST(Drag, a_frame_out_of_time_still_shows_where_the_hand_is)
     const Bar bar;
     DragSettings settings;
     settings.time_budget = 1e-12;
-    Drag drag(Rig(bar.body, bar.ends(), {}), settings, {});
+    Drag drag(CellSystem(bar.body, bar.ends(), {}), settings, {});
     const std::vector<Motion> motions = turned_head(bar, 0.5);
     EXPECT_EQ(drag.frame(motions).solve.stop, Stop::TimeLimit);
     const std::vector<Eigen::Vector3f> shown = drag.samples().positions_as_given();
-    for (const std::uint32_t i : drag.rig().regions()[1].samples)
+    for (const std::uint32_t i : drag.system().regions()[1].samples)
         ASSERT_LT(
             (shown[i].cast<double>() - motions[1](bar.body->rest->samples[i])).norm(),
             1e-6 * bar.body->rest->frame.diagonal());

@@ -8,9 +8,10 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/kept_states.h"
+#include "editor/session/checkpoints.h"
+#include "editor/session/script_fingerprint.h"
 #include "editor/session/session.h"
-#include "editor/session/statement_chain.h"
+#include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -36,8 +37,8 @@ std::string frame(int number)
                                  "rotate 0 1 0 40 translate 0.2 0 0",
                                  "rotate 0 1 0 110 translate 0.2 0 0",
                                  "translate 0.05 0 0"};
-    return "frame " + std::to_string(number) + "\nmove knob " +
-           moves[static_cast<std::size_t>(number) % 5] + "\n";
+    return "frame " + std::to_string(number) + "\nmove knob " + moves[idx(number) % 5] +
+           "\n";
 }
 
 std::string frames(int first, int last)
@@ -54,10 +55,11 @@ std::string top_frame(int number, double angle)
            std::to_string(angle) + "\n";
 }
 
-GeometryFile block()
+Geometry block()
 {
     return scan_geometry("model.obj",
-                         support::obj_text(support::box_shape({0, 0, 0}, {2, 1, 4}, 8)));
+                         support::obj_text(support::box_shape({0, 0, 0}, {2, 1, 4}, 8)))
+        .geometry;
 }
 
 HandleFile handles(const std::string& text)
@@ -65,14 +67,14 @@ HandleFile handles(const std::string& text)
     return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
 }
 
-SessionSettings settings(bool keeps_states)
+SessionSettings settings(bool keeps_checkpoints)
 {
     SessionSettings s;
     s.cells.across = 8;
     s.cells.max_depth = 2;
     s.cells.threshold = 4e-3;
     s.cells.gap = 0.03;
-    s.keeps_states = keeps_states;
+    s.keeps_checkpoints = keeps_checkpoints;
     return s;
 }
 
@@ -94,8 +96,8 @@ void expect_same(const Session& edited, const std::string& text)
 {
     SCOPED_TRACE(text);
     const Session fresh = replayed(text);
-    ASSERT_EQ(edited.patch().samples.size(), fresh.patch().samples.size());
-    EXPECT_TRUE(edited.patch().samples == fresh.patch().samples);
+    ASSERT_EQ(edited.deformed().samples.size(), fresh.deformed().samples.size());
+    EXPECT_TRUE(edited.deformed().samples == fresh.deformed().samples);
     EXPECT_EQ(edited.warnings(), fresh.warnings());
     EXPECT_EQ(edited.frames().back().cells, fresh.frames().back().cells);
     EXPECT_EQ(edited.frames().back().solve.energy_after,
@@ -103,7 +105,7 @@ void expect_same(const Session& edited, const std::string& text)
 }
 
 /// The end of a frame of this script, in no cells.
-KeptState state_at(const StatementChain& chain, std::size_t frame)
+Checkpoint state_at(const ScriptFingerprint& chain, std::size_t frame)
 {
     return {chain.up_to({0, frame}),
             {0, frame},
@@ -122,18 +124,18 @@ KeptState state_at(const StatementChain& chain, std::size_t frame)
 TEST(EditingSession, frames_added_one_by_one_end_where_a_replay_ends)
 {
     Session session(block(), handles(kRegions), settings(true));
-    ASSERT_NE(session.rig(), nullptr);
-    EXPECT_EQ(session.patch().samples, session.model().geometry.samples);
-    int recuts = 0;
+    ASSERT_NE(session.system(), nullptr);
+    EXPECT_EQ(session.deformed().samples, session.geometry().samples);
+    int refinements = 0;
     for (int last = 1; last <= 4; ++last)
     {
-        session.take(handles(kRegions + frames(1, last)));
+        session.set_script(handles(kRegions + frames(1, last)));
         EXPECT_EQ(session.num_upcoming(), 1u);
         play(session);
-        recuts += session.frames().back().recuts;
+        refinements += session.frames().back().refinements;
         expect_same(session, kRegions + frames(1, last));
     }
-    EXPECT_GT(recuts, 2);
+    EXPECT_GT(refinements, 2);
 }
 
 TEST(EditingSession, pins_and_stiff_parts_go_on_from_a_kept_state_to_the_same_bits)
@@ -141,9 +143,9 @@ TEST(EditingSession, pins_and_stiff_parts_go_on_from_a_kept_state_to_the_same_bi
     Session session(block(), handles(kPinned + frames(5, 5) + frames(6, 6)),
                     settings(true));
     play(session);
-    session.take(handles(kPinned + frames(5, 5)));
+    session.set_script(handles(kPinned + frames(5, 5)));
     const std::string other = kPinned + frames(5, 5) + frames(10, 11);
-    session.take(handles(other));
+    session.set_script(handles(other));
     play(session);
     expect_same(session, other);
 }
@@ -163,11 +165,11 @@ TEST(EditingSession, what_a_hard_frame_left_in_the_solver_does_not_count)
     while (session.next_frame(session.num_upcoming() == 1))
         refreshes += session.frames().back().solve.refreshes;
     ASSERT_GT(refreshes, 0);
-    const std::vector<Eigen::Vector3d> wrung = session.patch().samples;
-    session.take(handles(squashed));
-    session.take(handles(text));
+    const std::vector<Eigen::Vector3d> wrung = session.deformed().samples;
+    session.set_script(handles(squashed));
+    session.set_script(handles(text));
     play(session);
-    EXPECT_TRUE(session.patch().samples == wrung);
+    EXPECT_TRUE(session.deformed().samples == wrung);
 }
 
 TEST(EditingSession, goes_back_by_any_number_of_frames_and_on_in_another_way)
@@ -176,16 +178,16 @@ TEST(EditingSession, goes_back_by_any_number_of_frames_and_on_in_another_way)
     play(session);
     for (const int last : {5, 2, 4, 1})
     {
-        session.take(handles(kRegions + frames(1, last)));
+        session.set_script(handles(kRegions + frames(1, last)));
         play(session);
         expect_same(session, kRegions + frames(1, last));
         const std::string other = kRegions + frames(1, last) + frames(12, 13);
-        session.take(handles(other));
+        session.set_script(handles(other));
         play(session);
         expect_same(session, other);
     }
-    session.take(handles(kRegions));
-    EXPECT_EQ(session.patch().samples, session.model().geometry.samples);
+    session.set_script(handles(kRegions));
+    EXPECT_EQ(session.deformed().samples, session.geometry().samples);
 }
 
 TEST(EditingSession, commits_are_passed_and_taken_back)
@@ -193,16 +195,16 @@ TEST(EditingSession, commits_are_passed_and_taken_back)
     const std::string before = kRegions + frames(1, 2);
     Session session(block(), handles(before), settings(true));
     play(session);
-    session.take(handles(before + kCommit));
-    EXPECT_EQ(session.rig()->regions()[1].name, "top");
+    session.set_script(handles(before + kCommit));
+    EXPECT_EQ(session.system()->regions()[1].name, "top");
     const std::string bent = before + kCommit + top_frame(3, 30.0);
-    session.take(handles(bent));
+    session.set_script(handles(bent));
     play(session);
     expect_same(session, bent);
-    session.take(handles(before));
-    EXPECT_EQ(session.rig()->regions()[1].name, "knob");
+    session.set_script(handles(before));
+    EXPECT_EQ(session.system()->regions()[1].name, "knob");
     expect_same(session, before);
-    session.take(handles(before + kCommit + top_frame(3, -20.0)));
+    session.set_script(handles(before + kCommit + top_frame(3, -20.0)));
     play(session);
     expect_same(session, before + kCommit + top_frame(3, -20.0));
 }
@@ -210,10 +212,10 @@ TEST(EditingSession, commits_are_passed_and_taken_back)
 TEST(EditingSession, other_regions_at_rest_keep_the_material)
 {
     Session session(block(), handles(kRegions), settings(true));
-    const RestShape* const material = &session.rig()->rest();
-    session.take(handles(kPinned));
-    EXPECT_EQ(&session.rig()->rest(), material);
-    EXPECT_EQ(session.rig()->regions().size(), 3u);
+    const RestShape* const material = &session.system()->rest();
+    session.set_script(handles(kPinned));
+    EXPECT_EQ(&session.system()->rest(), material);
+    EXPECT_EQ(session.system()->regions().size(), 3u);
 }
 
 TEST(EditingSession, statements_that_cannot_be_leave_what_the_next_ones_need)
@@ -221,11 +223,13 @@ TEST(EditingSession, statements_that_cannot_be_leave_what_the_next_ones_need)
     const std::string good = kRegions + frames(1, 2);
     Session session(block(), handles(good), settings(true));
     play(session);
-    support::error_of(
-        Fault::Malformed, [&]
-        { session.take(handles(good + kCommit + "fixed far box 90 90 90 99 99 99\n")); });
-    EXPECT_EQ(session.rig(), nullptr);
-    session.take(handles(good + frames(3, 3)));
+    support::error_of(Fault::Malformed,
+                      [&] {
+                          session.set_script(handles(
+                              good + kCommit + "fixed far box 90 90 90 99 99 99\n"));
+                      });
+    EXPECT_EQ(session.system(), nullptr);
+    session.set_script(handles(good + frames(3, 3)));
     EXPECT_EQ(session.num_upcoming(), 1u);
     play(session);
     expect_same(session, good + frames(3, 3));
@@ -237,11 +241,11 @@ TEST(EditingSession, a_stopped_frame_is_done_again)
     std::stop_source source;
     Session session(block(), handles(kRegions + frames(1, 1)), settings(true));
     play(session);
-    session.take(handles(text), source.get_token());
+    session.set_script(handles(text), source.get_token());
     source.request_stop();
     play(session);
-    EXPECT_EQ(session.rig(), nullptr);
-    session.take(handles(text));
+    EXPECT_EQ(session.system(), nullptr);
+    session.set_script(handles(text));
     EXPECT_EQ(session.num_upcoming(), 1u);
     play(session);
     expect_same(session, text);
@@ -252,20 +256,20 @@ TEST(EditingSession, a_frame_that_throws_leaves_the_session_as_it_was)
     const std::string before = kRegions + frames(1, 1);
     Session session(block(), handles(before), settings(true));
     play(session);
-    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
-    session.take(handles(before + "frame 2\nmove knob translate 1e160 0 0\n"));
+    const std::vector<Eigen::Vector3d> bent = session.deformed().samples;
+    session.set_script(handles(before + "frame 2\nmove knob translate 1e160 0 0\n"));
     for (int trial = 0; trial < 2; ++trial)
     {
         support::error_of(Fault::Unsolvable, [&] { session.next_frame(true); });
         EXPECT_EQ(session.upcoming_frame(), 2);
-        ASSERT_NE(session.rig(), nullptr);
+        ASSERT_NE(session.system(), nullptr);
         EXPECT_EQ(session.frames().size(), 1u);
         EXPECT_EQ(session.frames().back().frame, 1);
-        EXPECT_TRUE(session.patch().samples == bent);
+        EXPECT_TRUE(session.deformed().samples == bent);
     }
-    session.take(handles(before));
+    session.set_script(handles(before));
     expect_same(session, before);
-    session.take(handles(kRegions + frames(1, 2)));
+    session.set_script(handles(kRegions + frames(1, 2)));
     play(session);
     expect_same(session, kRegions + frames(1, 2));
 }
@@ -277,14 +281,14 @@ TEST(EditingSession, a_frame_that_throws_leaves_a_session_that_keeps_no_states_t
         handles(kRegions + frames(1, 1) + "frame 2\nmove knob translate 1e160 0 0\n"),
         settings(false));
     session.next_frame(true);
-    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+    const std::vector<Eigen::Vector3d> bent = session.deformed().samples;
     const std::vector<std::string> warnings = session.warnings();
     for (int trial = 0; trial < 2; ++trial)
     {
         support::error_of(Fault::Unsolvable, [&] { session.next_frame(true); });
         EXPECT_EQ(session.upcoming_frame(), 2);
         EXPECT_EQ(session.frames().size(), 1u);
-        EXPECT_TRUE(session.patch().samples == bent);
+        EXPECT_TRUE(session.deformed().samples == bent);
         EXPECT_EQ(session.warnings(), warnings);
         EXPECT_TRUE(session.samples_by(FieldKind::Rbf) == bent);
     }
@@ -297,24 +301,24 @@ TEST(EditingSession, a_commit_that_throws_can_be_tried_again)
                               "commit\nfixed far box 90 90 90 99 99 99\n"
                               "handle top box -5 -5 3.4 5 5 9\n" +
                               top_frame(3, 30.0);
-    for (const bool keeps_states : {false, true})
+    for (const bool keeps_checkpoints : {false, true})
     {
-        SCOPED_TRACE(keeps_states);
-        Session session(block(), handles(wrong), settings(keeps_states));
+        SCOPED_TRACE(keeps_checkpoints);
+        Session session(block(), handles(wrong), settings(keeps_checkpoints));
         session.next_frame(true);
         session.next_frame(true);
-        const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+        const std::vector<Eigen::Vector3d> bent = session.deformed().samples;
         for (int trial = 0; trial < 2; ++trial)
         {
             support::error_of(Fault::Malformed, [&] { session.next_frame(true); });
             EXPECT_EQ(session.upcoming_frame(), 3);
-            ASSERT_NE(session.rig(), nullptr);
-            EXPECT_EQ(session.rig()->regions()[1].name, "knob");
-            EXPECT_TRUE(session.patch().samples == bent);
+            ASSERT_NE(session.system(), nullptr);
+            EXPECT_EQ(session.system()->regions()[1].name, "knob");
+            EXPECT_TRUE(session.deformed().samples == bent);
         }
-        if (!keeps_states)
+        if (!keeps_checkpoints)
             continue;
-        session.take(handles(before + kCommit + top_frame(3, 30.0)));
+        session.set_script(handles(before + kCommit + top_frame(3, 30.0)));
         play(session);
         expect_same(session, before + kCommit + top_frame(3, 30.0));
     }
@@ -331,13 +335,14 @@ TEST(EditingSession, samples_whose_field_was_stopped_are_not_taken_for_those_of_
         while (session.next_frame(true))
             ;
         const std::string text = kRegions + frames(1, 1) + after;
-        session.take(handles(text), stopped.get_token());
-        EXPECT_EQ(session.rig(), nullptr);
+        session.set_script(handles(text), stopped.get_token());
+        EXPECT_EQ(session.system(), nullptr);
         EXPECT_FALSE(session.next_frame(true));
-        session.take(handles(text));
-        ASSERT_NE(session.rig(), nullptr);
-        EXPECT_TRUE(session.patch().samples == replayed(text).patch().samples);
-        session.take(handles(kRegions + frames(1, 1) + kCommit + top_frame(2, 30.0)));
+        session.set_script(handles(text));
+        ASSERT_NE(session.system(), nullptr);
+        EXPECT_TRUE(session.deformed().samples == replayed(text).deformed().samples);
+        session.set_script(
+            handles(kRegions + frames(1, 1) + kCommit + top_frame(2, 30.0)));
         play(session);
         expect_same(session, kRegions + frames(1, 1) + kCommit + top_frame(2, 30.0));
     }
@@ -352,49 +357,49 @@ TEST(EditingSession, a_commit_whose_field_was_stopped_commits_nothing)
                     handles(kRegions + frames(1, 2) + kCommit + top_frame(3, 30.0)),
                     with_stop);
     session.next_frame(true);
-    const std::vector<Eigen::Vector3d> bent = session.patch().samples;
+    const std::vector<Eigen::Vector3d> bent = session.deformed().samples;
     source.request_stop();
     session.next_frame(true);
     EXPECT_TRUE(session.next_frame(true));
     EXPECT_EQ(session.upcoming_frame(), 3);
-    EXPECT_EQ(session.rig()->regions()[1].name, "knob");
+    EXPECT_EQ(session.system()->regions()[1].name, "knob");
     EXPECT_EQ(session.frames().back().solve.stop, Stop::Stopped);
-    EXPECT_TRUE(session.patch().samples == bent);
+    EXPECT_TRUE(session.deformed().samples == bent);
 }
 
-TEST(StatementChain, tells_where_two_files_part)
+TEST(ScriptFingerprint, tells_where_two_files_part)
 {
-    const StatementChain a(handles(kRegions + frames(1, 3)));
-    const StatementChain b(
+    const ScriptFingerprint a(handles(kRegions + frames(1, 3)));
+    const ScriptFingerprint b(
         handles("# moved down\n\n" + kRegions + frames(1, 2) + frames(8, 8)));
     EXPECT_EQ(a.up_to({0, 2}), b.up_to({0, 2}));
     EXPECT_NE(a.up_to({0, 3}), b.up_to({0, 3}));
     EXPECT_FALSE(a.has({0, 4}));
     EXPECT_FALSE(a.has({1, 0}));
-    const StatementChain other(handles(kPinned + frame(5)));
+    const ScriptFingerprint other(handles(kPinned + frame(5)));
     EXPECT_EQ(a.before(0), other.before(0));
     EXPECT_NE(a.up_to({0, 0}), other.up_to({0, 0}));
 }
 
-TEST(KeptStates, are_few_and_the_way_from_them_is_no_longer_than_the_way_back)
+TEST(Checkpoints, are_few_and_the_way_from_them_is_no_longer_than_the_way_back)
 {
     constexpr std::size_t kFrames = 2000;
-    const StatementChain all(handles(kRegions + frames(1, kFrames)));
-    KeptStates kept;
+    const ScriptFingerprint all(handles(kRegions + frames(1, kFrames)));
+    Checkpoints kept;
     for (std::size_t n = 0; n <= kFrames; ++n)
         kept.add(state_at(all, n));
     EXPECT_LE(kept.size(), 16u);
     for (const std::size_t back : {1u, 2u, 5u, 10u, 50u, 300u, 1000u})
     {
         SCOPED_TRACE(back);
-        const KeptState* const state = kept.latest_on(StatementChain(
+        const Checkpoint* const state = kept.latest_on(ScriptFingerprint(
             handles(kRegions + frames(1, static_cast<int>(kFrames - back)))));
         ASSERT_NE(state, nullptr);
         EXPECT_LE(kFrames - back - state->place.frame, 2 * back);
     }
 }
 
-TEST(KeptStates, count_all_that_they_hold_and_what_they_share_once)
+TEST(Checkpoints, count_all_that_they_hold_and_what_they_share_once)
 {
     CellSettings cells;
     cells.across = 8;
@@ -405,18 +410,18 @@ TEST(KeptStates, count_all_that_they_hold_and_what_they_share_once)
         auto rest = std::make_shared<StageRest>();
         rest->samples.samples.resize(1000000);
         rest->shape = model.rest;
-        return std::make_shared<const StageStart>(
-            StageStart{rest,
-                       model.regions,
-                       {},
-                       Recutting(model.rest, model.regions, cells, RigSettings())});
+        return std::make_shared<const StageStart>(StageStart{
+            rest,
+            model.regions,
+            {},
+            CellRefiner(model.rest, model.regions, cells, CellSystemSettings())});
     };
     const std::size_t samples = 1000000 * sizeof(Eigen::Vector3d);
-    const StatementChain chain(handles(kRegions + frames(1, 9)));
-    KeptStates kept(5 * samples / 2);
+    const ScriptFingerprint chain(handles(kRegions + frames(1, 9)));
+    Checkpoints kept(5 * samples / 2);
     const auto add = [&](std::size_t stage, std::size_t frame, const auto& of)
     {
-        KeptState state = state_at(chain, stage + frame);
+        Checkpoint state = state_at(chain, stage + frame);
         state.frames_done = 10 * stage + frame;
         state.place = {stage, frame};
         state.start = of;

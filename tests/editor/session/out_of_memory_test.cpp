@@ -8,7 +8,7 @@
 
 #include "editor/session/deformation.h"
 #include "editor/session/session.h"
-#include "octree/parallel.h"
+#include "octree/base/parallel.h"
 #include "tests/support/allocations.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
@@ -34,13 +34,13 @@ std::vector<Eigen::Vector3d> bent(const std::string& model, FieldKind kind)
     settings.cells.threshold = 0.002;
     settings.field = kind;
     settings.keeps_fields = true;
-    Session session(scan_geometry("bar.obj", model),
+    Session session(scan_geometry("bar.obj", model).geometry,
                     parse_handles("bar.handles", kStatements), settings);
     session.next_frame(true);
-    std::vector<Eigen::Vector3d> places = session.model().geometry.samples;
+    std::vector<Eigen::Vector3d> places = session.geometry().samples;
     Deformation(parse_field("bar.cwf", field_bytes(session.field_file())), "bar.cwf")
         .carry({places});
-    EXPECT_EQ(places, session.patch().samples);
+    EXPECT_EQ(places, session.deformed().samples);
     return places;
 }
 

@@ -5,7 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/rig.h"
+#include "editor/session/cell_system.h"
+#include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 
 namespace cellwarp
@@ -41,9 +42,8 @@ struct Bar : support::RestModel
         std::vector<double> lengths;
         for (const BorderGlue& border : border_glue(*body, *regions, owner))
         {
-            const Face& face = body->cells.faces[static_cast<std::size_t>(border.face)];
-            EXPECT_NE(owner[static_cast<std::size_t>(face.a)] >= 0,
-                      owner[static_cast<std::size_t>(face.b)] >= 0);
+            const Face& face = body->cells.faces[idx(border.face)];
+            EXPECT_NE(owner[idx(face.a)] >= 0, owner[idx(face.b)] >= 0);
             lengths.push_back(border.length / body->cells.cells[0].edge);
         }
         return lengths;
@@ -82,24 +82,24 @@ TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly
     const double foot = 0.3, head = 3.8;
     const Bar bar("fixed foot box -1 -1 -1 2 2 0.300001\n"
                   "handle head box -1 -1 3.799999 2 2 5\n");
-    Rig rig(bar.body, bar.regions, {});
+    CellSystem system(bar.body, bar.regions, {});
     Motion pull;
-    const double scale = rig.rest().frame.diagonal() / std::sqrt(18.0);
+    const double scale = system.rest().frame.diagonal() / std::sqrt(18.0);
     pull.t.z() = 0.7 * scale;
-    rig.move_regions(std::vector<Motion>{{}, pull});
-    rig.carry_others();
+    system.move_regions(std::vector<Motion>{{}, pull});
+    system.carry_others();
     SolveOptions tight;
     tight.gradient_tolerance = 1e-12;
-    ASSERT_EQ(rig.solve(tight).stop, Stop::Converged);
-    for (std::size_t c = 0; c < rig.poses().size(); ++c)
+    ASSERT_EQ(system.solve(tight).stop, Stop::Converged);
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
     {
-        if (rig.region_of_cell()[c] >= 0)
+        if (system.region_of_cell()[c] >= 0)
             continue;
         const Cell& cell = bar.body->cells.cells[c];
         const double wanted =
             pull.t.z() * (cell.anchor.z() / scale - foot) / (head - foot);
-        EXPECT_NEAR(rig.poses()[c].p.z() - cell.centre.z(), wanted, 1e-9 * scale);
-        EXPECT_LT((rig.poses()[c].R - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+        EXPECT_NEAR(system.poses()[c].p.z() - cell.centre.z(), wanted, 1e-9 * scale);
+        EXPECT_LT((system.poses()[c].R - Eigen::Matrix3d::Identity()).norm(), 1e-9);
     }
 }
 

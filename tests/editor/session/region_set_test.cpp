@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 #include "tests/support/throws.h"
 
@@ -169,7 +170,7 @@ TEST(RegionSet, shares_of_all_cells_add_up_to_the_volume_of_the_region)
                 EXPECT_GT(share, 0.0);
                 EXPECT_LE(share, 1.0 + 1e-12);
                 EXPECT_LE(share, shares[r].largest());
-                sum += share * body.cells.cells[static_cast<std::size_t>(cell)].volume;
+                sum += share * body.cells.cells[idx(cell)].volume;
                 last = cell;
             }
             EXPECT_GT(wanted, 0.0);

@@ -12,7 +12,8 @@
 
 #include "io/number.h"
 #include "io/stored_number.h"
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -26,9 +27,14 @@ using support::random_vector;
 namespace
 {
 
-GeometryFile model(const Shape& shape)
+GeometryFile model_file(const Shape& shape)
 {
     return scan_geometry("model.obj", support::obj_text(shape));
+}
+
+Geometry model(const Shape& shape)
+{
+    return model_file(shape).geometry;
 }
 
 HandleFile handles(const std::string& text)
@@ -50,9 +56,9 @@ SessionSettings tight(int across)
     return s;
 }
 
-Session played(GeometryFile file, const std::string& text, const SessionSettings& s)
+Session played(Geometry geometry, const std::string& text, const SessionSettings& s)
 {
-    Session session(std::move(file), handles(text), s);
+    Session session(std::move(geometry), handles(text), s);
     while (session.next_frame(true))
         ;
     return session;
@@ -114,7 +120,8 @@ TEST(Session, all_regions_moved_by_one_rigid_motion_move_every_sample_by_it)
         double worst = 0.0;
         for (std::size_t i = 0; i < shape.samples.size(); ++i)
             worst = std::max(
-                worst, (session.patch().samples[i] - (R * shape.samples[i] + t)).norm());
+                worst,
+                (session.deformed().samples[i] - (R * shape.samples[i] + t)).norm());
         EXPECT_LT(worst / std::sqrt(18.0), 1e-12);
         EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
         EXPECT_EQ(session.frames()[0].solve.iterations, 0);
@@ -139,7 +146,7 @@ TEST(Session, plain_boxes_of_any_sides_are_solved)
                    "handle b sphere .5 1 .5 .06\nframe 1\nmove b translate 0 .4 0\n",
                    s);
         EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
-        for (const Cell& cell : session.rig()->body().cells.cells)
+        for (const Cell& cell : session.system()->body().cells.cells)
             ASSERT_GT(cell.volume, 1e-3 * std::pow(cell.edge, 3));
     }
 }
@@ -157,8 +164,8 @@ TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
                    "frame 1\nmove head rotate 1 1 0 50 translate 0.4 0.2 -0.5\n",
                    s);
         EXPECT_LT(session.frames()[0].handle_residual, 1e-12);
-        for (const std::uint32_t i : session.rig()->regions()[0].samples)
-            EXPECT_EQ(session.patch().samples[i], shape.samples[i]);
+        for (const std::uint32_t i : session.system()->regions()[0].samples)
+            EXPECT_EQ(session.deformed().samples[i], shape.samples[i]);
         EXPECT_GT(session.frames()[0].max_pair_gap, 0.0);
     }
 }
@@ -166,7 +173,7 @@ TEST(Session, region_samples_end_exactly_where_their_motion_puts_them)
 TEST(Session, the_surveys_twist_and_bend_keep_their_volume)
 {
     const Session twist = played(model(survey_bar(18)), kTwist, settings(32));
-    EXPECT_EQ(twist.rig()->body().cells.size(), 2048u);
+    EXPECT_EQ(twist.system()->body().cells.size(), 2048u);
     EXPECT_GT(volume_change(twist), -0.035);
     EXPECT_LT(volume_change(twist), 0.0);
     EXPECT_NEAR(volume_change(played(model(survey_bar(18)), kTwist, settings(40))),
@@ -195,8 +202,8 @@ TEST(Session, meshes_of_one_shape_bend_alike)
             if ((coarse.samples[i] - fine.samples[j]).squaredNorm() < 1e-20)
             {
                 ++found;
-                worst =
-                    std::max(worst, (a.patch().samples[i] - b.patch().samples[j]).norm());
+                worst = std::max(
+                    worst, (a.deformed().samples[i] - b.deformed().samples[j]).norm());
                 break;
             }
     EXPECT_EQ(found, coarse.samples.size());
@@ -207,8 +214,8 @@ TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
 {
     const Shape mesh = survey_bar(54);
     const Session wanted = played(model(mesh), kTwist, settings(32));
-    const Body& body = wanted.rig()->body();
-    const RestShape& rest = wanted.rig()->rest();
+    const Body& body = wanted.system()->body();
+    const RestShape& rest = wanted.system()->rest();
     const auto check = [&](const Shape& shape, double rms, double largest)
     {
         const Session session = played(model(shape), kTwist, settings(32));
@@ -223,7 +230,7 @@ TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
                 rest.frame.vector_to_model(
                     wanted.field()->displacements({&x, 1}, {&own, 1})[0]);
             const double apart =
-                (session.patch().samples[i] - moved).norm() / std::sqrt(18.0);
+                (session.deformed().samples[i] - moved).norm() / std::sqrt(18.0);
             sum += apart * apart;
             worst = std::max(worst, apart);
         }
@@ -249,13 +256,13 @@ TEST(Session, flaws_of_a_mesh_change_little)
 {
     const Shape clean = survey_bar(12);
     const std::vector<Eigen::Vector3d> wanted =
-        played(model(clean), kTwist, settings(16)).patch().samples;
+        played(model(clean), kTwist, settings(16)).deformed().samples;
     const auto check = [&](const Shape& flawed, double tolerance)
     {
         const Session session = played(model(flawed), kTwist, settings(16));
         double worst = 0.0;
         for (std::size_t i = 0; i < wanted.size(); ++i)
-            worst = std::max(worst, (session.patch().samples[i] - wanted[i]).norm());
+            worst = std::max(worst, (session.deformed().samples[i] - wanted[i]).norm());
         EXPECT_LT(worst / std::sqrt(18.0), tolerance);
     };
     Shape flawed = clean;
@@ -306,7 +313,7 @@ TEST(Session, parts_that_lie_side_by_side_stay_apart)
     for (std::size_t i = 0; i < slabs.samples.size(); ++i)
         (slabs.samples[i].y() < 0.41 ? free : pulled) =
             std::max(slabs.samples[i].y() < 0.41 ? free : pulled,
-                     (session.patch().samples[i] - slabs.samples[i]).norm());
+                     (session.deformed().samples[i] - slabs.samples[i]).norm());
     const double diagonal = std::sqrt(16.0 + 0.842 * 0.842 + 1.0);
     EXPECT_LT(free / diagonal, 0.02);
     EXPECT_GT(pulled / diagonal, 0.5);
@@ -344,12 +351,10 @@ TEST(Session, sheets_and_wires_bend_also_when_they_are_tilted)
             // Neighbouring samples keep their distance: no crease, no tear.
             double longest = 0.0;
             const int row = is_sheet ? 31 : 1;
-            for (std::size_t i = 0;
-                 i + static_cast<std::size_t>(row) < shape.samples.size(); ++i)
-                longest = std::max(
-                    longest, (session.patch().samples[i + static_cast<std::size_t>(row)] -
-                              session.patch().samples[i])
-                                 .norm());
+            for (std::size_t i = 0; i + idx(row) < shape.samples.size(); ++i)
+                longest = std::max(longest, (session.deformed().samples[i + idx(row)] -
+                                             session.deformed().samples[i])
+                                                .norm());
             EXPECT_LT(longest, 1.35 / 30.0) << is_sheet;
         }
 }
@@ -381,7 +386,7 @@ TEST(Session, translation_scale_and_quarter_turns_commute_with_the_result)
                           "\nframe 1\nmove head rotate " + three(axis) +
                           " 100 translate " + three(to) + "\n",
                       tight(16))
-            .patch()
+            .deformed()
             .samples;
     };
     const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
@@ -446,7 +451,7 @@ TEST(Session, a_free_turn_commutes_when_the_frame_is_carried_along)
                       "fixed foot indices" + foot + "\nhandle head indices" + head +
                           "\nframe 1\nmove head " + matrix_text(R2, t2) + "\n",
                       chosen)
-            .patch()
+            .deformed()
             .samples;
     };
     const Eigen::Vector3d corner(-0.5, -0.5, 0);
@@ -465,7 +470,7 @@ TEST(Session, extreme_scales_and_offsets_give_the_scaled_result)
 {
     const Shape shape = survey_bar(4);
     const std::vector<Eigen::Vector3d> plain =
-        played(model(shape), kTwist, tight(12)).patch().samples;
+        played(model(shape), kTwist, tight(12)).deformed().samples;
     const auto play = [&](double scale, double offset)
     {
         Shape moved = shape;
@@ -478,7 +483,7 @@ TEST(Session, extreme_scales_and_offsets_give_the_scaled_result)
                                  number(3.7499999) + number(1) + number(1) + number(5) +
                                  "\nframe 1\nmove head rotate 0 0 1 135 about " +
                                  number(0) + number(0) + number(0) + "\n";
-        return played(model(moved), text, tight(12)).patch().samples;
+        return played(model(moved), text, tight(12)).deformed().samples;
     };
     for (const double scale : {1e-150, 1e-30, 1e30, 1e100})
     {
@@ -499,7 +504,7 @@ TEST(Session, threads_do_not_change_a_bit)
     {
         const ThreadLimit limit(threads);
         const std::vector<Eigen::Vector3d> result =
-            played(model(survey_bar(10)), kTwist, settings(24)).patch().samples;
+            played(model(survey_bar(10)), kTwist, settings(24)).deformed().samples;
         if (first.empty())
             first = result;
         EXPECT_EQ(result, first);
@@ -516,9 +521,9 @@ TEST(Session, a_wound_handle_differs_from_an_unwound_one)
                       settings(16));
     };
     const Session wound = play("360"), rest = play("0");
-    EXPECT_GT(largest_difference(wound.patch().samples, rest.patch().samples), 0.3);
+    EXPECT_GT(largest_difference(wound.deformed().samples, rest.deformed().samples), 0.3);
     EXPECT_EQ(wound.frames()[0].steps, 8);
-    EXPECT_LT(largest_difference(rest.patch().samples, survey_bar(6).samples), 1e-12);
+    EXPECT_LT(largest_difference(rest.deformed().samples, survey_bar(6).samples), 1e-12);
 }
 
 TEST(Session, frames_start_from_the_last_solution_and_come_back)
@@ -531,7 +536,8 @@ TEST(Session, frames_start_from_the_last_solution_and_come_back)
     ASSERT_EQ(session.frames().size(), 3u);
     EXPECT_EQ(session.frames()[1].frame, 5);
     EXPECT_EQ(session.frames()[1].solve.iterations, 0);
-    EXPECT_LT(largest_difference(session.patch().samples, survey_bar(6).samples), 1e-8);
+    EXPECT_LT(largest_difference(session.deformed().samples, survey_bar(6).samples),
+              1e-8);
 }
 
 TEST(Session, warns_where_a_compressed_bar_would_give_way)
@@ -565,7 +571,7 @@ TEST(Session, a_commit_makes_the_result_the_new_rest_shape)
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
         if (bar.samples[i].z() > 3.75)
         {
-            EXPECT_LT((session.patch().samples[i] - bar.samples[i] -
+            EXPECT_LT((session.deformed().samples[i] - bar.samples[i] -
                        Eigen::Vector3d(0.6, 0.6, 0))
                           .norm(),
                       1e-12);
@@ -579,7 +585,8 @@ TEST(Session, a_commit_makes_the_result_the_new_rest_shape)
     const Session once =
         played(model(survey_bar(8)), kBarEnds + "frame 1\nmove head translate 0.6 0 0\n",
                settings(16));
-    EXPECT_LT(largest_difference(kept.patch().samples, once.patch().samples), 1e-12);
+    EXPECT_LT(largest_difference(kept.deformed().samples, once.deformed().samples),
+              1e-12);
 }
 
 TEST(Session, without_a_frame_the_output_is_the_input)
@@ -587,16 +594,16 @@ TEST(Session, without_a_frame_the_output_is_the_input)
     const Shape bar = survey_bar(4);
     Session session(model(bar), handles(kBarEnds), settings(8));
     EXPECT_FALSE(session.next_frame(true));
-    EXPECT_EQ(session.patch().samples, bar.samples);
+    EXPECT_EQ(session.deformed().samples, bar.samples);
     ASSERT_EQ(session.warnings().size(), 1u);
-    EXPECT_EQ(patched(session.model(), session.patch()), support::obj_text(bar));
+    EXPECT_EQ(patched(model_file(bar), session.deformed()), support::obj_text(bar));
 }
 
 TEST(Session, a_frame_that_moves_nothing_keeps_every_byte)
 {
     const Session session =
         played(model(survey_bar(4)), "fixed every all\nframe 1\n", settings(8));
-    EXPECT_EQ(patched(session.model(), session.patch()),
+    EXPECT_EQ(patched(model_file(survey_bar(4)), session.deformed()),
               support::obj_text(survey_bar(4)));
 }
 
@@ -607,7 +614,7 @@ TEST(Session, a_component_without_a_region_stays_and_is_reported)
     const Session session = played(model(two), kTwist, settings(16));
     const std::size_t first = survey_bar(4).samples.size();
     for (std::size_t i = first; i < two.samples.size(); ++i)
-        EXPECT_EQ(session.patch().samples[i], two.samples[i]);
+        EXPECT_EQ(session.deformed().samples[i], two.samples[i]);
     EXPECT_TRUE(contains(session.warnings().at(0), "1 of 2 components"));
 }
 
@@ -624,12 +631,12 @@ TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
                "fixed foot box -1 -1 -1 1 1 0.25\npin tip indices " +
                    std::to_string(tip) + "\nframe 1\nmove tip to 2 0 3\n",
                settings(16));
-    EXPECT_LT((session.patch().samples[tip] - Eigen::Vector3d(2, 0, 3)).norm(), 1e-12);
+    EXPECT_LT((session.deformed().samples[tip] - Eigen::Vector3d(2, 0, 3)).norm(), 1e-12);
     EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
     double turn = 0.0;
-    for (std::size_t c = 0; c < session.rig()->region_of_cell().size(); ++c)
-        if (session.rig()->region_of_cell()[c] == 1)
-            turn = std::max(turn, rotation_vector(session.rig()->poses()[c].R).norm());
+    for (std::size_t c = 0; c < session.system()->region_of_cell().size(); ++c)
+        if (session.system()->region_of_cell()[c] == 1)
+            turn = std::max(turn, rotation_vector(session.system()->poses()[c].R).norm());
     EXPECT_GT(turn, 0.3);
 }
 
@@ -670,11 +677,11 @@ TEST(Session, a_pin_on_a_cell_corner_holds_one_point)
                    shortest(to.y()) + " " + shortest(to.z()) + "\n",
                tight(16));
     std::size_t num_pinned = 0;
-    for (const int owner : session.rig()->region_of_cell())
+    for (const int owner : session.system()->region_of_cell())
         num_pinned += owner == 2;
     EXPECT_GT(num_pinned, 1u);
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
-        EXPECT_LT((session.patch().samples[i] - R * bar.samples[i] - t).norm(), 1e-8);
+        EXPECT_LT((session.deformed().samples[i] - R * bar.samples[i] - t).norm(), 1e-8);
 }
 
 TEST(Session, no_crease_stands_at_a_border_between_cells_or_in_one)
@@ -693,7 +700,7 @@ TEST(Session, no_crease_stands_at_a_border_between_cells_or_in_one)
         std::map<double, Eigen::Vector3d> edge;
         for (std::size_t i = 0; i < bar.samples.size(); ++i)
             if (bar.samples[i].x() == 0.5 && bar.samples[i].y() == 0.5)
-                edge[bar.samples[i].z()] = session.patch().samples[i];
+                edge[bar.samples[i].z()] = session.deformed().samples[i];
         std::vector<Eigen::Vector3d> line;
         for (const auto& [z, x] : edge)
             line.push_back(x);
@@ -742,7 +749,7 @@ TEST(Session, many_regions_move_as_one)
         played(model(bar), regions + "frame 1\n" + moves, settings(32));
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
         EXPECT_LT(
-            (session.patch().samples[i] - bar.samples[i] - Eigen::Vector3d(0.1, 0, 0))
+            (session.deformed().samples[i] - bar.samples[i] - Eigen::Vector3d(0.1, 0, 0))
                 .norm(),
             1e-10);
 }
@@ -755,9 +762,10 @@ TEST(Session, a_pin_alone_warns_of_its_free_rotations)
                settings(8));
     EXPECT_TRUE(contains(session.warnings().at(0), "one pin"));
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
-        EXPECT_LT((session.patch().samples[i] - bar.samples[i] - Eigen::Vector3d(1, 2, 3))
-                      .norm(),
-                  1e-11);
+        EXPECT_LT(
+            (session.deformed().samples[i] - bar.samples[i] - Eigen::Vector3d(1, 2, 3))
+                .norm(),
+            1e-11);
 }
 
 TEST(Session, a_stiff_region_bends_less)
@@ -767,8 +775,8 @@ TEST(Session, a_stiff_region_bends_less)
     {
         const Session session =
             played(model(survey_bar(6)), kBarEnds + more + bend, settings(16));
-        const Cells& cells = session.rig()->body().cells;
-        const double diagonal_z = session.rig()->rest().frame.size.z();
+        const Cells& cells = session.system()->body().cells;
+        const double diagonal_z = session.system()->rest().frame.size.z();
         Eigen::Matrix3d low = Eigen::Matrix3d::Identity(), high = low;
         double low_z = 1e9, high_z = -1e9;
         for (std::size_t c = 0; c < cells.size(); ++c)
@@ -777,12 +785,12 @@ TEST(Session, a_stiff_region_bends_less)
             if (z > 0.4 && z < low_z)
             {
                 low_z = z;
-                low = session.rig()->poses()[c].R;
+                low = session.system()->poses()[c].R;
             }
             if (z < 0.6 && z > high_z)
             {
                 high_z = z;
-                high = session.rig()->poses()[c].R;
+                high = session.system()->poses()[c].R;
             }
         }
         return rotation_vector(high * low.transpose()).norm();
@@ -818,13 +826,13 @@ TEST(Session, normals_turn_with_the_surface)
         text +=
             shortest(x.x()) + " " + shortest(x.y()) + " " + shortest(x.z()) + " 0 0 1\n";
     const Session session =
-        played(scan_geometry("m.ply", text),
+        played(scan_geometry("m.ply", text).geometry,
                kBarEnds + "frame 1\nmove head rotate 1 0 0 60\n", settings(16));
     const Eigen::Matrix3d R =
         rotation_about(Eigen::Vector3d::UnitX(), 60 * std::numbers::pi / 180);
     for (std::size_t i = 0; i < bar.samples.size(); ++i)
     {
-        const Eigen::Vector3d n = session.patch().directions[i];
+        const Eigen::Vector3d n = session.deformed().directions[i];
         EXPECT_NEAR(n.norm(), 1.0, 1e-12);
         if (bar.samples[i].z() > 3.76)
         {
@@ -863,10 +871,12 @@ TEST(Session, splats_turn_as_a_whole_with_a_rigid_motion)
                              "handle head box -1 -1 3.75 1 1 5\nframe 1\nmove foot " +
                              matrix_text(R, {1, 2, 3}) + "\nmove head " +
                              matrix_text(R, {1, 2, 3}) + "\n";
-    const Session session = played(scan_geometry("m.ply", bytes), text, settings(16));
-    EXPECT_TRUE(session.model().geometry.directions.empty());
+    const Session session =
+        played(scan_geometry("m.ply", bytes).geometry, text, settings(16));
+    EXPECT_TRUE(session.geometry().directions.empty());
     const Geometry moved =
-        scan_geometry("m.ply", patched(session.model(), session.patch())).geometry;
+        scan_geometry("m.ply", patched(scan_geometry("m.ply", bytes), session.deformed()))
+            .geometry;
     ASSERT_EQ(moved.rotations.size(), points.size());
     for (std::size_t i = 0; i < points.size(); ++i)
     {
@@ -993,8 +1003,8 @@ TEST(Session, the_automatic_grid_has_a_thousand_cells_or_two)
     {
         const Session session(model(shape), handles("fixed a all\nframe 1\n"),
                               settings(0));
-        EXPECT_GE(session.rig()->body().cells.size(), 1000u);
-        EXPECT_LE(session.rig()->body().cells.size(), 2500u);
+        EXPECT_GE(session.system()->body().cells.size(), 1000u);
+        EXPECT_LE(session.system()->body().cells.size(), 2500u);
     }
 }
 
@@ -1011,7 +1021,7 @@ TEST(Session, degenerate_shapes_follow_a_handle_exactly)
             rotation_about(Eigen::Vector3d::UnitZ(), 30 * std::numbers::pi / 180);
         for (std::size_t i = 0; i < points.size(); ++i)
             EXPECT_LT(
-                (session.patch().samples[i] - R * points[i] - Eigen::Vector3d(1, 2, 3))
+                (session.deformed().samples[i] - R * points[i] - Eigen::Vector3d(1, 2, 3))
                     .norm(),
                 1e-12);
     };
@@ -1033,7 +1043,7 @@ TEST(Session, handles_may_be_anywhere)
         SCOPED_TRACE(move);
         const Session session = played(
             model(survey_bar(4)), kBarEnds + "frame 1\n" + move + "\n", settings(12));
-        for (const Eigen::Vector3d& x : session.patch().samples)
+        for (const Eigen::Vector3d& x : session.deformed().samples)
             ASSERT_TRUE(x.allFinite());
         EXPECT_LT(session.frames()[0].handle_residual, 1e-9 * 2000);
         EXPECT_LE(session.frames()[0].solve.energy_after,
@@ -1068,13 +1078,13 @@ TEST(Session, real_models_bend)
     {
         SCOPED_TRACE(file);
         const Session session =
-            played(read_geometry(folder + "/" + file), text, SessionSettings());
+            played(read_geometry(folder + "/" + file).geometry, text, SessionSettings());
         const FrameReport& report = session.frames().back();
         EXPECT_EQ(report.solve.stop, Stop::Converged);
         EXPECT_LT(report.handle_residual, 1e-12);
         EXPECT_LT(report.solve.iterations, 40);
-        EXPECT_GE(session.rig()->body().cells.size(), 1000u);
-        EXPECT_LE(session.rig()->body().cells.size(), 2500u);
+        EXPECT_GE(session.system()->body().cells.size(), 1000u);
+        EXPECT_LE(session.system()->body().cells.size(), 2500u);
     };
     const std::string relative = "units relative\n";
     check("stanford-bunny.obj", relative +
@@ -1126,7 +1136,7 @@ TEST(Session, moves_samples_of_a_region_in_every_part_that_holds_some)
     for (std::size_t i = 0; i < parts.samples.size(); ++i)
         if (parts.samples[i].z() >= 2.5 && parts.samples[i].x() <= 1.31)
         {
-            EXPECT_LT((session.patch().samples[i] - parts.samples[i] - move).norm(),
+            EXPECT_LT((session.deformed().samples[i] - parts.samples[i] - move).norm(),
                       1e-9);
         }
 }
@@ -1163,7 +1173,7 @@ TEST(Session, splits_what_is_stretched_a_thousandfold_no_further_than_it_pays)
     const Session session = played(
         model(survey_bar(4)), kBarEnds + "frame 1\nmove head translate 3000 3000 0\n", s);
     EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
-    EXPECT_LT(session.rig()->body().cells.size(), 3000u);
+    EXPECT_LT(session.system()->body().cells.size(), 3000u);
 }
 
 } // namespace cellwarp

@@ -82,12 +82,12 @@ double energy_of(const Shape& shape, const std::string& handles,
     settings.cells = cells;
     settings.gradient_tolerance = 1e-10;
     settings.field = FieldKind::Blend;
-    Session session(scan_geometry("strip.obj", support::obj_text(shape)),
+    Session session(scan_geometry("strip.obj", support::obj_text(shape)).geometry,
                     parse_handles("strip.handles", handles), settings);
     while (session.next_frame(false))
         ;
-    const double unit = session.rig()->rest().frame.length_to_model(1.0);
-    return std::pow(unit, 3) * session.rig()->energy();
+    const double unit = session.system()->rest().frame.length_to_model(1.0);
+    return std::pow(unit, 3) * session.system()->energy();
 }
 
 CellSettings cells_of(int across, Fill fill = Fill::Solid)

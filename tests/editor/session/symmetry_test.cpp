@@ -114,12 +114,12 @@ Result played(const Scene& scene, const Eigen::Matrix3d& G, const SessionSetting
                              "handle head" + box_text(scene.handle, G) +
                              "frame 1\nmove head translate" + text_of(G * scene.step) +
                              "\n";
-    Session session(scan_geometry("model.obj", support::obj_text(shape)),
+    Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
                     parse_handles("h.handles", text), with);
     while (session.next_frame(true))
         ;
-    return {session.patch().samples, session.rig()->body().cells.size(),
-            session.rig()->body().cells.faces.size()};
+    return {session.deformed().samples, session.system()->body().cells.size(),
+            session.system()->body().cells.faces.size()};
 }
 
 /// \p tolerance [diagonal].

@@ -25,7 +25,8 @@ struct WoundBar
 
     WoundBar(int across, const std::string& frames)
         : session(scan_geometry("bar.obj", support::obj_text(support::box_shape(
-                                               {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 8))),
+                                               {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 8)))
+                      .geometry,
                   parse_handles("bar.handles",
                                 "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 0.25\n"
                                 "handle head box -1 -1 3.75 1 1 5\n" +
@@ -48,8 +49,8 @@ struct WoundBar
     std::pair<double, double> winding() const
     {
         std::map<double, std::array<double, 2>> rings; // cosine, sine
-        const std::vector<Eigen::Vector3d>& rest = session.model().geometry.samples;
-        const std::vector<Eigen::Vector3d>& now = session.patch().samples;
+        const std::vector<Eigen::Vector3d>& rest = session.geometry().samples;
+        const std::vector<Eigen::Vector3d>& now = session.deformed().samples;
         std::map<double, std::pair<Eigen::Vector3d, int>> middles;
         for (std::size_t i = 0; i < rest.size(); ++i)
         {
@@ -141,7 +142,7 @@ TEST(TurnChains, goes_on_from_frame_to_frame_and_back)
     EXPECT_NEAR(there.winding().first, 600.0, 1e-6);
     const WoundBar back(16, turned_by(540) + "frame 2\nmove head rotate 0 0 1 0\n");
     EXPECT_NEAR(back.winding().first, 0.0, 1e-6);
-    EXPECT_LT(back.session.rig()->energy(), 1e-9);
+    EXPECT_LT(back.session.system()->energy(), 1e-9);
 }
 
 } // namespace cellwarp

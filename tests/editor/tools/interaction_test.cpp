@@ -46,9 +46,9 @@ struct Desk
     static Document document_of(const std::string& model)
     {
         Document document(model, "");
-        EditSettings settings;
-        settings.across = 6;
-        settings.max_depth = 0;
+        SceneSettings settings;
+        settings.cells.across = 6;
+        settings.cells.max_depth = 0;
         document.change_settings(settings);
         return document;
     }
@@ -120,7 +120,7 @@ struct Desk
         drag(pixel({low, -0.2, 0.5}), pixel({high, 1.2, 0.5}), modifiers);
     }
     /// The left end fixed, the right one a handle.
-    void grip()
+    void start()
     {
         select(-0.1, 0.1);
         key('j');
@@ -306,7 +306,7 @@ TEST(Interaction, selections_grow_shrink_and_follow_what_hangs_together)
 TEST(Interaction, an_arrow_drags_the_handle_along_its_axis)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const std::size_t depth = desk.depth();
     const Eigen::Vector2d from = desk.on(GizmoPart::Kind::Axis, 0);
     desk.move(from);
@@ -338,7 +338,7 @@ TEST(Interaction, an_arrow_drags_the_handle_along_its_axis)
 TEST(Interaction, keys_move_by_an_axis_and_a_typed_number)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const std::size_t depth = desk.depth();
     desk.keys("gx0.3");
     EXPECT_EQ(desk.hand.status(), "Move X [0.3] (Enter or click: done, Esc: back)");
@@ -361,7 +361,7 @@ TEST(Interaction, keys_move_by_an_axis_and_a_typed_number)
 TEST(Interaction, escape_a_right_click_and_a_lost_focus_take_a_drag_back)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const std::size_t depth = desk.depth();
     const auto begin = [&]
     {
@@ -400,7 +400,7 @@ TEST(Interaction, escape_a_right_click_and_a_lost_focus_take_a_drag_back)
 TEST(Interaction, a_handle_is_grabbed_and_bent_without_its_gizmo)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     desk.hand.set_active_region("");
     const Eigen::Vector2d from = desk.pixel({2.99, 0.2, 1});
     desk.press(from);
@@ -436,7 +436,7 @@ TEST(Interaction, a_handle_is_grabbed_and_bent_without_its_gizmo)
 TEST(Interaction, control_snaps_to_steps)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const Eigen::Vector2d from = desk.on(GizmoPart::Kind::Axis, 0);
     desk.drag(from, from + Eigen::Vector2d(0.33 * desk.pixels_per_unit(), 0), kControl);
     EXPECT_LT(
@@ -447,7 +447,7 @@ TEST(Interaction, control_snaps_to_steps)
 TEST(Interaction, rings_turn_about_the_regions_own_centre)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     desk.hand.set_tool(Tool::Rotate);
     const Eigen::Vector2d centre = desk.pixel(desk.region("handle").centre);
     desk.press(centre + 80 * Eigen::Vector2d(std::cos(0.7), -std::sin(0.7)));
@@ -534,7 +534,7 @@ TEST(Interaction, hints_lead_to_the_first_bend_and_then_end)
 TEST(Interaction, a_thousand_moves_between_two_frames_are_one)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const Eigen::Vector2d from = desk.on(GizmoPart::Kind::Axis, 0);
     desk.press(from);
     for (int i = 0; i <= 1000; ++i)
@@ -552,7 +552,7 @@ TEST(Interaction, a_thousand_moves_between_two_frames_are_one)
 TEST(Interaction, drags_may_leave_the_view_and_numbers_may_be_none)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const Eigen::Vector2d from = desk.on(GizmoPart::Kind::Screen, 0);
     desk.drag(from, {-5000, 9000});
     EXPECT_TRUE(desk.region("handle").placement.translation.allFinite());
@@ -569,7 +569,7 @@ TEST(Interaction, drags_may_leave_the_view_and_numbers_may_be_none)
 TEST(Interaction, a_view_of_no_size_does_no_harm)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     for (const double size : {0.0, 1.0})
     {
         desk.hand.resize(size, size);
@@ -597,7 +597,7 @@ TEST(Interaction, a_view_of_no_size_does_no_harm)
 TEST(Interaction, hover_tells_what_a_click_would_pick)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     desk.move(desk.pixel({1.52, 0.49, 1}));
     desk.frame();
     ASSERT_TRUE(desk.hand.hover());
@@ -701,7 +701,7 @@ TEST(Interaction, keys_choose_views_and_what_is_framed)
 TEST(Interaction, tab_goes_from_handle_to_handle)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     desk.select(1.4, 1.6);
     desk.key('h');
     EXPECT_EQ(desk.hand.active_region(), "handle2");
@@ -714,7 +714,7 @@ TEST(Interaction, tab_goes_from_handle_to_handle)
 TEST(Interaction, keys_leave_a_region_alone_that_a_number_field_holds)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     const std::string name = desk.hand.active_region();
     const std::size_t before = desk.depth();
     ASSERT_TRUE(desk.editing.begin_drag(name));
@@ -738,7 +738,7 @@ TEST(Interaction, keys_leave_a_region_alone_that_a_number_field_holds)
 TEST(Interaction, follows_a_document_that_others_change)
 {
     Desk desk;
-    desk.grip();
+    desk.start();
     desk.document().rename_region("handle", "head");
     desk.frame();
     EXPECT_EQ(desk.hand.active_region(), "");

@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/window/colours.h"
-#include "editor/window/desk.h"
+#include "editor/window/editor_app.h"
 #include "editor/window/frame_times.h"
 #include "editor/window/places.h"
 #include "editor/window/playback.h"
@@ -122,28 +122,28 @@ TEST(CellColours, of_regions_are_those_of_their_roles)
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
 }
 
-TEST(Desk, goes_on_whatever_is_thrown_while_it_updates)
+TEST(EditorApp, goes_on_whatever_is_thrown_while_it_updates)
 {
-    Desk desk(false);
-    EXPECT_TRUE(desk.guard([] {}));
+    EditorApp app(false);
+    EXPECT_TRUE(app.guard([] {}));
     for (int k = 0; k < 2; ++k)
     {
-        EXPECT_FALSE(desk.guard([] { throw Error(Fault::File, "the disk is gone"); }));
-        ASSERT_NE(desk.notice(Place::Window), nullptr);
-        EXPECT_EQ(desk.notice(Place::Window)->text, "the disk is gone");
-        EXPECT_TRUE(desk.notice(Place::Window)->is_error);
+        EXPECT_FALSE(app.guard([] { throw Error(Fault::File, "the disk is gone"); }));
+        ASSERT_NE(app.notice(Place::Window), nullptr);
+        EXPECT_EQ(app.notice(Place::Window)->text, "the disk is gone");
+        EXPECT_TRUE(app.notice(Place::Window)->is_error);
     }
-    desk.guard([] {}); // goes well, and takes nothing away that was not read yet
-    EXPECT_NE(desk.notice(Place::Window), nullptr);
-    EXPECT_FALSE(desk.guard([] { throw std::bad_alloc(); }));
-    EXPECT_EQ(desk.notice(Place::Window)->text, "out of memory");
-    EXPECT_FALSE(desk.guard([] { throw std::runtime_error("no thread"); }));
-    EXPECT_EQ(desk.notice(Place::Window)->text, "internal error: no thread");
-    desk.attempt(Place::Window, [] {});
-    EXPECT_EQ(desk.notice(Place::Window), nullptr);
+    app.guard([] {}); // goes well, and takes nothing away that was not read yet
+    EXPECT_NE(app.notice(Place::Window), nullptr);
+    EXPECT_FALSE(app.guard([] { throw std::bad_alloc(); }));
+    EXPECT_EQ(app.notice(Place::Window)->text, "out of memory");
+    EXPECT_FALSE(app.guard([] { throw std::runtime_error("no thread"); }));
+    EXPECT_EQ(app.notice(Place::Window)->text, "internal error: no thread");
+    app.attempt(Place::Window, [] {});
+    EXPECT_EQ(app.notice(Place::Window), nullptr);
 }
 
-TEST(Desk, solves_on_when_a_label_file_has_gone)
+TEST(EditorApp, solves_on_when_a_label_file_has_gone)
 {
     const Folder folder;
     const Shape bar = support::box_shape({0, 0, 0}, {1, 1, 4}, 6);
@@ -157,29 +157,29 @@ TEST(Desk, solves_on_when_a_label_file_has_gone)
                               "move head translate 0.3 0 0\ncommit\n"
                               "fixed foot box -1 -1 -1 2 2 0.6\n"
                               "handle head labels top.sel 1\n");
-    Desk desk(false);
-    desk.open(folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
+    EditorApp app(false);
+    app.open(folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
         "handles": "s.handles", "cells": {"across": 8}})"));
-    desk.finish_opening();
+    app.finish_opening();
     std::filesystem::remove(file);
-    const Editing& editing = desk.opened()->editing;
-    for (int k = 0; k < 60'000 && !editing.result() && !desk.notice(Place::Window); ++k)
+    const Editing& editing = app.opened()->editing;
+    for (int k = 0; k < 60'000 && !editing.result() && !app.notice(Place::Window); ++k)
     {
-        desk.update();
+        app.update();
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     EXPECT_NE(editing.result(), nullptr) << editing.status().error;
-    EXPECT_EQ(desk.notice(Place::Window), nullptr);
+    EXPECT_EQ(app.notice(Place::Window), nullptr);
 }
 
-TEST(Desk, tells_when_a_field_is_written)
+TEST(EditorApp, tells_when_a_field_is_written)
 {
     const Folder folder;
-    Desk desk(false);
-    desk.open(folder.write(
+    EditorApp app(false);
+    app.open(folder.write(
         "bar.obj", support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 4))));
-    desk.finish_opening();
-    Document& document = desk.document();
+    app.finish_opening();
+    Document& document = app.document();
     Selection selection(document.selection().num_samples());
     for (std::size_t i = 0; i < 10; ++i)
         selection.add(i);
@@ -188,15 +188,15 @@ TEST(Desk, tells_when_a_field_is_written)
     Placement up;
     up.translation.z() = 1;
     document.move_region("all", up);
-    desk.export_field(folder / "up.cwf", Overwrite::No);
-    EXPECT_FALSE(desk.is_idle());
-    for (int k = 0; k < 60'000 && !desk.notice(Place::Window); ++k)
+    app.export_field(folder / "up.cwf", Overwrite::No);
+    EXPECT_FALSE(app.is_idle());
+    for (int k = 0; k < 60'000 && !app.notice(Place::Window); ++k)
     {
-        desk.update();
+        app.update();
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    ASSERT_NE(desk.notice(Place::Window), nullptr);
-    EXPECT_EQ(desk.notice(Place::Window)->text, "Written: " + (folder / "up.cwf"));
+    ASSERT_NE(app.notice(Place::Window), nullptr);
+    EXPECT_EQ(app.notice(Place::Window)->text, "Written: " + (folder / "up.cwf"));
     EXPECT_TRUE(std::filesystem::exists(folder / "up.cwf"));
 }
 

@@ -16,6 +16,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "octree/base/index.h"
 #include "tests/editor/window/display.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
@@ -53,7 +54,7 @@ struct Picture
         EXPECT_EQ(kind, "P6") << path;
         if (kind == "P6")
             rgb = bytes.substr(static_cast<std::size_t>(head.tellg()) + 1);
-        EXPECT_EQ(rgb.size(), 3u * static_cast<std::size_t>(width * height));
+        EXPECT_EQ(rgb.size(), 3u * idx(width * height));
     }
 
     /// All but the status bar, which tells how long frames take.
@@ -67,7 +68,7 @@ struct Picture
         for (int y = height / 10; y < height * 8 / 10; ++y)
             for (int x = width / 50; x < width * 7 / 10; ++x)
             {
-                const std::size_t at = 3 * static_cast<std::size_t>(y * width + x);
+                const std::size_t at = 3 * idx(y * width + x);
                 const auto channel = [&](std::size_t c)
                 { return static_cast<int>(static_cast<unsigned char>(rgb[at + c])); };
                 if (!is(channel(0), channel(1), channel(2)))

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "tests/support/bodies.h"
 
 namespace cellwarp
@@ -41,7 +42,7 @@ Eigen::VectorXd plain_weights(const Cells& cells, const Eigen::Vector3d& x)
     Eigen::VectorXd weights(static_cast<int>(cells.size()));
     for (int i = 0; i < weights.size(); ++i)
     {
-        const Cell& cell = cells.cells[static_cast<std::size_t>(i)];
+        const Cell& cell = cells.cells[idx(i)];
         const double rest = 1.0 - (x - cell.box_centre).norm() / cell.edge;
         weights[i] = rest > 0 ? rest * rest : 0.0;
     }
@@ -113,8 +114,8 @@ TEST(ClosestCells, weights_are_the_same_from_both_sides_of_a_face)
         for (const Face& face : cells.faces)
             for (int trial = 0; trial < 10; ++trial)
             {
-                const Cell& a = cells.cells[static_cast<std::size_t>(face.a)];
-                const Cell& b = cells.cells[static_cast<std::size_t>(face.b)];
+                const Cell& a = cells.cells[idx(face.a)];
+                const Cell& b = cells.cells[idx(face.b)];
                 const Cell& smaller = a.edge < b.edge ? a : b;
                 Eigen::Vector3d x = point_in(rng, smaller);
                 x[face.axis] = face.centre[face.axis];

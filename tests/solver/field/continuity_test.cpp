@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/session.h"
+#include "octree/base/index.h"
 #include "tests/support/bodies.h"
 
 namespace cellwarp
@@ -47,7 +48,7 @@ struct Ground
     }
     bool is_in_its_box(const Place& place) const
     {
-        const Cell& c = cells.cells[static_cast<std::size_t>(place.own)];
+        const Cell& c = cells.cells[idx(place.own)];
         return nearest_in_box(c.box_centre, c.edge, place.x) == place.x;
     }
     /// Whether the material goes on from one place to the next. A crumb goes on in the
@@ -117,7 +118,7 @@ public:
         std::vector<Eigen::Vector3d> moved;
         for (const int cell : near)
         {
-            const std::size_t c = static_cast<std::size_t>(cell);
+            const std::size_t c = idx(cell);
             moved.push_back(displacement(poses_[c], cells_.cells[c].centre, place.x));
             turned = std::max(turned, turn(poses_[c]));
             change.edge = std::min(change.edge, cells_.cells[c].edge);
@@ -223,14 +224,15 @@ Session pulled_comb(FieldKind kind, int across, double by)
     SessionSettings settings;
     settings.cells.across = across;
     settings.field = kind;
-    Session session(scan_geometry("comb.obj", support::obj_text(support::comb())),
-                    parse_handles("comb.handles", "cellwarp-handles 1\n"
-                                                  "fixed foot box -1 -1 -1 1 2 2\n"
-                                                  "handle tip box 3.5 0.5 -1 5 2 2\n"
-                                                  "frame 1\n"
-                                                  "move tip translate 0 " +
-                                                      std::to_string(by) + " 0\n"),
-                    settings);
+    Session session(
+        scan_geometry("comb.obj", support::obj_text(support::comb())).geometry,
+        parse_handles("comb.handles", "cellwarp-handles 1\n"
+                                      "fixed foot box -1 -1 -1 1 2 2\n"
+                                      "handle tip box 3.5 0.5 -1 5 2 2\n"
+                                      "frame 1\n"
+                                      "move tip translate 0 " +
+                                          std::to_string(by) + " 0\n"),
+        settings);
     session.next_frame(true);
     return session;
 }
@@ -275,16 +277,16 @@ TEST(Continuity, of_a_comb_whose_fingers_share_a_leaf)
                              << "field " << static_cast<int>(kind) << ", across "
                              << across << ", by " << by);
                 const Session session = pulled_comb(kind, across, by);
-                const Rig& rig = *session.rig();
-                const WorkFrame& frame = rig.rest().frame;
-                const Field without_regions =
-                    fit_field(kind, rig.body().cells, rig.poses(), rig.constraints(), {});
+                const CellSystem& system = *session.system();
+                const WorkFrame& frame = system.rest().frame;
+                const Field without_regions = fit_field(
+                    kind, system.body().cells, system.poses(), system.constraints(), {});
                 for (const auto& [y, z] : {std::pair(0.2, 0.5), {0.8, 0.5}, {0.44, 0.1}})
                 {
                     const auto along =
                         [&, y = y, z = z](const Field& field, int num_steps)
                     {
-                        return most_along(field, Ground(rig.body()), rig.poses(),
+                        return most_along(field, Ground(system.body()), system.poses(),
                                           frame.to_work({0.01, y, z}),
                                           frame.to_work({3.99, y, z}), num_steps);
                     };

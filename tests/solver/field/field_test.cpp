@@ -6,7 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "tests/support/bodies.h"
 
 namespace cellwarp
@@ -128,8 +129,7 @@ TEST(Blend, does_not_cross_a_gap)
         const int own = own_cell(fingers, x);
         closest.influences(x, own, influences);
         for (const Influence& i : influences)
-            EXPECT_EQ(component[static_cast<std::size_t>(i.cell)],
-                      component[static_cast<std::size_t>(own)]);
+            EXPECT_EQ(component[idx(i.cell)], component[idx(own)]);
     }
 }
 
@@ -477,7 +477,7 @@ TEST(LocalRbf, far_outside_a_point_follows_the_nearest_cells)
     const Field field = fit_field(FieldKind::Rbf, bar.cells, poses, constraints, {});
     // Straight out from the centre of a cell's face only that cell counts.
     const int own = own_cell(bar, {0.5, 0.5, 0.5});
-    const std::size_t c = static_cast<std::size_t>(own);
+    const std::size_t c = idx(own);
     const Eigen::Vector3d far(0.5, 0.5, -1e6);
     EXPECT_LT((field.value(far, own).displacement -
                displacement(poses[c], bar.cells.cells[c].centre, far))

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <gtest/gtest.h>
 
+#include "octree/base/index.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -34,7 +35,7 @@ bool same_bits(const std::vector<double>& a, const std::vector<double>& b)
 /// A symmetric positive definite matrix, packed.
 std::vector<double> packed(const Eigen::MatrixXd& A)
 {
-    const std::size_t n = static_cast<std::size_t>(A.rows());
+    const std::size_t n = idx(A.rows());
     std::vector<double> entries(packed_entries(n), 0.0);
     for (std::size_t k = 0; k < n; ++k)
         for (std::size_t i = k / kCentreLanes * kCentreLanes; i < n; ++i)
@@ -45,8 +46,7 @@ std::vector<double> packed(const Eigen::MatrixXd& A)
 
 Eigen::MatrixXd random_definite(std::mt19937& rng, Eigen::Index n)
 {
-    const std::vector<double> numbers =
-        random_numbers(rng, static_cast<std::size_t>(n * n), 1.0);
+    const std::vector<double> numbers = random_numbers(rng, idx(n * n), 1.0);
     const Eigen::Map<const Eigen::MatrixXd> B(numbers.data(), n, n);
     return B * B.transpose() + Eigen::MatrixXd::Identity(n, n);
 }
@@ -159,7 +159,7 @@ TEST(RbfKernel, factors_solve_and_are_the_same_bits_in_every_set)
     for (const Eigen::Index n : {8, 24, 120})
     {
         const Eigen::MatrixXd A = random_definite(rng, n);
-        const std::size_t size = static_cast<std::size_t>(n);
+        const std::size_t size = idx(n);
         const std::vector<double> b = random_numbers(rng, 3 * size, 1.0);
         std::vector<double> first;
         for (const InstructionSet set : instruction_sets())

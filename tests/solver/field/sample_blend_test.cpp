@@ -7,7 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/parallel.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "solver/field/turning.h"
 #include "tests/support/allocations.h"
 #include "tests/support/bodies.h"
@@ -282,7 +283,7 @@ TEST(SampleBlend, idle_parts_stay_while_others_move)
     c.add_normals(rng);
     const std::vector<int> component = connected_components(c.body.cells);
     ASSERT_EQ(*std::max_element(component.begin(), component.end()), 1);
-    const int idle = component[static_cast<std::size_t>(c.cell_at({2.5, 1.5, 5}))];
+    const int idle = component[idx(c.cell_at({2.5, 1.5, 5}))];
     for (std::size_t i = 0; i < component.size(); ++i)
         if (component[i] == idle)
             c.constraints[i].hold = Hold::Idle;
@@ -296,7 +297,7 @@ TEST(SampleBlend, idle_parts_stay_while_others_move)
     for (std::size_t i = 0; i < places.size(); ++i)
     {
         const bool is_at_rest = places[i] == c.places[i].cast<float>();
-        if (component[static_cast<std::size_t>(c.own[i])] == idle)
+        if (component[idx(c.own[i])] == idle)
         {
             EXPECT_TRUE(is_at_rest);
         }

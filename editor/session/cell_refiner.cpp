@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/cell_refiner.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
+#include "editor/session/region_cells.h"
+#include "octree/base/index.h"
+#include "solver/cells/refinement.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Siblings merge when their errors are below this share of the threshold. Errors fall to
+/// a half or a quarter from level to level, so that of their parent is then at most half
+/// of it: it will not be split again for the same reason.
+constexpr double kMerge = 0.125;
+
+/// Errors are relative to this share of the diagonal of what a shape has become, once it
+/// is more than that at rest.
+constexpr double kStretched = 0.5;
+
+/// Steps of two regions that differ by no more are one [work].
+constexpr double kSameMotion = 1e-12;
+
+bool agree(const Motion& a, const Motion& b)
+{
+    return (a.R - b.R).norm() <= kSameMotion && (a.t - b.t).norm() <= kSameMotion;
+}
+
+} // namespace
+
+CellRefiner::CellRefiner(std::shared_ptr<const RestShape> rest,
+                         std::shared_ptr<const RegionSet> regions,
+                         const CellSettings& settings,
+                         const CellSystemSettings& system_settings)
+    : rest_(std::move(rest)), regions_(std::move(regions)), settings_(settings),
+      system_settings_(system_settings),
+      has_material_(material_test(rest_->material.grid))
+{
+}
+
+bool CellRefiner::is_adaptive() const
+{
+    return settings_.max_depth > settings_.min_depth &&
+           std::isfinite(settings_.threshold);
+}
+
+CellSystem CellRefiner::first()
+{
+    Body body = build_body(rest_, settings_);
+    warnings_.insert(warnings_.end(), body.warnings.begin(), body.warnings.end());
+    if (is_adaptive())
+        body = with_homes(std::move(body));
+    coarsest_ = body.octree;
+    return {std::make_shared<const Body>(std::move(body)), regions_, system_settings_};
+}
+
+std::vector<int> CellRefiner::crowded_leaves(const Body& body) const
+{
+    std::vector<int> leaves;
+    for (const int cell : crowded_cells(*regions_, regions_->shares(body), body.cells))
+    {
+        const int leaf = body.cells.cells[idx(cell)].leaf;
+        if (body.octree.leaves()[idx(leaf)].level < settings_.max_depth)
+            leaves.push_back(leaf);
+    }
+    return leaves;
+}
+
+/// Splits further where a region would be left without a cell.
+Body CellRefiner::with_homes(Body body)
+{
+    for (;;)
+    {
+        const std::vector<int> crowded = crowded_leaves(body);
+        Body next = finer_body(body, crowded);
+        if (next.octree.leaves() == body.octree.leaves())
+            return body;
+        body = std::move(next);
+    }
+}
+
+/// Of a worst-first list splits as many as leave no more than \p most leaves.
+Octree CellRefiner::split(const Octree& octree, std::span<const int> worst_first,
+                          std::int64_t most) const
+{
+    const auto first_of = [&](std::size_t count)
+    { return octree.split(worst_first.first(count), has_material_); };
+    const auto fits = [&](const Octree& tree)
+    { return static_cast<std::int64_t>(tree.leaves().size()) <= most; };
+    Octree all = first_of(worst_first.size());
+    if (fits(all))
+        return all;
+    std::size_t few = 0, many = worst_first.size();
+    Octree best = octree;
+    while (many - few > 1)
+    {
+        const std::size_t middle = (few + many) / 2;
+        Octree tree = first_of(middle);
+        if (fits(tree))
+        {
+            few = middle;
+            best = std::move(tree);
+        }
+        else
+            many = middle;
+    }
+    return best;
+}
+
+/// Splits as many of a worst-first list as max_cells allows.
+Body CellRefiner::finer_body(const Body& body, std::span<const int> worst_first)
+{
+    if (worst_first.empty())
+        return body;
+    // A leaf may hold several cells: what is too much is taken off the leaves.
+    for (std::int64_t most = settings_.max_cells;;)
+    {
+        Octree octree = split(body.octree, worst_first, most);
+        const bool is_changed = octree.leaves() != body.octree.leaves();
+        Body next = is_changed ? cut(rest_, std::move(octree)) : body;
+        const std::int64_t over =
+            static_cast<std::int64_t>(next.cells.size()) - settings_.max_cells;
+        if (is_changed && over > 0)
+        {
+            most -= over;
+            continue;
+        }
+        if (!splits_all(body, worst_first, next))
+            warn_of_budget(next);
+        return next;
+    }
+}
+
+/// Whether none of these leaves of \p body is one of \p next still.
+bool CellRefiner::splits_all(const Body& body, std::span<const int> leaves,
+                             const Body& next) const
+{
+    return std::none_of(leaves.begin(), leaves.end(),
+                        [&](int leaf)
+                        {
+                            const Leaf& one = body.octree.leaves()[idx(leaf)];
+                            const int now = next.octree.find(one.corner);
+                            return now >= 0 && next.octree.leaves()[idx(now)] == one;
+                        });
+}
+
+void CellRefiner::warn_of_budget(const Body& body)
+{
+    if (!is_over_budget_)
+        warnings_.push_back(fmt::format(
+            "refinement stopped at {} cells (max_cells {}): the worst were split first",
+            body.cells.size(), settings_.max_cells));
+    is_over_budget_ = true;
+}
+
+/// Of each leaf the regions with material in it, one of each motion.
+std::vector<std::vector<int>>
+CellRefiner::differing_regions(const CellSystem& system,
+                               std::span<const Motion> motions) const
+{
+    const Body& body = system.body();
+    std::vector<std::vector<int>> regions(body.octree.leaves().size());
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        if (!(*regions_)[r].prescribes())
+            continue;
+        for (const auto& [cell, share] : system.shares()[r].cells)
+        {
+            std::vector<int>& of_leaf = regions[idx(body.cells.cells[idx(cell)].leaf)];
+            if (std::none_of(of_leaf.begin(), of_leaf.end(),
+                             [&](int other)
+                             { return agree(motions[idx(other)], motions[r]); }))
+                of_leaf.push_back(static_cast<int>(r));
+        }
+    }
+    return regions;
+}
+
+std::optional<CellSystem> CellRefiner::parted(const CellSystem& system,
+                                              std::span<const Motion> motions)
+{
+    if (!is_adaptive())
+        return std::nullopt;
+    const Octree& octree = system.body().octree;
+    const std::vector<std::vector<int>> regions = differing_regions(system, motions);
+    std::vector<int> leaves;
+    for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
+        if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
+            leaves.push_back(static_cast<int>(leaf));
+    return refine_cells(system, with_homes(finer_body(system.body(), leaves)));
+}
+
+std::vector<double> CellRefiner::errors_of(const CellSystem& system) const
+{
+    if (!system_settings_.departures.affine_errors)
+        return pair_gaps(system.body().cells, system.glue(), system.poses());
+    return settings_.errors ? settings_.errors(system)
+                            : cell_errors(system.body().cells, system.glue(),
+                                          system.constraints(), system.poses());
+}
+
+/// Of what is stretched to many times its size no error is smaller than at rest, and
+/// cells without number would not make it so.
+double CellRefiner::threshold_of(const CellSystem& system) const
+{
+    Eigen::AlignedBox3d box;
+    for (const Pose& pose : system.poses())
+        box.extend(pose.p);
+    const double diagonal =
+        std::max(rest_->frame.diagonal(), kStretched * box.diagonal().stableNorm());
+    return settings_.threshold * diagonal;
+}
+
+std::optional<CellSystem> CellRefiner::finer(const CellSystem& system)
+{
+    const Body& body = system.body();
+    const double threshold = threshold_of(system);
+    const std::vector<double> errors = errors_of(system);
+    std::vector<double> worst(body.octree.leaves().size(), 0.0);
+    for (std::size_t c = 0; c < errors.size(); ++c)
+    {
+        double& of_leaf = worst[idx(body.cells.cells[c].leaf)];
+        of_leaf = std::max(of_leaf, errors[c]);
+    }
+    std::vector<int> leaves;
+    num_at_limit_ = 0;
+    for (std::size_t leaf = 0; leaf < worst.size(); ++leaf)
+        if (worst[leaf] > threshold)
+        {
+            if (body.octree.leaves()[leaf].level < settings_.max_depth)
+                leaves.push_back(static_cast<int>(leaf));
+            else
+                ++num_at_limit_;
+        }
+    std::stable_sort(leaves.begin(), leaves.end(),
+                     [&](int a, int b) { return worst[idx(a)] > worst[idx(b)]; });
+    return refine_cells(system, with_homes(finer_body(body, leaves)));
+}
+
+std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
+{
+    const Body& body = system.body();
+    if (body.octree.leaves() == coarsest_->leaves())
+        return std::nullopt;
+    const double small = kMerge * threshold_of(system);
+    const std::vector<double> errors = errors_of(system);
+    std::vector<bool> may_merge(body.octree.leaves().size(), true);
+    for (std::size_t c = 0; c < errors.size(); ++c)
+        if (errors[c] > small)
+            may_merge[idx(body.cells.cells[c].leaf)] = false;
+    const std::vector<std::vector<int>> regions =
+        differing_regions(system, system.motions());
+    const auto is_contested = [&](std::span<const int> siblings)
+    {
+        int one = -1;
+        for (const int leaf : siblings)
+            for (const int region : regions[idx(leaf)])
+            {
+                if (one >= 0 &&
+                    !agree(system.motions()[idx(one)], system.motions()[idx(region)]))
+                    return true;
+                one = region;
+            }
+        return false;
+    };
+    std::vector<int> leaves;
+    for (const std::vector<int>& siblings : body.octree.siblings())
+    {
+        const Leaf& one = body.octree.leaves()[idx(siblings[0])];
+        const int base = coarsest_->find(one.corner);
+        const bool is_split_for_good = coarsest_->leaves()[idx(base)].level >= one.level;
+        if (!is_split_for_good &&
+            std::all_of(siblings.begin(), siblings.end(),
+                        [&](int leaf) { return may_merge[idx(leaf)]; }) &&
+            !is_contested(siblings))
+            leaves.push_back(siblings[0]);
+    }
+    if (leaves.empty())
+        return std::nullopt;
+    Body merged = cut(rest_, body.octree.merge(leaves));
+    if (!crowded_leaves(merged).empty())
+        return std::nullopt;
+    return refine_cells(system, std::move(merged));
+}
+
+std::optional<CellSystem> CellRefiner::refine_cells(const CellSystem& system,
+                                                    Body cells) const
+{
+    if (cells.octree.leaves() == system.body().octree.leaves())
+        return std::nullopt;
+    return handed_to(std::make_shared<const Body>(std::move(cells)), system);
+}
+
+CellSystem CellRefiner::in_cells_of(const CellSystem& other,
+                                    const std::shared_ptr<const Body>& body,
+                                    const CellSystemState& state) const
+{
+    CellSystem system(body, regions_, system_settings_);
+    system.set_state(state);
+    if (other.body().octree.leaves() == body->octree.leaves())
+        return system;
+    return handed_to(other.shared_body(), system);
+}
+
+CellSystem CellRefiner::handed_to(const std::shared_ptr<const Body>& body,
+                                  const CellSystem& system) const
+{
+    const Body& old = system.body();
+    const std::vector<LocalMap> maps =
+        local_maps(old.cells, system.glue(), system.constraints(), system.poses());
+    const std::vector<Pose> poses =
+        handed_on(rest_->material.grid, old.pieces, old.cells, system.poses(), maps,
+                  body->octree, body->pieces, body->cells);
+    CellSystem next(body, regions_, system_settings_);
+    next.set_state(poses, system.motions());
+    return next;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Cells that follow the deformation: smaller ones where the error is large, larger ones
+// where it no longer is. Decided by where the cells are, never by time.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "editor/session/cell_system.h"
+
+namespace cellwarp
+{
+
+/// Starts with the coarsest cells that leave every region one of its own.
+class CellRefiner
+{
+public:
+    CellRefiner(std::shared_ptr<const RestShape> rest,
+                std::shared_ptr<const RegionSet> regions, const CellSettings& settings,
+                const CellSystemSettings& system_settings);
+
+    /// The system in the first cells, at rest. Throws as CellSystem does, and
+    /// Fault::Budget when the coarsest grid alone is over max_cells.
+    CellSystem first();
+
+    /// Each makes the same system in other cells, its poses handed on, or nothing if the
+    /// cells are as they should be.
+    /// Parts the material of regions that \p motions move differently, to max_depth.
+    std::optional<CellSystem> parted(const CellSystem& system,
+                                     std::span<const Motion> motions);
+    /// Splits the cells whose error is above the threshold, the worst if all would be too
+    /// many.
+    std::optional<CellSystem> finer(const CellSystem& system);
+    /// Merges siblings whose errors are so small that their parent's will be well below
+    /// the threshold.
+    std::optional<CellSystem> coarser(const CellSystem& system);
+
+    /// The system that is in \p state in the cells of \p body, in those of \p other.
+    CellSystem in_cells_of(const CellSystem& other,
+                           const std::shared_ptr<const Body>& body,
+                           const CellSystemState& state) const;
+
+    bool is_adaptive() const;
+    /// What is never merged beyond; null before first().
+    const Octree* coarsest() const { return coarsest_ ? &*coarsest_ : nullptr; }
+    /// Of the leaves that finer() last looked at, those that the threshold would split
+    /// but the depth does not let.
+    int num_at_limit() const { return num_at_limit_; }
+    /// Those since the last call.
+    std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
+
+private:
+    Octree split(const Octree& octree, std::span<const int> worst_first,
+                 std::int64_t most) const;
+    Body finer_body(const Body& body, std::span<const int> worst_first);
+    bool splits_all(const Body& body, std::span<const int> leaves,
+                    const Body& next) const;
+    void warn_of_budget(const Body& body);
+    double threshold_of(const CellSystem& system) const;
+    std::vector<double> errors_of(const CellSystem& system) const;
+    std::vector<int> crowded_leaves(const Body& body) const;
+    Body with_homes(Body body);
+    std::optional<CellSystem> refine_cells(const CellSystem& system, Body cells) const;
+    CellSystem handed_to(const std::shared_ptr<const Body>& body,
+                         const CellSystem& system) const;
+    /// Regions, one of each motion, that have material in a leaf.
+    std::vector<std::vector<int>>
+    differing_regions(const CellSystem& system, std::span<const Motion> motions) const;
+
+    std::shared_ptr<const RestShape> rest_;
+    std::shared_ptr<const RegionSet> regions_;
+    CellSettings settings_;
+    CellSystemSettings system_settings_;
+    MaterialTest has_material_;
+    std::optional<Octree> coarsest_; ///< never merged beyond
+    std::vector<std::string> warnings_;
+    bool is_over_budget_ = false;
+    int num_at_limit_ = 0;
+};
+
+} // namespace cellwarp

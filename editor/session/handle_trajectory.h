@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// From the operations of a handle file to rigid motions, and the way from one
+// frame's motion to the next in small steps.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/session/work_frame.h"
+#include "io/handle_file.h"
+#include "octree/base/rigid_motion.h"
+
+namespace cellwarp
+{
+
+/// What turns a file's numbers into work coordinates.
+struct Units
+{
+    WorkFrame frame;
+    bool is_relative = false;
+    ModelBox box; ///< of the rest samples [model unit]
+
+    Eigen::Vector3d point(const Eigen::Vector3d& given) const;  ///< [work]
+    Eigen::Vector3d vector(const Eigen::Vector3d& given) const; ///< [work]
+};
+
+/// One operation as a motion of work space that can be taken in part.
+struct Step
+{
+    enum class Kind
+    {
+        Translate,
+        Rotate,
+        Screw
+    };
+    Kind kind = Kind::Translate;
+    Eigen::Vector3d vector = Eigen::Vector3d::Zero(); ///< translation, or unit axis
+    double angle = 0.0;                               ///< [rad]
+    Eigen::Vector3d about = Eigen::Vector3d::Zero();
+    Motion motion; ///< of a Screw
+};
+
+/// Operations in the order written, in work coordinates. \p centre: default centre
+/// of rotations; \p place: where a pin rests. A matrix that is no rigid motion to
+/// 1e-4 is Fault::Malformed; one that is off by more than 1e-6 is mended and gives
+/// a warning.
+std::vector<Step> steps_of(const Move& move, const Units& units,
+                           const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
+                           const std::string& file, std::vector<std::string>& warnings);
+
+/// All steps, one after the other.
+Motion motion_of(const std::vector<Step>& steps);
+
+/// The way of one region from its last steps to its new ones: step by step where
+/// both lists have the same operations (no list counts as the same at zero), else
+/// along one screw motion of the shortest angle.
+class HandleTrajectory
+{
+public:
+    HandleTrajectory() = default;
+    HandleTrajectory(std::vector<Step> from, std::vector<Step> to);
+
+    /// \p t in [0, 1]; exactly the new motion at 1.
+    Motion at(double t) const;
+    /// How many equal parts keep each to 45 degrees and a quarter of \p diagonal,
+    /// for points in the box \p low, \p high; at most 64.
+    int num_parts(const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                  double diagonal) const;
+    /// Whether it begins or ends more than half a turn from rest: its end alone does not
+    /// tell how the material is wound then.
+    bool is_wound() const;
+
+private:
+    std::vector<Step> from_, to_;
+    bool is_same_ = true;
+};
+
+} // namespace cellwarp

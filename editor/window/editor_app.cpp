@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/window/editor_app.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <filesystem>
+#include <new>
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// How long a notice stays [s]; errors longer.
+constexpr double kNoticeSeconds = 6.0;
+constexpr double kErrorSeconds = 20.0;
+
+std::string name_of(const std::string& path)
+{
+    return std::filesystem::path(path).filename().string();
+}
+
+} // namespace
+
+double seconds_now()
+{
+    return std::chrono::duration<double>(
+               std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+}
+
+EditorApp::EditorApp(bool keeps_journals)
+    : recent(keeps_journals ? state_folder() : ""),
+      journal_folder_(keeps_journals ? state_folder() : "")
+{
+    if (!journal_folder_.empty())
+    {
+        journal_folder_ += "/journals";
+        std::error_code failure;
+        std::filesystem::create_directories(journal_folder_, failure);
+        if (failure)
+            journal_folder_.clear();
+    }
+}
+
+void EditorApp::open(const std::string& path)
+{
+    if (is_opening())
+        return say(Place::Window, "Another file is being read");
+    notice_.reset();
+    opening_path_ = path;
+    // What is open takes no edits from here on: they would be lost unasked.
+    if (opened_ != nullptr)
+        opened_->hand.focus_lost();
+    // The journal of what is open is locked for it; the same file is opened again only
+    // when it is free.
+    if (opened_ != nullptr && (is_same_path(document().path(), path) ||
+                               (!document().scene_path().empty() &&
+                                is_same_path(document().scene_path(), path))))
+        close();
+    opening_ = std::async(std::launch::async, [path, folder = journal_folder_]
+                          { return Document(path, folder); });
+}
+
+void EditorApp::finish_opening()
+{
+    if (!is_opening())
+        return;
+    take_document(opening_.get());
+}
+
+void EditorApp::take_document(Document document)
+{
+    close();
+    opened_ = std::make_unique<OpenedDocument>(std::move(document));
+    asks_to_recover = opened_->editing.document().num_recoverable() > 0;
+    recent.add(opening_path_);
+    const std::vector<std::string>& warnings = opened_->editing.document().warnings();
+    if (!warnings.empty())
+        say(Place::Window, warnings.front());
+}
+
+void EditorApp::close()
+{
+    if (opened_ == nullptr)
+        return;
+    attempt(Place::Window, [&] { document().close(); });
+    opened_.reset();
+    is_exporting_ = false;
+    asks_to_recover = false;
+}
+
+void EditorApp::ask_to_open(const std::string& path)
+{
+    next_path = path;
+    leaving = Leaving::ToOpen;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void EditorApp::ask_to_close()
+{
+    leaving = Leaving::ToClose;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void EditorApp::ask_to_quit()
+{
+    leaving = Leaving::ToQuit;
+    if (opened_ == nullptr || document().is_saved())
+        leave(false);
+}
+
+void EditorApp::leave(bool saves)
+{
+    if (saves)
+    {
+        leaves_when_saved = true;
+        save();
+        if (choosing)
+            return; // save() has to ask where to first
+        leaves_when_saved = false;
+        if (!document().is_saved())
+        {
+            stay(); // the notice says why
+            return;
+        }
+    }
+    const Leaving to = leaving;
+    leaving = Leaving::No;
+    if (to == Leaving::ToOpen)
+        open(next_path);
+    if (to == Leaving::ToClose)
+        close();
+    if (to == Leaving::ToQuit)
+    {
+        close();
+        wants_to_quit = true;
+    }
+}
+
+bool EditorApp::update()
+{
+    bool is_new = false;
+    if (is_opening() &&
+        opening_.wait_for(std::chrono::seconds(0)) == std::future_status::ready)
+    {
+        const std::string path = opening_path_;
+        if (!attempt(Place::Window, [&] { finish_opening(); }))
+            recent.forget(path);
+        is_new = true;
+    }
+    if (opened_ != nullptr)
+    {
+        guard([&] { is_new = opened_->editing.update() || is_new; });
+        guard([&] { opened_->hand.update(); });
+        tell_of_export();
+    }
+    if (notice_ && seconds_now() > notice_->until)
+    {
+        notice_.reset();
+        is_new = true;
+    }
+    return is_new;
+}
+
+bool EditorApp::is_idle() const
+{
+    if (is_opening())
+        return false;
+    if (opened_ == nullptr)
+        return true;
+    const SolveStatus::State state = opened_->editing.status().state;
+    return (state == SolveStatus::State::Idle || state == SolveStatus::State::Failed) &&
+           !opened_->editing.drag_status().is_dragging && !is_exporting_;
+}
+
+void EditorApp::export_field(const std::string& path, Overwrite overwrite)
+{
+    opened_->editing.export_field(path, overwrite);
+    is_exporting_ = true;
+}
+
+void EditorApp::tell_of_export()
+{
+    const ExportStatus status = opened_->editing.export_status();
+    if (!is_exporting_ || status.state == ExportStatus::State::Working)
+        return;
+    is_exporting_ = false;
+    if (status.state == ExportStatus::State::Written)
+        say(Place::Window, "Written: " + status.path);
+    else if (status.state == ExportStatus::State::Cancelled)
+        say(Place::Window, "Cancelled: " + status.path + " is not written");
+    else
+        say(Place::Window, status.error, true);
+}
+
+bool EditorApp::attempt(Place place, const std::function<void()>& command)
+{
+    if (!guard(command, place))
+        return false;
+    if (notice_ && notice_->is_error && notice_->place == place)
+        notice_.reset();
+    return true;
+}
+
+bool EditorApp::guard(const std::function<void()>& work, Place place)
+{
+    try
+    {
+        work();
+        return true;
+    }
+    catch (const Error& error)
+    {
+        say(place, error.what(), true);
+    }
+    catch (const std::bad_alloc&)
+    {
+        say(place, "out of memory", true);
+    }
+    catch (const std::exception& error)
+    {
+        say(place, std::string("internal error: ") + error.what(), true);
+    }
+    return false;
+}
+
+void EditorApp::say(Place place, const std::string& text, bool is_error)
+{
+    notice_ = Notice{text, place, is_error,
+                     seconds_now() + (is_error ? kErrorSeconds : kNoticeSeconds)};
+}
+
+const Notice* EditorApp::notice(Place place) const
+{
+    return notice_ && notice_->place == place ? &*notice_ : nullptr;
+}
+
+void EditorApp::save()
+{
+    if (opened_ == nullptr)
+        return;
+    if (document().scene_path().empty())
+    {
+        choosing = Choosing::SaveAs;
+        return;
+    }
+    if (attempt(Place::Window, [&] { document().save(document().scene_path()); }))
+        say(Place::Window, "Saved " + name_of(document().scene_path()));
+}
+
+bool EditorApp::takes_edits() const
+{
+    return opened_ != nullptr && !is_opening() && !opened_->hand.is_busy();
+}
+
+void EditorApp::undo()
+{
+    if (takes_edits() && document().can_undo())
+        attempt(Place::Window, [&] { document().undo(); });
+}
+
+void EditorApp::redo()
+{
+    if (takes_edits() && document().can_redo())
+        attempt(Place::Window, [&] { document().redo(); });
+}
+
+std::string EditorApp::title() const
+{
+    if (opened_ == nullptr)
+        return "cellwarp";
+    const Document& document = opened_->editing.document();
+    const std::string& path =
+        document.scene_path().empty() ? document.path() : document.scene_path();
+    return (document.is_saved() ? "" : "● ") + name_of(path) + " — cellwarp";
+}
+
+} // namespace cellwarp

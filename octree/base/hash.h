@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A number of 64 bits for any bytes. The only file behind it is hash.cpp; nothing else
+// knows the library.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+
+namespace cellwarp
+{
+
+/// The same on every machine with this order of bytes. \p seed: what came before.
+std::uint64_t hash_of(const void* bytes, std::size_t count, std::uint64_t seed = 0);
+
+/// Of a place; a zero of either sign is one.
+std::uint64_t hash_of(const Eigen::Vector3d& x);
+
+} // namespace cellwarp

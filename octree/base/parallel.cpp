@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/base/parallel.h"
+
+#include <atomic>
+#include <exception>
+
+#include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body)
+{
+    // What a part throws is carried home here: the library would take memory for that,
+    // and end the program where there is none.
+    tbb::task_group_context context;
+    std::exception_ptr error;
+    std::atomic_flag has_failed;
+    tbb::parallel_for(
+        tbb::blocked_range<std::size_t>(0, count, grain),
+        [&](const tbb::blocked_range<std::size_t>& range)
+        {
+            try
+            {
+                body.call(body.body, range.begin(), range.end());
+            }
+            catch (...)
+            {
+                if (!has_failed.test_and_set())
+                    error = std::current_exception();
+                context.cancel_group_execution();
+            }
+        },
+        context);
+    if (error)
+        std::rethrow_exception(error);
+}
+
+struct ThreadLimit::Control
+{
+    tbb::global_control limit;
+};
+
+ThreadLimit::ThreadLimit(int threads)
+{
+    if (threads > 0)
+        control_.reset(
+            new Control{{tbb::global_control::max_allowed_parallelism, idx(threads)}});
+}
+
+ThreadLimit::~ThreadLimit() = default;
+
+} // namespace cellwarp

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The state of cells: where each one is, and how a step moves those that may move.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/base/index.h"
+#include "octree/base/rigid_motion.h"
+#include "octree/cells.h"
+#include "solver/cells/constraints.h"
+#include "solver/cells/grouping.h"
+#include "solver/minimize/state.h"
+
+namespace cellwarp
+{
+
+/// The poses of all cells, of which the free and the pinned ones are unknown: blocks of 6
+/// and of 3, in the order of the cells. cell_state.cpp says what the unknowns are.
+/// Nothing is allocated after construction.
+class CellState final : public State
+{
+public:
+    /// Columns: the twists, in world axes, that the unknowns of a cell make.
+    using Basis = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>;
+
+    /// At rest. \p has_rigid_steps: see Departures; second derivatives are those of rigid
+    /// steps, which at a minimum is one.
+    CellState(const Cells& cells, std::span<const Constraint> constraints,
+              bool has_rigid_steps = true, UnknownPlace begin = {});
+
+    const std::vector<Pose>& poses() const { return poses_; }
+    const Pose& pose(int cell) const { return poses_[idx(cell)]; }
+    /// Those of the unknown cells, in their order.
+    std::vector<Pose> unknown_poses() const;
+    /// Current and base state.
+    void set_poses(std::span<const Pose> poses);
+    /// Where the held points of pinned cells are to be from now on.
+    void set_held_points(std::span<const Constraint> constraints);
+
+    int num_cells() const { return static_cast<int>(poses_.size()); }
+    int num_unknown_cells() const { return static_cast<int>(cell_of_unknown_.size()); }
+    int cell_of_unknown(int unknown) const { return at(cell_of_unknown_, unknown); }
+    /// -1 for a cell whose pose is given.
+    int unknown_of_cell(int cell) const { return at(unknown_of_cell_, cell); }
+    bool is_pinned(int unknown) const { return at(sizes_, unknown) == 3; }
+    /// Where its numbers begin among those of all states.
+    int first(int unknown) const { return at(first_, unknown); }
+
+    /// The twist in world axes that the unknowns at \p x make.
+    Twist world(int unknown, const double* x) const;
+    /// To the derivatives in the unknowns at \p y: those in the twist.
+    void add_body(int unknown, const Twist& twist, double* y) const;
+    Basis basis(int unknown) const;
+
+    std::span<const int> block_sizes() const override { return sizes_; }
+    void move(const Eigen::VectorXd& step, double length) override;
+    void settle() override;
+
+private:
+    static int at(const std::vector<int>& v, int i) { return v[idx(i)]; }
+    /// From the held point of a pinned cell to its centre, now.
+    Eigen::Vector3d arm_of_pin(int cell) const
+    {
+        const std::size_t c = idx(cell);
+        return poses_[c].p - constraints_[c].held_now;
+    }
+
+    bool has_rigid_steps_;
+    std::vector<Eigen::Vector3d> centres_;
+    std::vector<Constraint> constraints_;
+    std::vector<int> unknown_of_cell_, cell_of_unknown_;
+    std::vector<int> sizes_, first_; ///< of the unknowns
+    std::vector<Pose> poses_, base_;
+};
+
+inline Twist CellState::world(int unknown, const double* x) const
+{
+    const int cell = cell_of_unknown(unknown);
+    const Eigen::Matrix3d& R = pose(cell).R;
+    Twist twist;
+    twist.head<3>() = R * Eigen::Map<const Eigen::Vector3d>(x);
+    if (is_pinned(unknown))
+        twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell));
+    else
+        twist.tail<3>() = R * Eigen::Map<const Eigen::Vector3d>(x + 3);
+    return twist;
+}
+
+inline void CellState::add_body(int unknown, const Twist& twist, double* y) const
+{
+    const int cell = cell_of_unknown(unknown);
+    const Eigen::Matrix3d& R = pose(cell).R;
+    if (is_pinned(unknown))
+        Eigen::Map<Eigen::Vector3d>(y) +=
+            R.transpose() * (twist.head<3>() + arm_of_pin(cell).cross(twist.tail<3>()));
+    else
+    {
+        Eigen::Map<Eigen::Vector3d>(y).noalias() += R.transpose() * twist.head<3>();
+        Eigen::Map<Eigen::Vector3d>(y + 3).noalias() += R.transpose() * twist.tail<3>();
+    }
+}
+
+/// Where the leaves of the unknown cells lie.
+std::vector<GridPlace> grid_places(const CellState& state, const Cells& cells);
+
+} // namespace cellwarp

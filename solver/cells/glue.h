@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Elastic glue between rigid cells: the energy that makes them behave like one
+// elastic body. No octree and no linear algebra here; glue.cpp has the derivation.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "octree/base/rigid_motion.h"
+#include "octree/cells.h"
+#include "solver/cells/departures.h"
+#include "solver/minimize/term.h"
+
+namespace cellwarp
+{
+
+/// What one face of glue remembers of the rest state.
+struct GlueFace
+{
+    int a = 0, b = 0;
+    double length = 0.0;    ///< over which it stretches
+    double stiffness = 0.0; ///< w_ij [length], times the factor of stiff regions
+    Eigen::Vector3d reach_a, reach_b; ///< from the centroids to the face's centre
+    /// S with tr S I - S = M, what turning counts (Face::turning); M is positive
+    /// definite, S need not be.
+    Eigen::Matrix3d moment;
+};
+
+/// The glue of a set of cells. Rest state: immutable.
+struct Glue
+{
+    std::vector<GlueFace> faces;
+    std::vector<int> first_face; ///< cells + 1 offsets into faces_of_cell
+    std::vector<int> faces_of_cell;
+};
+
+/// A face whose glue does not stretch from anchor to anchor, because one of its cells is
+/// rigid: over what length it does.
+struct BorderGlue
+{
+    int face = 0;
+    double length = 0.0;
+    bool is_a_rigid = false; ///< else b
+};
+
+/// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
+/// takes the geometric mean of its two. Empty: all 1.
+/// \p departures: glue_in_face and level_changes count here.
+Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
+                std::span<const BorderGlue> borders = {},
+                const Departures& departures = {});
+
+/// E_ij of one face: w_ij times the mean of |T_i - T_j|^2 over the cross-section of the
+/// material, of which glue.cpp says what counts [length^3]. Zero if and only if both
+/// cells make the same rigid motion. After [Botsch07].
+double glue_energy(const GlueFace& face, const Pose& a, const Pose& b);
+
+/// Derivative of the energy of one face in the twists of a (0..5) and b (6..11),
+/// angular before linear. In place of rotations themselves: see moved().
+Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
+                                           const Pose& b);
+
+/// Second derivative in the twist of one of the face's cells.
+Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature);
+Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
+                                            const Pose& b, Curvature curvature);
+
+/// Second derivative in the twists of both cells: of its 36 numbers 16 differ, and all
+/// curvature is in the diagonal.
+struct GlueCoupling
+{
+    Eigen::Matrix3d turn;  ///< - angular, angular
+    Eigen::Vector3d arm_a; ///< - angular of a, linear of b: as cross product
+    Eigen::Vector3d arm_b; ///<   linear of a, angular of b: as cross product
+    double stretch;        ///< - linear, linear: times the identity
+
+    /// Rows of a, columns of b.
+    Eigen::Matrix<double, 6, 6> matrix() const;
+    /// y_a += matrix() x_b
+    void add_to_a(const Twist& x_b, Twist& y_a) const
+    {
+        y_a.head<3>() -= turn * x_b.head<3>() + arm_a.cross(x_b.tail<3>());
+        y_a.tail<3>() -= stretch * x_b.tail<3>() + x_b.head<3>().cross(arm_b);
+    }
+    /// y_b += matrix()^T x_a
+    void add_to_b(const Twist& x_a, Twist& y_b) const
+    {
+        y_b.head<3>() -= turn.transpose() * x_a.head<3>() + arm_b.cross(x_a.tail<3>());
+        y_b.tail<3>() -= stretch * x_a.tail<3>() + x_a.head<3>().cross(arm_a);
+    }
+};
+
+GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
+
+/// Sum over all faces, in their order.
+double glue_energy(const Glue& glue, std::span<const Pose> poses);
+
+} // namespace cellwarp

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/cells/glue_term.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Proximal term on rotations that nothing holds, relative to the diagonal: it
+/// vanishes with the step and so does not change the solution.
+constexpr double kProximal = 1e-3;
+
+} // namespace
+
+GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
+                   std::span<const Component> components)
+    : state_(state), glue_(glue)
+{
+    const std::size_t unknowns = idx(state.num_unknown_cells());
+    turns_freely_.assign(unknowns, false);
+    for (const Component& component : components)
+        if (component.free_rotations > 0)
+            for (const int cell : component.cells)
+            {
+                const int unknown = state.unknown_of_cell(cell);
+                if (unknown >= 0 && state.is_pinned(unknown))
+                    turns_freely_[idx(unknown)] = true;
+            }
+    std::vector<std::pair<std::pair<int, int>, int>> faces;
+    const int first = state.begin().block;
+    for (std::size_t f = 0; f < glue_.faces.size(); ++f)
+    {
+        const int a = state.unknown_of_cell(glue_.faces[f].a);
+        const int b = state.unknown_of_cell(glue_.faces[f].b);
+        if (a >= 0 && b >= 0)
+            faces.push_back(
+                {{first + std::max(a, b), first + std::min(a, b)}, static_cast<int>(f)});
+    }
+    std::sort(faces.begin(), faces.end());
+    for (const auto& [pair, face] : faces)
+    {
+        pairs_.push_back(pair);
+        face_of_pair_.push_back(face);
+    }
+    diagonals_.resize(unknowns);
+    proximal_.assign(unknowns, 0.0);
+    couplings_.resize(glue_.faces.size());
+    face_values_.resize(glue_.faces.size());
+    face_gradients_.resize(glue_.faces.size());
+    twists_.assign(idx(state.num_cells()), Twist::Zero());
+}
+
+std::span<const int> GlueTerm::faces_of(int cell) const
+{
+    const std::size_t c = idx(cell);
+    const std::size_t first = idx(glue_.first_face[c]);
+    const std::size_t end = idx(glue_.first_face[c + 1]);
+    return std::span(glue_.faces_of_cell).subspan(first, end - first);
+}
+
+double GlueTerm::value() const
+{
+    parallel_for(glue_.faces.size(), kSmallBodies,
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue_.faces[f];
+                     face_values_[f] =
+                         glue_energy(face, state_.pose(face.a), state_.pose(face.b));
+                 });
+    double sum = 0.0;
+    for (const double value : face_values_)
+        sum += value;
+    return sum;
+}
+
+void GlueTerm::find_face_gradients() const
+{
+    parallel_for(glue_.faces.size(), kSmallBodies,
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue_.faces[f];
+                     face_gradients_[f] =
+                         glue_gradient(face, state_.pose(face.a), state_.pose(face.b));
+                 });
+}
+
+void GlueTerm::add_gradient(Eigen::VectorXd& out) const
+{
+    find_face_gradients();
+    parallel_for(state_.num_unknown_cells(), kSmallBodies,
+                 [&](int unknown)
+                 {
+                     const int cell = state_.cell_of_unknown(unknown);
+                     Twist sum = Twist::Zero();
+                     for (const int f : faces_of(cell))
+                         sum += face_gradients_[idx(f)].segment<6>(
+                             glue_.faces[idx(f)].a == cell ? 0 : 6);
+                     state_.add_body(unknown, sum, out.data() + state_.first(unknown));
+                 });
+}
+
+double GlueTerm::uncancelled() const
+{
+    find_face_gradients();
+    double sum = 0.0;
+    for (int unknown = 0; unknown < state_.num_unknown_cells(); ++unknown)
+    {
+        const int cell = state_.cell_of_unknown(unknown);
+        double forces = 0.0;
+        for (const int f : faces_of(cell))
+            forces += face_gradients_[idx(f)]
+                          .segment<6>(glue_.faces[idx(f)].a == cell ? 0 : 6)
+                          .norm();
+        sum += forces * forces;
+    }
+    return std::sqrt(sum);
+}
+
+void GlueTerm::add_rounding(std::span<double> out) const
+{
+    const std::size_t first = idx(state_.begin().block);
+    for (int unknown = 0; unknown < state_.num_unknown_cells(); ++unknown)
+    {
+        double sizes = 0.0;
+        for (const int f : faces_of(state_.cell_of_unknown(unknown)))
+        {
+            const GlueFace& face = glue_.faces[idx(f)];
+            sizes += 2.0 * face.stiffness *
+                     (state_.pose(face.a).p.norm() + state_.pose(face.b).p.norm());
+        }
+        out[first + idx(unknown)] += 4.0 * std::numeric_limits<double>::epsilon() * sizes;
+    }
+}
+
+void GlueTerm::linearise(Curvature curvature)
+{
+    parallel_for(glue_.faces.size(), kSmallBodies,
+                 [&](std::size_t f)
+                 {
+                     const GlueFace& face = glue_.faces[f];
+                     couplings_[f] =
+                         glue_coupling(face, state_.pose(face.a), state_.pose(face.b));
+                 });
+    parallel_for(diagonals_.size(), kSmallBodies,
+                 [&](std::size_t u)
+                 {
+                     const int cell = state_.cell_of_unknown(static_cast<int>(u));
+                     Eigen::Matrix<double, 6, 6>& sum = diagonals_[u];
+                     sum.setZero();
+                     for (const int f : faces_of(cell))
+                     {
+                         const GlueFace& face = glue_.faces[idx(f)];
+                         const Pose& a = state_.pose(face.a);
+                         const Pose& b = state_.pose(face.b);
+                         sum += face.a == cell ? glue_diagonal_a(face, a, b, curvature)
+                                               : glue_diagonal_b(face, a, b, curvature);
+                     }
+                     proximal_[u] =
+                         turns_freely_[u]
+                             ? kProximal * std::abs(sum.topLeftCorner<3, 3>().trace()) /
+                                   3.0
+                             : 0.0;
+                 });
+}
+
+void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
+{
+    parallel_for(state_.num_unknown_cells(), kSmallBodies,
+                 [&](int unknown)
+                 {
+                     twists_[idx(state_.cell_of_unknown(unknown))] =
+                         state_.world(unknown, x.data() + state_.first(unknown));
+                 });
+    parallel_for(diagonals_.size(), kSmallBodies,
+                 [&](std::size_t u)
+                 {
+                     const int unknown = static_cast<int>(u);
+                     const int cell = state_.cell_of_unknown(unknown);
+                     Twist sum = diagonals_[u] * twists_[idx(cell)];
+                     for (const int f : faces_of(cell))
+                     {
+                         const GlueFace& face = glue_.faces[idx(f)];
+                         const GlueCoupling& coupling = couplings_[idx(f)];
+                         if (face.a == cell)
+                             coupling.add_to_a(twists_[idx(face.b)], sum);
+                         else
+                             coupling.add_to_b(twists_[idx(face.a)], sum);
+                     }
+                     const double* const x_block = x.data() + state_.first(unknown);
+                     double* const y_block = y.data() + state_.first(unknown);
+                     for (int k = 0; k < state_.block_sizes()[u]; ++k)
+                         y_block[k] += proximal_[u] * x_block[k];
+                     state_.add_body(unknown, sum, y_block);
+                 });
+}
+
+void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
+{
+    const int unknown = block - state_.begin().block;
+    if (unknown < 0 || unknown >= state_.num_unknown_cells())
+        return;
+    const std::size_t u = idx(unknown);
+    const CellState::Basis own = state_.basis(unknown);
+    const CellState::Basis image = diagonals_[u] * own;
+    out.noalias() += own.transpose().lazyProduct(image);
+    out.diagonal().array() += proximal_[u];
+}
+
+void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
+{
+    const std::size_t p = idx(pair);
+    const int row = pairs_[p].first - state_.begin().block;
+    const int column = pairs_[p].second - state_.begin().block;
+    const std::size_t f = idx(face_of_pair_[p]);
+    Eigen::Matrix<double, 6, 6> H = couplings_[f].matrix();
+    if (glue_.faces[f].a != state_.cell_of_unknown(row))
+        H.transposeInPlace();
+    const CellState::Basis image = H * state_.basis(column);
+    out.noalias() += state_.basis(row).transpose().lazyProduct(image);
+}
+
+} // namespace cellwarp

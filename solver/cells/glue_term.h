@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The glue of all cells as one term of an energy.
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/cells/cell_state.h"
+#include "solver/cells/constraints.h"
+#include "solver/cells/glue.h"
+#include "solver/minimize/term.h"
+
+namespace cellwarp
+{
+
+/// A function of the poses of the cells. Keeps a copy of the glue and all scratch:
+/// nothing is allocated after construction. One object serves one thread.
+class GlueTerm final : public Term
+{
+public:
+    /// \p state must outlive it; \p components from find_components().
+    GlueTerm(const CellState& state, const Glue& glue,
+             std::span<const Component> components);
+
+    /// Norm of the pair forces on the unknown cells, each cell's added as lengths.
+    double uncancelled() const;
+
+    std::span<const std::pair<int, int>> pairs() const override { return pairs_; }
+    double value() const override;
+    void add_gradient(Eigen::VectorXd& out) const override;
+    void add_rounding(std::span<double> out) const override;
+    void linearise(Curvature curvature) override;
+    void add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const override;
+    void add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const override;
+    void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override;
+
+private:
+    std::span<const int> faces_of(int cell) const;
+    void find_face_gradients() const;
+
+    const CellState& state_;
+    Glue glue_;
+    std::vector<bool> turns_freely_; ///< unknown cells that a proximal term holds
+    std::vector<std::pair<int, int>> pairs_;
+    std::vector<int> face_of_pair_;
+    // Of the last linearise(): world axes, one an unknown cell and one a face.
+    std::vector<Eigen::Matrix<double, 6, 6>> diagonals_;
+    std::vector<GlueCoupling> couplings_;
+    std::vector<double> proximal_;
+    // Scratch.
+    mutable std::vector<double> face_values_;
+    mutable std::vector<Eigen::Matrix<double, 12, 1>> face_gradients_;
+    mutable std::vector<Twist> twists_; ///< a cell, world axes; 0 where known
+};
+
+} // namespace cellwarp

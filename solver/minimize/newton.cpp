@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The linear systems are solved as well as pays: to a tenth of the gradient far from the
+// solution, better as the gradient falls (eta = min(0.1, sqrt |g|_rel), [Nocedal06]),
+// which makes Newton's method converge with order 3/2 at the end.
+#include "solver/minimize/newton.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "octree/base/clock.h"
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Decrease that a step must bring, relative to what its slope promises (Armijo).
+constexpr double kSufficient = 1e-4;
+constexpr int kMaxHalvings = 40;
+
+/// When a step promises less than this share of the energy, the energy's own
+/// rounding hides the decrease and the gradient is the better judge.
+constexpr double kEnergyRounding = 1e-11;
+
+/// How well the linear systems are solved at first, and how many steps that may take.
+constexpr double kForcing = 0.1;
+constexpr int kMaxLinearSteps = 250;
+
+/// After more steps of one solve the preconditioner is made anew, which costs as much as
+/// some twenty of them. Made at rest it stays good where parts turn, but not where a thin
+/// sheet has become a strongly curved one.
+constexpr int kSlowSteps = 40;
+
+/// Steps of conjugate gradients that look for a direction of descent. Preconditioned, all
+/// eigenvalues but those of unstable directions lie around 1: what is clearly negative
+/// shows within six.
+constexpr int kStabilitySteps = 8;
+
+/// First damping when even J^T J does not factorise, relative to the diagonal;
+/// tenfold with each of kMaxDampings retries.
+constexpr double kFirstDamping = 1e-12;
+constexpr int kMaxDampings = 8;
+
+/// So many steps without the curvature of residuals follow one along which the energy
+/// curves downwards and which had to be halved: such steps tell little, and one after
+/// another they lead through the folds of a thin rod or sheet in twice as many.
+constexpr int kPlainSteps = 2;
+
+/// Longer time budgets are none [s].
+constexpr double kLongestBudget = 1e8;
+
+void assemble(const Energy& energy, BlockMatrix& matrix)
+{
+    parallel_for(energy.block_sizes().size(),
+                 [&](std::size_t b)
+                 {
+                     const int block = static_cast<int>(b);
+                     energy.diagonal_block(block, matrix.diagonal(block));
+                 });
+    parallel_for(energy.pairs().size(),
+                 [&](std::size_t p)
+                 {
+                     const auto& [row, column] = energy.pairs()[p];
+                     energy.pair_block(static_cast<int>(p),
+                                       matrix.block(matrix.find(row, column)));
+                 });
+}
+
+} // namespace
+
+std::string stop_name(Stop stop)
+{
+    switch (stop)
+    {
+    case Stop::NotRun:
+        return "not run";
+    case Stop::Converged:
+        return "converged";
+    case Stop::IterationLimit:
+        return "iteration limit";
+    case Stop::TimeLimit:
+        return "time limit";
+    case Stop::Stopped:
+        return "stopped";
+    case Stop::NoDescent:
+    case Stop::NotPositiveDefinite:
+        return "no descent";
+    }
+    return {};
+}
+
+void SolveReport::add_earlier(const SolveReport& earlier)
+{
+    iterations += std::max(0, earlier.iterations);
+    linear_steps += earlier.linear_steps;
+    refreshes += earlier.refreshes;
+    damped_factorisations += earlier.damped_factorisations;
+    backward_error = std::max(backward_error, earlier.backward_error);
+    ms.linearise += earlier.ms.linearise;
+    ms.linear += earlier.ms.linear;
+    ms.line_search += earlier.ms.line_search;
+    ms.factorise += earlier.ms.factorise;
+    ms.stability += earlier.ms.stability;
+}
+
+NewtonSolver::NewtonSolver(Energy& energy, Preconditioner& preconditioner)
+    : energy_(energy), preconditioner_(preconditioner),
+      rounding_(energy.block_sizes().size())
+{
+    const Eigen::Index size = std::accumulate(
+        energy.block_sizes().begin(), energy.block_sizes().end(), Eigen::Index(0));
+    for (Eigen::VectorXd* vector : {&gradient_, &trial_gradient_, &right_, &step_})
+        vector->resize(size);
+    conjugate_gradients_ = ConjugateGradients(size);
+}
+
+/// One call of minimize().
+class NewtonSolver::Run
+{
+public:
+    Run(NewtonSolver& own, const SolveOptions& options) : own_(own), options_(options) {}
+    SolveReport operator()();
+
+private:
+    enum class Found
+    {
+        Step,
+        HiddenByRounding,
+        Nothing
+    };
+
+    bool is_converged() const;
+    bool find_step();
+    void find_step_by_gradients();
+    bool find_step_by_factor();
+    Found search_line();
+    void check_stability();
+    bool is_accepted(double value, double length, double slope, bool is_hidden);
+
+    NewtonSolver& own_;
+    const SolveOptions& options_;
+    SolveReport report_;
+    double value_ = 0.0, gradient_norm_ = 0.0, scale_ = 0.0;
+    bool curves_downwards_ = false; ///< the energy, along the last step
+    int plain_steps_ = 0;           ///< Gauss-Newton's, before Newton's go on
+    Clock::time_point deadline_ = Clock::time_point::max();
+};
+
+/// No block's part of the gradient is more than its rounding: stiff cells must not hide
+/// what soft ones still ask for.
+bool NewtonSolver::Run::is_converged() const
+{
+    if (gradient_norm_ <= options_.gradient_tolerance * scale_)
+        return true;
+    Eigen::Index first = 0;
+    for (std::size_t b = 0; b < own_.rounding_.size(); ++b)
+    {
+        const int size = own_.energy_.block_sizes()[b];
+        if (!(own_.gradient_.segment(first, size).norm() <= own_.rounding_[b]))
+            return false;
+        first += size;
+    }
+    return true;
+}
+
+void NewtonSolver::Run::find_step_by_gradients()
+{
+    const double relative = scale_ > 0 ? gradient_norm_ / scale_ : 1.0;
+    own_.right_ = -own_.gradient_;
+    const LinearReport linear =
+        own_.conjugate_gradients_.solve(own_.energy_, own_.preconditioner_, own_.right_,
+                                        {std::min(kForcing, std::sqrt(relative)),
+                                         kMaxLinearSteps, deadline_, options_.stop},
+                                        own_.step_);
+    report_.linear_steps += linear.steps;
+    own_.is_slow_ = linear.steps > kSlowSteps;
+    curves_downwards_ = linear.has_negative_curvature;
+}
+
+bool NewtonSolver::Run::find_step_by_factor()
+{
+    Clock::time_point start = Clock::now();
+    own_.analyse();
+    BlockMatrix& A = *own_.matrix_;
+    A.set_zero();
+    assemble(own_.energy_, A);
+    double damping = kFirstDamping;
+    int retries = 0;
+    for (; !own_.factor_->factorize(A); ++retries, damping *= 10.0)
+    {
+        if (retries == kMaxDampings)
+            return false;
+        ++report_.damped_factorisations;
+        for (int b = 0; b < A.num_blocks(); ++b)
+        {
+            BlockMatrix::Block block = A.diagonal(b);
+            block.diagonal() += damping * block.diagonal().cwiseAbs();
+        }
+    }
+    report_.ms.factorise += ms_since(start);
+    own_.right_ = -own_.gradient_;
+    own_.factor_->solve(own_.right_, own_.step_);
+    const double error = (A.multiply(own_.step_) - own_.right_).norm() /
+                         (A.norm() * own_.step_.norm() + own_.right_.norm());
+    report_.backward_error = std::max(report_.backward_error, error);
+    return true;
+}
+
+bool NewtonSolver::Run::find_step()
+{
+    Clock::time_point start = Clock::now();
+    if (own_.is_slow_ && options_.may_refresh &&
+        options_.method != Method::GaussNewtonDirect)
+    {
+        own_.energy_.linearise(kGaussNewton);
+        own_.preconditioner_.refresh();
+        ++report_.refreshes;
+        own_.is_slow_ = false;
+    }
+    const bool is_exact = options_.method == Method::Newton && plain_steps_ == 0;
+    plain_steps_ = std::max(0, plain_steps_ - 1);
+    own_.energy_.linearise(is_exact ? kExact : kGaussNewton);
+    report_.ms.linearise += ms_since(start);
+    start = Clock::now();
+    bool is_found = true;
+    if (options_.method == Method::GaussNewtonDirect)
+        is_found = find_step_by_factor();
+    else
+        find_step_by_gradients();
+    report_.ms.linear += ms_since(start);
+    return is_found && own_.step_.allFinite();
+}
+
+bool NewtonSolver::Run::is_accepted(double value, double length, double slope,
+                                    bool is_hidden)
+{
+    if (value <= value_ + kSufficient * length * slope)
+        return true;
+    if (!is_hidden)
+        return false;
+    // Rounding hides the decrease: the gradient must fall instead.
+    own_.energy_.gradient(own_.trial_gradient_);
+    return own_.trial_gradient_.norm() < 0.5 * gradient_norm_ &&
+           value <= value_ * (1.0 + 1e-13);
+}
+
+/// Halves the step until it lowers the energy; the state is moved if it does.
+NewtonSolver::Run::Found NewtonSolver::Run::search_line()
+{
+    const double slope = own_.gradient_.dot(own_.step_);
+    if (!(slope < 0.0))
+        return Found::Nothing;
+    const bool is_hidden = -slope <= kEnergyRounding * value_;
+    double length = 1.0;
+    for (int halving = 0; halving <= kMaxHalvings; ++halving, length *= 0.5)
+    {
+        own_.energy_.move(own_.step_, length);
+        const double value = own_.energy_.value();
+        if (is_accepted(value, length, slope, is_hidden))
+        {
+            if (curves_downwards_ && length < 1.0)
+                plain_steps_ = kPlainSteps;
+            own_.energy_.settle();
+            own_.energy_.gradient(own_.gradient_);
+            gradient_norm_ = own_.gradient_.norm();
+            value_ = value;
+            return Found::Step;
+        }
+        if (is_hidden)
+            break;
+    }
+    own_.energy_.move(own_.step_, 0.0);
+    return is_hidden ? Found::HiddenByRounding : Found::Nothing;
+}
+
+/// From a right-hand side without any symmetry, always the same.
+void NewtonSolver::Run::check_stability()
+{
+    const Clock::time_point start = Clock::now();
+    own_.energy_.linearise(kExact);
+    own_.right_.resize(own_.gradient_.size());
+    std::minstd_rand random(1);
+    for (double& number : own_.right_)
+        number =
+            static_cast<double>(random()) / static_cast<double>(std::minstd_rand::max()) -
+            0.5;
+    const LinearReport linear = own_.conjugate_gradients_.solve(
+        own_.energy_, own_.preconditioner_, own_.right_,
+        {1e-6, kStabilitySteps, deadline_, options_.stop}, own_.step_);
+    report_.is_saddle = linear.has_negative_curvature;
+    report_.ms.stability += ms_since(start);
+}
+
+SolveReport NewtonSolver::Run::operator()()
+{
+    if (options_.time_budget > 0)
+        deadline_ =
+            Clock::now() +
+            std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(
+                std::min(options_.time_budget, kLongestBudget)));
+    report_.iterations = 0;
+    value_ = own_.energy_.value();
+    report_.energy_before = value_;
+    own_.energy_.gradient(own_.gradient_);
+    gradient_norm_ = own_.gradient_.norm();
+    own_.energy_.rounding(own_.rounding_);
+    scale_ = options_.gradient_scale > 0 ? options_.gradient_scale : gradient_norm_;
+    const auto finish = [&](Stop stop)
+    {
+        report_.stop = stop;
+        if (options_.checks_stability && stop == Stop::Converged &&
+            own_.gradient_.size() > 0)
+            check_stability();
+        report_.energy_after = value_;
+        report_.gradient = scale_ > 0 ? gradient_norm_ / scale_ : 0.0;
+        return report_;
+    };
+    // Against a scale that overflowed everything would be small.
+    if (!std::isfinite(value_ + gradient_norm_ + scale_))
+        return finish(Stop::NotPositiveDefinite);
+    for (;;)
+    {
+        if (is_converged())
+            return finish(Stop::Converged);
+        if (report_.iterations >= options_.max_iterations)
+            return finish(Stop::IterationLimit);
+        if (options_.stop.stop_requested())
+            return finish(Stop::Stopped);
+        if (Clock::now() > deadline_)
+            return finish(Stop::TimeLimit);
+        if (options_.watch)
+            options_.watch(report_.iterations, scale_ > 0 ? gradient_norm_ / scale_ : 0.0,
+                           value_);
+        if (!find_step())
+            return finish(Stop::NotPositiveDefinite);
+        if (options_.stays_stable && curves_downwards_)
+            return finish(Stop::NoDescent);
+        const Clock::time_point search_start = Clock::now();
+        const Found found = search_line();
+        report_.ms.line_search += ms_since(search_start);
+        if (found == Found::HiddenByRounding)
+            return finish(Stop::Converged);
+        if (found == Found::Nothing)
+            return finish(Stop::NoDescent);
+        ++report_.iterations;
+    }
+}
+
+void NewtonSolver::analyse()
+{
+    if (factor_)
+        return;
+    const std::span<const std::pair<int, int>> pairs = energy_.pairs();
+    matrix_.emplace(energy_.block_sizes(), std::vector(pairs.begin(), pairs.end()));
+    factor_.emplace(*matrix_);
+}
+
+double NewtonSolver::factor_bytes()
+{
+    analyse();
+    return 8.0 * factor_->factor_numbers();
+}
+
+SolveReport NewtonSolver::minimize(const SolveOptions& options)
+{
+    return Run(*this, options)();
+}
+
+} // namespace cellwarp

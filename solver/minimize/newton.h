@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Lowers an energy: Gauss-Newton or Newton steps with a halving line search.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/linear/block_matrix.h"
+#include "solver/linear/cholesky.h"
+#include "solver/linear/conjugate_gradients.h"
+#include "solver/minimize/energy.h"
+
+namespace cellwarp
+{
+
+enum class Method
+{
+    Newton,           ///< the exact Hessian, by truncated conjugate gradients
+    GaussNewton,      ///< J^T J, as in [Botsch07], by conjugate gradients
+    GaussNewtonDirect ///< J^T J, factorised in each iteration: the textbook way
+};
+
+enum class Stop
+{
+    NotRun,
+    Converged,
+    IterationLimit,
+    TimeLimit,
+    Stopped,
+    NoDescent,
+    NotPositiveDefinite
+};
+
+/// "converged", "iteration limit", ...
+std::string stop_name(Stop stop);
+
+struct SolveOptions
+{
+    Method method = Method::Newton;
+    int max_iterations = 100;
+    /// Converged when the gradient is at most this times gradient_scale, or when no
+    /// descent is left at the level of rounding.
+    double gradient_tolerance = 1e-6;
+    double gradient_scale = 0.0; ///< 0: the first gradient
+    double time_budget = 0.0;    ///< [s], 0: no limit; looked at in every step too
+    /// Looks for directions of descent where the gradient has vanished: a state that is
+    /// symmetric in a way that the minimum is not would pass for a minimum.
+    bool checks_stability = false;
+    /// Ends with no descent where the energy first curves downwards: what follows it on
+    /// from there leaves the way that the state has come.
+    bool stays_stable = false;
+    /// Makes the preconditioner anew where it serves badly; that allocates.
+    bool may_refresh = true;
+    std::stop_token stop = {};
+    /// Called before every iteration with its number, the relative gradient, the energy.
+    std::function<void(int, double, double)> watch = {};
+};
+
+/// Where the time of a solve went [ms].
+struct SolveTimes
+{
+    double linearise = 0.0, linear = 0.0, line_search = 0.0, factorise = 0.0,
+           stability = 0.0;
+};
+
+/// Starts as "not run": an unfilled report cannot look good.
+struct SolveReport
+{
+    Stop stop = Stop::NotRun;
+    int iterations = -1;
+    int linear_steps = 0; ///< of conjugate gradients, in all iterations
+    int refreshes = 0;    ///< of the preconditioner
+    double energy_before = -1.0;
+    double energy_after = -1.0;
+    double gradient = -1.0;      ///< norm at the end, relative to the scale
+    double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a direct solve
+    int damped_factorisations = 0;
+    bool is_saddle =
+        false; ///< from where it converged, the energy falls in some direction
+    SolveTimes ms;
+
+    /// Counts what an earlier solve of the same frame took.
+    void add_earlier(const SolveReport& earlier);
+};
+
+/// Keeps all scratch between solves: with the methods of conjugate gradients nothing is
+/// allocated from the second solve on. Serves one thread.
+class NewtonSolver
+{
+public:
+    /// Both must outlive it. The preconditioner is of the energy's second derivatives.
+    NewtonSolver(Energy& energy, Preconditioner& preconditioner);
+
+    /// Lowers the energy from its current state. On any stop the state is the best
+    /// found. Never throws but for memory, never prints.
+    /// \post energy_after <= energy_before, up to rounding
+    SolveReport minimize(const SolveOptions& options);
+
+    /// What earlier solves have shown of the preconditioner no longer counts.
+    void forget() { is_slow_ = false; }
+
+    /// Memory of the direct method's factor [byte]; analyses the structure.
+    double factor_bytes();
+
+private:
+    class Run;
+    void analyse();
+
+    Energy& energy_;
+    Preconditioner& preconditioner_;
+    ConjugateGradients conjugate_gradients_;
+    Eigen::VectorXd gradient_, trial_gradient_, right_, step_;
+    std::vector<double> rounding_;
+    bool is_slow_ = false; ///< the preconditioner served badly at the last step
+    // Of the direct method alone.
+    std::optional<BlockMatrix> matrix_;
+    std::optional<SparseCholesky> factor_;
+};
+
+} // namespace cellwarp
