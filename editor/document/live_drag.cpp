@@ -2,13 +2,11 @@
 #include "editor/document/live_drag.h"
 
 #include <chrono>
-#include <condition_variable>
 #include <future>
-#include <mutex>
 #include <optional>
 #include <stop_token>
-#include <thread>
 
+#include "editor/document/worker.h"
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
 
@@ -43,34 +41,37 @@ void copy(std::span<const float> from, std::vector<float>& to)
 
 struct LiveDrag::State
 {
+    struct Hand
+    {
+        std::vector<Motion> motions;
+        Clock::time_point moved_at = Clock::now();
+    };
+    struct Frame
+    {
+        ShownShape shape;
+        ShownCells cells;
+    };
+
     // Shared.
-    mutable std::mutex mutex;
-    std::condition_variable wake;
-    std::vector<Motion> motions; ///< newest
-    Clock::time_point moved_at = Clock::now();
-    bool has_moved = false, is_stopping = false, shows_cells = false;
-    ShownShape ready;
-    ShownCells ready_cells;
-    bool is_ready = false;
+    bool shows_cells = false;
     DragStatus status;
 
     // Of the thread.
     PreparedDrag prepared;
     Refining refining;
     std::stop_source stop_refining;
-    ShownShape back;
-    std::vector<Motion> now;
-    Clock::time_point now_at;
+    Frame frame;
+    Hand hand;
     bool is_converged = true;
     bool is_refined = true; ///< for where the hand is; before it moves there is no need
 
-    std::jthread thread;
+    Worker<Hand, Frame> worker;
 
     explicit State(PreparedDrag from) : prepared(std::move(from))
     {
         status.is_dragging = true;
         status.cells = prepared.source.body->cells.size();
-        thread = std::jthread([this] { run(); });
+        worker.start([this] { run(); });
     }
 
     enum class Work
@@ -89,29 +90,24 @@ struct LiveDrag::State
 
     Work next_work()
     {
-        std::unique_lock lock(mutex);
         for (;;)
         {
-            if (is_stopping)
+            if (worker.is_ending())
                 return Work::End;
             if (is_refining_done())
                 return Work::TakeRefined;
-            if (has_moved)
-            {
-                now = motions;
-                now_at = moved_at;
-                has_moved = is_refined = is_converged = false;
-            }
+            if (worker.take_request(hand))
+                is_refined = is_converged = false;
             if (!is_converged)
                 return Work::Frame;
             if (refining.valid())
-                wake.wait_for(lock, kLook);
+                worker.wait(Clock::now() + kLook);
             else if (is_refined)
-                wake.wait(lock);
-            else if (Clock::now() >= moved_at + kRest)
+                worker.wait();
+            else if (Clock::now() >= hand.moved_at + kRest)
                 return Work::Refine;
             else
-                wake.wait_until(lock, moved_at + kRest);
+                worker.wait(hand.moved_at + kRest);
         }
     }
 
@@ -148,38 +144,34 @@ struct LiveDrag::State
             return;
         prepared = std::move(*made);
         is_converged = false;
-        const std::lock_guard lock(mutex);
-        status.cells = prepared.source.body->cells.size();
+        worker.alone([&] { status.cells = prepared.source.body->cells.size(); });
     }
 
     void draw_frame()
     {
-        const DragReport report = prepared.drag->frame(now);
+        const DragReport report = prepared.drag->frame(hand.motions);
         const Stop stop = report.solve.stop;
         is_converged = stop == Stop::Converged || stop == Stop::NoDescent ||
                        stop == Stop::NotPositiveDefinite;
         const SampleBlend& samples = prepared.drag->samples();
-        copy(samples.positions(), back.positions);
-        copy(samples.normals(), back.normals);
-        back.layout = prepared.layout;
-        back.to_view = prepared.to_view;
-        bool with_cells = false;
-        {
-            const std::lock_guard lock(mutex);
-            with_cells = shows_cells;
-        }
-        ShownCells cells;
-        if (with_cells)
-            cells = shown_cells(prepared.drag->system(), prepared.drag->system().poses(),
-                                prepared.source.view);
-        const std::lock_guard lock(mutex);
-        std::swap(ready, back);
-        std::swap(ready_cells, cells);
-        is_ready = true;
-        status.solve_ms = report.solve_ms;
-        status.blend_ms = report.blend_ms;
-        status.latency_ms = ms_since(now_at);
-        ++status.frames;
+        copy(samples.positions(), frame.shape.positions);
+        copy(samples.normals(), frame.shape.normals);
+        frame.shape.layout = prepared.layout;
+        frame.shape.to_view = prepared.to_view;
+        const bool with_cells = worker.alone([&] { return shows_cells; });
+        frame.cells = with_cells ? shown_cells(prepared.drag->system(),
+                                               prepared.drag->system().poses(),
+                                               prepared.source.view)
+                                 : ShownCells();
+        worker.alone(
+            [&]
+            {
+                worker.give(frame);
+                status.solve_ms = report.solve_ms;
+                status.blend_ms = report.blend_ms;
+                status.latency_ms = ms_since(hand.moved_at);
+                ++status.frames;
+            });
     }
 
     void work()
@@ -210,21 +202,14 @@ struct LiveDrag::State
         }
         catch (const std::exception& error)
         {
-            const std::lock_guard lock(mutex);
-            status.error = error.what();
+            worker.alone([&] { status.error = error.what(); });
         }
     }
 
     void end()
     {
-        {
-            const std::lock_guard lock(mutex);
-            is_stopping = true;
-        }
         stop_refining.request_stop();
-        wake.notify_all();
-        if (thread.joinable())
-            thread.join();
+        worker.end();
     }
 };
 
@@ -240,37 +225,28 @@ LiveDrag::~LiveDrag()
 
 void LiveDrag::move(std::vector<Motion> motions)
 {
-    {
-        const std::lock_guard lock(state_->mutex);
-        state_->motions = std::move(motions);
-        state_->has_moved = true;
-        state_->moved_at = Clock::now();
-    }
-    state_->wake.notify_all();
+    state_->worker.ask({std::move(motions), Clock::now()});
 }
 
 void LiveDrag::show_cells(bool shows)
 {
-    const std::lock_guard lock(state_->mutex);
-    state_->shows_cells = shows;
+    state_->worker.alone([&] { state_->shows_cells = shows; });
 }
 
 bool LiveDrag::take(ShownShape& shape, ShownCells& cells)
 {
-    const std::lock_guard lock(state_->mutex);
-    if (!state_->is_ready)
-        return false;
-    std::swap(shape, state_->ready);
-    if (!state_->ready_cells.cells.empty())
-        std::swap(cells, state_->ready_cells);
-    state_->is_ready = false;
-    return true;
+    return state_->worker.take(
+        [&](State::Frame& frame)
+        {
+            std::swap(shape, frame.shape);
+            if (!frame.cells.cells.empty())
+                std::swap(cells, frame.cells);
+        });
 }
 
 DragStatus LiveDrag::status() const
 {
-    const std::lock_guard lock(state_->mutex);
-    return state_->status;
+    return state_->worker.alone([&] { return state_->status; });
 }
 
 std::optional<PreparedDrag> LiveDrag::stop()

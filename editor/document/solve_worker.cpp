@@ -2,11 +2,9 @@
 #include "editor/document/solve_worker.h"
 
 #include <algorithm>
-#include <condition_variable>
-#include <mutex>
 #include <stop_token>
-#include <thread>
 
+#include "editor/document/worker.h"
 #include "editor/session/memory_limit.h"
 #include "editor/session/scene_settings.h"
 #include "editor/session/script_fingerprint.h"
@@ -40,16 +38,11 @@ struct SolveWorker::State
     WorkFrame view;
 
     // Shared.
-    mutable std::mutex mutex;
-    std::condition_variable wake;
-    std::optional<SolveRequest> asked;
-    ScriptFingerprint asked_chain; ///< of its handles
-    std::optional<Solved> solved;
     SolveStatus status;
     Clock::time_point started;
-    bool is_working = false, is_stopping = false, is_cancelled = false;
-    std::stop_source stop;   ///< of the solve under way
-    ScriptFingerprint chain; ///< of it
+    bool is_cancelled = false;
+    std::stop_source stop;                  ///< of the solve under way
+    ScriptFingerprint asked_script, script; ///< of the request that waits; of it
     ScriptPlace end;
     SceneFile scene;
 
@@ -57,34 +50,25 @@ struct SolveWorker::State
     std::optional<Session> session;
     SceneFile session_scene;
 
-    std::jthread thread;
+    Worker<SolveRequest, Solved> worker;
 
     State(std::shared_ptr<const GeometryFile> of, const WorkFrame& in)
         : model(std::move(of)), view(in)
     {
-        thread = std::jthread([this] { run(); });
+        worker.start([this] { run(); });
     }
 
     template <class Change>
     void tell(Change&& change)
     {
-        const std::lock_guard lock(mutex);
-        change(status);
+        worker.alone([&] { change(status); });
     }
 
-    bool next_request(SolveRequest& request)
+    void begin(const SolveRequest& request)
     {
-        std::unique_lock lock(mutex);
-        is_working = false;
-        wake.wait(lock, [&] { return is_stopping || asked; });
-        if (is_stopping)
-            return false;
-        request = std::move(*asked);
-        asked.reset();
-        is_working = true;
         is_cancelled = false;
         stop = std::stop_source();
-        chain = std::move(asked_chain);
+        script = std::move(asked_script);
         end = end_of(request.handles);
         scene = request.scene;
         started = Clock::now();
@@ -93,15 +77,20 @@ struct SolveWorker::State
         status.error_region.clear();
         status.energy_curve.clear();
         status.frames_to_do = 0;
-        return true;
     }
 
-    void watch(const FrameProgress& now)
+    /// In alone().
+    void say_cancelled()
     {
-        const std::lock_guard lock(mutex);
-        status.progress = now;
-        status.state = SolveStatus::State::Solving;
-        std::vector<std::pair<double, double>>& curve = status.energy_curve;
+        status.state = SolveStatus::State::Failed;
+        status.error = kCancelled;
+    }
+
+    void watch(SolveStatus& s, const FrameProgress& now) const
+    {
+        s.progress = now;
+        s.state = SolveStatus::State::Solving;
+        std::vector<std::pair<double, double>>& curve = s.energy_curve;
         if (curve.size() >= kCurve) // every second one
         {
             for (std::size_t k = 0; 2 * k < curve.size(); ++k)
@@ -121,7 +110,8 @@ struct SolveWorker::State
             settings.keeps_checkpoints = true;
             settings.cells.max_memory = default_memory_limit();
             settings.stop = stop.get_token();
-            settings.watch = [this](const FrameProgress& now) { watch(now); };
+            settings.watch = [this](const FrameProgress& now)
+            { tell([&](SolveStatus& s) { watch(s, now); }); };
             session.emplace(geometry_of(model), request.handles, settings);
             session_scene = request.scene;
         }
@@ -216,12 +206,15 @@ struct SolveWorker::State
             if (what.starts_with(statement.name + ": ") ||
                 what.find(" " + statement.name + ": ") != std::string::npos)
                 region = statement.name;
-        const std::lock_guard lock(mutex);
-        status.state = SolveStatus::State::Failed;
-        status.error = what;
-        status.error_region = region;
-        status.seconds = seconds_since(started);
-        status.warnings.clear();
+        tell(
+            [&](SolveStatus& s)
+            {
+                s.state = SolveStatus::State::Failed;
+                s.error = what;
+                s.error_region = region;
+                s.seconds = seconds_since(started);
+                s.warnings.clear();
+            });
     }
 
     void work_on(const SolveRequest& request)
@@ -230,11 +223,12 @@ struct SolveWorker::State
         {
             if (!solve(request))
             {
-                const std::lock_guard lock(mutex);
-                if (!is_cancelled)
-                    return; // another request is there
-                status.state = SolveStatus::State::Failed;
-                status.error = kCancelled;
+                worker.alone(
+                    [&]
+                    {
+                        if (is_cancelled) // else another request is there
+                            say_cancelled();
+                    });
                 return;
             }
             tell([](SolveStatus& s) { s.state = SolveStatus::State::Field; });
@@ -244,15 +238,14 @@ struct SolveWorker::State
             describe(done); // takes a while: whoever asks for the status does not wait
             done.state = SolveStatus::State::Idle;
             done.seconds = seconds_since(started);
-            const std::lock_guard lock(mutex);
-            if (is_cancelled) // it may be another request that was waiting
-            {
-                status.state = SolveStatus::State::Failed;
-                status.error = kCancelled;
-                return;
-            }
-            solved = std::move(out);
-            status = std::move(done);
+            worker.alone(
+                [&]
+                {
+                    if (is_cancelled) // it may be another request that was waiting
+                        return say_cancelled();
+                    worker.give(out);
+                    status = std::move(done);
+                });
         }
         catch (const Error& error)
         {
@@ -273,7 +266,9 @@ struct SolveWorker::State
     void run()
     {
         // Nothing of a request is kept when it is done.
-        for (SolveRequest request; next_request(request); request = {})
+        for (SolveRequest request;
+             worker.next(request, [this](const SolveRequest& next) { begin(next); });
+             request = {})
             try
             {
                 work_on(request);
@@ -298,66 +293,65 @@ SolveWorker::SolveWorker(std::shared_ptr<const GeometryFile> model, const WorkFr
 
 SolveWorker::~SolveWorker()
 {
-    {
-        const std::lock_guard lock(state_->mutex);
-        state_->is_stopping = true;
-        state_->stop.request_stop();
-    }
-    state_->wake.notify_all();
-    state_->thread.join();
+    state_->worker.end([&] { state_->stop.request_stop(); });
 }
 
 void SolveWorker::ask(SolveRequest request)
 {
-    ScriptFingerprint chain(request.handles);
-    {
-        const std::lock_guard lock(state_->mutex);
-        const auto goes_on = [&]
-        {
-            return chain.has(state_->end) &&
-                   chain.up_to(state_->end) == state_->chain.up_to(state_->end) &&
-                   request.scene.settings == state_->scene.settings;
-        };
-        if (state_->is_working && !goes_on())
-            state_->stop.request_stop();
-        state_->asked = std::move(request);
-        state_->asked_chain = std::move(chain);
-    }
-    state_->wake.notify_all();
+    State& s = *state_;
+    ScriptFingerprint script(request.handles);
+    s.worker.ask(std::move(request),
+                 [&](const SolveRequest& asked)
+                 {
+                     const auto goes_on = [&]
+                     {
+                         return script.has(s.end) &&
+                                script.up_to(s.end) == s.script.up_to(s.end) &&
+                                asked.scene.settings == s.scene.settings;
+                     };
+                     if (s.worker.is_working() && !goes_on())
+                         s.stop.request_stop();
+                     s.asked_script = std::move(script);
+                 });
 }
 
 void SolveWorker::cancel()
 {
-    const std::lock_guard lock(state_->mutex);
-    if (state_->asked && !state_->is_working) // it has not begun
-    {
-        state_->status.state = SolveStatus::State::Failed;
-        state_->status.error = kCancelled;
-    }
-    state_->asked.reset();
-    state_->is_cancelled = true;
-    state_->stop.request_stop();
+    State& s = *state_;
+    s.worker.alone(
+        [&]
+        {
+            if (s.worker.is_asked() && !s.worker.is_working()) // it has not begun
+                s.say_cancelled();
+            s.worker.forget_request();
+            s.is_cancelled = true;
+            s.stop.request_stop();
+        });
 }
 
 std::optional<Solved> SolveWorker::take()
 {
-    const std::lock_guard lock(state_->mutex);
-    return std::exchange(state_->solved, std::nullopt);
+    std::optional<Solved> newest;
+    state_->worker.take([&](Solved& solved) { newest = std::exchange(solved, {}); });
+    return newest;
 }
 
 SolveStatus SolveWorker::status() const
 {
-    const std::lock_guard lock(state_->mutex);
-    SolveStatus status = state_->status;
-    if (state_->is_working)
-        status.seconds = seconds_since(state_->started);
-    return status;
+    return state_->worker.alone(
+        [&]
+        {
+            SolveStatus status = state_->status;
+            if (state_->worker.is_working())
+                status.seconds = seconds_since(state_->started);
+            return status;
+        });
 }
 
 bool SolveWorker::is_busy() const
 {
-    const std::lock_guard lock(state_->mutex);
-    return state_->is_working || state_->asked;
+    return state_->worker.alone(
+        [&] { return state_->worker.is_working() || state_->worker.is_asked(); });
 }
 
 } // namespace cellwarp
