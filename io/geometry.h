@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A geometry file as plain values: samples, faces and directions, and the place
-// of every number that a deformation changes. Saving patches those places; every
-// other byte of the file passes through untouched.
+// Geometry as plain values: samples, faces and directions, and the place in its file of
+// every number that a deformation changes.
 #pragma once
 
 #include <array>
@@ -136,27 +135,10 @@ geometry_of(std::shared_ptr<const GeometryFile> file)
     return {std::move(file), geometry};
 }
 
-/// The formats that can be read and written, by lower-case extension.
-bool is_geometry_format(std::string_view extension);
-
-/// "obj" of "dir/Name.OBJ"; empty without an extension.
-std::string extension_of(const std::string& path);
-
-/// The error for a path whose extension is no geometry format.
-Error unknown_format(const std::string& path);
-
 struct ReadOptions
 {
     std::string columns; ///< of text in columns, see ColumnsScanner
 };
-
-/// Reads and checks the file whole. Throws Fault::File or Fault::Malformed; an
-/// unknown extension is Fault::Usage.
-GeometryFile read_geometry(const std::string& path, const ReadOptions& options = {});
-
-/// The same for bytes that are already in memory; \p path names them.
-GeometryFile scan_geometry(std::string path, std::string bytes,
-                           const ReadOptions& options = {});
 
 /// A direction as one of its samples sees it. An OBJ's vn that several samples
 /// share has several uses.
@@ -182,29 +164,5 @@ struct DeformedSamples
     std::vector<Eigen::Vector3d> tangents = {};
     std::vector<Eigen::Vector4d> rotations = {};
 };
-
-/// The file's bytes with \p patch in place. A number whose value does not change
-/// keeps its bytes. Where the uses of one OBJ direction end more than 1e-6 apart
-/// it is split: new vn lines at the end, and only those corners' index changes;
-/// \p num_split, if given, counts the new lines.
-/// Throws Fault::Malformed if a value does not fit its stored type.
-std::string patched(const GeometryFile& file, const DeformedSamples& patch,
-                    std::size_t* num_split = nullptr);
-
-/// What one part of a file ends with, in its order.
-struct PartPatch
-{
-    std::span<const Eigen::Vector3d> samples; ///< as many as the part's geometry has
-    std::span<const Eigen::Vector3d> directions, tangents; ///< likewise
-    std::span<const Eigen::Vector4d> rotations;            ///< likewise
-    std::span<const std::uint64_t> index_starts; ///< [byte] of OBJ indices to replace
-    std::span<const std::uint32_t> new_indices;  ///< 1-based
-};
-
-/// Appends \p bytes, which start at byte \p start of the file \p path and hold
-/// \p geometry, with \p patch in place. Whole files and parts alike are written here.
-/// Throws as patched() does.
-void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
-                    const Geometry& geometry, const PartPatch& patch, std::string& out);
 
 } // namespace cellwarp

@@ -4,9 +4,11 @@
 #include <filesystem>
 
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/gltf.h"
 #include "io/number.h"
 #include "io/plain_mesh.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

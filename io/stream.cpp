@@ -11,13 +11,16 @@
 #include <utility>
 
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/gltf_stream.h"
 #include "io/obj_stream.h"
+#include "io/part_patch.h"
 #include "io/part_reader.h"
 #include "io/pcd.h"
 #include "io/pcd_stream.h"
 #include "io/stl.h"
 #include "io/stream_ranges.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

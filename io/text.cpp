@@ -2,6 +2,7 @@
 #include "io/text.h"
 
 #include <cstring>
+#include <filesystem>
 
 namespace cellwarp
 {
@@ -95,6 +96,14 @@ std::string foreign_bytes(std::string_view bytes)
 std::size_t byte_order_mark(std::string_view bytes)
 {
     return bytes.starts_with("\xef\xbb\xbf") ? 3 : 0;
+}
+
+std::string extension_of(const std::string& path)
+{
+    std::string extension = std::filesystem::path(path).extension().string();
+    if (!extension.empty())
+        extension.erase(0, 1);
+    return lower_case(extension);
 }
 
 } // namespace cellwarp

@@ -95,4 +95,7 @@ std::string foreign_content(std::string_view bytes);
 /// The same for bytes from the middle of a file.
 std::string foreign_bytes(std::string_view bytes);
 
+/// "obj" of "dir/Name.OBJ"; empty without an extension.
+std::string extension_of(const std::string& path);
+
 } // namespace cellwarp

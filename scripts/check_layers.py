@@ -68,7 +68,7 @@ LIBRARIES = {
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
-            "io/import": {"io/geometry.cpp"},
+            "io/import": {"io/geometry_file.cpp"},
             "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)

@@ -11,6 +11,7 @@
 #include "editor/cli/command.h"
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "io/text.h"
 #include "octree/base/clock.h"

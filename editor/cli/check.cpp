@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "io/geometry_file.h"
 
 namespace cellwarp
 {

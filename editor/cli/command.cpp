@@ -16,6 +16,7 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "io/saved_pair.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

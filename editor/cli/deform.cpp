@@ -8,8 +8,10 @@
 #include "editor/cli/command.h"
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
+#include "io/text.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 

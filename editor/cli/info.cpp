@@ -6,6 +6,7 @@
 
 #include "editor/cli/command.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 
 namespace cellwarp

@@ -7,7 +7,9 @@
 
 #include "editor/picture/figures.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

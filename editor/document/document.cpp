@@ -5,7 +5,9 @@
 
 #include "editor/document/document_state.h"
 #include "io/checksum.h"
+#include "io/geometry_file.h"
 #include "io/saved_pair.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

@@ -14,6 +14,7 @@
 #include "io/error.h"
 #include "io/geometry_output.h"
 #include "io/number.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

@@ -15,6 +15,7 @@
 #include "editor/session/memory_limit.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "io/text.h"
 #include "octree/base/parallel.h"
 
 namespace

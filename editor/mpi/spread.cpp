@@ -6,6 +6,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/part_patch.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

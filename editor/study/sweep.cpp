@@ -10,6 +10,7 @@
 #include "editor/session/peak_memory.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"

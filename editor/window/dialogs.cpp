@@ -11,6 +11,8 @@
 #include "editor/window/style.h"
 #include "editor/window/widgets.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

@@ -21,6 +21,7 @@
 #include "io/import/imported.h"
 #include "io/number.h"
 #include "io/program.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

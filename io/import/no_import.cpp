@@ -6,6 +6,7 @@
 #include <iterator>
 
 #include "io/error.h"
+#include "io/text.h"
 
 namespace cellwarp
 {

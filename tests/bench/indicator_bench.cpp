@@ -13,6 +13,7 @@
 #include "editor/session/session.h"
 #include "io/bytes.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "io/handle_file.h"
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"

@@ -15,6 +15,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/flood.h"
 #include "octree/hollows.h"

@@ -9,6 +9,7 @@
 
 #include "io/bytes.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace

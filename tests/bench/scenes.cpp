@@ -12,6 +12,7 @@
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "tests/support/shapes.h"
 

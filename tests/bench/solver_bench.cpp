@@ -16,7 +16,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/drag.h"
-#include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "io/handle_file.h"
 #include "octree/base/clock.h"
 #include "solver/cells/rigid_multigrid.h"

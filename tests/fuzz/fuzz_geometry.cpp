@@ -8,6 +8,7 @@
 
 #include "io/error.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 
 using namespace cellwarp;
 

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base64.h"
+#include "io/geometry_file.h"
 #include "io/geometry_output.h"
 #include "io/stored_number.h"
 #include "octree/base/index.h"

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "tests/support/parts.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

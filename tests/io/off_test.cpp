@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp

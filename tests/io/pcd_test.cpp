@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "io/lzf.h"
 #include "io/stored_number.h"
 #include "tests/support/parts.h"

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
+
 namespace cellwarp
 {
 

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "io/stored_number.h"
 #include "tests/support/parts.h"
 #include "tests/support/throws.h"

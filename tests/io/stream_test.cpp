@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/base64.h"
+#include "io/geometry_file.h"
 #include "io/gltf.h"
 #include "io/lzf.h"
 #include "io/lzf_unpacker.h"

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "octree/material.h"
 #include "tests/support/pot.h"
 #include "tests/support/program.h"

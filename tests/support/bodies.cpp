@@ -7,6 +7,7 @@
 
 #include "editor/session/body.h"
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 
 namespace cellwarp::support
 {

@@ -2,6 +2,7 @@
 #include "tests/support/fields.h"
 
 #include "editor/session/session.h"
+#include "io/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support

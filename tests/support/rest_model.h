@@ -6,6 +6,7 @@
 #include <string>
 
 #include "editor/session/region_set.h"
+#include "io/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp::support

@@ -15,6 +15,7 @@
 #include "editor/apply/apply.h"
 #include "editor/apply/manifest.h"
 #include "editor/session/deformation.h"
+#include "io/geometry_file.h"
 #include "io/lzf.h"
 #include "octree/base/index.h"
 #include "tests/support/fields.h"

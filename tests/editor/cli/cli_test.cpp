@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/geometry.h"
+#include "io/geometry_file.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

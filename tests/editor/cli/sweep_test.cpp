@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "editor/cli/sweep_page.h"
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"

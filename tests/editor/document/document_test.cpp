@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/session.h"
+#include "io/geometry_file.h"
 #include "io/journal.h"
 #include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"

@@ -10,6 +10,7 @@
 
 #include "editor/session/deformation.h"
 #include "editor/session/scene_settings.h"
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"

@@ -8,6 +8,7 @@
 
 #include "editor/document/editing.h"
 #include "editor/session/scene_settings.h"
+#include "io/geometry_file.h"
 #include "octree/base/clock.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/sanitized.h"

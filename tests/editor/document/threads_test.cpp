@@ -9,6 +9,7 @@
 
 #include "editor/document/editing.h"
 #include "editor/session/scene_settings.h"
+#include "io/geometry_file.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/throws.h"
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/picture/figures.h"
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
 

@@ -8,6 +8,7 @@
 
 #include "editor/session/session.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "octree/base/parallel.h"
 #include "tests/support/allocations.h"
 #include "tests/support/shapes.h"

@@ -11,6 +11,7 @@
 #include "editor/session/checkpoints.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/session.h"
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 #include "tests/support/shapes.h"

@@ -8,6 +8,7 @@
 
 #include "editor/session/deformation.h"
 #include "editor/session/session.h"
+#include "io/geometry_file.h"
 #include "octree/base/parallel.h"
 #include "tests/support/allocations.h"
 #include "tests/support/sanitized.h"

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "io/stored_number.h"
 #include "octree/base/index.h"

@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp

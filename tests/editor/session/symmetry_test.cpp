@@ -7,6 +7,7 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "io/number.h"
 #include "tests/support/shapes.h"
 

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/session.h"
+#include "io/geometry_file.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp

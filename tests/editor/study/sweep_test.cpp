@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "tests/support/shapes.h"

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Which scanner reads which extension, and who writes it.
+#include "io/geometry_file.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "io/bytes.h"
+#include "io/gltf.h"
+#include "io/import/import.h"
+#include "io/obj.h"
+#include "io/part_patch.h"
+#include "io/pcd.h"
+#include "io/scanner.h"
+#include "io/stl.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::string_view kFormats[] = {"obj", "ply", "stl", "off", "pcd",  "xyz",
+                                         "pts", "csv", "txt", "asc", "gltf", "glb"};
+
+} // namespace
+
+bool is_geometry_format(std::string_view extension)
+{
+    return std::find(std::begin(kFormats), std::end(kFormats), extension) !=
+           std::end(kFormats);
+}
+
+Error unknown_format(const std::string& path)
+{
+    std::string known;
+    for (const std::string_view format : kFormats)
+        known += (known.empty() ? "" : ", ") + std::string(format);
+    return Error(
+        Fault::Usage,
+        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
+}
+
+GeometryFile scan_geometry(std::string path, std::string bytes,
+                           const ReadOptions& options)
+{
+    GeometryFile file{std::move(path), std::move(bytes), {}};
+    const std::string extension = extension_of(file.path);
+    file.geometry.format = extension;
+    if (!is_geometry_format(extension))
+        throw unknown_format(file.path);
+    check_content(file.path, extension, file.bytes, 0);
+    if (extension == "gltf" || extension == "glb")
+        scan_gltf(file);
+    else
+    {
+        const std::unique_ptr<Scanner> scanner =
+            make_scanner(file.path, extension, file.bytes.size(), options);
+        scanner->scan(file.bytes, 0, true, file.geometry);
+        scanner->finish(file.geometry);
+    }
+    check_magnitude(file.path, file.geometry);
+    return file;
+}
+
+GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
+{
+    // Why a path leads nowhere is told where it is opened.
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored))
+        throw Error(Fault::File, at({path, 0, ""}, "is a directory, need a file"));
+    const std::string extension = extension_of(path);
+    if (is_geometry_format(extension))
+        return scan_geometry(path, read_file(path), options);
+    if (!is_import_format(extension))
+        throw unknown_format(path);
+    GeometryFile file{path, {}, {}};
+    file.geometry = import_geometry(path, read_file(path));
+    check_magnitude(file.path, file.geometry);
+    return file;
+}
+
+std::string patched(const GeometryFile& file, const DeformedSamples& patch,
+                    std::size_t* num_split)
+{
+    const Geometry& geometry = file.geometry;
+    if (num_split)
+        *num_split = 0;
+    if (file.gltf)
+        return patched_gltf(file, patch, {}).bytes;
+    if (!geometry.unpacked.empty())
+        return patched_pcd(file, patch);
+    const std::vector<DirectionUse> uses = direction_uses(geometry);
+    ObjSplit split;
+    if (!geometry.corner_directions.empty())
+        split = split_directions(geometry, uses, patch.directions, file.bytes);
+    else if (geometry.format == "stl")
+        split.directions = facet_normals(geometry, patch.samples);
+    else
+    {
+        split.directions = geometry.directions;
+        for (std::size_t use = 0; use < uses.size(); ++use)
+            split.directions[uses[use].direction] = patch.directions[use];
+    }
+    if (num_split)
+        *num_split = split.num_lines;
+    std::string out;
+    out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
+    append_patched(file.path, file.bytes, 0, geometry,
+                   {patch.samples, split.directions, patch.tangents, patch.rotations,
+                    split.index_starts, split.new_indices},
+                   out);
+    out.append(split.lines);
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Geometry files of any format, whole. Saving patches the numbers that changed; every
+// other byte of the file passes through untouched.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+#include "io/error.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// The formats that can be read and written, by lower-case extension.
+bool is_geometry_format(std::string_view extension);
+
+/// The error for a path whose extension is no geometry format.
+Error unknown_format(const std::string& path);
+
+/// Reads and checks the file whole. Throws Fault::File or Fault::Malformed; an
+/// unknown extension is Fault::Usage.
+GeometryFile read_geometry(const std::string& path, const ReadOptions& options = {});
+
+/// The same for bytes that are already in memory; \p path names them.
+GeometryFile scan_geometry(std::string path, std::string bytes,
+                           const ReadOptions& options = {});
+
+/// The file's bytes with \p patch in place. A number whose value does not change
+/// keeps its bytes. Where the uses of one OBJ direction end more than 1e-6 apart
+/// it is split: new vn lines at the end, and only those corners' index changes;
+/// \p num_split, if given, counts the new lines.
+/// Throws Fault::Malformed if a value does not fit its stored type.
+std::string patched(const GeometryFile& file, const DeformedSamples& patch,
+                    std::size_t* num_split = nullptr);
+
+} // namespace cellwarp
