@@ -24,8 +24,10 @@ struct Cell
     Eigen::Vector3d box_centre = Eigen::Vector3d::Zero(); ///< of the leaf
     double edge = 0.0;                                    ///< of the leaf
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();     ///< centroid of the piece
-    /// Where its motion is that of the body (glue.cpp says why): the centre of its box;
-    /// the centroid where the box holds other pieces.
+    /// The point of the cell that moves as the material there does. Glue balances where
+    /// cells agree with a deformation at the centres of their boxes (derived in
+    /// glue.cpp), so it is the centre of the box; the piece's centroid if the box holds
+    /// other pieces.
     Eigen::Vector3d anchor = Eigen::Vector3d::Zero();
     double volume = 0.0;
     /// (1/V) int (x - centre)(x - centre)^T over the piece.

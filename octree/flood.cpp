@@ -1,6 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Marks are widened by r until a flood from outside no longer enters; then the
-// outside is widened by r in turn (a closing), so that the surface stays where it is.
+// Finds the inside of a surface that is given by marked voxels and may have holes.
+//   1. Every voxel nearer than r to a mark is closed: holes narrower than 2 r let nothing
+//      in.
+//   2. A flood from the grid's border fills what it reaches.
+//   3. What it did not reach is the inside without a layer of the thickness r, and the
+//      closed voxels outside are one, too. So the flood is grown by r again, which puts
+//      the border of the inside back onto the marks.
+// r is the smallest radius that seals the shape: see kSealed.
 #include "octree/flood.h"
 
 #include <algorithm>

@@ -59,7 +59,7 @@ LIBRARIES = {
     "mpi.h": {"editor/mpi"},
     "zlib.h": {"io/checksum.cpp"},
     "lzf.h": {"io/lzf.cpp"},
-    "nlohmann/": {"io/scene_file.cpp", "io/gltf.cpp", "editor/cli", "editor/document/edit.cpp",
+    "nlohmann/": {"io/scene_file.cpp", "io/gltf_json.h", "editor/cli", "editor/document/edit.cpp",
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},

@@ -283,7 +283,7 @@ void Document::set_rest(std::uint64_t stage_fingerprint,
         return;
     s.rest = std::move(samples);
     s.rest_fingerprint = stage_fingerprint;
-    s.twins.reset(); // another rest may come to lie where the last one was
+    s.coincident.reset(); // another rest may come to lie where the last one was
     s.rest_box = bounding_box(*s.rest);
     if (s.edited.handles.stages.size() == 1 ||
         s.stage_fingerprints.back() != stage_fingerprint)
@@ -295,7 +295,7 @@ void Document::set_rest(std::uint64_t stage_fingerprint,
     catch (...)
     {
         s.rest.reset();
-        s.twins.reset();
+        s.coincident.reset();
         throw;
     }
     ++s.revision;

@@ -140,7 +140,7 @@ std::vector<std::uint32_t> Document::State::selected() const
 {
     if (edited.selection.empty())
         throw usage("nothing is selected");
-    return ground().twins.of(edited.selection.samples());
+    return ground().coincident.of(edited.selection.samples());
 }
 
 void Document::State::check_new_name(const std::string& name) const

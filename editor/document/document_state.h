@@ -66,8 +66,9 @@ struct Document::State
         stage_fingerprints;             ///< ScriptFingerprint::before() of each
     std::uint64_t rest_fingerprint = 0; ///< of the rest that is known
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest;
-    mutable std::optional<CoincidentSamples> twins; ///< found when they are asked for
-    mutable const std::vector<Eigen::Vector3d>* twins_of = nullptr;
+    mutable std::optional<CoincidentSamples>
+        coincident; ///< found when they are asked for
+    mutable const std::vector<Eigen::Vector3d>* coincident_of = nullptr;
     ModelBox rest_box;
     std::uint64_t revision = 0, result_revision = 0;
 
@@ -91,12 +92,13 @@ struct Document::State
         Units units{frame, edited.handles.is_relative, is_first ? box : rest_box};
         if (!is_first && !scene.frame)
             units.frame = automatic_frame(units.box);
-        if (!twins || twins_of != &samples)
+        if (!coincident || coincident_of != &samples)
         {
-            twins.emplace(samples, units.box);
-            twins_of = &samples;
+            coincident.emplace(samples, units.box);
+            coincident_of = &samples;
         }
-        return {model->geometry, samples, units, edited.handles, *twins, knows_rest()};
+        return {model->geometry, samples,     units,
+                edited.handles,  *coincident, knows_rest()};
     }
 
     /// What a region's last move of the stage makes of it.

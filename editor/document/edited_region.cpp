@@ -102,7 +102,7 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
 {
     std::vector<EditedRegion> regions;
     for (Region& region : resolve_regions(statements, ground.geometry, ground.rest,
-                                          ground.units, ground.file, &ground.twins))
+                                          ground.units, ground.file, &ground.coincident))
     {
         EditedRegion& edited = regions.emplace_back();
         edited.name = std::move(region.name);

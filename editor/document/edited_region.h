@@ -52,8 +52,8 @@ struct RegionGround
     const Geometry& geometry;
     const std::vector<Eigen::Vector3d>& rest; ///< samples [model unit]
     Units units;
-    const HandleFile& file;         ///< of the statements
-    const CoincidentSamples& twins; ///< of the samples
+    const HandleFile& file;              ///< of the statements
+    const CoincidentSamples& coincident; ///< of the samples
     bool is_known = true; ///< false: the model stands for a rest that is not there yet
 };
 

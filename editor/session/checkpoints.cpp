@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Going back by one edit is what users do most, by many what they do rarely: the distance
-// between kept states grows with their age, so that a few of them serve any length, and
+// between checkpoints grows with their age, so that a few of them serve any length, and
 // what has to be done again is at most about as long as the way back.
 #include "editor/session/checkpoints.h"
 
@@ -75,11 +75,11 @@ void Checkpoints::add(Checkpoint state)
     thin();
 }
 
-const Checkpoint* Checkpoints::latest_on(const ScriptFingerprint& chain) const
+const Checkpoint* Checkpoints::latest_on(const ScriptFingerprint& script) const
 {
     for (std::size_t k = states_.size(); k-- > 0;)
-        if (chain.has(states_[k].place) &&
-            chain.up_to(states_[k].place) == states_[k].fingerprint)
+        if (script.has(states_[k].place) &&
+            script.up_to(states_[k].place) == states_[k].fingerprint)
             return &states_[k];
     return nullptr;
 }

@@ -63,8 +63,8 @@ public:
     }
 
     void add(Checkpoint state);
-    /// The latest that \p chain passes through; null: none.
-    const Checkpoint* latest_on(const ScriptFingerprint& chain) const;
+    /// The latest that \p script passes through; null: none.
+    const Checkpoint* latest_on(const ScriptFingerprint& script) const;
     std::size_t size() const { return states_.size(); }
     /// Of all of them, about [byte].
     std::size_t bytes() const;

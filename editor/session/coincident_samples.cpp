@@ -17,7 +17,7 @@ namespace cellwarp
 namespace
 {
 
-/// Samples closer than this are twins [diagonal].
+/// Samples closer than this coincide [diagonal].
 constexpr double kTwin = 1e-9;
 
 /// Edge of a cell [tolerance].
@@ -86,7 +86,7 @@ CoincidentSamples::of(std::span<const std::uint32_t> listed) const
             continue;
         const std::size_t first = all.size();
         gather(samples_[i], all);
-        // Those at the very same place have the same twins.
+        // Those at the very same place have the same others.
         for (std::size_t k = first; k < all.size(); ++k)
             if (samples_[all[k]] == samples_[i])
                 is_done[all[k]] = true;

@@ -89,7 +89,7 @@ RegionShape shape_of(const Selector& selector, const Units& units)
     }
 }
 
-/// The samples that a list selector names, without twins.
+/// The samples that a list selector names, without what coincides with them.
 std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
                                           const Geometry& geometry,
                                           std::size_t num_samples, const HandleFile& file)

@@ -41,7 +41,7 @@ struct Region
     /// samples; of one without samples, of its shapes as far as they are in the model's
     /// box [model unit].
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
-    /// Sorted; the ones named one by one (lists, labels, groups), twins included.
+    /// Sorted; the ones named one by one (lists, labels, groups), with all that coincide.
     std::vector<std::uint32_t> listed;
     std::vector<RegionShape> shapes; ///< one a geometric selector
 

@@ -187,7 +187,7 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
         return;
     }
     handles_ = std::move(handles);
-    chain_ = ScriptFingerprint(handles_);
+    script_ = ScriptFingerprint(handles_);
     const bool has_frames =
         std::any_of(handles_.stages.begin(), handles_.stages.end(),
                     [](const Stage& stage) { return !stage.frames.empty(); });
@@ -210,7 +210,7 @@ std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
 {
     auto rest = std::make_shared<StageRest>();
     rest->stage = stage;
-    rest->fingerprint = chain_.before(stage);
+    rest->fingerprint = script_.before(stage);
     rest->samples = std::move(samples);
     rest->shape = build_rest_shape(*geometry_, rest->samples.samples, settings_.cells);
     parts_.interior += rest->shape->material.method != InsideMethod::None;
@@ -251,12 +251,12 @@ void Session::set_script(HandleFile handles, std::stop_token stop)
 {
     assert(settings_.keeps_checkpoints);
     settings_.stop = std::move(stop);
-    ScriptFingerprint chain(handles);
+    ScriptFingerprint script(handles);
     const ScriptPlace here{stage_, frame_};
     const bool goes_on =
-        state_ && chain.has(here) && chain.up_to(here) == chain_.up_to(here);
+        state_ && script.has(here) && script.up_to(here) == script_.up_to(here);
     handles_ = std::move(handles);
-    chain_ = std::move(chain);
+    script_ = std::move(script);
     try
     {
         if (goes_on)
@@ -280,10 +280,10 @@ void Session::go_back()
 {
     if (!first_rest_)
         first_rest_ = make_rest(0, deformed_);
-    const bool has_last = last_rest_ && last_rest_->stage < chain_.num_stages() &&
-                          chain_.before(last_rest_->stage) == last_rest_->fingerprint;
+    const bool has_last = last_rest_ && last_rest_->stage < script_.num_stages() &&
+                          script_.before(last_rest_->stage) == last_rest_->fingerprint;
     const std::shared_ptr<const StageRest>& rest = has_last ? last_rest_ : first_rest_;
-    const Checkpoint* const kept = kept_.latest_on(chain_);
+    const Checkpoint* const kept = checkpoints_.latest_on(script_);
     if (kept && kept->place.stage >= rest->stage)
     {
         go_to(*kept);
@@ -326,7 +326,7 @@ void Session::add_checkpoint()
     if (!settings_.keeps_checkpoints)
         return;
     const StageState& s = *state_;
-    Checkpoint kept{chain_.up_to({stage_, frame_}),
+    Checkpoint kept{script_.up_to({stage_, frame_}),
                     {stage_, frame_},
                     s.start,
                     s.system.body().octree,
@@ -338,7 +338,7 @@ void Session::add_checkpoint()
                     frames_done_};
     if (frame_ > 0)
         kept.report = reports_.back();
-    kept_.add(std::move(kept));
+    checkpoints_.add(std::move(kept));
 }
 
 void Session::check_memory_of(const FieldChoice& field) const

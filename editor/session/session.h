@@ -104,7 +104,7 @@ public:
     const Geometry& geometry() const { return *geometry_; }
     /// The samples and directions after the last frame that wanted them.
     const DeformedSamples& deformed() const { return deformed_; }
-    /// Of the last frame alone where states are kept.
+    /// Of the last frame alone where checkpoints are kept.
     const std::vector<FrameReport>& frames() const { return reports_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
     const PartCounts& parts() const { return parts_; }
@@ -182,7 +182,7 @@ private:
     std::shared_ptr<const Geometry> geometry_;
     HandleFile handles_;
     SessionSettings settings_;
-    ScriptFingerprint chain_; ///< of the handles
+    ScriptFingerprint script_; ///< of the handles
     std::size_t stage_ = 0, frame_ = 0;
     std::vector<std::uint32_t> use_samples_;                  ///< of the direction uses
     std::shared_ptr<const StageRest> rest_;                   ///< of this stage
@@ -191,7 +191,7 @@ private:
     bool is_deformed_current_ = true; ///< of the last frame
     std::vector<FrameReport> reports_;
     std::size_t frames_done_ = 0;
-    Checkpoints kept_;
+    Checkpoints checkpoints_;
     std::vector<std::string> warnings_;
     PartCounts parts_;
     std::vector<StoredField> committed_fields_;

@@ -41,16 +41,31 @@
 //   at the centres of the cuts, after relaxing, 1.0 to 2.2; with all second moments of
 //   the strip in which the face cuts the sheet 1 to 45.
 //
-// Where a cell B meets smaller ones, q_B - q_s is not normal to the face: it has a part
-// t, half a small edge h along each axis of the face, towards the middle of B's side.
-// With w = area / length that leaves a force 2 w (F - R) t on s, which no other face
-// takes. But its sibling s' in that direction meets B as well and has the opposite force:
-// when their common glue is weaker by d = w |t| / h, the two forces are just what it
-// lacks. The energy is right again too: it lacks d h^2, and 2 w |t|^2 is as much. Taken
-// over near B, what is left acts farther from it, by h / 2 d / (w' - d), w' its own w.
-// Then constant strain leaves no force on cells of any size, and no moment if it is
-// stretch along the axes; for shear the moments of V (F - R) are right to a sixth.
-// Without this, cells of two sizes are less accurate than the larger ones alone.
+// Cells of two sizes. Let B be a cell below which there are cells s, s' of half its edge:
+//
+//     +---------------+
+//     |               |       q_B = q_s + distance n + t,
+//     |       B       |       n the face's normal,
+//     |               |       t = (h/2) along s s' (and the same along the third axis),
+//     +-------+-------+       h the edge of s
+//     |   s   |   s'  |
+//     +-------+-------+
+//
+// Under constant strain the gap of the face between B and s is (F - R)(q_B - q_s). Its
+// part along n balances as above; its part along t leaves the force 2 w (F - R) t on s,
+// and the opposite one on s', which t' = -t leads to.
+//   Both are taken away by weakening the glue between s and s'. With a weight less by
+//     d = w |t| / h
+// the face s s' pulls less by exactly these forces, for its gap is (F - R) h along s s'.
+// Then the energy is right, too: the faces to B count 2 w |t|^2 too much, the face s s'
+// counts d h^2 less, and both are w h^2 / 2.
+//   The weight is taken from the part of the face s s' that lies next to B, so the centre
+// of what is left moves away from B, by (h / 2) d / (w' - d), with w' the weight of the
+// whole face. So cells of any size are left without a force by constant strain, and
+// without a moment by stretch along the axes; by shear a moment of at most a sixth of
+// that of V (F - R) is left.
+//   Measured (docs/departures.md): without it, cells of two sizes are less accurate than
+// the larger ones alone.
 //
 // E is a sum of four terms m |d|^2 with
 //   d = (r_a + f p_a) - (r_b + f p_b),

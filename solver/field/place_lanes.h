@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Eight places at a time, of one cell's material: what the cells around it mean for them.
-// Every place gets the bits that it would get alone, whichever others it comes with.
+// The blend of the cells around a place, for eight places at a time: as many as fit into
+// the processor's registers side by side. All eight lie in the material of one cell, so
+// they share the search for the cells around it. Each place takes part in the same
+// operations in the same order as if it came alone: its result does not depend on the
+// other seven, to the bit.
 #pragma once
 
 #include <array>
