@@ -17,7 +17,6 @@
 #include "io/gltf_data.h"
 #include "io/gltf_json.h"
 #include "io/number.h"
-#include "io/stored_number.h"
 #include "io/text.h"
 
 namespace cellwarp

@@ -197,8 +197,8 @@ std::string GltfData::read_beside(const std::string& uri, const std::string& whe
     const std::string name = decoded_percents(uri);
     if (name.empty() || name.front() == '/' || name.find(':') != std::string::npos ||
         name.find('\\') != std::string::npos || name.find('\0') != std::string::npos)
-        json_->fail(where + ".uri", "got " + in_quotes(uri) +
-                                        ", need a file in the same folder or below");
+        fail(where + ".uri",
+             "got " + in_quotes(uri) + ", need a file in the same folder or below");
     const fs::path folder = fs::path(json_->path()).parent_path();
     buffer.path = (folder / name).string();
     // Also through symbolic links it must not lead out of the folder.
@@ -212,8 +212,8 @@ std::string GltfData::read_beside(const std::string& uri, const std::string& whe
     const auto [end_of_home, unused] =
         std::mismatch(home.begin(), home.end(), target.begin(), target.end());
     if (end_of_home != home.end())
-        json_->fail(where + ".uri",
-                    "got " + in_quotes(uri) + ", which leads out of the file's folder");
+        fail(where + ".uri",
+             "got " + in_quotes(uri) + ", which leads out of the file's folder");
     // Many buffers may name one file: it is read once.
     const auto [known, is_new] =
         buffer_of_file_.try_emplace(target.string(), layout_.buffers.size());
@@ -259,7 +259,7 @@ void GltfData::read_buffers()
                     bytes =
                         base64_decoded(std::string_view(buffer.uri).substr(comma + 1));
                 if (!bytes)
-                    json_->fail(where, "its data URI is no base64");
+                    fail(where, "its data URI is no base64");
                 data = std::move(*bytes);
             }
             else
@@ -274,8 +274,8 @@ void GltfData::read_buffers()
         }
         buffer.size = std::max<std::uint64_t>(buffer.size, data.size());
         if (buffer.kind != GltfLayout::Buffer::Kind::Absent && size > buffer.size)
-            json_->fail(where, "byteLength: got " + std::to_string(size) +
-                                   ", its data has " + std::to_string(buffer.size));
+            fail(where, "byteLength: got " + std::to_string(size) + ", its data has " +
+                            std::to_string(buffer.size));
         if (buffer.kind != GltfLayout::Buffer::Kind::Again)
             body_bytes_ += buffer.size;
         if (plan_)
@@ -295,28 +295,27 @@ void GltfData::read_views()
         const std::string where = element("bufferViews", i);
         const GltfJson::Json* number = json_->find(views[i], "buffer");
         if (!number)
-            json_->fail(where + ".buffer", "is missing");
+            fail(where + ".buffer", "is missing");
         const std::size_t b = json_->index_of(*number, where + ".buffer", "buffers",
                                               layout_.buffers.size());
         const std::uint64_t offset = json_->count_of(views[i], "byteOffset", where, 0);
         GltfView view;
         view.length = json_->count_of(views[i], "byteLength", where);
         if (offset > declared_[b] || view.length > declared_[b] - offset)
-            json_->fail(where, "lies outside of its buffer (bytes " +
-                                   std::to_string(offset) + " and " +
-                                   std::to_string(view.length) + " more of " +
-                                   std::to_string(declared_[b]) + ")");
+            fail(where, "lies outside of its buffer (bytes " + std::to_string(offset) +
+                            " and " + std::to_string(view.length) + " more of " +
+                            std::to_string(declared_[b]) + ")");
         view.stride = json_->count_of(views[i], "byteStride", where, 0);
         if (views[i].contains("byteStride") && (view.stride < 4 || view.stride > 252))
-            json_->fail(where, "byteStride: got " + std::to_string(view.stride) +
-                                   ", need 4 to 252");
+            fail(where,
+                 "byteStride: got " + std::to_string(view.stride) + ", need 4 to 252");
         view.is_compressed = json_->extension(views[i], "EXT_meshopt_compression");
         const bool is_absent =
             layout_.buffers[b].kind == GltfLayout::Buffer::Kind::Absent;
         if (is_absent && view.is_compressed)
-            json_->fail(where, "EXT_meshopt_compression cannot be read");
+            fail(where, "EXT_meshopt_compression cannot be read");
         if (is_absent)
-            json_->fail(element("buffers", b), "has no data");
+            fail(element("buffers", b), "has no data");
         view.start = layout_.buffers[b].start + offset;
         views_.push_back(view);
     }
@@ -328,9 +327,9 @@ std::uint64_t GltfData::start_in(const GltfView& view, std::uint64_t offset,
 {
     if (offset > view.length || bytes > view.length - offset ||
         (count - 1) > (view.length - offset - bytes) / stride)
-        json_->fail(where, "lies outside of its bufferView (" + std::to_string(count) +
-                               " elements from byte " + std::to_string(offset) + " of " +
-                               std::to_string(view.length) + ")");
+        fail(where, "lies outside of its bufferView (" + std::to_string(count) +
+                        " elements from byte " + std::to_string(offset) + " of " +
+                        std::to_string(view.length) + ")");
     return view.start + offset;
 }
 
@@ -352,7 +351,7 @@ Scalar GltfData::component_type(const GltfJson::Json& object,
     case 5126:
         return Scalar::Float32;
     default:
-        json_->fail(where + ".componentType", "is unknown");
+        fail(where + ".componentType", "is unknown");
     }
 }
 
@@ -361,7 +360,7 @@ const GltfView& GltfData::view_of(const GltfJson::Json& object,
 {
     const GltfJson::Json* number = json_->find(object, "bufferView");
     if (!number)
-        json_->fail(where + ".bufferView", "is missing");
+        fail(where + ".bufferView", "is missing");
     return views_[json_->index_of(*number, where + ".bufferView", "bufferViews",
                                   views_.size())];
 }
@@ -380,11 +379,11 @@ void GltfData::read_accessors()
         accessor.type = component_type(object, where);
         const auto length = lengths.find(json_->text_of(object, "type", where));
         if (length == lengths.end())
-            json_->fail(where + ".type", "is unknown");
+            fail(where + ".type", "is unknown");
         accessor.length = length->second;
         accessor.count = json_->count_of(object, "count", where);
         if (accessor.count == 0)
-            json_->fail(where + ".count", "got 0, need at least 1");
+            fail(where + ".count", "got 0, need at least 1");
         if (const GltfJson::Json* normalised = json_->find(object, "normalized"))
             accessor.is_normalised = normalised->is_boolean() && normalised->get<bool>();
         if (object.contains("bufferView"))
@@ -394,10 +393,9 @@ void GltfData::read_accessors()
             accessor.is_compressed = view.is_compressed;
             accessor.stride = view.stride ? view.stride : accessor.element_bytes();
             if (accessor.stride < accessor.element_bytes())
-                json_->fail(where, "byteStride: got " + std::to_string(accessor.stride) +
-                                       ", its elements have " +
-                                       std::to_string(accessor.element_bytes()) +
-                                       " bytes");
+                fail(where, "byteStride: got " + std::to_string(accessor.stride) +
+                                ", its elements have " +
+                                std::to_string(accessor.element_bytes()) + " bytes");
             accessor.start = start_in(
                 view, json_->count_of(object, "byteOffset", where, 0), accessor.stride,
                 accessor.count, accessor.element_bytes(), where);
@@ -418,12 +416,11 @@ GltfSparse GltfData::read_sparse(const GltfJson::Json& object,
     const GltfJson::Json* values =
         object.is_object() ? json_->find(object, "values") : nullptr;
     if (!indices || !indices->is_object() || !values || !values->is_object())
-        json_->fail(where, "need indices and values");
+        fail(where, "need indices and values");
     sparse.count = json_->count_of(object, "count", where);
     if (sparse.count == 0 || sparse.count > accessor.count)
-        json_->fail(where + ".count", "got " + std::to_string(sparse.count) +
-                                          ", need 1 to " +
-                                          std::to_string(accessor.count));
+        fail(where + ".count", "got " + std::to_string(sparse.count) + ", need 1 to " +
+                                   std::to_string(accessor.count));
     sparse.index_type = component_type(*indices, where + ".indices");
     const std::size_t index_bytes = stored_size(sparse.index_type);
     sparse.indices = start_in(view_of(*indices, where + ".indices"),
@@ -446,9 +443,8 @@ void GltfData::check_zeros(std::size_t number) const
 {
     const GltfAccessor& accessor = accessors_[number];
     if (!accessor.has_data && accessor.count > body_bytes_)
-        json_->fail(element("accessors", number), "has no bufferView (for " +
-                                                      std::to_string(accessor.count) +
-                                                      " elements)");
+        fail(element("accessors", number),
+             "has no bufferView (for " + std::to_string(accessor.count) + " elements)");
 }
 
 std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
@@ -475,9 +471,9 @@ std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
                                              i * stored_size(sparse.index_type),
                                          sparse.index_type, false);
         if (!(index >= 0 && index < static_cast<double>(accessor.count)))
-            json_->fail(where + ".sparse.indices",
-                        "is out of range (got " + shortest(index) + " of " +
-                            std::to_string(accessor.count) + ")");
+            fail(where + ".sparse.indices", "is out of range (got " + shortest(index) +
+                                                " of " + std::to_string(accessor.count) +
+                                                ")");
         load(sparse.values + i * accessor.element_bytes(),
              values[static_cast<std::size_t>(index)]);
     }

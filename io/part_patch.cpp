@@ -5,7 +5,6 @@
 #include <array>
 
 #include "io/packed.h"
-#include "io/scanner.h"
 #include "io/stored_number.h"
 #include "io/text.h"
 

@@ -13,7 +13,7 @@
 namespace cellwarp
 {
 
-/// The print of a save, from the texts of both files.
+/// The fingerprint of a save, from the texts of both files.
 std::string save_fingerprint(std::string_view scene_text, std::string_view handle_text);
 
 /// What is to be said where a scene and the handle file that it names are of two saves:

@@ -25,16 +25,20 @@ def check(files):
 
 good = {"octree/a.cpp": '#include "octree/a.h"\n', "octree/a.h": "#pragma once\n"}
 assert check(good)[0] == 0
-for path, text in (("octree/b.cpp", '#include "solver/cells/glue.h"\n'),
-                   ("io/b.cpp", '#include "octree/a.h"\n'),
-                   ("solver/b.cpp", '#include "solver/field/rbf.h"\n'),
-                   ("solver/b.cpp", "#include <cholmod.h>\n"),
-                   ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n"),
-                   ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n'),
-                   ("editor/cli/deform.cpp", '#include "editor/picture/picture.h"\n'),
-                   ("editor/session/b.cpp", '#include "utils/x.h"\n')):
+for path, text, words in (
+        ("octree/b.cpp", '#include "solver/cells/glue.h"\n', "may not include solver/cells"),
+        ("io/b.cpp", '#include "octree/a.h"\n', "may not include octree"),
+        ("solver/cells/b.cpp", '#include "solver/field/rbf.h"\n', "may not include solver/field"),
+        ("solver/linear/b.cpp", '#include "octree/a.h"\n', "may not include octree"),
+        ("solver/cells/b.cpp", "#include <cholmod.h>\n", "may not include <cholmod.h>"),
+        ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n", "may not include <CGAL/"),
+        ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n', "names the optional part octree/wrap"),
+        ("editor/cli/deform.cpp", '#include "editor/picture/picture.h"\n',
+         "names the optional part editor/picture"),
+        ("solver/b.cpp", "#include <vector>\n", "stands in no room"),
+        ("editor/session/b.cpp", '#include "utils/x.h"\n', "which is in no room")):
     code, message = check({**good, path: text})
-    assert code == 1 and message, (path, text)
+    assert code == 1 and words in message, (path, text, message)
 assert check({})[0] == 1
 assert subprocess.run([sys.executable, SCRIPT]).returncode == 0
 print("ok")

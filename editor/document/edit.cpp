@@ -9,7 +9,6 @@
 
 #include "io/error.h"
 #include "io/number.h"
-#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -101,7 +100,7 @@ public:
 
     void operator()(const SettingsChange& change)
     {
-        // A record may leave out what it does not change.
+        // Journals of older versions leave out energy and thickness, which then stay.
         visit_settings(
             [](const char*, const char*, const auto&, const auto& from, const auto& to,
                auto& setting)

@@ -66,8 +66,8 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
-    spread_.emplace(cells, glue_, constraints_, region_of_cell_,
-                    static_cast<int>(regions_->size()));
+    guess_.emplace(cells, glue_, constraints_, region_of_cell_,
+                   static_cast<int>(regions_->size()));
     for (Component& component : components)
     {
         Part& part = parts_.emplace_back();
@@ -270,7 +270,7 @@ void CellSystem::carry_others()
         if (rigid && rigid->R.isIdentity(0) && rigid->t.isZero(0))
             continue;
         if (!rigid)
-            spread_->carry(steps_, part.movable, poses_);
+            guess_->carry(steps_, part.movable, poses_);
         for (const int cell : part.movable)
         {
             const std::size_t c = idx(cell);

@@ -117,7 +117,7 @@ private:
     std::vector<Part> parts_;
     Glue glue_;
     std::optional<CellMinimizer> minimizer_;
-    std::optional<InitialGuess> spread_;
+    std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;
     std::vector<std::string> warnings_;
     // State.

@@ -18,7 +18,7 @@ namespace
 {
 
 /// Samples closer than this coincide [diagonal].
-constexpr double kTwin = 1e-9;
+constexpr double kCoincident = 1e-9;
 
 /// Edge of a cell [tolerance].
 constexpr double kCell = 1024.0;
@@ -27,7 +27,8 @@ constexpr double kCell = 1024.0;
 
 CoincidentSamples::CoincidentSamples(const std::vector<Eigen::Vector3d>& samples,
                                      const ModelBox& box)
-    : samples_(samples), tolerance_(kTwin * box.size().norm()), hashes_(samples.size())
+    : samples_(samples), tolerance_(kCoincident * box.size().norm()),
+      hashes_(samples.size())
 {
     parallel_ranges(samples.size(), 4096,
                     [&](std::size_t begin, std::size_t end)
@@ -86,7 +87,7 @@ CoincidentSamples::of(std::span<const std::uint32_t> listed) const
             continue;
         const std::size_t first = all.size();
         gather(samples_[i], all);
-        // Those at the very same place have the same others.
+        // Those at the very same place coincide with the same samples.
         for (std::size_t k = first; k < all.size(); ++k)
             if (samples_[all[k]] == samples_[i])
                 is_done[all[k]] = true;

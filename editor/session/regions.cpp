@@ -195,7 +195,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const CoincidentSamples* known_twins)
+                                    const CoincidentSamples* known_coincident)
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
@@ -227,14 +227,15 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
     }
-    std::optional<CoincidentSamples> own_twins;
+    std::optional<CoincidentSamples> own_coincident;
     for (Region& region : regions)
     {
         if (!region.listed.empty())
         {
-            if (!known_twins && !own_twins)
-                own_twins.emplace(samples, units.box);
-            region.listed = (known_twins ? *known_twins : *own_twins).of(region.listed);
+            if (!known_coincident && !own_coincident)
+                own_coincident.emplace(samples, units.box);
+            region.listed = (known_coincident ? *known_coincident : *own_coincident)
+                                .of(region.listed);
         }
         std::vector<bool> is_listed(region.shapes.empty() ? 0 : samples.size(), false);
         if (region.shapes.empty())

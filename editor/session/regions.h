@@ -50,14 +50,15 @@ struct Region
 };
 
 /// Resolves statements of \p file. \p samples: the rest samples [model unit], in the
-/// order of \p geometry, which gives the groups; \p known_twins: of them, where somebody
-/// has them already. Throws Fault::Malformed for a group or label that does not exist, an
-/// index out of range, a label file of another length, and what reading that one throws.
+/// order of \p geometry, which gives the groups; \p known_coincident: of them, where
+/// somebody has them already. Throws Fault::Malformed for a group or label that does not
+/// exist, an index out of range, a label file of another length, and what reading that
+/// one throws.
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const CoincidentSamples* known_twins = nullptr);
+                                    const CoincidentSamples* known_coincident = nullptr);
 
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
 std::string nearest_sample_note(const Region& region,

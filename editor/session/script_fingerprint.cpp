@@ -108,11 +108,11 @@ ScriptFingerprint::ScriptFingerprint(const HandleFile& handles)
     std::uint64_t before = before_first(handles.is_relative);
     for (const Stage& stage : handles.stages)
     {
-        StageFingerprints& prints = stages_.emplace_back();
-        prints.before = before;
+        StageFingerprints& of_stage = stages_.emplace_back();
+        of_stage.before = before;
         Fingerprint fingerprint(before);
         add(fingerprint, stage,
-            [&](const Fingerprint& now) { prints.after.push_back(now.value()); });
+            [&](const Fingerprint& now) { of_stage.after.push_back(now.value()); });
         fingerprint.add("stage");
         before = fingerprint.value();
     }

@@ -7,8 +7,6 @@
 #include <cstdint>
 #include <cstdlib>
 
-#include <Eigen/LU>
-
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"

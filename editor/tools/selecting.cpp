@@ -10,7 +10,6 @@
 #include <numbers>
 #include <span>
 
-#include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
 namespace cellwarp

@@ -19,7 +19,7 @@ struct Departures
     /// from centre to centre.
     bool measured_borders = true;
     /// A step keeps cells that turn as one rigid body in their places to each other
-    /// (pose.cpp). Else each is turned by the closest rotation and shifted by v.
+    /// (rigid_motion.cpp). Else each is turned by the closest rotation and shifted by v.
     bool rigid_steps = true;
     /// Cells split by how far they are off the affine map around them. Else by the gap to
     /// their neighbours.

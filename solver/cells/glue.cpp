@@ -62,8 +62,8 @@
 //   The weight is taken from the part of the face s s' that lies next to B, so the centre
 // of what is left moves away from B, by (h / 2) d / (w' - d), with w' the weight of the
 // whole face. So cells of any size are left without a force by constant strain, and
-// without a moment by stretch along the axes; by shear a moment of at most a sixth of
-// that of V (F - R) is left.
+// without a moment by stretch along the axes; by shear a moment is left of at most a
+// sixth of V (F - R), V the volume of the small cell.
 //   Measured (docs/departures.md): without it, cells of two sizes are less accurate than
 // the larger ones alone.
 //
@@ -71,7 +71,7 @@
 //   d = (r_a + f p_a) - (r_b + f p_b),
 // arms r that turn with their cell and f = 1 for the face's centre, 0 for the moments.
 // A twist changes r by omega x r + 1/2 omega x (omega x r) and p by v + 1/2 omega x v
-// (see pose.cpp), hence
+// (see rigid_motion.cpp), hence
 //   dE = 2 m d . (omega_a x r_a + f v_a - omega_b x r_b - f v_b),
 // the Gauss-Newton matrix is 2 m J^T J, and the curvature of omega_a adds
 //   2 m [ (d r^T + r d^T) / 2 - (d . r) I ],   that of omega_b the same with -d;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Sparse Cholesky. The only file behind it is linear_solver.cpp; nothing else
+// Sparse Cholesky. The only file behind it is cholesky.cpp; nothing else
 // knows the library.
 #pragma once
 

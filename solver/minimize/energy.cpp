@@ -2,20 +2,12 @@
 #include "solver/minimize/energy.h"
 
 #include <algorithm>
-#include <numeric>
 #include <stdexcept>
 
 #include "octree/base/index.h"
 
 namespace cellwarp
 {
-
-UnknownPlace State::end() const
-{
-    const std::span<const int> sizes = block_sizes();
-    return {begin_.block + static_cast<int>(sizes.size()),
-            std::accumulate(sizes.begin(), sizes.end(), begin_.unknown)};
-}
 
 Energy::Energy(std::vector<State*> states, std::vector<Term*> terms)
     : states_(std::move(states)), terms_(std::move(terms))

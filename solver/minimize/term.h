@@ -21,7 +21,7 @@ inline constexpr Curvature kGaussNewton{0.0}, kExact{1.0};
 
 /// A term of an energy: glue, inertia, gravity, a joint. Vectors are of all unknowns and
 /// blocks are counted over all of them; derivatives are in the steps from the current
-/// states. One object is a whole kind (all faces of glue, all rods): no call an element.
+/// states. One object is a whole kind (all faces of glue, all rods): one call for all.
 class Term
 {
 public:

@@ -10,14 +10,14 @@
 namespace cellwarp
 {
 
-TEST(Beside, a_name_leads_from_the_folder_of_the_file)
+TEST(RelativeName, a_name_leads_from_the_folder_of_the_file)
 {
     EXPECT_EQ(resolved_name("dir/s.json", "a.obj"), "dir/a.obj");
     EXPECT_EQ(resolved_name("s.json", "a.obj"), "a.obj");
     EXPECT_EQ(resolved_name("dir/s.json", "/a.obj"), "/a.obj");
 }
 
-TEST(Beside, a_name_is_found_again_as_it_was_spelled)
+TEST(RelativeName, a_name_is_found_again_as_it_was_spelled)
 {
     for (const std::string file : {"s.json", "dir/s.json", "/a/b/s.json", "/s.json"})
         for (const std::string name :
@@ -25,7 +25,7 @@ TEST(Beside, a_name_is_found_again_as_it_was_spelled)
             EXPECT_EQ(relative_name(file, resolved_name(file, name)), name) << file;
 }
 
-TEST(Beside, other_folders_are_named_from_where_they_part)
+TEST(RelativeName, other_folders_are_named_from_where_they_part)
 {
     const support::Folder folder;
     std::filesystem::create_directories(folder / "scenes/mine");
@@ -43,7 +43,7 @@ TEST(Beside, other_folders_are_named_from_where_they_part)
     EXPECT_EQ(relative_name(here + "/s.json", "a.obj"), "a.obj");
 }
 
-TEST(Beside, links_of_folders_are_followed_and_links_of_files_kept)
+TEST(RelativeName, links_of_folders_are_followed_and_links_of_files_kept)
 {
     const support::Folder folder;
     std::filesystem::create_directories(folder / "store/deep/scenes");

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "editor/document/edit.h"
 #include "editor/session/session.h"
 #include "io/geometry_file.h"
 #include "io/journal.h"
@@ -539,6 +540,32 @@ TEST(Document, one_process_edits_a_file_at_a_time)
     const Bar bar;
     const Document document = bar.open();
     EXPECT_TRUE(contains(error_of(Fault::File, [&] { bar.open(); }), "in use by"));
+}
+
+TEST(Document, settings_that_a_record_of_an_older_version_leaves_out_stay)
+{
+    const Edit edit = parse_edit(
+        R"({"name": "Change settings", "changes": [{"settings": {
+            "before": {"across": 8, "gap": 0.02}, "after": {"across": 12}}}]})",
+        "journal");
+    Edited edited;
+    edited.settings.energy = "botsch07";
+    edited.settings.cells.thickness = 0.03;
+    edited.settings.cells.across = 8;
+    edited.settings.cells.gap = 0.02;
+    const SceneSettings before = edited.settings;
+    apply(edit, edited);
+    EXPECT_EQ(edited.settings.cells.across, 12);
+    EXPECT_FALSE(edited.settings.cells.gap);
+    EXPECT_EQ(edited.settings.cells.thickness, 0.03);
+    EXPECT_EQ(edited.settings.energy, "botsch07");
+    take_back(edit, edited);
+    EXPECT_EQ(edited.settings, before);
+    // Nothing is lost on the way through a journal.
+    Edited again = edited;
+    apply(parse_edit(edit_text(edit), "journal"), again);
+    apply(edit, edited);
+    EXPECT_EQ(again.settings, edited.settings);
 }
 
 } // namespace cellwarp

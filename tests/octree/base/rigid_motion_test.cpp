@@ -18,7 +18,7 @@ using support::random_pose;
 using support::random_rotation;
 using support::random_vector;
 
-TEST(Pose, the_closest_rotation_is_the_polar_one)
+TEST(RigidMotion, the_closest_rotation_is_the_polar_one)
 {
     std::mt19937 rng(1);
     for (int trial = 0; trial < 50; ++trial)
@@ -34,7 +34,7 @@ TEST(Pose, the_closest_rotation_is_the_polar_one)
     EXPECT_TRUE(closest_rotation(Eigen::Vector3d::Zero()).isIdentity(0));
 }
 
-TEST(Pose, a_small_twist_moves_as_its_linearisation)
+TEST(RigidMotion, a_small_twist_moves_as_its_linearisation)
 {
     std::mt19937 rng(2);
     const Pose pose = random_pose(rng, 1.0);
@@ -47,7 +47,7 @@ TEST(Pose, a_small_twist_moves_as_its_linearisation)
     EXPECT_LT((image(moved(pose, twist), centre, x) - linear).norm(), 1e-11);
 }
 
-TEST(Pose, twists_of_one_body_keep_it_rigid_however_large_they_are)
+TEST(RigidMotion, twists_of_one_body_keep_it_rigid_however_large_they_are)
 {
     std::mt19937 rng(21);
     for (const double size : {1e-3, 1.0, 30.0})
@@ -65,7 +65,7 @@ TEST(Pose, twists_of_one_body_keep_it_rigid_however_large_they_are)
     }
 }
 
-TEST(Pose, many_twists_stay_orthonormal)
+TEST(RigidMotion, many_twists_stay_orthonormal)
 {
     std::mt19937 rng(3);
     Pose pose;
@@ -79,7 +79,7 @@ TEST(Pose, many_twists_stay_orthonormal)
     EXPECT_NEAR(pose.R.determinant(), 1.0, 1e-14);
 }
 
-TEST(Pose, rest_displaces_nothing_to_the_bit)
+TEST(RigidMotion, rest_displaces_nothing_to_the_bit)
 {
     std::mt19937 rng(4);
     const Eigen::Vector3d centre = random_vector(rng, 1.0), x = random_vector(rng, 1.0);
@@ -88,7 +88,7 @@ TEST(Pose, rest_displaces_nothing_to_the_bit)
     EXPECT_TRUE(displacement(carried(Motion(), centre), centre, x).isZero(0));
 }
 
-TEST(Pose, motions_compose_and_invert)
+TEST(RigidMotion, motions_compose_and_invert)
 {
     std::mt19937 rng(5);
     const Motion a{random_rotation(rng), random_vector(rng, 1.0)};
@@ -98,7 +98,7 @@ TEST(Pose, motions_compose_and_invert)
     EXPECT_LT((inverse(a)(a(x)) - x).norm(), 1e-14);
 }
 
-TEST(Pose, rotation_vectors_reach_pi_with_one_sign)
+TEST(RigidMotion, rotation_vectors_reach_pi_with_one_sign)
 {
     std::mt19937 rng(6);
     for (int trial = 0; trial < 100; ++trial)

@@ -53,7 +53,7 @@ Motion turned_end(double angle, int nx, int ny, int nz)
 
 } // namespace
 
-TEST(Minimize, at_rest_there_is_nothing_to_do)
+TEST(CellMinimizer, at_rest_there_is_nothing_to_do)
 {
     Problem p(6, 2, 2, Motion());
     CellMinimizer minimizer = p.minimizer();
@@ -63,7 +63,7 @@ TEST(Minimize, at_rest_there_is_nothing_to_do)
     EXPECT_LT(report.energy_after, 1e-28);
 }
 
-TEST(Minimize, all_methods_find_the_same_twist)
+TEST(CellMinimizer, all_methods_find_the_same_twist)
 {
     const Motion motion = turned_end(1.5, 12, 3, 3);
     std::vector<Pose> first;
@@ -91,7 +91,7 @@ TEST(Minimize, all_methods_find_the_same_twist)
     }
 }
 
-TEST(Minimize, the_minimum_has_no_gradient_by_finite_differences)
+TEST(CellMinimizer, the_minimum_has_no_gradient_by_finite_differences)
 {
     Problem p(8, 2, 2, turned_end(1.0, 8, 2, 2));
     CellMinimizer minimizer = p.minimizer();
@@ -113,7 +113,7 @@ TEST(Minimize, the_minimum_has_no_gradient_by_finite_differences)
     }
 }
 
-TEST(Minimize, energy_never_rises)
+TEST(CellMinimizer, energy_never_rises)
 {
     Problem p(16, 3, 3, turned_end(std::numbers::pi, 16, 3, 3));
     CellMinimizer minimizer = p.minimizer();
@@ -126,7 +126,7 @@ TEST(Minimize, energy_never_rises)
     }
 }
 
-TEST(Minimize, every_stop_has_its_reason)
+TEST(CellMinimizer, every_stop_has_its_reason)
 {
     const Motion motion = turned_end(2.0, 8, 2, 2);
     {
@@ -166,7 +166,7 @@ TEST(Minimize, every_stop_has_its_reason)
     EXPECT_EQ(stop_name(Stop::IterationLimit), "iteration limit");
 }
 
-TEST(Minimize, a_stiff_part_turns_as_one_and_hides_nothing)
+TEST(CellMinimizer, a_stiff_part_turns_as_one_and_hides_nothing)
 {
     // Half-way along the bar the glue is stiffer or softer, by up to 1e8; by 1e16 the
     // digits are gone, but no state may pass for a solution.
@@ -191,7 +191,7 @@ TEST(Minimize, a_stiff_part_turns_as_one_and_hides_nothing)
         }
 }
 
-TEST(Minimize, threads_do_not_change_a_bit)
+TEST(CellMinimizer, threads_do_not_change_a_bit)
 {
     std::vector<Pose> first;
     for (const int threads : {1, 2, 4})
@@ -210,7 +210,7 @@ TEST(Minimize, threads_do_not_change_a_bit)
     }
 }
 
-TEST(Minimize, the_prototype_cases_take_the_prototypes_iterations)
+TEST(CellMinimizer, the_prototype_cases_take_the_prototypes_iterations)
 {
     // 2,048 cells, both ends clamped two layers deep, one turned, in one jump: the
     // prototype took 15 Gauss-Newton and 10 Newton iterations to 1e-9 of energy, with all
@@ -229,7 +229,7 @@ TEST(Minimize, the_prototype_cases_take_the_prototypes_iterations)
     }
 }
 
-TEST(Minimize, a_pinned_cell_stays_at_its_point_and_turns)
+TEST(CellMinimizer, a_pinned_cell_stays_at_its_point_and_turns)
 {
     Problem p(8, 1, 1, Motion());
     for (std::size_t i = 0; i < p.constraints.size(); ++i)
@@ -264,7 +264,7 @@ TEST(Minimize, a_pinned_cell_stays_at_its_point_and_turns)
     EXPECT_NEAR(energies[0], energies[1], 1e-9 * energies[0]);
 }
 
-TEST(Minimize, one_pin_alone_carries_its_component_along)
+TEST(CellMinimizer, one_pin_alone_carries_its_component_along)
 {
     Problem p(4, 1, 1, Motion());
     for (Constraint& constraint : p.constraints)
