@@ -136,6 +136,10 @@ TEST(Cli, usage_errors_exit_with_2)
              {"deform", files.model, "-o", files.out, "--sel", "a"},
              {"deform", files.model, "-o", files.out, "--max-memory", "lots"},
              {"deform", files.model, "-o", files.folder / "x{frame:x}.obj"},
+             {"deform", files.model, "--handles", files.handles, "-o", files.out,
+              "--save-field", files.folder / "field.bin"},
+             {"deform", files.model, "-o", files.out, "--save-field",
+              files.folder / "no-frame.cwf"},
              {"deform", files.folder / "model.xyzw", "-o", files.out},
              {"info", files.folder / "model.xyzw"},
              {"info", files.model, "--frobnicate"}})

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/document/document.h"
 
+#include <cmath>
 #include <filesystem>
 #include <random>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -566,6 +568,41 @@ TEST(Document, settings_that_a_record_of_an_older_version_leaves_out_stay)
     apply(parse_edit(edit_text(edit), "journal"), again);
     apply(edit, edited);
     EXPECT_EQ(again.settings, edited.settings);
+}
+
+TEST(Document, records_of_no_known_change_are_malformed)
+{
+    const std::string role =
+        R"({"region": {"index": 0, "before": [], "after": [{"role": "loose"}]}})";
+    for (const auto& [change, words] :
+         {std::pair<std::string, std::string>{R"({"dance": {}})", "unknown change"},
+          {R"({"toggle": [], "rename": {}})", "needs one key"},
+          {"7", "needs one key"},
+          {role, "unknown word 'loose'"}})
+        EXPECT_TRUE(contains(
+            error_of(Fault::Malformed,
+                     [&, text = "{\"name\": \"x\", \"changes\": [" + change + "]}"]
+                     { parse_edit(text, "bar.journal"); }),
+            words))
+            << change;
+}
+
+TEST(Document, commands_that_cannot_be_are_told)
+{
+    const Bar bar;
+    Document document = bar.open();
+    hold_ends(document);
+    const std::size_t edits = document.revision();
+    const auto told = [&](const auto& command)
+    { return error_of(Fault::Usage, command); };
+    EXPECT_TRUE(contains(told([&] { document.rename_region("tail", "x"); }),
+                         "there is no region 'tail'"));
+    for (const double factor : {0.0, -1.0, std::nan("")})
+        EXPECT_TRUE(contains(
+            told([&]
+                 { document.set_role(document.regions()[0].name, Role::Stiff, factor); }),
+            "above 0"));
+    EXPECT_EQ(document.revision(), edits);
 }
 
 } // namespace cellwarp
