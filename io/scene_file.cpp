@@ -2,13 +2,11 @@
 #include "io/scene_file.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string_view>
-
-#include <nlohmann/json.hpp>
 
 #include "io/bytes.h"
 #include "io/error.h"
+#include "io/json_object.h"
 #include "io/number.h"
 #include "io/relative_name.h"
 
@@ -18,119 +16,21 @@ namespace cellwarp
 namespace
 {
 
-using Json = nlohmann::json;
-
-constexpr int kMaxNesting = 128;
-
-/// Reads the keys of one JSON object and complains about the others.
-class Object
+/// The settings of one section.
+void read_settings(JsonObject& object, std::string_view section, SceneSettings& settings)
 {
-public:
-    Object(const Json& json, SceneFile& scene, std::string prefix)
-        : json_(json), scene_(scene), prefix_(std::move(prefix))
-    {
-        if (!json.is_object())
-            fail("", "need an object");
-    }
-
-    const Json* find(const std::string& key)
-    {
-        known_.push_back(key);
-        const auto found = json_.find(key);
-        return found == json_.end() ? nullptr : &*found;
-    }
-    void read(const std::string& key, std::optional<std::string>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_string())
-            fail(key, "need a text");
-        out = value->get<std::string>();
-    }
-    void read(const std::string& key, const OneOf& allowed,
-              std::optional<std::string>& out)
-    {
-        read(key, out);
-        if (!out || allowed.has(*out))
-            return;
-        std::string words;
-        for (const char* word : allowed.words)
-            words += (words.empty() ? "" : ", ") + std::string(word);
-        fail(key, "got " + in_quotes(*out) + ", need one of " + words);
-    }
-    void read(const std::string& key, const Between<std::int64_t>& allowed,
-              std::optional<std::int64_t>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_number_integer() ||
-            value->get<double>() < static_cast<double>(allowed.low) ||
-            value->get<double>() > static_cast<double>(allowed.high))
-            fail(key, "got " + value->dump().substr(0, 40) + ", need an integer from " +
-                          std::to_string(allowed.low) + " to " +
-                          std::to_string(allowed.high));
-        out = value->get<std::int64_t>();
-    }
-    void read(const std::string& key, const Between<double>& allowed,
-              std::optional<double>& out)
-    {
-        const Json* value = find(key);
-        if (!value)
-            return;
-        if (!value->is_number() || !(value->get<double>() >= allowed.low) ||
-            !(value->get<double>() <= allowed.high))
-            fail(key, "got " + value->dump().substr(0, 40) + ", need a number from " +
-                          shortest(allowed.low) + " to " + shortest(allowed.high));
-        out = value->get<double>();
-    }
-    /// The settings of one section.
-    void read_settings(std::string_view section)
-    {
-        visit_settings(
-            [&](std::string_view in, const char* key, const auto& allowed, auto& value)
-            {
-                if (in == section)
-                    read(key, allowed, value);
-            },
-            scene_.settings);
-    }
-    std::array<double, 3> vector(const std::string& key, const Json& value) const
-    {
-        std::array<double, 3> out{};
-        if (!value.is_array() || value.size() != 3)
-            fail(key, "need three numbers");
-        for (std::size_t k = 0; k < 3; ++k)
+    visit_settings(
+        [&](std::string_view in, const char* key, const auto& allowed, auto& value)
         {
-            if (!value[k].is_number() || !std::isfinite(value[k].get<double>()))
-                fail(key, "need three finite numbers");
-            out[k] = value[k].get<double>();
-        }
-        return out;
-    }
-    void warn_of_the_rest() const
-    {
-        for (const auto& [key, value] : json_.items())
-            if (std::find(known_.begin(), known_.end(), key) == known_.end())
-                scene_.warnings.push_back(
-                    at({scene_.path, 0, prefix_ + key}, "unknown key, ignored"));
-    }
-    [[noreturn]] void fail(const std::string& key, const std::string& what) const
-    {
-        throw malformed({scene_.path, 0, prefix_ + key}, what);
-    }
-
-private:
-    const Json& json_;
-    SceneFile& scene_;
-    std::string prefix_;
-    std::vector<std::string> known_;
-};
+            if (in == section)
+                object.read(key, allowed, value);
+        },
+        settings);
+}
 
 FrameBox read_frame(const Json& json, SceneFile& scene)
 {
-    Object object(json, scene, "cells.frame.");
+    JsonObject object(json, scene.path, "cells.frame.", scene.warnings);
     FrameBox frame;
     const Json* origin = object.find("origin");
     const Json* axes = object.find("axes");
@@ -157,13 +57,6 @@ FrameBox read_frame(const Json& json, SceneFile& scene)
     return frame;
 }
 
-std::int64_t line_of(const std::string& text, std::size_t byte)
-{
-    const std::size_t end = std::min(byte, text.size());
-    return 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(end),
-                          '\n');
-}
-
 } // namespace
 
 SceneFile parse_scene(const std::string& path, const std::string& text)
@@ -171,28 +64,8 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     SceneFile scene;
     scene.path = path;
     scene.text = text;
-    Json json;
-    try
-    {
-        json = Json::parse(
-            text,
-            [&](int depth, Json::parse_event_t, Json&)
-            {
-                if (depth > kMaxNesting)
-                    throw malformed({path, 0, ""}, "is nested deeper than 128");
-                return true;
-            });
-    }
-    catch (const Json::parse_error& error)
-    {
-        throw malformed({path, line_of(text, error.byte > 0 ? error.byte - 1 : 0), ""},
-                        "is no JSON (byte " + std::to_string(error.byte) + ")");
-    }
-    catch (const Json::out_of_range&)
-    {
-        throw malformed({path, 0, ""}, "holds a number that is out of range");
-    }
-    Object root(json, scene, "");
+    const Json json = parse_json(path, text);
+    JsonObject root(json, path, "", scene.warnings);
     const Json* version = root.find("cellwarp");
     if (!version || !version->is_number_integer())
         root.fail("cellwarp", "is missing (need \"cellwarp\": 1)");
@@ -206,19 +79,19 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     scene.model = resolved_name(path, *model);
     scene.handles = handles ? resolved_name(path, *handles) : "";
     root.read("save", scene.save);
-    root.read_settings("");
+    read_settings(root, "", scene.settings);
     if (const Json* cells = root.find("cells"))
     {
-        Object object(*cells, scene, "cells.");
-        object.read_settings("cells");
+        JsonObject object(*cells, path, "cells.", scene.warnings);
+        read_settings(object, "cells", scene.settings);
         if (const Json* frame = object.find("frame"))
             scene.frame = read_frame(*frame, scene);
         object.warn_of_the_rest();
     }
     if (const Json* field = root.find("field"))
     {
-        Object object(*field, scene, "field.");
-        object.read_settings("field");
+        JsonObject object(*field, path, "field.", scene.warnings);
+        read_settings(object, "field", scene.settings);
         object.warn_of_the_rest();
     }
     for (const char* later : {"rods", "skeleton", "simulate"})

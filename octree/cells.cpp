@@ -21,7 +21,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <stdexcept>
 #include <tuple>
 
@@ -30,6 +29,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/union_find.h"
 
 namespace cellwarp
 {
@@ -385,28 +385,14 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 
 std::vector<int> connected_components(const Cells& cells)
 {
-    std::vector<int> root(cells.size());
-    std::iota(root.begin(), root.end(), 0);
-    const auto find = [&](int cell)
-    {
-        while (root[idx(cell)] != cell)
-        {
-            int& up = root[idx(cell)];
-            up = root[idx(up)];
-            cell = up;
-        }
-        return cell;
-    };
+    UnionFind components(cells.size());
     for (const Face& face : cells.faces)
-    {
-        const int a = find(face.a), b = find(face.b);
-        root[idx(std::max(a, b))] = std::min(a, b);
-    }
+        components.join(face.a, face.b);
     std::vector<int> number(cells.size(), -1);
     int count = 0;
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
-        const std::size_t first = idx(find(static_cast<int>(i)));
+        const std::size_t first = idx(components.first_of(static_cast<int>(i)));
         if (number[first] < 0)
             number[first] = count++;
         number[i] = number[first];

@@ -12,10 +12,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 #include <vector>
 
 #include "octree/base/index.h"
+#include "octree/base/union_find.h"
 #include "octree/distance_transform.h"
 
 namespace cellwarp
@@ -254,20 +254,11 @@ void join_fragments(VoxelGrid& grid, int reach)
     }
     std::stable_sort(links.begin(), links.end(),
                      [](const Link& a, const Link& b) { return a.length < b.length; });
-    std::vector<std::int32_t> root(idx(num_parts));
-    std::iota(root.begin(), root.end(), 0);
-    const auto find = [&](std::int32_t i)
-    {
-        while (root[idx(i)] != i)
-            i = root[idx(i)] = root[idx(root[idx(i)])];
-        return i;
-    };
+    UnionFind joined(idx(num_parts));
     for (const Link& link : links)
     {
-        const std::int32_t a = find(part[link.a]), b = find(part[link.b]);
-        if (a == b)
+        if (!joined.join(part[link.a], part[link.b]))
             continue;
-        root[idx(std::max(a, b))] = std::min(a, b);
         for (std::size_t voxel : {link.a, link.b})
             for (; !material[voxel]; voxel = from[voxel])
                 material[voxel] = 1;

@@ -16,6 +16,8 @@ ROOMS = {
     "octree": {"octree", "octree/wrap", "octree/base"},
     "octree/wrap": {"octree/wrap", "octree", "octree/base"},
     "solver/linear": {"solver/linear", "octree/base"},
+    "solver/dynamics": {"solver/dynamics", "solver/linear", "octree/base"},
+    "solver/rods": {"solver/rods", "solver/dynamics", "solver/linear", "octree/base"},
     "solver/minimize": {"solver/minimize", "solver/linear", "octree/base"},
     "solver/cells": {"solver/cells", "solver/minimize", "solver/linear", "octree",
                      "octree/base"},
@@ -28,7 +30,8 @@ ROOMS = {
                      "solver/minimize", "solver/cells", "solver/field"},
     "editor/picture": {"editor/picture", "editor/session", "io", "octree", "octree/base",
                        "solver/cells", "solver/field"},
-    "editor/cli": {"editor/cli", "editor/picture", "editor/apply", "editor/study",
+    "editor/simulation": {"editor/simulation", "io", "solver/rods", "octree/base"},
+    "editor/cli": {"editor/cli", "editor/simulation", "editor/picture", "editor/apply", "editor/study",
                    "editor/session", "io", "octree", "octree/base", "solver/minimize",
                    "solver/linear", "solver/cells"},
     "editor/document": {"editor/document", "editor/session", "io", "octree", "octree/base",
@@ -59,7 +62,7 @@ LIBRARIES = {
     "mpi.h": {"editor/mpi"},
     "zlib.h": {"io/checksum.cpp"},
     "lzf.h": {"io/lzf.cpp"},
-    "nlohmann/": {"io/scene_file.cpp", "io/gltf_json.h", "editor/cli", "editor/document/edit.cpp",
+    "nlohmann/": {"io/json_object.h", "io/scene_file.cpp", "io/gltf_json.h", "editor/cli", "editor/document/edit.cpp",
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
@@ -67,7 +70,8 @@ LIBRARIES = {
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
-OPTIONAL = {"editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
+OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp"},
+            "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
             "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp"}}
 

@@ -16,7 +16,9 @@ coil      a spring whose turns are 1 % apart; it is pulled up and tilted
 chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
+rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free
 """
+import json
 import math
 import os
 import random
@@ -600,12 +602,65 @@ move hand rotate 0 0 1 50  translate -0.15 0.6 0.1
 """)
 
 
+def rod_scene(folder, name, rods, simulate):
+    write(folder, name + ".json",
+          json.dumps({"cellwarp": 1, "rods": rods, "simulate": simulate}, indent=1) + "\n")
+
+
+def rods(folder):
+    folder = os.path.join(folder, "rods")
+    os.makedirs(folder, exist_ok=True)
+    clamp = ["point", "tangent", "twist"]
+    # A metre of rubber, clamped, under its own weight.
+    rod_scene(folder, "cantilever", [
+        {"name": "cantilever", "through": [[0, 0, 0], [1, 0, 0]], "spans": 16,
+         "radius": 0.02, "E": 2e6, "fixed": [{"at": 0, "what": clamp}]}],
+        {"integrator": "static"})
+    # A steel cable of 12 mm, half as long again as its span.
+    cable = [[1.6 * (k / 8 - 0.5), -0.55 * (1 - (k / 4 - 1) ** 2), 0] for k in range(9)]
+    rod_scene(folder, "cable", [
+        {"name": "cable", "through": cable, "spans": 5, "radius": 0.006, "E": 2e8,
+         "density": 7800, "rest": "straight", "fixed": [{"at": 0}, {"at": 1}]}],
+        {"integrator": "static"})
+    # A rope falls from level and swings.
+    rod_scene(folder, "pendulum", [
+        {"name": "rope", "through": [[0, 0, 0], [1, 0, 0]], "spans": 24, "radius": 0.01,
+         "E": 1e6, "fixed": [{"at": 0}]}],
+        {"dt": 0.002, "duration": 1.2, "every": 0.1})
+    # A ring that is straight at rest, with four turns put in: beyond 2.25 it jumps.
+    ring = [[math.cos(2 * math.pi * k / 48), math.sin(2 * math.pi * k / 48),
+             0.01 * math.sin(4 * math.pi * k / 48)] for k in range(48)]
+    rod_scene(folder, "ring", [
+        {"name": "ring", "points": ring, "closed": True, "radius": 0.03, "E": 1e7,
+         "rest": "straight", "link": 4}],
+        {"dt": 0.002, "duration": 2.0, "every": 0.1, "gravity": [0, 0, 0], "viscosity": 1})
+    # A curtain's upper edge: three places keep to a stick.
+    edge = [[0.1 * k, 0.15 * math.sin(1.9 * k), 0.1 * math.cos(2.3 * k)] for k in range(16)]
+    rod_scene(folder, "stick", [
+        {"name": "edge", "points": edge, "radius": 0.01, "E": 1e6,
+         "on": [{"at": at, "axis": [0, 0, 0, 1, 0, 0]} for at in (0, 0.5, 1)]}],
+        {"dt": 0.002, "duration": 1.0, "every": 0.1})
+    # Thirty points, six scalar constraints.
+    rod_scene(folder, "six", [
+        {"name": "rope", "points": [[k / 29, 0.05 * math.sin(k), 0] for k in range(30)],
+         "radius": 0.01, "E": 1e6,
+         "on": [{"at": 0, "point": [0, 0, 0]},
+                {"at": 0.5, "axis": [0.5, 0, 0, 1, 0, 0]},
+                {"at": 1, "plane": [0, 1, 0, 0]}]}],
+        {"dt": 0.002, "duration": 1.0, "every": 0.1})
+    # Fifty points, thrown.
+    rod_scene(folder, "free", [
+        {"name": "rod", "points": [[k / 49, 0.1 * math.sin(k / 8), 0] for k in range(50)],
+         "radius": 0.01, "E": 1e6, "rest": "straight", "velocity": [0.5, 4, 0]}],
+        {"dt": 0.002, "duration": 0.8, "every": 0.1})
+
+
 def main():
     here = os.path.dirname(os.path.abspath(__file__))
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
-    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan):
+    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan, rods):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

@@ -258,7 +258,7 @@ void Progress::show(double done, const std::string& what)
 {
     constexpr std::size_t kWidth = 30;
     constexpr auto kPause = std::chrono::milliseconds(100);
-    const auto time = std::chrono::steady_clock::now();
+    const auto time = Clock::now();
     if (!is_shown_ || time - last_ < kPause)
         return;
     last_ = time;

@@ -2,7 +2,6 @@
 // What all subcommands of the command line share: settings, messages, progress.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -15,6 +14,7 @@
 #include "editor/session/session.h"
 #include "io/bytes.h"
 #include "io/scene_file.h"
+#include "octree/base/clock.h"
 
 namespace cellwarp
 {
@@ -117,7 +117,7 @@ public:
 private:
     bool is_shown_;
     std::size_t frames_;
-    std::chrono::steady_clock::time_point last_ = {};
+    Clock::time_point last_ = {};
 };
 
 } // namespace cellwarp

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/output_name.h"
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -20,41 +21,6 @@ namespace cellwarp
 
 namespace
 {
-
-/// "out-{frame:04}.ply": a name for each frame, or one name for the last.
-class OutputName
-{
-public:
-    explicit OutputName(const std::string& pattern) : pattern_(pattern)
-    {
-        const std::size_t open = pattern.find("{frame");
-        if (open == std::string::npos)
-            return;
-        const std::size_t close = pattern.find('}', open);
-        const std::string inside =
-            close == std::string::npos ? "?" : pattern.substr(open + 6, close - open - 6);
-        const bool is_padded = inside.size() == 3 && inside.starts_with(":0") &&
-                               inside[2] >= '1' && inside[2] <= '9';
-        if (!inside.empty() && !is_padded)
-            throw Error(Fault::Usage, "-o: got " + in_quotes(pattern) +
-                                          ", need {frame} or {frame:04} in it");
-        before_ = pattern.substr(0, open);
-        after_ = pattern.substr(close + 1);
-        width_ = is_padded ? inside[2] - '0' : 1;
-        has_frame_ = true;
-    }
-    bool has_frame() const { return has_frame_; }
-    std::string of(std::int64_t frame) const
-    {
-        return has_frame_ ? fmt::format("{}{:0{}}{}", before_, frame, width_, after_)
-                          : pattern_;
-    }
-
-private:
-    std::string pattern_, before_, after_;
-    int width_ = 1;
-    bool has_frame_ = false;
-};
 
 struct DeformFlags
 {

@@ -5,6 +5,9 @@
 #ifdef CELLWARP_WITH_PICTURE
 #include "editor/cli/render.h"
 #endif
+#ifdef CELLWARP_WITH_RODS
+#include "editor/cli/simulate.h"
+#endif
 
 namespace cellwarp
 {
@@ -14,6 +17,9 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 {
 #ifdef CELLWARP_WITH_PICTURE
     add_render(app, common, exit_code);
+#endif
+#ifdef CELLWARP_WITH_RODS
+    add_simulate(app, common, exit_code);
 #endif
 }
 

@@ -166,6 +166,8 @@ Json json_of(const std::vector<SampleRun>& runs)
 
 std::vector<SampleRun> runs_of(const Json& json)
 {
+    if (json.size() % 2 != 0)
+        throw std::invalid_argument("runs come in pairs");
     std::vector<SampleRun> runs;
     for (std::size_t k = 0; k + 1 < json.size(); k += 2)
         runs.emplace_back(json.at(k).get<std::int64_t>(),

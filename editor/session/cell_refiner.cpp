@@ -196,7 +196,7 @@ std::optional<CellSystem> CellRefiner::parted(const CellSystem& system,
     for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
         if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
             leaves.push_back(static_cast<int>(leaf));
-    return refine_cells(system, with_homes(finer_body(system.body(), leaves)));
+    return in_cells(system, with_homes(finer_body(system.body(), leaves)));
 }
 
 std::vector<double> CellRefiner::errors_of(const CellSystem& system) const
@@ -243,7 +243,7 @@ std::optional<CellSystem> CellRefiner::finer(const CellSystem& system)
         }
     std::stable_sort(leaves.begin(), leaves.end(),
                      [&](int a, int b) { return worst[idx(a)] > worst[idx(b)]; });
-    return refine_cells(system, with_homes(finer_body(body, leaves)));
+    return in_cells(system, with_homes(finer_body(body, leaves)));
 }
 
 std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
@@ -289,11 +289,11 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
     Body merged = cut(rest_, body.octree.merge(leaves));
     if (!crowded_leaves(merged).empty())
         return std::nullopt;
-    return refine_cells(system, std::move(merged));
+    return in_cells(system, std::move(merged));
 }
 
-std::optional<CellSystem> CellRefiner::refine_cells(const CellSystem& system,
-                                                    Body cells) const
+std::optional<CellSystem> CellRefiner::in_cells(const CellSystem& system,
+                                                Body cells) const
 {
     if (cells.octree.leaves() == system.body().octree.leaves())
         return std::nullopt;

@@ -64,7 +64,7 @@ private:
     std::vector<double> errors_of(const CellSystem& system) const;
     std::vector<int> crowded_leaves(const Body& body) const;
     Body with_homes(Body body);
-    std::optional<CellSystem> refine_cells(const CellSystem& system, Body cells) const;
+    std::optional<CellSystem> in_cells(const CellSystem& system, Body cells) const;
     CellSystem handed_to(const std::shared_ptr<const Body>& body,
                          const CellSystem& system) const;
     /// Regions, one of each motion, that have material in a leaf.

@@ -72,8 +72,8 @@ int MemoryGuard::main(int (*run)(int, char**), int argc, char** argv) const
         is_running = false;
         if (exit_code != static_cast<int>(Fault::Budget))
             return exit_code;
-        // At a regular end the dense kernels wait for their threads, which wait for
-        // memory for ever where there is none.
+        // Where there is no memory a regular end hangs: the dense kernels wait for their
+        // threads, and these wait for memory for ever.
         std::fflush(nullptr);
         ::_exit(exit_code);
     }

@@ -1,29 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // One stage lasts from the start, or a commit, to the next commit: its cells,
-// regions and frames. A frame travels from the last one's motions to its own in
-// steps; each step starts from the poses of the one before, so large turns do not
-// tear the glue. Only the last step is solved to the tolerance asked for.
+// regions and frames.
 #include "editor/session/session.h"
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
-#include <map>
-#include <numbers>
-#include <numeric>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/session/apply_field.h"
 #include "editor/session/deformation.h"
-#include "editor/session/turn_chains.h"
+#include "editor/session/frame_solver.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/clock.h"
 #include "octree/base/parallel.h"
-#include "solver/cells/refinement.h"
-#include "solver/field/turning.h"
 
 namespace cellwarp
 {
@@ -31,96 +23,10 @@ namespace cellwarp
 namespace
 {
 
-/// Tolerance of the steps on the way: good enough to start the next one.
-constexpr double kTravelTolerance = 1e-3;
-
-/// Iterations of a step on the way, at most.
-constexpr int kTravelIterations = 30;
-
-/// Two motions of one sample that differ by no more are one [diagonal].
-constexpr double kSameMotion = 1e-12;
-
-/// What counts as zero against the forces that cancel; see interface of --json.
-constexpr double kUncancelledShare = 1e-3;
-
 /// More cells at the depth limit than this get a warning [cells].
 constexpr double kManyAtLimit = 0.02;
 
-/// Where the material is pressed together to less than this share of its length it folds.
-constexpr double kFold = 0.2;
-
-/// By what factor the energy of smaller cells may be larger: it converges from either
-/// side, but not by more.
-constexpr double kRise = 1.02;
-
-/// Energies that differ by a smaller share are one minimum.
-constexpr double kSameEnergy = 1e-5;
-
-/// Where a solve changes the turns from region to region by more, whole turns are lost
-/// [rad]: what bends on its way to a solution stays far below.
-constexpr double kLostTurn = std::numbers::pi;
-
-/// A handle that travels farther than this gets a warning [diagonal].
-constexpr double kExtremeMove = 100.0;
-
-/// The volume that a closed mesh, its faces as fans, encloses: a sixth of the sum of
-/// the triple products.
-double enclosed_volume(const Geometry& geometry,
-                       const std::vector<Eigen::Vector3d>& samples)
-{
-    const Eigen::Vector3d origin = samples.front();
-    double sum = 0.0;
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        const Eigen::Vector3d a = samples[corners[0]] - origin;
-        for (std::size_t k = 2; k < corners.size(); ++k)
-            sum += a.dot(
-                (samples[corners[k - 1]] - origin).cross(samples[corners[k]] - origin));
-    }
-    return sum / 6.0;
-}
-
-/// Whether every edge has exactly two faces, which pass it in opposite directions.
-bool is_closed(const Geometry& geometry)
-{
-    if (geometry.num_faces() == 0)
-        return false;
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-    edges.reserve(geometry.corners.size());
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        for (std::size_t k = 0; k < corners.size(); ++k)
-            edges.emplace_back(corners[k], corners[(k + 1) % corners.size()]);
-    }
-    std::sort(edges.begin(), edges.end());
-    if (std::adjacent_find(edges.begin(), edges.end()) != edges.end())
-        return false;
-    return std::all_of(edges.begin(), edges.end(),
-                       [&](const auto& edge)
-                       {
-                           return edge.first != edge.second &&
-                                  std::binary_search(edges.begin(), edges.end(),
-                                                     std::pair(edge.second, edge.first));
-                       });
-}
-
 } // namespace
-
-const char* second_start_name(SecondStart start)
-{
-    switch (start)
-    {
-    case SecondStart::None:
-        return "none";
-    case SecondStart::Dropped:
-        return "dropped";
-    case SecondStart::Taken:
-        return "taken";
-    }
-    return "";
-}
 
 /// Everything that belongs to one stage.
 struct Session::StageState
@@ -359,52 +265,13 @@ void Session::check_memory_of(const FieldChoice& field) const
 }
 
 /// The way from where \p steps have the regions; they are those of the frame afterwards.
-Session::FramePlan Session::plan(const FrameStatement& frame,
-                                 std::vector<std::vector<Step>>& steps,
-                                 std::vector<std::string>& warnings) const
+FramePlan Session::plan(const FrameStatement& frame,
+                        std::vector<std::vector<Step>>& steps,
+                        std::vector<std::string>& warnings) const
 {
-    const StageState& s = *state_;
-    const RegionSet& regions = s.system.regions();
-    const double diagonal = s.system.rest().frame.diagonal();
-    std::map<std::string, const Move*> moves;
-    for (const Move& move : frame.moves)
-        moves[move.region] = &move;
-    FramePlan plan;
-    std::vector<Motion> motions;
-    for (std::size_t r = 0; r < regions.size(); ++r)
-    {
-        const ModelBox& box = regions.box(r);
-        std::vector<Step> next = steps[r];
-        if (const auto found = moves.find(regions[r].name); found != moves.end())
-        {
-            const Move& move = *found->second;
-            const bool is_placed = std::any_of(
-                move.operations.begin(), move.operations.end(),
-                [](const Operation& o) { return o.kind == Operation::Kind::To; });
-            if (is_placed && box.size().norm() > 1e-9 * diagonal)
-                throw malformed({handles_.path, move.line, move.region},
-                                "'to' needs a pin of one place; this one has " +
-                                    std::to_string(regions[r].samples.size()) +
-                                    " samples, use translate");
-            next = steps_of(move, s.start->units, regions.centre(r), box.low,
-                            handles_.path, warnings);
-        }
-        const HandleTrajectory& path = plan.paths.emplace_back(steps[r], next);
-        steps[r] = std::move(next);
-        motions.push_back(path.at(1.0));
-        if (!regions[r].prescribes())
-            continue;
-        plan.num_parts =
-            std::max(plan.num_parts, path.num_parts(box.low, box.high, diagonal));
-        if (diagonal > 0 && (motions.back()(box.centre()) - box.centre()).norm() >
-                                kExtremeMove * diagonal)
-            warnings.push_back(fmt::format("frame {}: {} moves by more than {} "
-                                           "diagonals: the shape is stretched "
-                                           "to an extreme",
-                                           frame.number, regions[r].name, kExtremeMove));
-    }
-    check_overlaps(motions, frame.line);
-    return plan;
+    const CellSystem& system = state_->system;
+    return plan_frame(frame, system.regions(), state_->start->units, system.rest(),
+                      handles_.path, steps, warnings);
 }
 
 /// All frames of the stage that are left, so that a wrong one fails before the next is
@@ -418,26 +285,6 @@ void Session::check_frames()
         plan(frames[f], steps, of_frames);
     if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
-}
-
-void Session::check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const
-{
-    const StageState& s = *state_;
-    for (const RegionSet::Overlap& overlap : s.system.regions().overlaps())
-    {
-        const Eigen::Vector3d& x = s.system.rest().samples[overlap.sample];
-        const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
-        const double scale =
-            std::max(s.system.rest().frame.diagonal(), motions[overlap.a](x).norm());
-        if (!(apart <= kSameMotion * scale))
-            throw malformed(
-                {handles_.path, line, s.system.regions()[overlap.a].name},
-                fmt::format("and {} (line {}) both hold sample {} and move it "
-                            "differently ({:.3g} of the diagonal apart)",
-                            s.system.regions()[overlap.b].name,
-                            s.system.regions()[overlap.b].line, overlap.sample,
-                            apart / s.system.rest().frame.diagonal()));
-    }
 }
 
 std::optional<std::int64_t> Session::upcoming_frame() const
@@ -594,257 +441,12 @@ void Session::end_stopped()
         state_.reset();
 }
 
-/// Whether no region moves, and the last solution stands: it is not polished to other
-/// bits.
-bool Session::stands() const
-{
-    const StageState& s = *state_;
-    return s.last_solve.stop == Stop::Converged &&
-           std::all_of(s.plan.paths.begin(), s.plan.paths.end(),
-                       [](const HandleTrajectory& path)
-                       {
-                           const Motion from = path.at(0.0), to = path.at(1.0);
-                           return from.R == to.R && from.t == to.t;
-                       });
-}
-
-/// Moves the regions to \p t of this frame's way.
-void Session::move_regions(double t)
-{
-    std::vector<Motion> motions;
-    for (const HandleTrajectory& path : state_->plan.paths)
-        motions.push_back(path.at(t));
-    state_->system.move_regions(motions);
-}
-
-/// What the solves of one frame have in common.
-struct Session::FrameSolve
-{
-    Clock::time_point start = Clock::now();
-    double gradient_scale = 0.0; ///< before any guess makes the first gradient small
-    double energy_before = 0.0;  ///< of the last step of the way
-    int part = 1, parts = 1;     ///< of the way
-    bool has_risen = false;      ///< the energy, when cells were split
-    bool is_wound = false;       ///< a region, by more than half a turn
-    bool stays_stable = false;   ///< else turns were lost
-    /// Of the regions' chains: where they would be had no solve changed them.
-    Eigen::Matrix3Xd turns;
-    int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
-    int iterations_before = 0; ///< of an earlier way of the same frame
-    SolveReport total;
-
-    bool is_out_of_time() const
-    {
-        return total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
-    }
-};
-
-/// Solves from where the system is; \p is_last: to the tolerance asked for, else well
-/// enough to go on from there.
-void Session::solve_on(FrameSolve& frame, bool is_last)
-{
-    StageState& s = *state_;
-    const int done = frame.iterations_before - frame.iterations_lost +
-                     std::max(0, frame.total.iterations);
-    SolveOptions options;
-    options.method = settings_.method;
-    options.stop = settings_.stop;
-    options.gradient_scale = frame.gradient_scale;
-    options.max_iterations = std::max(0, settings_.max_iterations - done);
-    // What gives way must do so before the next step, to be seen.
-    if (!is_last && !frame.is_wound)
-        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
-    options.checks_stability = is_last;
-    options.stays_stable = frame.stays_stable;
-    options.gradient_tolerance =
-        is_last ? settings_.gradient_tolerance : kTravelTolerance;
-    if (settings_.time_budget > 0)
-        options.time_budget =
-            std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(frame.start));
-    if (settings_.watch)
-        options.watch = [&, done](int iteration, double gradient, double energy)
-        {
-            settings_.watch({frames_done_, reports_.back().frame, frame.part, frame.parts,
-                             done + iteration, gradient, energy});
-        };
-    SolveReport solve = s.system.solve(options);
-    solve.add_earlier(frame.total);
-    frame.total = solve;
-}
-
-/// solve_on() for material that may be wound: twisted too far it is no longer stable,
-/// folds through itself and comes out with less turns. Then it is solved for again, but
-/// no farther than to where it would begin to give way.
-void Session::solve_wound(FrameSolve& frame, bool is_last)
-{
-    if (!frame.is_wound || frame.stays_stable)
-        return solve_on(frame, is_last);
-    StageState& s = *state_;
-    const CellSystemState before = s.system.state();
-    const int iterations = frame.total.iterations;
-    solve_on(frame, is_last);
-    const TurnChains chains(s.system.body().cells, s.system.region_of_cell());
-    const Eigen::Matrix3Xd lost = chains.turns(s.system.poses()) - frame.turns;
-    if (!(lost.colwise().norm().array() > kLostTurn).any() || frame.is_out_of_time())
-        return;
-    frame.stays_stable = true;
-    frame.iterations_lost += frame.total.iterations - std::max(0, iterations);
-    s.system.set_state(before);
-    solve_on(frame, is_last);
-}
-
-/// Where a frame began, and in which cells.
-struct Session::FrameStart
-{
-    std::shared_ptr<const Body> body;
-    CellSystemState state;
-};
-
-/// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
-/// one is solved to the tolerance asked for.
-void Session::travel(FrameSolve& frame, int& steps, bool ends_exactly)
-{
-    StageState& s = *state_;
-    frame.parts = s.plan.num_parts;
-    frame.is_wound =
-        std::any_of(s.plan.paths.begin(), s.plan.paths.end(),
-                    [](const HandleTrajectory& path) { return path.is_wound(); });
-    std::optional<TurnChains> chains;
-    if (frame.is_wound)
-    {
-        chains.emplace(s.system.body().cells, s.system.region_of_cell());
-        frame.turns = chains->turns(s.system.poses());
-    }
-    for (frame.part = 1; frame.part <= frame.parts; ++frame.part)
-    {
-        // Out of time on the way: straight to the end.
-        if (frame.is_out_of_time())
-            frame.part = frame.parts;
-        if (chains)
-            frame.turns -= chains->turns(s.system.poses());
-        move_regions(static_cast<double>(frame.part) / frame.parts);
-        if (frame.gradient_scale == 0.0)
-        {
-            const Residual first = s.system.residual();
-            frame.gradient_scale =
-                std::max(first.gradient, kUncancelledShare * first.uncancelled);
-        }
-        frame.energy_before = s.system.energy();
-        s.system.carry_others();
-        if (chains)
-            frame.turns += chains->turns(s.system.poses());
-        solve_wound(frame, frame.part == frame.parts && ends_exactly);
-        ++steps;
-        if (frame.total.stop == Stop::NotPositiveDefinite)
-            break;
-    }
-    frame.part = frame.parts;
-}
-
-/// Whether there were other cells to take; they are taken then.
-bool Session::takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
-                    FrameReport& report)
-{
-    StageState& s = *state_;
-    const Clock::time_point start = Clock::now();
-    std::optional<CellSystem> next = (s.refiner.*change)(s.system);
-    if (next)
-    {
-        s.fitter.reset();
-        s.system = std::move(*next);
-        ++report.refinements;
-    }
-    report.cells_ms += ms_since(start);
-    return next.has_value();
-}
-
-/// Fits the cells to the deformation: merges first, then splits, so that it ends. What
-/// the last, exact solve shows to be still is merged after it.
-void Session::refine_cells(FrameSolve& frame, FrameReport& report)
-{
-    const auto go_on = [&]
-    { return !frame.is_out_of_time() && frame.total.stop != Stop::NotPositiveDefinite; };
-    // Where it is not stable, errors of the cells tell nothing.
-    const auto may_refine = [&] { return go_on() && !frame.stays_stable; };
-    while (may_refine() && takes(&CellRefiner::coarser, report))
-        solve_wound(frame, false);
-    for (double before = state_->system.energy();
-         may_refine() && takes(&CellRefiner::finer, report);)
-    {
-        solve_wound(frame, false);
-        const double after = state_->system.energy();
-        frame.has_risen |= after > kRise * before;
-        before = after;
-    }
-    if (go_on())
-        solve_wound(frame, true);
-    while (may_refine() && takes(&CellRefiner::coarser, report))
-        solve_wound(frame, true);
-    report.cells_at_limit = state_->refiner.num_at_limit();
-}
-
-/// Whether there are signs of a lower minimum than the one found: a direction in which
-/// the energy still falls, a fold, which may have formed in large cells where small ones
-/// would have it elsewhere, or an energy that rose in smaller cells.
-bool Session::may_miss_a_minimum(const FrameSolve& frame) const
-{
-    const CellSystem& system = state_->system;
-    return frame.total.stop == Stop::Converged &&
-           (frame.total.is_saddle || frame.has_risen ||
-            least_stretch(system.body().cells, system.glue(), system.constraints(),
-                          system.poses()) < kFold);
-}
-
-/// Goes the way of the frame again, in the cells in which it ended, and stays where that
-/// leads if it is lower.
-void Session::start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report)
-{
-    StageState& s = *state_;
-    const double energy = s.system.energy();
-    CellSystem other = s.refiner.in_cells_of(s.system, start.body, start.state);
-    std::swap(s.system, other);
-    FrameSolve second;
-    second.start = frame.start;
-    second.gradient_scale = frame.gradient_scale;
-    second.iterations_before = frame.total.iterations;
-    travel(second, report.steps, true);
-    const bool is_lower = second.total.stop == Stop::Converged &&
-                          s.system.energy() < (1.0 - kSameEnergy) * energy;
-    report.second_start = is_lower ? SecondStart::Taken : SecondStart::Dropped;
-    if (!is_lower)
-    {
-        std::swap(s.system, other);
-        frame.total.add_earlier(second.total);
-        return;
-    }
-    second.total.add_earlier(frame.total);
-    second.iterations_before = 0; // they are in the total now
-    frame = second;
-    refine_cells(frame, report);
-}
-
-/// Parts the material that this frame's motions part, before anything moves.
-void Session::part_regions(FrameReport& report)
-{
-    StageState& s = *state_;
-    std::vector<Motion> motions;
-    for (const HandleTrajectory& path : s.plan.paths)
-        motions.push_back(path.at(1.0));
-    const Clock::time_point start = Clock::now();
-    while (std::optional<CellSystem> next = s.refiner.parted(s.system, motions))
-    {
-        s.fitter.reset();
-        s.system = std::move(*next);
-        ++report.refinements;
-    }
-    report.cells_ms += ms_since(start);
-}
-
 void Session::solve_frame(FrameReport& report)
 {
     StageState& s = *state_;
-    if (stands())
+    if (s.last_solve.stop == Stop::Converged && s.plan.stands())
     {
+        // The last solution stands: it is not polished to other bits.
         const SolveReport last = s.last_solve;
         s.last_solve = {};
         s.last_solve.stop = last.stop;
@@ -855,25 +457,16 @@ void Session::solve_frame(FrameReport& report)
     else
     {
         s.field.reset(); // it is of the last frame's cells
-        s.system.forget_way();
-        part_regions(report);
-        const FrameStart start{s.system.shared_body(), s.system.state()};
-        FrameSolve frame;
-        const bool is_adaptive = s.refiner.is_adaptive();
-        travel(frame, report.steps, !is_adaptive);
-        if (is_adaptive)
-        {
-            refine_cells(frame, report);
-            if (report.refinements > 0 && may_miss_a_minimum(frame))
-                start_again(start, frame, report);
-        }
-        if (frame.stays_stable)
+        FrameSolver solver(s.system, s.refiner, s.plan, settings_, frames_done_);
+        solver.solve(report);
+        if (report.refinements > 0)
+            s.fitter.reset();
+        if (solver.is_left_wound())
             warnings_.push_back(fmt::format(
                 "frame {}: the material is wound farther than it is stable: it "
                 "is left where it would begin to lose turns",
                 report.frame));
-        s.last_solve = frame.total;
-        s.last_solve.energy_before = frame.energy_before;
+        s.last_solve = report.solve;
     }
     for (std::string& warning : s.refiner.take_warnings())
         warnings_.push_back(std::move(warning));
@@ -1017,14 +610,6 @@ FieldFile Session::field_file() const
     FieldFile file{committed_fields_};
     file.stages.push_back(stored_field(state_->system, *state_->field));
     return file;
-}
-
-std::optional<Volume> Session::volume() const
-{
-    if (!is_closed(*geometry_))
-        return std::nullopt;
-    return Volume{enclosed_volume(*geometry_, geometry_->samples),
-                  enclosed_volume(*geometry_, deformed_.samples)};
 }
 
 } // namespace cellwarp

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -17,8 +16,11 @@
 #include "editor/session/cell_refiner.h"
 #include "editor/session/cell_system.h"
 #include "editor/session/checkpoints.h"
+#include "editor/session/frame_plan.h"
 #include "editor/session/frame_report.h"
 #include "editor/session/script_fingerprint.h"
+#include "editor/session/session_settings.h"
+#include "editor/session/volume.h"
 #include "io/field_file.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -27,44 +29,11 @@
 namespace cellwarp
 {
 
-/// Where a session is: frames done, and how far the next one is.
-struct FrameProgress
-{
-    std::size_t frames_done = 0;
-    std::int64_t frame = 0;  ///< its number
-    int step = 0, steps = 1; ///< of its way
-    int iteration = 0;
-    double gradient = 1.0; ///< relative; 1 where it is not known yet
-    double energy = 0.0;
-};
-
-struct SessionSettings
-{
-    CellSettings cells;
-    Method method = Method::Newton;
-    int max_iterations = 200; ///< of one frame, all its steps together
-    double gradient_tolerance = 1e-6;
-    double time_budget = 0.0; ///< [s] of one frame's solve, 0: no limit
-    FieldChoice field = FieldKind::Rbf;
-    Departures departures = {};     ///< from [Botsch07]; of the cells and their solution
-    bool keeps_fields = false;      ///< of commits, for field_file()
-    bool keeps_checkpoints = false; ///< to go back to, for set_script()
-    std::stop_token stop = {};
-    /// Called on the way, in the thread that runs the session: at every iteration.
-    std::function<void(const FrameProgress&)> watch = {};
-};
-
 /// What parts were built, counted where they are built.
 struct PartCounts
 {
     int interior = 0, refinement = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0,
         faces = 0;
-};
-
-/// What a closed mesh encloses.
-struct Volume
-{
-    double before = 0.0, after = 0.0; ///< [model unit^3]
 };
 
 class Session
@@ -129,16 +98,13 @@ public:
     /// next one begins.
     const CellSystem* system() const;
     /// Null unless every edge has exactly two, opposite faces.
-    std::optional<Volume> volume() const;
+    std::optional<Volume> volume() const
+    {
+        return enclosed_volumes(*geometry_, deformed_.samples);
+    }
 
 private:
     struct StageState;
-    /// The way of each region in one frame.
-    struct FramePlan
-    {
-        std::vector<HandleTrajectory> paths;
-        int num_parts = 1;
-    };
 
     CellSystemSettings system_settings() const;
     std::shared_ptr<const StageRest> make_rest(std::size_t stage,
@@ -153,21 +119,6 @@ private:
     FramePlan plan(const FrameStatement& frame, std::vector<std::vector<Step>>& steps,
                    std::vector<std::string>& warnings) const;
     void check_frames();
-    void check_overlaps(const std::vector<Motion>& motions, std::int64_t line) const;
-    struct FrameSolve;
-
-    bool stands() const;
-    void move_regions(double t);
-    void solve_on(FrameSolve& frame, bool is_last);
-    void solve_wound(FrameSolve& frame, bool is_last);
-    struct FrameStart;
-    void travel(FrameSolve& frame, int& steps, bool ends_exactly);
-    bool may_miss_a_minimum(const FrameSolve& frame) const;
-    void start_again(const FrameStart& start, FrameSolve& frame, FrameReport& report);
-    bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
-               FrameReport& report);
-    void refine_cells(FrameSolve& frame, FrameReport& report);
-    void part_regions(FrameReport& report);
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;
     struct Standing;

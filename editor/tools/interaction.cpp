@@ -89,7 +89,7 @@ void Interaction::update()
         if (const Neighbours* const around = s.neighbours.get())
             s.attempt([&] { s.run_spread(*around); });
     s.find_hover();
-    if (std::chrono::steady_clock::now() > s.complaint_ends)
+    if (Clock::now() > s.complaint_ends)
         s.complaint.clear();
 }
 

@@ -62,7 +62,7 @@ std::string Interaction::State::Choice::name() const
 void Interaction::State::complain(const std::string& what)
 {
     complaint = what;
-    complaint_ends = std::chrono::steady_clock::now() + kComplaintLasts;
+    complaint_ends = Clock::now() + kComplaintLasts;
 }
 
 Eigen::Vector3d Interaction::State::centre_of(const EditedRegion& region) const

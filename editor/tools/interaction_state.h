@@ -19,6 +19,7 @@
 #include "editor/tools/region_drag.h"
 #include "editor/tools/selecting.h"
 #include "io/error.h"
+#include "octree/base/clock.h"
 
 namespace cellwarp
 {
@@ -98,7 +99,7 @@ struct Interaction::State
     std::optional<Hover> hover;
     std::optional<GizmoPart> hot;
     std::string complaint;
-    std::chrono::steady_clock::time_point complaint_ends;
+    Clock::time_point complaint_ends;
 
     explicit State(Editing& of) : editing(of), neighbours(of.document().model()) {}
 

@@ -8,6 +8,7 @@
 #include <new>
 
 #include "io/error.h"
+#include "octree/base/clock.h"
 
 namespace cellwarp
 {
@@ -28,9 +29,7 @@ std::string name_of(const std::string& path)
 
 double seconds_now()
 {
-    return std::chrono::duration<double>(
-               std::chrono::steady_clock::now().time_since_epoch())
-        .count();
+    return seconds_since({});
 }
 
 EditorApp::EditorApp(bool keeps_journals)

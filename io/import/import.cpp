@@ -35,9 +35,11 @@ Descriptor above_streams(Descriptor file)
     return Descriptor(file ? ::fcntl(file.get(), F_DUPFD_CLOEXEC, 3) : -1);
 }
 
-[[noreturn]] void fail(const std::string& path, const std::string& what)
+constexpr char kCannotStart[] = "cannot start the importer";
+
+[[noreturn]] void fail(const std::string& path, const std::string& what, int error)
 {
-    throw Error(Fault::File, at({path, 0, ""}, "cannot start the importer: " + what));
+    throw Error(Fault::File, at({path, 0, ""}, what + ": " + std::strerror(error)));
 }
 
 /// A file of memory that holds \p bytes, from its beginning on; none and errno where
@@ -77,15 +79,14 @@ int start(const std::string& program, const std::string& extension, int in, int 
     return failure;
 }
 
-/// All that comes out of \p pipe until it is closed.
-std::string all_of(int pipe)
+/// All that comes out of \p pipe until it is closed; 0 or an errno.
+int read_all(int pipe, std::string& bytes)
 {
-    std::string bytes;
     char part[65536];
     std::int64_t got = 0;
     while ((got = read_next(pipe, part, sizeof part)) > 0)
         bytes.append(part, static_cast<std::size_t>(got));
-    return bytes;
+    return got < 0 ? errno : 0;
 }
 
 /// What the importer says of the file; how it ended in \p status.
@@ -94,22 +95,26 @@ std::string answer(const std::string& path, const std::string& bytes, int& statu
     const std::string program = program_beside(kImporter);
     const Descriptor input = above_streams(memory_file(bytes));
     if (!input)
-        fail(path, std::strerror(errno));
+        fail(path, kCannotStart, errno);
     int ends[2];
     if (::pipe2(ends, O_CLOEXEC) != 0)
-        fail(path, std::strerror(errno));
-    const Descriptor out = above_streams(Descriptor(ends[0]));
+        fail(path, kCannotStart, errno);
+    Descriptor out = above_streams(Descriptor(ends[0]));
     Descriptor in = above_streams(Descriptor(ends[1]));
     if (!out || !in)
-        fail(path, std::strerror(errno));
+        fail(path, kCannotStart, errno);
     pid_t process = -1;
     if (const int failure =
             start(program, extension_of(path), input.get(), in.get(), process))
-        fail(path, program + ": " + std::strerror(failure));
+        fail(path, kCannotStart + (": " + program), failure);
     in.close();
-    std::string result = all_of(out.get());
+    std::string result;
+    const int failure = read_all(out.get(), result);
+    out.close(); // an importer that still writes ends
     while (::waitpid(process, &status, 0) < 0 && errno == EINTR)
         ;
+    if (failure != 0)
+        fail(path, "cannot hear the importer", failure);
     return result;
 }
 

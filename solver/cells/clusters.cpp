@@ -7,9 +7,9 @@
 #include <cstdlib>
 #include <limits>
 #include <map>
-#include <queue>
 
 #include "octree/base/index.h"
+#include "solver/cells/glue_distances.h"
 
 namespace cellwarp
 {
@@ -21,59 +21,6 @@ namespace
 constexpr double kSmallCore = 0.25;
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
-
-/// Distances from one core at a time; what was reached is known, so that a search
-/// costs no more than what it finds.
-class Reach
-{
-public:
-    explicit Reach(const Cells& cells) : cells_(cells), distance_(cells.size(), kFar) {}
-
-    void search(std::span<const int> core, double limit)
-    {
-        for (const int cell : reached_)
-            distance_[idx(cell)] = kFar;
-        reached_.clear();
-        for (const int cell : core)
-            offer(cell, 0.0);
-        while (!queue_.empty())
-        {
-            const auto [d, cell] = queue_.top();
-            queue_.pop();
-            if (d > distance(cell))
-                continue;
-            const Cell& from = cells_.cells[idx(cell)];
-            for (const int other : cells_.neighbours_of(cell))
-            {
-                const Cell& to = cells_.cells[idx(other)];
-                const double step = (to.box_centre - from.box_centre).norm() /
-                                    (0.5 * (from.edge + to.edge));
-                if (d + step <= limit)
-                    offer(other, d + step);
-            }
-        }
-    }
-    double distance(int cell) const { return distance_[idx(cell)]; }
-    const std::vector<int>& reached() const { return reached_; }
-
-private:
-    void offer(int cell, double d)
-    {
-        double& known = distance_[idx(cell)];
-        if (d >= known)
-            return;
-        if (known == kFar)
-            reached_.push_back(cell);
-        known = d;
-        queue_.emplace(d, cell);
-    }
-
-    using Entry = std::pair<double, int>;
-    const Cells& cells_;
-    std::vector<double> distance_;
-    std::vector<int> reached_;
-    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
-};
 
 /// The number of the run that holds \p place when \p count places are cut into runs of
 /// about \p length, as equal as can be and symmetric about the middle.
@@ -220,11 +167,14 @@ Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
          joined_cores(cells, cores_of(cells, blocks, is_left_out), size.core))
         result.clusters.emplace_back().core = std::move(core);
     std::vector<std::vector<Membership>> of_cell(cells.size());
-    Reach reach(cells);
+    // In edges, so that cells of all sizes count.
+    const auto length = [](const Cell& from, const Cell& to)
+    { return (to.box_centre - from.box_centre).norm() / (0.5 * (from.edge + to.edge)); };
+    GlueDistances reach(cells);
     for (std::size_t c = 0; c < result.clusters.size(); ++c)
     {
         Cluster& cluster = result.clusters[c];
-        reach.search(cluster.core, size.reach + kSlack);
+        reach.search(cluster.core, size.reach + kSlack, length);
         cluster.cells = reach.reached();
         std::sort(cluster.cells.begin(), cluster.cells.end());
         for (const int cell : cluster.cells)

@@ -19,14 +19,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <map>
-#include <queue>
 #include <set>
 #include <tuple>
 
 #include <unsupported/Eigen/AutoDiff>
 
 #include "octree/base/index.h"
+#include "solver/cells/glue_distances.h"
 
 namespace cellwarp
 {
@@ -135,35 +134,12 @@ RegionFade::RegionFade(const Cells& cells, double edge, const std::vector<Node>&
     // Cells within reach through the glue. A path through faces is longer than the
     // straight line, by up to sqrt 3; two more cells carry the blend's own reach.
     const double reach = std::sqrt(3.0) * (radius_ + 2.0 * edge);
-    std::map<int, double> distance;
-    using Entry = std::pair<double, int>;
-    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
-    const auto offer = [&](int cell, double length)
-    {
-        const auto [found, is_new] = distance.try_emplace(cell, length);
-        if (!is_new && length >= found->second)
-            return;
-        found->second = length;
-        queue.emplace(length, cell);
-    };
-    for (const int cell : node_cells_)
-        offer(cell, 0.0);
-    while (!queue.empty())
-    {
-        const auto [d, cell] = queue.top();
-        queue.pop();
-        if (d > distance[cell])
-            continue;
-        const Eigen::Vector3d& from = cells.cells[idx(cell)].box_centre;
-        for (const int other : cells.neighbours_of(cell))
-        {
-            const double length = d + (cells.cells[idx(other)].box_centre - from).norm();
-            if (length <= reach)
-                offer(other, length);
-        }
-    }
-    for (const auto& [cell, d] : distance)
-        near_cells_.push_back(cell);
+    GlueDistances distances(cells);
+    distances.search(node_cells_, reach,
+                     [](const Cell& from, const Cell& to)
+                     { return (to.box_centre - from.box_centre).norm(); });
+    near_cells_ = distances.reached();
+    std::sort(near_cells_.begin(), near_cells_.end());
     find_touched(cells);
 }
 

@@ -24,8 +24,8 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
     double r_z = r_.dot(z_);
     const auto is_out_of_time = [&]
     {
-        return report.steps > 0 && (limits.stop.stop_requested() ||
-                                    std::chrono::steady_clock::now() > limits.deadline);
+        return report.steps > 0 &&
+               (limits.stop.stop_requested() || Clock::now() > limits.deadline);
     };
     while (report.steps < limits.max_steps && !is_out_of_time())
     {

@@ -2,11 +2,11 @@
 // Conjugate gradients for the step of a Newton method. [Steihaug83]
 #pragma once
 
-#include <chrono>
 #include <stop_token>
 
 #include <Eigen/Core>
 
+#include "octree/base/clock.h"
 #include "solver/linear/linear_operator.h"
 
 namespace cellwarp
@@ -24,8 +24,7 @@ struct LinearLimits
 {
     double tolerance = 1e-6; ///< of the residual, relative to the right-hand side
     int max_steps = 100;
-    std::chrono::steady_clock::time_point deadline =
-        std::chrono::steady_clock::time_point::max();
+    Clock::time_point deadline = Clock::time_point::max();
     std::stop_token stop = {};
 };
 

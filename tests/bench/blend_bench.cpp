@@ -10,6 +10,7 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "solver/field/sample_blend.h"
@@ -145,15 +146,13 @@ Input& input(const Choice& choice)
 template <class Call>
 double shortest(const Call& call)
 {
-    using Clock = std::chrono::steady_clock;
     double least = INFINITY;
     const Clock::time_point begin = Clock::now();
     while (Clock::now() - begin < std::chrono::milliseconds(300))
     {
         const Clock::time_point start = Clock::now();
         call();
-        least =
-            std::min(least, std::chrono::duration<double>(Clock::now() - start).count());
+        least = std::min(least, seconds_since(start));
     }
     return least;
 }

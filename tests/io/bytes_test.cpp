@@ -83,6 +83,17 @@ TEST(Bytes, a_file_that_changes_while_it_is_read_is_one_snapshot_or_an_error)
     EXPECT_LT(whole, 2000u);
 }
 
+TEST(Bytes, a_place_that_was_cut_off_is_told)
+{
+    const support::Folder folder;
+    const std::string path = folder.write("a", "0123456789");
+    const InputFile file(path);
+    std::filesystem::resize_file(path, 4);
+    char bytes[4];
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { file.read_at(2, bytes, 4); }),
+                         "changed while it was read"));
+}
+
 TEST(Bytes, a_file_that_is_replaced_while_it_is_read_is_the_old_one_or_the_new_one)
 {
     const support::Folder folder;

@@ -690,6 +690,8 @@ TEST(Gltf, what_is_wrong_is_named)
     EXPECT_TRUE(contains(told("/nodes/0/mesh", -1), "need a whole number"));
     EXPECT_TRUE(contains(told("/nodes/0/rotation", {0, 0, 0, 0}), "is no rotation"));
     EXPECT_TRUE(contains(told("/nodes/0/scale", {1, 1}), "scale: need 3 finite numbers"));
+    EXPECT_TRUE(contains(told("/nodes/0/scale", {1, "x", 1}),
+                         "scale: need 3 finite numbers (got \"x\")"));
     EXPECT_TRUE(contains(
         told("/nodes/0/matrix", {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}),
         "its last row is not 0 0 0 1"));

@@ -101,6 +101,19 @@ int in_child(Action&& action)
 
 } // namespace
 
+TEST(Journal, refuses_what_is_too_long_for_it)
+{
+    const Folder folder;
+    const char byte = 0;
+    const std::string_view too_long(&byte, (std::size_t(1) << 32)); // never read
+    EXPECT_TRUE(
+        contains(error_of(Fault::File, [&] { Journal::create(folder / "a", too_long); }),
+                 "is too long for a journal"));
+    Journal journal = Journal::create(folder / "a", "header");
+    EXPECT_TRUE(contains(error_of(Fault::File, [&] { journal.append(too_long); }),
+                         "a record is too long for a journal"));
+}
+
 TEST(Journal, gives_back_what_was_appended_also_after_it_was_opened_again)
 {
     const Folder folder;

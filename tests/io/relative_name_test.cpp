@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/shapes.h"
+#include "tests/support/throws.h"
 
 namespace cellwarp
 {
@@ -55,6 +56,19 @@ TEST(RelativeName, links_of_folders_are_followed_and_links_of_files_kept)
     const std::string name = relative_name(scene, folder / "models/a.obj");
     EXPECT_EQ(name, "../../../models/a.obj");
     EXPECT_EQ(support::bytes_of(resolved_name(scene, name)), "model");
+}
+
+TEST(RelativeName, a_working_folder_that_has_gone_is_told)
+{
+    const std::filesystem::path before = std::filesystem::current_path();
+    {
+        const support::Folder folder;
+        std::filesystem::current_path(folder.path());
+    }
+    const std::string text =
+        support::error_of(Fault::File, [] { relative_name("s.json", "/a.obj"); });
+    std::filesystem::current_path(before);
+    EXPECT_TRUE(support::contains(text, "cannot find its folder"));
 }
 
 } // namespace cellwarp

@@ -120,6 +120,14 @@ TEST(Stl, binary_facets_must_be_there_and_finite)
         error_of(Fault::Malformed, [&]
                  { support::scanned_in_parts(StlScanner("x.stl", 184), cut, 50, 84); }),
         "x.stl: facet 1: the file ends here"));
+    // Or one that grows.
+    EXPECT_TRUE(contains(error_of(Fault::Malformed,
+                                  [&] {
+                                      support::scanned_in_parts(StlScanner("x.stl", 184),
+                                                                binary(2, 2) + "more",
+                                                                500, 84);
+                                  }),
+                         "count (byte 80): more data than its 2 facets"));
 }
 
 TEST(Stl, ascii_must_be_complete_and_name_its_line)

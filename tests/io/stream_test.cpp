@@ -3,6 +3,8 @@
 #include "io/stream.h"
 
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <functional>
 #include <random>
 #include <thread>
@@ -17,6 +19,7 @@
 #include "io/lzf.h"
 #include "io/lzf_unpacker.h"
 #include "io/stored_number.h"
+#include "io/stream_ranges.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -729,6 +732,8 @@ TEST(Stream, what_cannot_be_streamed_says_why)
     options.format = "glb";
     EXPECT_TRUE(contains(refused("-", folder / "x.glb"), "need a file, not stdin"));
     options.format = {};
+    EXPECT_TRUE(contains(refused("-", "-"), "stdin does not tell its format"));
+    EXPECT_TRUE(contains(refused(folder / "x.unheard", "-"), "unheard"));
     // 300 MB of JSON that take no place on the disk.
     const std::string long_json = folder.write("x.glb", glb_of("{}", "").substr(0, 12) +
                                                             std::string("\0\0\0\x12", 4));
@@ -738,6 +743,48 @@ TEST(Stream, what_cannot_be_streamed_says_why)
     const std::string beside =
         folder.write("x.gltf", gltf_json("one.bin", data_uri_of(gltf_body())).dump());
     EXPECT_TRUE(contains(refused(beside, "-"), "buffers in files of their own"));
+}
+
+TEST(Stream, a_gltf_keeps_to_the_memory_that_it_is_given)
+{
+    const Folder folder;
+    const std::string path =
+        folder.write("x.glb", glb_of(gltf_json("", "").dump(), gltf_body()));
+    StreamOptions options;
+    options.max_json_memory = 1000.0;
+    EXPECT_TRUE(contains(
+        error_of(Fault::Budget, [&]
+                 { stream_geometry(path, folder / "y.glb", options, work_with(bend)); }),
+        "its JSON is read whole and needs about"));
+}
+
+TEST(Stream, packed_data_that_cannot_be_unpacked_leave_no_output)
+{
+    const Folder folder;
+    std::string bytes = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 10\n"
+                        "DATA binary_compressed\n";
+    put(bytes, 40.0, Scalar::UInt32, false);
+    put(bytes, 120.0, Scalar::UInt32, false);
+    bytes += std::string(40, '\xff'); // every one looks back to before the first
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { streamed(folder, "p.pcd", bytes, bend, 100); }),
+        "the packed data cannot be unpacked"));
+    EXPECT_FALSE(std::filesystem::exists(folder / "out-p.pcd"));
+}
+
+TEST(Stream, without_a_folder_for_temporary_files_stdout_says_so)
+{
+    const Folder folder;
+    const char* const before = std::getenv("TMPDIR");
+    const std::string kept = before ? before : "";
+    ::setenv("TMPDIR", (folder / "none").c_str(), 1);
+    const std::string text = error_of(Fault::File, [] { spill_folder("-"); });
+    if (before)
+        ::setenv("TMPDIR", kept.c_str(), 1);
+    else
+        ::unsetenv("TMPDIR");
+    EXPECT_TRUE(contains(text, "the folder for temporary files (TMPDIR)"));
+    EXPECT_EQ(spill_folder(folder / "x.obj"), folder.path().string());
 }
 
 } // namespace cellwarp

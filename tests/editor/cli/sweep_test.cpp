@@ -235,6 +235,11 @@ TEST(SweepCommand, departures_are_taken_back_in_a_column_of_their_own)
                    "--overwrite", "--departures", "--thresholds", "1e-3"})
                   .code,
               2);
+    const Result twice =
+        run({"sweep", files.model, "--handles", files.handles, "-o", folder,
+             "--overwrite", "--departures", "--energy", "botsch07"});
+    EXPECT_EQ(twice.code, 2);
+    EXPECT_TRUE(contains(twice.err, "--departures compares with botsch07 by itself"));
 }
 
 TEST(SweepCommand, without_a_file_from_elsewhere_no_report_tells_of_one)

@@ -4,11 +4,14 @@
 #include <cmath>
 #include <filesystem>
 #include <random>
+#include <tuple>
 #include <utility>
 
 #include <gtest/gtest.h>
 
 #include "editor/document/edit.h"
+#include "editor/document/history.h"
+#include "editor/document/journal_header.h"
 #include "editor/session/session.h"
 #include "io/geometry_file.h"
 #include "io/journal.h"
@@ -578,6 +581,7 @@ TEST(Document, records_of_no_known_change_are_malformed)
          {std::pair<std::string, std::string>{R"({"dance": {}})", "unknown change"},
           {R"({"toggle": [], "rename": {}})", "needs one key"},
           {"7", "needs one key"},
+          {R"({"toggle": [[0, 9]]})", "runs come in pairs"},
           {role, "unknown word 'loose'"}})
         EXPECT_TRUE(contains(
             error_of(Fault::Malformed,
@@ -602,7 +606,78 @@ TEST(Document, commands_that_cannot_be_are_told)
             told([&]
                  { document.set_role(document.regions()[0].name, Role::Stiff, factor); }),
             "above 0"));
+    EXPECT_TRUE(
+        contains(told([&] { document.move_region("head", shifted(std::nan(""))); }),
+                 "a place needs finite numbers"));
     EXPECT_EQ(document.revision(), edits);
+    document.select(between(document, 0, 0), "Select by box");
+    EXPECT_TRUE(
+        contains(told([&] { document.add_region(Role::Pin, "\xff"); }), "no UTF-8"));
+}
+
+TEST(Document, no_frame_comes_after_the_last_number)
+{
+    const Bar bar;
+    const std::string scene = bar.write_scene(
+        "fixed foot box -1 -1 -1 2 2 0.6\nhandle head box -1 -1 3.4 2 2 5\n"
+        "frame 999999999\nmove head translate 0 0 1\n");
+    Document document(scene, "");
+    EXPECT_TRUE(contains(
+        error_of(Fault::Usage, [&] { document.move_region("head", shifted(1)); }),
+        "has no frame after 999999999"));
+}
+
+TEST(Document, edits_of_another_document_do_not_fit)
+{
+    for (const auto& [change, way_back, words] :
+         {std::tuple<std::string, bool, std::string>{R"({"toggle": [0, 9]})", false,
+                                                     "the model has other samples"},
+          {R"({"region": {"index": 3, "before": [], "after": []}})", false,
+           "the regions are others"},
+          {R"({"frames": [{"number": 1, "moves": []}]})", true,
+           "its frames are not there"},
+          {R"({"commit": []})", true, "its commit is not there"}})
+    {
+        SCOPED_TRACE(change);
+        const Edit edit =
+            parse_edit("{\"name\": \"x\", \"changes\": [" + change + "]}", "bar.journal");
+        Edited edited;
+        edited.handles.stages.emplace_back();
+        edited.selection = Selection(5);
+        EXPECT_TRUE(
+            contains(error_of(Fault::Malformed, [&, back = way_back]
+                              { back ? take_back(edit, edited) : apply(edit, edited); }),
+                     "the edit 'x' does not fit: " + words));
+    }
+}
+
+TEST(Document, a_journal_that_tells_no_place_or_no_beginning_is_malformed)
+{
+    const support::Folder folder;
+    for (const std::string place : {"", "x", "1", "99999999999999999999", "0 "})
+    {
+        const std::string path = folder / "places.journal";
+        Journal::create(path, "header").append("at " + place);
+        JournalContents contents;
+        Journal journal = Journal::open(path, contents);
+        EXPECT_TRUE(
+            contains(error_of(Fault::Malformed, [&]
+                              { const History history(std::move(journal), contents); }),
+                     "is no place in the history"))
+            << place;
+        std::filesystem::remove(path);
+    }
+    const JournalHeader header{"bar.obj",   "", "cellwarp-handles 1\n",
+                               "s.handles", 12, 34};
+    const std::string text = header_text(header);
+    EXPECT_EQ(parse_header(text, "j").handles_path, "s.handles");
+    EXPECT_EQ(parse_header(text, "j").model_checksum, 34u);
+    for (std::size_t size = 0; size < text.size(); ++size)
+        error_of(Fault::Malformed, [&] { parse_header(text.substr(0, size), "j"); });
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 [&] { parse_header(text.substr(0, text.size() - 4) + "2 3x", "j"); }),
+        "header: does not tell what was edited"));
 }
 
 } // namespace cellwarp

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <new>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -12,6 +13,7 @@
 #include "editor/session/scene_settings.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
+#include "tests/support/allocations.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -446,6 +448,14 @@ TEST(Editing, exports_what_is_seen_and_a_field_that_gives_the_same)
     Editing editing(bar.document());
     hold_ends(editing.document());
     drag(editing, "head", turned(40, {0.5, 0, 0}));
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&]
+                          { editing.export_field(bar.folder / "b.obj", Overwrite::No); }),
+                 "ends in .cwf"));
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&]
+                          { editing.export_model(bar.folder / "b.obj", Overwrite::No); }),
+                 "the result is not there yet"));
     editing.wait();
     editing.export_model(bar.folder / "bent.obj", Overwrite::No);
     const GeometryFile bent = read_geometry(bar.folder / "bent.obj");
@@ -498,6 +508,56 @@ TEST(Editing, a_field_is_written_behind_and_can_be_given_up)
     EXPECT_EQ(editing.export_status().state, ExportStatus::State::Failed);
     EXPECT_TRUE(contains(editing.export_status().error, "no solution"));
     EXPECT_FALSE(std::filesystem::exists(path));
+}
+
+TEST(Editing, memory_that_is_not_there_is_told_and_asked_for_again_by_the_next_edit)
+{
+    const Bar bar;
+    Editing editing(bar.document());
+    hold_ends(editing.document());
+    editing.wait();
+    int num_solves = 0, num_fields = 0;
+    for (const std::size_t which : {100u, 400u, 1600u, 6400u})
+    {
+        editing.document().move_region("head", turned(10, {0.1, 0, 1e-4 * which}));
+        {
+            const support::FailingAllocation failing(which);
+            try
+            {
+                editing.wait();
+            }
+            catch (const std::bad_alloc&)
+            {
+            }
+        }
+        const SolveStatus status = editing.status();
+        num_solves += status.state == SolveStatus::State::Failed &&
+                      contains(status.error, "out of memory");
+        const std::string path = bar.folder / "bent.cwf";
+        {
+            const support::FailingAllocation failing(which);
+            try
+            {
+                editing.export_field(path, Overwrite::Yes);
+                while (editing.export_status().state == ExportStatus::State::Working)
+                    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            }
+            catch (const std::bad_alloc&)
+            {
+            }
+        }
+        num_fields += editing.export_status().state == ExportStatus::State::Failed &&
+                      contains(editing.export_status().error, "out of memory");
+    }
+    EXPECT_GT(num_solves, 0);
+    EXPECT_GT(num_fields, 0);
+    editing.document().move_region("head", turned(30, {0.2, 0, 0}));
+    editing.wait();
+    EXPECT_EQ(editing.status().state, SolveStatus::State::Idle) << editing.status().error;
+    editing.export_field(bar.folder / "bent.cwf", Overwrite::Yes);
+    while (editing.export_status().state == ExportStatus::State::Working)
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    EXPECT_EQ(editing.export_status().state, ExportStatus::State::Written);
 }
 
 TEST(Editing, ends_while_it_solves)

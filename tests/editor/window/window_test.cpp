@@ -254,6 +254,41 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
               4);
 }
 
+TEST_F(EditorWindow, tells_what_a_statement_needs)
+{
+    for (const auto& [statements, words] :
+         {std::pair<std::string, std::string>{"wheel up 1", "a number is needed"},
+          {"frames 0", "a number from 1 to 1000000 is needed"},
+          {"size 100000 100000", "the display does not make the window that large"},
+          {"press top", "no button 'top'"},
+          {"press left hyper", "no modifier 'hyper'"},
+          {"key F77", "no key 'F77'"},
+          {"text \xc3\xa4", "only signs of ASCII"},
+          {"tool hammer", "no tool 'hammer'"},
+          {"region head", "no region 'head'"},
+          {"make loose", "no role 'loose'"},
+          {"place head 1 2 3 4", "a region and 3 or 7 numbers"},
+          {"place head 0 0 0 0 0 0 5", "the axis has no length"},
+          {"place head 0 0 1", "there is no region 'head'"},
+          {"show faces maybe", "on or off is needed"},
+          {"show moon on", "nothing is called 'moon'"},
+          {"undo", "there is nothing to undo"},
+          {"redo", "there is nothing to redo"},
+          {"recover yes", "there is nothing to recover"},
+          {"recover maybe", "yes or no is needed"},
+          {bending(folder_.path().string()) + "place handle 1e160 0 0\nwait",
+           "no solution"},
+          {"export " + file("out.stl"), "script:1: export: "}})
+    {
+        SCOPED_TRACE(statements);
+        const Result result = play(statements + "\n", {bar(folder_)});
+        EXPECT_NE(result.code, 0);
+        EXPECT_TRUE(contains(result.err, words)) << result.err;
+    }
+    const Result nothing = play("region head\n");
+    EXPECT_TRUE(contains(nothing.err, "no file is open")) << nothing.err;
+}
+
 TEST_F(EditorWindow, is_drawn_at_any_size)
 {
     const Result result = play("size 1200 800\nframes 2\nsize 60 40\nframes 2\n"

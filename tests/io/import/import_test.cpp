@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/geometry_file.h"
+#include "tests/support/failing_calls.h"
 #include "tests/support/program.h"
 #include "tests/support/throws.h"
 
@@ -202,6 +203,16 @@ TEST(Import, a_deformation_of_it_becomes_a_plain_mesh)
     EXPECT_EQ(run({"deform", model, "-o", "-"}).code, 2);
     EXPECT_EQ(run({"info", folder.write("bad.fbx", "Kaydara FBX")}).code, 3);
     EXPECT_EQ(run({"info", folder / "none.fbx"}).code, 4);
+}
+
+TEST(Import, what_the_system_refuses_is_told_and_no_fault_of_the_file)
+{
+    std::size_t samples = 0;
+    const int errors = support::with_each_call_failing(
+        [&] { samples = 0; },
+        [&] { samples = import_geometry("x.dae", collada()).samples.size(); },
+        [&](bool is_done) { EXPECT_EQ(samples, is_done ? 8u : 0u); });
+    EXPECT_GE(errors, 12);
 }
 
 } // namespace cellwarp

@@ -247,9 +247,9 @@ TEST(ConjugateGradients, end_on_request_with_what_they_have)
 TEST(ConjugateGradients, a_deadline_leaves_the_first_step)
 {
     System s(9);
-    const LinearReport report = s.conjugate_gradients.solve(
-        s.energy.total, s.identity, s.b,
-        {.tolerance = 1e-12, .deadline = std::chrono::steady_clock::now()}, s.x);
+    const LinearReport report =
+        s.conjugate_gradients.solve(s.energy.total, s.identity, s.b,
+                                    {.tolerance = 1e-12, .deadline = Clock::now()}, s.x);
     EXPECT_EQ(report.steps, 1);
     EXPECT_GT(s.x.dot(s.b), 0.0);
 }

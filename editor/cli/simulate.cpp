@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp simulate: rods in time, frames out.
+#include "editor/cli/simulate.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "editor/cli/output_name.h"
+#include "editor/session/peak_memory.h"
+#include "editor/simulation/simulation.h"
+#include "io/rod_scene.h"
+#include "io/text.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr int kPlaces = 33; ///< of each curve in --json
+
+struct SimulateFlags
+{
+    std::string scene, output;
+    bool writes_lines = false;
+    std::int64_t around = 12;
+};
+
+Json numbers(const Eigen::Vector3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+Json frame_json(std::int64_t frame, const SimulationReport& report,
+                const Simulation& simulation)
+{
+    Json rods = Json::array();
+    for (const SimulatedRod& rod : simulation.rods(kPlaces))
+    {
+        Json curve = Json::array();
+        for (const Eigen::Vector3d& p : rod.curve)
+            curve.push_back(numbers(p));
+        rods.push_back({{"name", rod.name},
+                        {"length", rod.length},
+                        {"curve", std::move(curve)},
+                        {"knots", rod.knots},
+                        {"sliding", Json::array()}});
+    }
+    return {{"frame", frame},
+            {"time", report.time},
+            {"energy",
+             {{"kinetic", report.kinetic},
+              {"elastic", report.elastic},
+              {"gravity", report.gravity}}},
+            {"momentum", numbers(report.momentum)},
+            {"angular_momentum", numbers(report.turning)},
+            {"constraint", report.violation},
+            {"iterations", report.iterations},
+            {"stop", report.stop},
+            {"rods", std::move(rods)}};
+}
+
+/// The rods as tubes of quads, or as lines along their middle.
+std::string obj_of(const Simulation& simulation, const SimulateFlags& flags)
+{
+    std::string text = "# cellwarp simulate\n";
+    std::size_t first = 1;
+    const std::vector<SimulatedRod> rods = simulation.rods(kPlaces);
+    if (flags.writes_lines)
+    {
+        for (const SimulatedRod& rod : rods)
+        {
+            text += "o " + rod.name + "\n";
+            for (const Eigen::Vector3d& p : rod.curve)
+                text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
+            text += "l";
+            for (std::size_t k = 0; k < rod.curve.size(); ++k)
+                text += fmt::format(" {}", first + k);
+            text += "\n";
+            first += rod.curve.size();
+        }
+        return text;
+    }
+    const std::vector<Tube> tubes = simulation.tubes(static_cast<int>(flags.around));
+    for (std::size_t r = 0; r < tubes.size(); ++r)
+    {
+        const Tube& tube = tubes[r];
+        const std::size_t around = idx(tube.around), rings = tube.points.size() / around;
+        text += "o " + rods[r].name + "\n";
+        for (const Eigen::Vector3d& p : tube.points)
+            text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
+        const auto corner = [&](std::size_t ring, std::size_t k)
+        { return first + ring % rings * around + k % around; };
+        for (std::size_t i = 0; i + (tube.is_closed ? 0 : 1) < rings; ++i)
+            for (std::size_t k = 0; k < around; ++k)
+                text += fmt::format("f {} {} {} {}\n", corner(i, k), corner(i, k + 1),
+                                    corner(i + 1, k + 1), corner(i + 1, k));
+        if (!tube.is_closed)
+            for (const bool is_begin : {true, false})
+            {
+                text += "f";
+                for (std::size_t k = 0; k < around; ++k)
+                    text += fmt::format(" {}", is_begin ? corner(0, around - k)
+                                                        : corner(rings - 1, k));
+                text += "\n";
+            }
+        first += tube.points.size();
+    }
+    return text;
+}
+
+int run(const SimulateFlags& flags, const CommonFlags& common)
+{
+    const Clock::time_point start = Clock::now();
+    if (flags.output.empty() && !common.is_json)
+        throw Error(Fault::Usage, "simulate needs -o, or --json");
+    if (flags.output == "-" && common.is_json)
+        throw Error(Fault::Usage, "-o - and --json both need stdout");
+    const OutputName name(flags.output);
+    if (!flags.output.empty() && flags.output != "-" &&
+        extension_of(flags.output) != "obj")
+        throw Error(Fault::Usage,
+                    "-o: got " + in_quotes(flags.output) + ", rods are written as .obj");
+    const RodScene scene = read_rod_scene(flags.scene);
+    Simulation simulation(scene);
+    const std::int64_t steps = simulation.num_steps(), every = simulation.steps_a_frame();
+    if (!flags.output.empty() && !name.has_frame())
+        check_output(flags.output, common.overwrite());
+    for (std::int64_t frame = 0; name.has_frame() && frame * every <= steps; ++frame)
+        check_output(name.of(frame), common.overwrite());
+    const double load_ms = ms_since(start);
+
+    Progress progress(common);
+    std::vector<std::string> warnings = scene.warnings;
+    Json frames = Json::array();
+    double write_ms = 0.0, worst = 0.0;
+    bool is_converged = true;
+    const Clock::time_point begin = Clock::now();
+    const auto end_frame = [&](std::int64_t frame, bool is_last)
+    {
+        const SimulationReport report = simulation.report();
+        worst = std::max(worst, report.violation);
+        if (!report.is_converged)
+        {
+            is_converged = false;
+            warnings.push_back(
+                fmt::format("frame {} did not converge ({}): constraints are violated "
+                            "by up to {:.3g} m",
+                            frame, report.stop, report.violation));
+        }
+        if (common.is_json)
+            frames.push_back(frame_json(frame, report, simulation));
+        if (flags.output.empty() || !(name.has_frame() || is_last))
+            return;
+        const Clock::time_point write_start = Clock::now();
+        write_file(name.of(frame), obj_of(simulation, flags), common.overwrite());
+        write_ms += ms_since(write_start);
+    };
+    std::int64_t frame = 0;
+    if (!simulation.is_static())
+        end_frame(frame++, steps == 0);
+    while (simulation.steps_done() < steps)
+    {
+        simulation.step();
+        const std::int64_t done = simulation.steps_done();
+        progress.show(static_cast<double>(done) / static_cast<double>(steps),
+                      fmt::format("step {} of {}", done, steps));
+        if (done % every == 0 || done == steps)
+            end_frame(frame++, done == steps);
+    }
+    progress.end();
+    const double simulate_ms = ms_since(begin) - write_ms;
+    print_warnings(warnings, common);
+    if (common.is_json)
+    {
+        Json json;
+        json["frames"] = std::move(frames);
+        json["steps"] = simulation.steps_done();
+        json["ms"] = {{"load", load_ms},
+                      {"simulate", simulate_ms},
+                      {"write", write_ms},
+                      {"total", ms_since(start)}};
+        json["peak_rss_mb"] = peak_memory_mb();
+        json["unused"] = {"interior", "refinement", "blend",   "rbf",  "rbf-global",
+                          "skeleton", "picking",    "normals", "faces"};
+        json["warnings"] = warnings;
+        write_file("-", json.dump(2) + "\n", Overwrite::Yes);
+    }
+    constexpr int kNotConverged = 7;
+    return is_converged ? 0 : kNotConverged;
+}
+
+} // namespace
+
+void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
+{
+    const auto flags = std::make_shared<SimulateFlags>();
+    CLI::App* const command = app.add_subcommand(
+        "simulate",
+        "Spline rods in time: a scene in, frames out.\n\n"
+        "  cellwarp simulate samples/cantilever.json -o bent.obj\n"
+        "  cellwarp simulate samples/pendulum.json -o 'swing-{frame:03}.obj'\n");
+    command->add_option("SCENE", flags->scene, "scene with rods and simulate (json)")
+        ->required();
+    command->add_option(
+        "-o,--output", flags->output,
+        "rods as tubes (.obj): the last frame; {frame} or {frame:04}: one a "
+        "frame; -: stdout");
+    command->add_flag("--lines", flags->writes_lines,
+                      "rods as lines along their middle, not as tubes");
+    command->add_option("--around", flags->around, "corners around a tube (default 12)")
+        ->check(CLI::Range(3, 1000));
+    command->callback([=, &common, &exit_code] { exit_code = run(*flags, common); });
+}
+
+} // namespace cellwarp

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp simulate: rods in time. Only in builds with solver/rods.
+#pragma once
+
+#include "editor/cli/command.h"
+
+namespace cellwarp
+{
+
+void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
+
+} // namespace cellwarp

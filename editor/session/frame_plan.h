@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where one frame takes the regions.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "editor/session/body.h"
+#include "editor/session/handle_trajectory.h"
+#include "editor/session/region_set.h"
+#include "io/handle_file.h"
+
+namespace cellwarp
+{
+
+struct FramePlan
+{
+    std::vector<HandleTrajectory> paths; ///< a region
+    int num_parts = 1;                   ///< in which the way is gone
+
+    /// Whether no region moves.
+    bool stands() const;
+    /// Whether a region turns by more than half a turn.
+    bool is_wound() const;
+    /// Of the regions, at \p t of the way in [0, 1].
+    std::vector<Motion> motions(double t) const;
+};
+
+/// The way from where \p steps have the regions; they are those of the frame afterwards.
+/// \p file names the handle file. Throws Fault::Malformed.
+FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
+                     const Units& units, const RestShape& rest, const std::string& file,
+                     std::vector<std::vector<Step>>& steps,
+                     std::vector<std::string>& warnings);
+
+} // namespace cellwarp

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/frame_solver.h"
+
+#include <algorithm>
+#include <numbers>
+#include <utility>
+
+#include "editor/session/turn_chains.h"
+#include "octree/base/clock.h"
+#include "solver/cells/refinement.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Tolerance of the steps on the way: good enough to start the next one.
+constexpr double kTravelTolerance = 1e-3;
+
+/// Iterations of a step on the way, at most.
+constexpr int kTravelIterations = 30;
+
+/// What counts as zero against the forces that cancel; see interface of --json.
+constexpr double kUncancelledShare = 1e-3;
+
+/// Where the material is pressed together to less than this share of its length it folds.
+constexpr double kFold = 0.2;
+
+/// By what factor the energy of smaller cells may be larger: it converges from either
+/// side, but not by more.
+constexpr double kRise = 1.02;
+
+/// Energies that differ by a smaller share are one minimum.
+constexpr double kSameEnergy = 1e-5;
+
+/// Where a solve changes the turns from region to region by more, whole turns are lost
+/// [rad]: what bends on its way to a solution stays far below.
+constexpr double kLostTurn = std::numbers::pi;
+
+} // namespace
+
+const char* second_start_name(SecondStart start)
+{
+    switch (start)
+    {
+    case SecondStart::None:
+        return "none";
+    case SecondStart::Dropped:
+        return "dropped";
+    case SecondStart::Taken:
+        return "taken";
+    }
+    return "";
+}
+
+/// One way through the frame, and what its solves have in common.
+struct FrameSolver::Way
+{
+    Clock::time_point start = Clock::now();
+    double gradient_scale = 0.0; ///< before any guess makes the first gradient small
+    double energy_before = 0.0;  ///< of the last step of the way
+    int part = 1, parts = 1;     ///< of the way
+    bool has_risen = false;      ///< the energy, when cells were split
+    bool is_wound = false;       ///< a region, by more than half a turn
+    bool stays_stable = false;   ///< else turns were lost
+    /// Of the regions' chains: where they would be had no solve changed them.
+    Eigen::Matrix3Xd turns;
+    int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
+    int iterations_before = 0; ///< of an earlier way of the same frame
+    SolveReport total;
+
+    bool is_out_of_time() const
+    {
+        return total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
+    }
+};
+
+/// Solves from where the system is; \p is_last: to the tolerance asked for, else well
+/// enough to go on from there.
+void FrameSolver::solve_on(Way& way, bool is_last)
+{
+    const int done =
+        way.iterations_before - way.iterations_lost + std::max(0, way.total.iterations);
+    SolveOptions options;
+    options.method = settings_.method;
+    options.stop = settings_.stop;
+    options.gradient_scale = way.gradient_scale;
+    options.max_iterations = std::max(0, settings_.max_iterations - done);
+    // What gives way must do so before the next step, to be seen.
+    if (!is_last && !way.is_wound)
+        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
+    options.checks_stability = is_last;
+    options.stays_stable = way.stays_stable;
+    options.gradient_tolerance =
+        is_last ? settings_.gradient_tolerance : kTravelTolerance;
+    if (settings_.time_budget > 0)
+        options.time_budget =
+            std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(way.start));
+    if (settings_.watch)
+        options.watch = [&, done](int iteration, double gradient, double energy)
+        {
+            settings_.watch({frames_done_, frame_, way.part, way.parts, done + iteration,
+                             gradient, energy});
+        };
+    SolveReport solve = system_.solve(options);
+    solve.add_earlier(way.total);
+    way.total = solve;
+}
+
+/// solve_on() for material that may be wound: twisted too far it is no longer stable,
+/// folds through itself and comes out with less turns. Then it is solved for again, but
+/// no farther than to where it would begin to give way.
+void FrameSolver::solve_wound(Way& way, bool is_last)
+{
+    if (!way.is_wound || way.stays_stable)
+        return solve_on(way, is_last);
+    const CellSystemState before = system_.state();
+    const int iterations = way.total.iterations;
+    solve_on(way, is_last);
+    const TurnChains chains(system_.body().cells, system_.region_of_cell());
+    const Eigen::Matrix3Xd lost = chains.turns(system_.poses()) - way.turns;
+    if (!(lost.colwise().norm().array() > kLostTurn).any() || way.is_out_of_time())
+        return;
+    way.stays_stable = true;
+    way.iterations_lost += way.total.iterations - std::max(0, iterations);
+    system_.set_state(before);
+    solve_on(way, is_last);
+}
+
+/// Where a frame began, and in which cells.
+struct FrameSolver::Start
+{
+    std::shared_ptr<const Body> body;
+    CellSystemState state;
+};
+
+/// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
+/// one is solved to the tolerance asked for.
+void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
+{
+    way.parts = plan_.num_parts;
+    way.is_wound = plan_.is_wound();
+    std::optional<TurnChains> chains;
+    if (way.is_wound)
+    {
+        chains.emplace(system_.body().cells, system_.region_of_cell());
+        way.turns = chains->turns(system_.poses());
+    }
+    for (way.part = 1; way.part <= way.parts; ++way.part)
+    {
+        // Out of time on the way: straight to the end.
+        if (way.is_out_of_time())
+            way.part = way.parts;
+        if (chains)
+            way.turns -= chains->turns(system_.poses());
+        system_.move_regions(plan_.motions(static_cast<double>(way.part) / way.parts));
+        if (way.gradient_scale == 0.0)
+        {
+            const Residual first = system_.residual();
+            way.gradient_scale =
+                std::max(first.gradient, kUncancelledShare * first.uncancelled);
+        }
+        way.energy_before = system_.energy();
+        system_.carry_others();
+        if (chains)
+            way.turns += chains->turns(system_.poses());
+        solve_wound(way, way.part == way.parts && ends_exactly);
+        ++steps;
+        if (way.total.stop == Stop::NotPositiveDefinite)
+            break;
+    }
+    way.part = way.parts;
+}
+
+/// Whether there were other cells to take; they are taken then.
+bool FrameSolver::takes(
+    std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
+    FrameReport& report)
+{
+    const Clock::time_point start = Clock::now();
+    std::optional<CellSystem> next = (refiner_.*change)(system_);
+    if (next)
+    {
+        system_ = std::move(*next);
+        ++report.refinements;
+    }
+    report.cells_ms += ms_since(start);
+    return next.has_value();
+}
+
+/// Fits the cells to the deformation: merges first, then splits, so that it ends. What
+/// the last, exact solve shows to be still is merged after it.
+void FrameSolver::fit_cells(Way& way, FrameReport& report)
+{
+    const auto go_on = [&]
+    { return !way.is_out_of_time() && way.total.stop != Stop::NotPositiveDefinite; };
+    // Where it is not stable, errors of the cells tell nothing.
+    const auto may_refine = [&] { return go_on() && !way.stays_stable; };
+    while (may_refine() && takes(&CellRefiner::coarser, report))
+        solve_wound(way, false);
+    for (double before = system_.energy();
+         may_refine() && takes(&CellRefiner::finer, report);)
+    {
+        solve_wound(way, false);
+        const double after = system_.energy();
+        way.has_risen |= after > kRise * before;
+        before = after;
+    }
+    if (go_on())
+        solve_wound(way, true);
+    while (may_refine() && takes(&CellRefiner::coarser, report))
+        solve_wound(way, true);
+    report.cells_at_limit = refiner_.num_at_limit();
+}
+
+/// Whether there are signs of a lower minimum than the one found: a direction in which
+/// the energy still falls, a fold, which may have formed in large cells where small ones
+/// would have it elsewhere, or an energy that rose in smaller cells.
+bool FrameSolver::may_miss_a_minimum(const Way& way) const
+{
+    return way.total.stop == Stop::Converged &&
+           (way.total.is_saddle || way.has_risen ||
+            least_stretch(system_.body().cells, system_.glue(), system_.constraints(),
+                          system_.poses()) < kFold);
+}
+
+/// Goes the way of the frame again, in the cells in which it ended, and stays where that
+/// leads if it is lower.
+void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
+{
+    const double energy = system_.energy();
+    CellSystem other = refiner_.in_cells_of(system_, start.body, start.state);
+    std::swap(system_, other);
+    Way second;
+    second.start = way.start;
+    second.gradient_scale = way.gradient_scale;
+    second.iterations_before = way.total.iterations;
+    travel(second, report.steps, true);
+    const bool is_lower = second.total.stop == Stop::Converged &&
+                          system_.energy() < (1.0 - kSameEnergy) * energy;
+    report.second_start = is_lower ? SecondStart::Taken : SecondStart::Dropped;
+    if (!is_lower)
+    {
+        std::swap(system_, other);
+        way.total.add_earlier(second.total);
+        return;
+    }
+    second.total.add_earlier(way.total);
+    second.iterations_before = 0; // they are in the total now
+    way = second;
+    fit_cells(way, report);
+}
+
+/// Parts the material that this frame's motions part, before anything moves.
+void FrameSolver::part_regions(FrameReport& report)
+{
+    const std::vector<Motion> motions = plan_.motions(1.0);
+    const Clock::time_point start = Clock::now();
+    while (std::optional<CellSystem> next = refiner_.parted(system_, motions))
+    {
+        system_ = std::move(*next);
+        ++report.refinements;
+    }
+    report.cells_ms += ms_since(start);
+}
+
+void FrameSolver::solve(FrameReport& report)
+{
+    frame_ = report.frame;
+    system_.forget_way();
+    part_regions(report);
+    const Start start{system_.shared_body(), system_.state()};
+    Way way;
+    const bool is_adaptive = refiner_.is_adaptive();
+    travel(way, report.steps, !is_adaptive);
+    if (is_adaptive)
+    {
+        fit_cells(way, report);
+        if (report.refinements > 0 && may_miss_a_minimum(way))
+            start_again(start, way, report);
+    }
+    is_left_wound_ = way.stays_stable;
+    report.solve = way.total;
+    report.solve.energy_before = way.energy_before;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Solves one frame: takes the regions their way in steps, each from the poses of the one
+// before, so that large turns do not tear the glue, and fits the cells to what comes out.
+// Only the last step is solved to the tolerance asked for.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "editor/session/cell_refiner.h"
+#include "editor/session/cell_system.h"
+#include "editor/session/frame_plan.h"
+#include "editor/session/frame_report.h"
+#include "editor/session/session_settings.h"
+
+namespace cellwarp
+{
+
+class FrameSolver
+{
+public:
+    /// Works on \p system, which may have other cells afterwards, those of \p refiner.
+    /// All must outlive it. \p frames_done: before this one, for the watch.
+    FrameSolver(CellSystem& system, CellRefiner& refiner, const FramePlan& plan,
+                const SessionSettings& settings, std::size_t frames_done)
+        : system_(system), refiner_(refiner), plan_(plan), settings_(settings),
+          frames_done_(frames_done)
+    {
+    }
+
+    /// Goes the way from where the system is. \p report has the frame's number.
+    void solve(FrameReport& report);
+    /// Whether the material was left where it would have begun to lose turns.
+    bool is_left_wound() const { return is_left_wound_; }
+
+private:
+    struct Way;
+    struct Start;
+
+    void solve_on(Way& way, bool is_last);
+    void solve_wound(Way& way, bool is_last);
+    void travel(Way& way, int& steps, bool ends_exactly);
+    bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
+               FrameReport& report);
+    void fit_cells(Way& way, FrameReport& report);
+    bool may_miss_a_minimum(const Way& way) const;
+    void start_again(const Start& start, Way& way, FrameReport& report);
+    void part_regions(FrameReport& report);
+
+    CellSystem& system_;
+    CellRefiner& refiner_;
+    const FramePlan& plan_;
+    const SessionSettings& settings_;
+    std::size_t frames_done_;
+    std::int64_t frame_ = 0; ///< its number
+    bool is_left_wound_ = false;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,419 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/simulation/simulation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
+#include "io/error.h"
+#include "octree/base/index.h"
+#include "octree/base/rigid_motion.h"
+#include "solver/rods/elasticity.h"
+#include "solver/rods/rod_stepper.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+Eigen::Vector3d vector_of(const Triple& t)
+{
+    return {t[0], t[1], t[2]};
+}
+
+std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples)
+{
+    std::vector<Eigen::Vector3d> out;
+    for (const Triple& t : triples)
+        out.push_back(vector_of(t));
+    return out;
+}
+
+/// Neighbours at the same place are one point.
+std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
+{
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    if (is_closed && points.size() > 1 && points.front() == points.back())
+        points.pop_back();
+    return points;
+}
+
+/// Knots at the chord length of control points, clamped.
+Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
+{
+    const int n = static_cast<int>(points.size()), degree = static_cast<int>(rod.degree);
+    const auto made = [&](SplineBasis basis) -> Spline {
+        return {std::move(basis), std::move(points)};
+    };
+    if (rod.spline == "catmull-rom")
+        return made(SplineBasis::catmull_rom(n, rod.is_closed));
+    if (rod.spline == "bezier")
+    {
+        if (rod.is_closed || (n % 3 != 1 && n > kMaxOrder) || n < 3)
+            throw std::invalid_argument("Bezier pieces need 4, 7, 10, ... control "
+                                        "points, or 3 to 8 of one piece, "
+                                        "open");
+        return made(
+            SplineBasis::open(n % 3 == 1 ? 3 : n - 1, SplineBasis::bezier_knots(n)));
+    }
+    if (n < degree + 1)
+        throw std::invalid_argument("needs at least degree + 1 = " +
+                                    std::to_string(degree + 1) + " control points");
+    if (rod.is_closed || rod.spline == "uniform")
+    {
+        if (!rod.is_closed)
+            return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
+        std::vector<double> turn;
+        for (int i = 0; i <= n; ++i)
+            turn.push_back(i);
+        return made(SplineBasis::closed(degree, turn));
+    }
+    // Mean parameters of the control points' own chord.
+    std::vector<double> s = {0.0};
+    for (int i = 1; i < n; ++i)
+        s.push_back(s.back() + (points[idx(i)] - points[idx(i - 1)]).norm());
+    std::vector<double> knots(idx(degree + 1), 0.0);
+    for (int j = 1; j < n - degree; ++j)
+    {
+        double sum = 0.0;
+        for (int i = j; i < j + degree; ++i)
+            sum += s[idx(i)];
+        knots.push_back(sum / degree);
+    }
+    knots.insert(knots.end(), idx(degree + 1), s.back());
+    return made(SplineBasis::open(degree, std::move(knots)));
+}
+
+Spline curve_of(const RodStatement& rod)
+{
+    if (!rod.points.empty())
+        return by_controls(rod, merged(vectors_of(rod.points), false));
+    return spline_through(merged(vectors_of(rod.through), rod.is_closed), rod.is_closed,
+                          static_cast<int>(rod.spans), static_cast<int>(rod.degree));
+}
+
+Section section_of(const RodStatement& rod, double share)
+{
+    const double at = share * static_cast<double>(rod.radius.size() - 1);
+    const std::size_t k =
+        std::min(idx(static_cast<int>(at)),
+                 rod.radius.size() - std::min<std::size_t>(2, rod.radius.size()));
+    const double next = k + 1 < rod.radius.size() ? rod.radius[k + 1] : rod.radius[k];
+    const double radius =
+        rod.radius[k] + (at - static_cast<double>(k)) * (next - rod.radius[k]);
+    Section section = Section::round(radius, rod.young, rod.poisson, rod.density);
+    if (rod.bending)
+        section.bending = *rod.bending;
+    if (rod.twisting)
+        section.twist = *rod.twisting;
+    return section;
+}
+
+Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
+{
+    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
+    const Eigen::Matrix3d R =
+        rotation_about(axis.normalized(), key.rotate[3] * std::numbers::pi / 180.0);
+    return {R, about - R * about + vector_of(key.translate)};
+}
+
+/// Where keys have a place at a time: straight and evenly between two of them.
+Motion motion_at(const std::vector<RodKey>& keys, double time,
+                 const Eigen::Vector3d& about)
+{
+    if (keys.empty())
+        return {};
+    const auto next = std::find_if(keys.begin(), keys.end(),
+                                   [&](const RodKey& key) { return key.time > time; });
+    if (next == keys.begin())
+        return motion_of(keys.front(), about);
+    if (next == keys.end())
+        return motion_of(keys.back(), about);
+    const RodKey &a = *(next - 1), &b = *next;
+    const double share = (time - a.time) / (b.time - a.time);
+    RodKey between = a;
+    for (std::size_t k = 0; k < 3; ++k)
+        between.translate[k] += share * (b.translate[k] - a.translate[k]);
+    if (a.rotate[0] == b.rotate[0] && a.rotate[1] == b.rotate[1] &&
+        a.rotate[2] == b.rotate[2])
+    {
+        between.rotate[3] += share * (b.rotate[3] - a.rotate[3]);
+        return motion_of(between, about);
+    }
+    // About one axis from the one to the other.
+    const Motion from = motion_of(a, about), to = motion_of(b, about);
+    const Eigen::Vector3d turn = rotation_vector(to.R * from.R.transpose());
+    const double angle = turn.norm();
+    const Eigen::Matrix3d R =
+        angle > 0.0
+            ? Eigen::Matrix3d(rotation_about(turn / angle, share * angle) * from.R)
+            : from.R;
+    return {R, about - R * about + vector_of(between.translate)};
+}
+
+} // namespace
+
+struct Simulation::Body
+{
+    const RodStatement& statement;
+    Rod rod;
+    RodModel model;
+    RodState state;
+    Eigen::VectorXd velocity;
+    /// Of each hold its first constraint, its rest place and frame.
+    struct Held
+    {
+        const RodHold* hold;
+        std::size_t first, count;
+        Eigen::Vector3d place;
+        Eigen::Matrix3d frame;
+        Eigen::Vector3d curvature;
+    };
+    std::vector<Held> held;
+    std::optional<RodStepper> stepper;
+    double violation = 0.0;
+
+    explicit Body(const RodStatement& of)
+        : statement(of),
+          rod(curve_of(of), [&of](double share) { return section_of(of, share); },
+              {of.is_straight_at_rest ? RestShape1D::Straight : RestShape1D::Given,
+               of.rest_twist, of.link}),
+          model(rod), state(rod),
+          velocity(Eigen::VectorXd::Zero(rod.layout().num_unknowns))
+    {
+        model.terms.push_back(exact_elasticity(rod));
+    }
+};
+
+Simulation::~Simulation() = default;
+
+Simulation::Simulation(const RodScene& scene) : scene_(scene)
+{
+    for (std::size_t r = 0; r < scene_.rods.size(); ++r)
+    {
+        const RodStatement& rod = scene_.rods[r];
+        const std::string where = "rods[" + std::to_string(r) + "]";
+        try
+        {
+            bodies_.push_back(std::make_unique<Body>(rod));
+        }
+        catch (const std::invalid_argument& error)
+        {
+            throw malformed({scene_.path, 0, where}, error.what());
+        }
+        Body& body = *bodies_.back();
+        RodModel& model = body.model;
+        model.gravity = vector_of(scene_.gravity);
+        model.viscosity = scene_.viscosity / body.rod.section(0.5).mass;
+        for (int k = 0; k < body.rod.num_controls(); ++k)
+            body.velocity.segment<3>(body.rod.layout().control[idx(k)]) =
+                vector_of(rod.velocity);
+        const auto parameter = [&](double share)
+        { return body.rod.arc_length().parameter(share); };
+        for (const RodHold& hold : rod.holds)
+        {
+            const double s = parameter(hold.at);
+            const CurvePoint at = body.state.at(s);
+            body.held.push_back({&hold, model.constraints.size(), 0, at.place,
+                                 body.state.frame(s), at.second});
+            const auto add = [&](Hold kind)
+            {
+                RodConstraint constraint;
+                constraint.hold = kind;
+                constraint.s = s;
+                model.constraints.push_back(constraint);
+                ++body.held.back().count;
+            };
+            if (hold.has_point)
+                add(Hold::Point);
+            if (hold.has_tangent)
+                add(Hold::Tangent);
+            if (hold.has_twist)
+                add(Hold::TwistAngle);
+            if (hold.has_curvature)
+                add(Hold::CurvatureVector);
+            model.has_moving_holds |= hold.keys.size() > 1;
+        }
+        for (const RodOn& on : rod.on)
+        {
+            RodConstraint constraint;
+            constraint.s = parameter(on.at);
+            constraint.point = vector_of(on.point);
+            constraint.hold = on.kind == RodOn::Kind::Point   ? Hold::Point
+                              : on.kind == RodOn::Kind::Plane ? Hold::Plane
+                                                              : Hold::Axis;
+            if (on.kind != RodOn::Kind::Point)
+                constraint.direction = vector_of(on.direction).normalized();
+            if (on.kind == RodOn::Kind::Plane)
+                constraint.point =
+                    constraint.direction * (on.offset / vector_of(on.direction).norm());
+            model.constraints.push_back(constraint);
+        }
+        for (const RodPull& load : rod.loads)
+            model.loads.push_back(
+                {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
+        move_holds(body, 0.0);
+        const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
+                                : scene_.integrator == "rk4"    ? Integrator::RungeKutta
+                                                             : Integrator::ImplicitEuler;
+        body.stepper.emplace(model, rule);
+        if (rule != Integrator::RungeKutta)
+            continue;
+        if (const double limit = body.stepper->largest_step(body.state);
+            scene_.dt > limit)
+            throw malformed({scene_.path, 0, "simulate.dt"},
+                            fmt::format("got {} s, rk4 is stable up to {:.4g} s with {} "
+                                        "(implicit-euler and midpoint at any step)",
+                                        scene_.dt, limit, rod.name));
+    }
+}
+
+void Simulation::move_holds(Body& body, double time)
+{
+    for (const Body::Held& held : body.held)
+    {
+        const Motion motion = motion_at(held.hold->keys, time, held.place);
+        for (std::size_t k = held.first; k < held.first + held.count; ++k)
+        {
+            RodConstraint& constraint = body.model.constraints[k];
+            constraint.point = motion(held.place);
+            if (constraint.hold == Hold::Tangent)
+                constraint.direction = motion.R * held.frame.col(2);
+            if (constraint.hold == Hold::TwistAngle)
+                constraint.direction = motion.R * held.frame.col(0);
+            if (constraint.hold == Hold::CurvatureVector)
+                constraint.direction = motion.R * held.curvature;
+        }
+    }
+}
+
+bool Simulation::is_static() const
+{
+    return scene_.integrator == "static";
+}
+
+std::int64_t Simulation::num_steps() const
+{
+    return is_static() ? 1 : std::llround(scene_.duration / scene_.dt);
+}
+
+std::int64_t Simulation::steps_a_frame() const
+{
+    return is_static()
+               ? 1
+               : std::max<std::int64_t>(1, std::llround(scene_.every / scene_.dt));
+}
+
+std::int64_t Simulation::steps_done() const
+{
+    return done_;
+}
+
+void Simulation::step()
+{
+    ++done_;
+    for (const std::unique_ptr<Body>& each : bodies_)
+    {
+        Body& body = *each;
+        RodStop stop = RodStop::NotRun;
+        if (is_static())
+        {
+            move_holds(body, scene_.duration);
+            RodNewton newton(body.model);
+            const RodNewtonReport report = newton.solve(body.state, nullptr, {});
+            iterations_ += report.iterations;
+            body.violation = report.violation;
+            stop = report.stop;
+        }
+        else
+        {
+            move_holds(body, static_cast<double>(done_) * scene_.dt);
+            const RodStepReport report =
+                body.stepper->step(body.state, body.velocity, scene_.dt);
+            iterations_ += report.iterations;
+            body.violation = report.violation;
+            stop = report.stop;
+        }
+        if (stop != RodStop::Converged)
+            stop_ = stop_name(stop);
+    }
+}
+
+SimulationReport Simulation::report()
+{
+    SimulationReport out;
+    out.time = is_static() ? 0.0 : static_cast<double>(done_) * scene_.dt;
+    for (const std::unique_ptr<Body>& body : bodies_)
+    {
+        const RodModel& model = body->model;
+        out.kinetic += model.mass().kinetic_energy(body->velocity);
+        out.elastic += model.elastic_energy(body->state);
+        out.gravity += model.gravity_energy(body->state);
+        out.momentum += model.mass().momentum(body->velocity);
+        out.turning += model.mass().angular_momentum(body->state, body->velocity);
+        out.violation = std::max(out.violation, body->violation);
+    }
+    out.iterations = std::exchange(iterations_, 0);
+    out.stop = std::exchange(stop_, "converged");
+    out.is_converged = out.stop == "converged";
+    return out;
+}
+
+std::vector<SimulatedRod> Simulation::rods(int places) const
+{
+    std::vector<SimulatedRod> out;
+    for (const std::unique_ptr<Body>& body : bodies_)
+    {
+        SimulatedRod rod;
+        rod.name = body->statement.name;
+        rod.length = ArcLength(body->state.curve()).total();
+        rod.knots = static_cast<int>(body->rod.spans().size()) + 1;
+        for (int k = 0; k < places; ++k)
+            rod.curve.push_back(body->state
+                                    .at(body->rod.arc_length().parameter(
+                                        static_cast<double>(k) / (places - 1)))
+                                    .place);
+        out.push_back(std::move(rod));
+    }
+    return out;
+}
+
+std::vector<Tube> Simulation::tubes(int around) const
+{
+    constexpr int kRings = 4; // a span
+    std::vector<Tube> tubes;
+    for (const std::unique_ptr<Body>& body : bodies_)
+    {
+        Tube tube;
+        tube.around = around;
+        tube.is_closed = body->rod.basis().is_closed();
+        const std::span<const RodSpan> spans = body->rod.spans();
+        const auto ring = [&](double s)
+        {
+            const Eigen::Matrix3d F = body->state.frame(s);
+            const Eigen::Vector3d middle = body->state.at(s).place;
+            const double radius = body->rod.section_at(s).radius;
+            for (int k = 0; k < around; ++k)
+            {
+                const double a = 2.0 * std::numbers::pi * k / around;
+                tube.points.push_back(
+                    middle + radius * (std::cos(a) * F.col(0) + std::sin(a) * F.col(1)));
+            }
+        };
+        for (const RodSpan& span : spans)
+            for (int k = 0; k < kRings; ++k)
+                ring(span.begin + (span.end - span.begin) * k / kRings);
+        if (!tube.is_closed)
+            ring(spans.back().end);
+        tubes.push_back(std::move(tube));
+    }
+    return tubes;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A scene in time: rods, a state, steps of a fixed length. The same bits whatever is
+// watched, and for any number of threads.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/rod_scene.h"
+
+namespace cellwarp
+{
+
+/// One rod as it is seen.
+struct SimulatedRod
+{
+    std::string name;
+    double length = 0.0;                ///< now [m]
+    std::vector<Eigen::Vector3d> curve; ///< at equal shares of the rest length
+    int knots = 0;
+};
+
+/// What a moment of the simulation measures.
+struct SimulationReport
+{
+    double time = 0.0;                                  ///< [s]
+    double kinetic = 0.0, elastic = 0.0, gravity = 0.0; ///< [J]
+    Eigen::Vector3d momentum = Eigen::Vector3d::Zero(); ///< [kg m/s]
+    Eigen::Vector3d turning = Eigen::Vector3d::Zero();  ///< angular momentum [kg m^2/s]
+    double violation = 0.0;         ///< largest of the constraints [m]
+    std::int64_t iterations = 0;    ///< since the last report
+    std::string stop = "converged"; ///< the worst since the last report
+    bool is_converged = true;
+};
+
+/// A closed or open tube: rings of points, the same number around each.
+struct Tube
+{
+    int around = 0;
+    bool is_closed = false;
+    std::vector<Eigen::Vector3d> points;
+};
+
+class Simulation
+{
+public:
+    /// Builds all rods. Throws Fault::Malformed with the key that cannot be, such as a
+    /// step beyond what `rk4` is stable with.
+    explicit Simulation(const RodScene& scene);
+    ~Simulation();
+
+    bool is_static() const;
+    /// Of the whole simulation; of equilibria 1.
+    std::int64_t num_steps() const;
+    /// Steps from one frame to the next.
+    std::int64_t steps_a_frame() const;
+    /// Goes on by one step, or to equilibrium.
+    void step();
+    std::int64_t steps_done() const;
+    /// What was measured, since the last call.
+    SimulationReport report();
+    /// \p places of each rod at equal shares of its rest length, both ends included.
+    std::vector<SimulatedRod> rods(int places) const;
+    /// The surface of each rod: \p around points on each ring.
+    std::vector<Tube> tubes(int around) const;
+
+private:
+    struct Body;
+    void move_holds(Body& body, double time);
+
+    const RodScene scene_;
+    std::vector<std::unique_ptr<Body>> bodies_;
+    std::int64_t done_ = 0, iterations_ = 0;
+    std::string stop_ = "converged";
+};
+
+} // namespace cellwarp

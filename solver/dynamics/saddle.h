@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Linear systems with constraints by multipliers,
+//   [ A  -L^T ] [ x      ]   [ r ]
+//   [ -L   0  ] [ lambda ] = [ g ],   that is A x - L^T lambda = r, L x = -g,
+// where A is a band. A row of L whose entries are near each other joins the band, right
+// behind the last unknown that it touches; there the factor L D L^T exists wherever A is
+// definite on what the rows leave free, also where A alone is singular. Rows that reach
+// farther are eliminated by a dense system.
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/linear/band_matrix.h"
+
+namespace cellwarp
+{
+
+/// A row of L: (unknown, value), ascending.
+using SparseRow = std::vector<std::pair<int, double>>;
+
+class SaddleSolver
+{
+public:
+    /// What the factorisation told.
+    struct Report
+    {
+        bool is_finite = true;
+        int num_negative = 0; ///< pivots of unknowns: A is not definite there
+        int num_dropped = 0;  ///< rows that say nothing new
+    };
+
+    /// \p rows are looked at group by group, \p groups of successive ones: those of one
+    /// group stand side by side.
+    Report factorize(const BandMatrix& A, std::span<const SparseRow> rows,
+                     std::span<const int> groups);
+    /// r becomes x; \p g becomes lambda.
+    void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const;
+
+private:
+    void arrange(const BandMatrix& A, std::span<const SparseRow> rows,
+                 std::span<const int> groups);
+
+    int num_unknowns_ = 0;
+    std::vector<int> place_of_unknown_, place_of_row_; ///< in the band; -1: a far row
+    std::vector<char> is_row_;
+    std::vector<SparseRow> far_; ///< in places of the band
+    std::vector<int> far_rows_;  ///< their numbers
+    BandMatrix matrix_;
+    BandFactor factor_;
+    Eigen::MatrixXd far_solved_; ///< A^-1 L^T of the far rows
+    Eigen::MatrixXd far_inverse_;
+    mutable Eigen::VectorXd all_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/linear/band_matrix.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A pivot that cancellation has made so small a share of what it is made of tells
+/// nothing.
+constexpr double kRedundant = 1e-10;
+
+} // namespace
+
+BandMatrix::BandMatrix(int rows, int half_band)
+    : rows_(rows), half_band_(half_band), values_(idx(rows) * idx(half_band + 1), 0.0)
+{
+}
+
+void BandMatrix::set_zero()
+{
+    std::fill(values_.begin(), values_.end(), 0.0);
+}
+
+void BandMatrix::multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
+{
+    y.setZero(rows_);
+    for (int j = 0; j < rows_; ++j)
+    {
+        const double* const values = &values_[idx(j) * idx(half_band_ + 1)];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        double sum = values[0] * x[j];
+        for (int i = 1; i <= count; ++i)
+        {
+            sum += values[i] * x[j + i];
+            y[j + i] += values[i] * x[j];
+        }
+        y[j] += sum;
+    }
+}
+
+BandFactor::Report BandFactor::factorize(const BandMatrix& A,
+                                         std::span<const char> is_multiplier)
+{
+    rows_ = A.rows();
+    half_band_ = A.half_band();
+    const std::size_t width = idx(half_band_ + 1);
+    values_.resize(idx(rows_) * width);
+    made_of_.resize(idx(rows_));
+    for (int j = 0; j < rows_; ++j)
+    {
+        const std::span<const double> column = A.column(j);
+        std::copy(column.begin(), column.end(),
+                  values_.begin() + static_cast<std::ptrdiff_t>(idx(j) * width));
+        made_of_[idx(j)] = std::abs(column[0]);
+    }
+    Report report;
+    report.smallest = std::numeric_limits<double>::infinity();
+    for (int j = 0; j < rows_; ++j)
+    {
+        double* const pivot_column = &values_[idx(j) * width];
+        const double pivot = pivot_column[0];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        if (!std::isfinite(pivot))
+        {
+            report.is_finite = false;
+            return report;
+        }
+        const bool is_row = !is_multiplier.empty() && is_multiplier[idx(j)] != 0;
+        if (is_row ? std::abs(pivot) <= kRedundant * made_of_[idx(j)] : pivot == 0.0)
+        {
+            // Nothing is learnt from it: its unknown is 0.
+            report.num_dropped += is_row;
+            report.num_negative += !is_row;
+            std::fill(pivot_column, pivot_column + count + 1, 0.0);
+            continue;
+        }
+        if (!is_row)
+        {
+            report.num_negative += pivot < 0.0;
+            report.smallest = std::min(report.smallest, pivot);
+        }
+        const double inverse = 1.0 / pivot;
+        for (int k = 1; k <= count; ++k)
+        {
+            const double a = pivot_column[k];
+            if (a == 0.0)
+                continue;
+            const double factor = a * inverse;
+            double* const target = &values_[idx(j + k) * width];
+            const double* const source = pivot_column + k;
+            for (int i = 0; i <= count - k; ++i)
+                target[i] -= factor * source[i];
+            made_of_[idx(j + k)] += std::abs(factor * a);
+        }
+        pivot_column[0] = inverse;
+        for (int k = 1; k <= count; ++k)
+            pivot_column[k] *= inverse;
+    }
+    return report;
+}
+
+void BandFactor::solve(Eigen::Ref<Eigen::VectorXd> b) const
+{
+    const std::size_t width = idx(half_band_ + 1);
+    for (int j = 0; j < rows_; ++j)
+    {
+        const double* const column = &values_[idx(j) * width];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        const double x = b[j];
+        for (int k = 1; k <= count; ++k)
+            b[j + k] -= column[k] * x;
+    }
+    for (int j = rows_ - 1; j >= 0; --j)
+    {
+        const double* const column = &values_[idx(j) * width];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        double x = b[j] * column[0];
+        for (int k = 1; k <= count; ++k)
+            x -= column[k] * b[j + k];
+        b[j] = x;
+    }
+}
+
+} // namespace cellwarp

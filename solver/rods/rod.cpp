@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Frames. Every station e keeps a unit vector a_e across its tangent t_e; the material
+// stands at the angle theta_e from it. To compare neighbours a vector is taken along the
+// curve by the shortest turn from tangent to tangent, H(t_a -> t_b). In a span with
+// places 0 (station), 1 ... G (inside), G + 1 (station) it is taken twice: along the
+// chain of all places, and at once from end to end. The angle about the tangent from what
+// arrives to the far station's own vector is m^c and m^d. Both differ from the true turn
+// by terms that grow with the cubes of the steps, in shares c_k of the whole span, so
+// that
+//   m = (m^c - c_0 m^d) / (1 - c_0),   c_0 = sum c_k^3
+// is better by two orders. The span's twist is Delta = theta_far - theta_near + m.
+//
+// A vector that is taken from the old tangent to the new one as the rod moves does not
+// spin; so a turn of a_e about t_e is exactly a shift of theta_e, and nothing drifts.
+// [Bergou08]
+#include "solver/rods/rod.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr double kPi = std::numbers::pi;
+
+// Gauss points and weights on [0, 1], of 1 to 6 points.
+constexpr std::array<std::array<double, 6>, 6> kPlaces = {{
+    {0.5},
+    {0.21132486540518712, 0.7886751345948129},
+    {0.1127016653792583, 0.5, 0.8872983346207417},
+    {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263},
+    {0.046910077030668, 0.23076534494715845, 0.5, 0.7692346550528415, 0.953089922969332},
+    {0.03376524289842399, 0.16939530676686774, 0.38069040695840156, 0.6193095930415985,
+     0.8306046932331322, 0.966234757101576},
+}};
+constexpr std::array<std::array<double, 6>, 6> kWeights = {{
+    {1.0},
+    {0.5, 0.5},
+    {0.2777777777777778, 0.4444444444444444, 0.2777777777777778},
+    {0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692},
+    {0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324,
+     0.11846344252809454},
+    {0.08566224618958517, 0.1803807865240693, 0.23395696728634552, 0.23395696728634552,
+     0.1803807865240693, 0.08566224618958517},
+}};
+
+/// The angle of the turns that \p value may mean which is nearest to \p near.
+double nearest_turn(double value, double near)
+{
+    return value + 2.0 * kPi * std::round((near - value) / (2.0 * kPi));
+}
+
+/// The angle about \p axis from \p a to \p b, both across it.
+double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                     const Eigen::Vector3d& axis)
+{
+    return std::atan2(axis.cross(a).dot(b), a.dot(b));
+}
+
+} // namespace
+
+std::span<const double> bending_places(int degree)
+{
+    return std::span(kPlaces[idx(std::max(degree, 2) - 2)])
+        .first(idx(std::max(degree, 2) - 1));
+}
+
+std::span<const double> bending_weights(int degree)
+{
+    return std::span(kWeights[idx(std::max(degree, 2) - 2)])
+        .first(idx(std::max(degree, 2) - 1));
+}
+
+double cubes_of_steps(int degree)
+{
+    double sum = 0.0, last = 0.0;
+    for (const double x : bending_places(degree))
+    {
+        sum += std::pow(x - last, 3);
+        last = x;
+    }
+    return sum + std::pow(1.0 - last, 3);
+}
+
+Section Section::round(double radius, double young, double poisson, double density)
+{
+    const double area = kPi * radius * radius, inertia = 0.25 * area * radius * radius;
+    return {young * area,
+            {young * inertia, young * inertia},
+            young / (2.0 * (1.0 + poisson)) * 2.0 * inertia,
+            density * area,
+            density * 2.0 * inertia,
+            radius};
+}
+
+Rod::Rod(Spline rest, const std::function<Section(double)>& section,
+         const RodSettings& settings)
+    : rest_(std::move(rest)), arc_length_(rest_), section_(section), settings_(settings),
+      seam_turn_(2.0 * kPi * settings.link)
+{
+    const SplineBasis& basis = rest_.basis;
+    if (!(arc_length_.total() > 0.0))
+        throw std::invalid_argument("a rod without length");
+    const std::vector<SplineSpan>& spans = basis.spans();
+    int station = 0;
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        RodSpan span;
+        span.begin = spans[e].begin;
+        span.end = spans[e].end;
+        // A kink is a hinge: each side has a station of its own.
+        if (e > 0 && basis.smoothness_before(static_cast<int>(e)) < 1)
+            ++station;
+        span.station = {station, station + 1};
+        ++station;
+        const int smooth = basis.is_catmull_rom() ? 1 : basis.degree() - 1;
+        const int next = static_cast<int>(e) + 1;
+        const int behind = next < static_cast<int>(spans.size())
+                               ? basis.smoothness_before(next)
+                           : basis.is_closed() ? basis.smoothness_before(0)
+                                               : -1;
+        span.is_smooth = {basis.smoothness_before(static_cast<int>(e)) >= smooth,
+                          behind >= smooth};
+        span.length = arc_length_.at(span.end);
+        if (basis.is_closed() && e + 1 == spans.size())
+            span.length = arc_length_.total();
+        span.length -= arc_length_.at(span.begin);
+        spans_.push_back(span);
+    }
+    num_stations_ = station + 1;
+    if (basis.is_closed())
+    {
+        --num_stations_;
+        spans_.back().station[1] = 0;
+    }
+    order_ = basis.degree() + 1;
+    const std::span<const double> inside = bending_places(basis.degree());
+    num_places_ = static_cast<int>(inside.size()) + 2;
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        for (int p = 0; p < num_places_; ++p)
+        {
+            const RodSpan& span = spans_[e];
+            const double x = p == 0                 ? 0.0
+                             : p == num_places_ - 1 ? 1.0
+                                                    : inside[idx(p) - 1];
+            const BasisValues values = basis.values_in(
+                static_cast<int>(e), span.begin + x * (span.end - span.begin));
+            if (p == 0)
+                controls_.insert(controls_.end(), values.control.begin(),
+                                 values.control.begin() + order_);
+            first_.insert(first_.end(), values.value[1].begin(),
+                          values.value[1].begin() + order_);
+            second_.insert(second_.end(), values.value[2].begin(),
+                           values.value[2].begin() + order_);
+        }
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        for (int p = 0; p < num_places_; ++p)
+        {
+            Eigen::Vector3d u = Eigen::Vector3d::Zero();
+            for (int j = 0; j < order_; ++j)
+                u += first(e, p)[j] * rest_.controls[idx(controls(e)[j])];
+            if (!(u.norm() > 1e-12 * arc_length_.total() / (basis.end() - basis.begin())))
+                throw std::invalid_argument(
+                    "a rod that stands still at a place of its curve");
+        }
+    find_layout();
+}
+
+void Rod::find_layout()
+{
+    const int n = num_controls();
+    // Around a closed rod from both sides: 0, n - 1, 1, n - 2, ...
+    std::vector<int> rank(idx(n));
+    for (int k = 0; k < n; ++k)
+        rank[idx(k)] = !rest_.basis.is_closed() ? k : 2 * k < n ? 2 * k : 2 * (n - k) - 1;
+    struct Entry
+    {
+        int rank, kind, index;
+        auto operator<=>(const Entry&) const = default;
+    };
+    std::vector<Entry> entries;
+    for (int k = 0; k < n; ++k)
+        entries.push_back({rank[idx(k)], 0, k});
+    std::vector<char> is_placed(idx(num_stations_), 0);
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        for (const int end : {0, 1})
+        {
+            const int station = spans_[e].station[idx(end)];
+            if (std::exchange(is_placed[idx(station)], 1))
+                continue;
+            const int near = std::min(1 + end, order_ - 1);
+            entries.push_back({rank[idx(controls(e)[near])], 1, station});
+        }
+    std::sort(entries.begin(), entries.end());
+    layout_.control.resize(idx(n));
+    layout_.angle.resize(idx(num_stations_));
+    for (const Entry& entry : entries)
+    {
+        (entry.kind == 0 ? layout_.control : layout_.angle)[idx(entry.index)] =
+            layout_.num_unknowns;
+        layout_.num_unknowns += entry.kind == 0 ? 3 : 1;
+    }
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+    {
+        int low = layout_.num_unknowns, high = 0;
+        for (int j = 0; j < order_; ++j)
+        {
+            low = std::min(low, layout_.control[idx(controls(e)[j])]);
+            high = std::max(high, layout_.control[idx(controls(e)[j])] + 2);
+        }
+        for (const int station : spans_[e].station)
+        {
+            low = std::min(low, layout_.angle[idx(station)]);
+            high = std::max(high, layout_.angle[idx(station)]);
+        }
+        layout_.half_band = std::max(layout_.half_band, high - low);
+    }
+}
+
+RodState::RodState(const Rod& rod)
+    : rod_(&rod), x_(Eigen::VectorXd::Zero(rod.layout().num_unknowns)),
+      tangent_(idx(rod.num_stations())), reference_(idx(rod.num_stations())),
+      chain_(rod.spans().size(), 0.0), winding_(rod.spans().size(), 0.0)
+{
+    for (int k = 0; k < rod.num_controls(); ++k)
+        x_.segment<3>(rod.layout().control[idx(k)]) = rod.rest().controls[idx(k)];
+    const std::span<const RodSpan> spans = rod.spans();
+    // Turns put into a closed rod are spread evenly along it.
+    double way = 0.0;
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        x_[rod.layout().angle[idx(spans[e].station[0])]] =
+            rod.seam_turn(spans.size() - 1) * way / rod.arc_length().total();
+        way += spans[e].length;
+    }
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        const auto [near, far] = spans[e].station;
+        if (e == 0 || near != spans[e - 1].station[1])
+        {
+            tangent_[idx(near)] = first(e, 0).normalized();
+            reference_[idx(near)] = any_normal(tangent_[idx(near)]);
+        }
+        if (far == 0)
+            continue;
+        // Along the chain, so that the windings are small at rest.
+        Eigen::Vector3d a = reference_[idx(near)], t = tangent_[idx(near)];
+        for (int p = 1; p < rod.num_places(); ++p)
+        {
+            const Eigen::Vector3d next = first(e, p).normalized();
+            a = transported(t, next, a);
+            t = next;
+        }
+        tangent_[idx(far)] = t;
+        reference_[idx(far)] = (a - t.dot(a) * t).normalized();
+    }
+    find_windings();
+}
+
+Eigen::Vector3d RodState::first(std::size_t span, int place) const
+{
+    const double* const b = rod_->first(span, place);
+    const int* const controls = rod_->controls(span);
+    Eigen::Vector3d u = Eigen::Vector3d::Zero();
+    for (int j = 0; j < rod_->order(); ++j)
+        u += b[j] * control(controls[j]);
+    return u;
+}
+
+double RodState::twist(std::size_t span) const
+{
+    const auto [near, far] = rod_->spans()[span].station;
+    return angle(far) + rod_->seam_turn(span) - angle(near) + winding_[span];
+}
+
+void RodState::find_windings()
+{
+    const double c0 = cubes_of_steps(rod_->basis().degree());
+    const int last = rod_->num_places() - 1;
+    for (std::size_t e = 0; e < rod_->spans().size(); ++e)
+    {
+        const auto [near, far] = rod_->spans()[e].station;
+        const Eigen::Vector3d& own = reference_[idx(far)];
+        const Eigen::Vector3d& end = tangent_[idx(far)];
+        Eigen::Vector3d a = reference_[idx(near)], t = tangent_[idx(near)];
+        const double at_once = angle_between(transported(t, end, a), own, end);
+        for (int p = 1; p <= last; ++p)
+        {
+            const Eigen::Vector3d next = p == last ? end : first(e, p).normalized();
+            a = transported(t, next, a);
+            t = next;
+        }
+        chain_[e] = nearest_turn(angle_between(a, own, end), chain_[e]);
+        winding_[e] = (chain_[e] - c0 * nearest_turn(at_once, chain_[e])) / (1.0 - c0);
+    }
+}
+
+void RodState::move(const Eigen::VectorXd& step, double length)
+{
+    x_ += length * step;
+    const std::span<const RodSpan> spans = rod_->spans();
+    const int last = rod_->num_places() - 1;
+    const auto turn = [&](int station, const Eigen::Vector3d& u)
+    {
+        const Eigen::Vector3d t = u.normalized();
+        const Eigen::Vector3d a =
+            transported(tangent_[idx(station)], t, reference_[idx(station)]);
+        reference_[idx(station)] = (a - t.dot(a) * t).normalized();
+        tangent_[idx(station)] = t;
+    };
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        const auto [near, far] = spans[e].station;
+        turn(near, first(e, 0));
+        // The near station of the next span is this one, unless there is none.
+        if (e + 1 == spans.size() ? far != 0 : far != spans[e + 1].station[0])
+            turn(far, first(e, last));
+    }
+    find_windings();
+}
+
+void RodState::move_to(const Eigen::VectorXd& x)
+{
+    move(x - x_);
+    x_ = x;
+}
+
+CurvePoint RodState::at(const BasisValues& values) const
+{
+    std::array<Eigen::Vector3d, 3> sums;
+    sums.fill(Eigen::Vector3d::Zero());
+    for (int j = 0; j < values.count; ++j)
+        for (std::size_t order = 0; order < 3; ++order)
+            sums[order] += values.value[order][idx(j)] * control(values.control[idx(j)]);
+    return {sums[0], sums[1], sums[2]};
+}
+
+Eigen::Matrix3d RodState::frame(double s) const
+{
+    const double at_s = rod_->basis().wrapped(s);
+    const std::size_t e = idx(rod_->basis().span_of(at_s));
+    const RodSpan& span = rod_->spans()[e];
+    const double x = (at_s - span.begin) / (span.end - span.begin);
+    const int near = span.station[0];
+    Eigen::Vector3d a = reference_[idx(near)], t = tangent_[idx(near)];
+    const auto go_to = [&](const Eigen::Vector3d& u)
+    {
+        const Eigen::Vector3d next = u.normalized();
+        a = transported(t, next, a);
+        t = next;
+    };
+    double angle_here = angle(near) + x * twist(e);
+    if (x == 1.0)
+    {
+        // The far station has a vector of its own.
+        a = reference_[idx(span.station[1])];
+        t = tangent_[idx(span.station[1])];
+        angle_here = angle(span.station[1]);
+    }
+    else
+    {
+        const std::span<const double> inside = bending_places(rod_->basis().degree());
+        for (std::size_t p = 0; p < inside.size() && inside[p] < x; ++p)
+            go_to(first(e, static_cast<int>(p) + 1));
+        go_to(at(rod_->basis().values_in(static_cast<int>(e), at_s)).first);
+    }
+    Eigen::Matrix3d frame;
+    frame.col(0) = std::cos(angle_here) * a + std::sin(angle_here) * t.cross(a);
+    frame.col(1) = t.cross(frame.col(0));
+    frame.col(2) = t;
+    return frame;
+}
+
+Spline RodState::curve() const
+{
+    Spline curve = rod_->rest();
+    for (int k = 0; k < rod_->num_controls(); ++k)
+        curve.controls[idx(k)] = control(k);
+    return curve;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A rod at rest, and where it is. Between two knots lies a span; at each knot stands a
+// station, which keeps a unit vector across the curve and an angle of the material about
+// it. theory of the frames: rod.cpp.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/base/index.h"
+#include "solver/rods/spline.h"
+
+namespace cellwarp
+{
+
+/// What a cross section withstands and weighs, at one place of the rod.
+struct Section
+{
+    double stretch = 0.0; ///< YA [N]
+    std::array<double, 2> bending =
+        {};              ///< YI about both directions of the section [N m^2]
+    double twist = 0.0;  ///< GJ [N m^2]
+    double mass = 0.0;   ///< rho A [kg/m]
+    double spin = 0.0;   ///< rho (I_1 + I_2) [kg m]
+    double radius = 0.0; ///< [m]
+
+    /// A full circle: \p young [Pa], \p poisson, \p density [kg/m^3].
+    static Section round(double radius, double young, double poisson, double density);
+};
+
+/// What the rod is like where nothing acts on it.
+enum class RestShape1D
+{
+    Given,   ///< as its control points say
+    Straight ///< of the same lengths
+};
+
+struct RodSettings
+{
+    RestShape1D rest = RestShape1D::Given;
+    double rest_twist = 0.0; ///< [rad/m], beside that of the rest shape
+    double link = 0.0;       ///< turns put into a closed rod before it was joined
+};
+
+/// Where the unknowns of a rod stand in vectors, so that neighbours along it are
+/// neighbours there: 3 of each control point, 1 angle of each station.
+struct RodLayout
+{
+    std::vector<int> control; ///< first of three
+    std::vector<int> angle;   ///< of each station
+    int num_unknowns = 0;
+    int half_band = 0; ///< of what one span couples
+};
+
+/// One span, between two different knots.
+struct RodSpan
+{
+    double begin = 0.0, end = 0.0;      ///< parameter
+    std::array<int, 2> station = {};    ///< at both ends
+    double length = 0.0;                ///< at rest [m]
+    std::array<bool, 2> is_smooth = {}; ///< false: an end, or a knot of less than C^(d-1)
+};
+
+/// Never changed once it is made; its states refer to it.
+class Rod
+{
+public:
+    /// \p section: at a share of the rest length in [0, 1]. Throws std::invalid_argument
+    /// for a curve without length.
+    Rod(Spline rest, const std::function<Section(double)>& section,
+        const RodSettings& settings);
+
+    const Spline& rest() const { return rest_; }
+    const SplineBasis& basis() const { return rest_.basis; }
+    const ArcLength& arc_length() const { return arc_length_; }
+    const RodSettings& settings() const { return settings_; }
+    const RodLayout& layout() const { return layout_; }
+    std::span<const RodSpan> spans() const { return spans_; }
+    int num_controls() const { return rest_.basis.num_controls(); }
+    int num_stations() const { return num_stations_; }
+    /// By how much the angle of span \p e's far station is larger than that station's
+    /// own: the turns of a closed rod, at its seam.
+    double seam_turn(std::size_t span) const
+    {
+        return rest_.basis.is_closed() && span + 1 == spans_.size() ? seam_turn_ : 0.0;
+    }
+    /// How many control points act in a span, and how many places it is looked at:
+    /// station, bending places, station.
+    int order() const { return order_; }
+    int num_places() const { return num_places_; }
+    /// order() of them.
+    const int* controls(std::size_t span) const { return &controls_[span * idx(order_)]; }
+    /// db_k/ds and d2b_k/ds2 at a place of a span, order() of them.
+    const double* first(std::size_t span, int place) const
+    {
+        return &first_[(span * idx(num_places_) + idx(place)) * idx(order_)];
+    }
+    const double* second(std::size_t span, int place) const
+    {
+        return &second_[(span * idx(num_places_) + idx(place)) * idx(order_)];
+    }
+    Section section(double share) const { return section_(share); }
+    Section section_at(double s) const
+    {
+        return section_(arc_length_.at(s) / arc_length_.total());
+    }
+
+private:
+    void find_layout();
+
+    Spline rest_;
+    ArcLength arc_length_;
+    std::function<Section(double)> section_;
+    RodSettings settings_;
+    std::vector<RodSpan> spans_;
+    int num_stations_ = 0;
+    double seam_turn_ = 0.0;
+    int order_ = 0, num_places_ = 0;
+    std::vector<int> controls_;
+    std::vector<double> first_, second_;
+    RodLayout layout_;
+};
+
+/// Gauss points of a span for bending, and what twist is measured by: \p degree - 1
+/// places in (0, 1), ascending.
+std::span<const double> bending_places(int degree);
+/// Their weights; sum 1.
+std::span<const double> bending_weights(int degree);
+
+/// Steps from station to station over the places, as shares of the span: the sum of their
+/// cubes, c_0 in rod.cpp.
+double cubes_of_steps(int degree);
+
+/// Where a rod is: control points and angles, the unit vectors of its stations.
+class RodState
+{
+public:
+    /// At rest; turns put into a closed rod are spread evenly. The rod must outlive it.
+    explicit RodState(const Rod& rod);
+
+    const Rod& rod() const { return *rod_; }
+    /// Control points [m] and angles [rad], see RodLayout.
+    const Eigen::VectorXd& x() const { return x_; }
+    Eigen::Vector3d control(int k) const
+    {
+        return x_.segment<3>(rod_->layout().control[idx(k)]);
+    }
+    double angle(int station) const { return x_[rod_->layout().angle[idx(station)]]; }
+    /// The vector that the angle of a station counts from.
+    const Eigen::Vector3d& reference(int station) const
+    {
+        return reference_[idx(station)];
+    }
+    /// How far the stations' vectors are wound against each other, m_e in rod.cpp.
+    double winding(std::size_t span) const { return winding_[span]; }
+    /// Delta_e: how far the material of a span is twisted [rad].
+    double twist(std::size_t span) const;
+
+    /// x += length * step. Vectors of the stations go along without spinning.
+    void move(const Eigen::VectorXd& step, double length = 1.0);
+    /// To other places, by the shortest turn of each station.
+    void move_to(const Eigen::VectorXd& x);
+
+    /// P' at a place of a span, see Rod::first().
+    Eigen::Vector3d first(std::size_t span, int place) const;
+    CurvePoint at(double s) const { return at(rod_->basis().values(s)); }
+    CurvePoint at(const BasisValues& values) const;
+    /// Material frame at a parameter: columns m_1, m_2, tangent.
+    Eigen::Matrix3d frame(double s) const;
+    Spline curve() const;
+
+private:
+    void find_windings();
+
+    const Rod* rod_;
+    Eigen::VectorXd x_;
+    std::vector<Eigen::Vector3d> tangent_, reference_; ///< of the stations
+    std::vector<double> chain_, winding_;              ///< of the spans
+};
+
+} // namespace cellwarp

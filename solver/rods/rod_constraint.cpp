@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rows of frames. The material frame F = [m_1 m_2 t] turns by
+//   omega = (t x du) / l + t dphi
+// with u = P' and the spin dphi of elasticity.cpp, the chain of hops ending at s. Two
+// frames a and b that must agree, columns x_a ... z_b: y_a . z_b = z_a . x_b = x_a . y_b
+// = 0, whose derivative is (y_a x z_b) . (omega_a - omega_b), and so on.
+#include "solver/rods/rod_constraint.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include <Eigen/Geometry>
+
+#include "octree/base/rigid_motion.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// A linear form of the unknowns, gathered in any order.
+class Form
+{
+public:
+    void add(int unknown, double value) { sum_[unknown] += value; }
+    /// += scale * v . (the derivative of that order of the curve)
+    void add(const RodState& state, const BasisValues& values, int order,
+             const Vector3d& v)
+    {
+        for (int j = 0; j < values.count; ++j)
+        {
+            const int first = state.rod().layout().control[idx(values.control[idx(j)])];
+            for (int c = 0; c < 3; ++c)
+                add(first + c, values.value[idx(order)][idx(j)] * v[c]);
+        }
+    }
+    void add(const Form& other, double scale)
+    {
+        for (const auto& [unknown, value] : other.sum_)
+            add(unknown, scale * value);
+    }
+    ConstraintRow row(double violation) const
+    {
+        ConstraintRow row;
+        row.violation = violation;
+        for (const auto& [unknown, value] : sum_)
+            if (value != 0.0)
+                row.entries.emplace_back(unknown, value);
+        return row;
+    }
+    std::vector<std::pair<int, double>> entries() const { return row(0.0).entries; }
+
+private:
+    std::map<int, double> sum_;
+};
+
+/// Values at a place of a span, 0 ... num_places - 1.
+BasisValues values_of_place(const Rod& rod, std::size_t e, int place)
+{
+    const RodSpan& span = rod.spans()[e];
+    const std::span<const double> inside = bending_places(rod.basis().degree());
+    const double x = place == 0                      ? 0.0
+                     : place == rod.num_places() - 1 ? 1.0
+                                                     : inside[idx(place) - 1];
+    return rod.basis().values_in(static_cast<int>(e),
+                                 span.begin + x * (span.end - span.begin));
+}
+
+struct Hop
+{
+    BasisValues a, b;
+    Vector3d on_a, on_b;
+};
+
+Hop hop_of(const RodState& state, const BasisValues& a, const BasisValues& b)
+{
+    const Vector3d ua = state.at(a).first, ub = state.at(b).first;
+    const double la = ua.norm(), lb = ub.norm();
+    const Vector3d ta = ua / la, tb = ub / lb;
+    const Vector3d beta = 2.0 / std::max(1.0 + ta.dot(tb), 1e-12) * ta.cross(tb);
+    return {a, b, beta / (2.0 * la), beta / (2.0 * lb)};
+}
+
+void add(Form& form, const RodState& state, const Hop& hop, double share)
+{
+    form.add(state, hop.a, 1, share * hop.on_a);
+    form.add(state, hop.b, 1, share * hop.on_b);
+}
+
+Form spin_form(const RodState& state, double s)
+{
+    const Rod& rod = state.rod();
+    const double at = rod.basis().wrapped(s);
+    const std::size_t e = idx(rod.basis().span_of(at));
+    const RodSpan& span = rod.spans()[e];
+    const double x = (at - span.begin) / (span.end - span.begin);
+    const int near = rod.layout().angle[idx(span.station[0])],
+              far = rod.layout().angle[idx(span.station[1])];
+    Form form;
+    form.add(near, 1.0 - x);
+    form.add(far, x);
+    if (x == 0.0 || x == 1.0)
+        return form;
+    const int last = rod.num_places() - 1;
+    const double c0 = cubes_of_steps(rod.basis().degree());
+    for (int p = 1; p <= last; ++p)
+        add(form, state,
+            hop_of(state, values_of_place(rod, e, p - 1), values_of_place(rod, e, p)),
+            x / (1.0 - c0));
+    add(form, state,
+        hop_of(state, values_of_place(rod, e, 0), values_of_place(rod, e, last)),
+        -x * c0 / (1.0 - c0));
+    const std::span<const double> inside = bending_places(rod.basis().degree());
+    BasisValues from = values_of_place(rod, e, 0);
+    for (int p = 1; p < last && inside[idx(p) - 1] < x; ++p)
+    {
+        const BasisValues to = values_of_place(rod, e, p);
+        add(form, state, hop_of(state, from, to), -1.0);
+        from = to;
+    }
+    add(form, state, hop_of(state, from, rod.basis().values_in(static_cast<int>(e), at)),
+        -1.0);
+    return form;
+}
+
+/// axis . omega at s
+Form turn_form(const RodState& state, double s, const BasisValues& values,
+               const Vector3d& axis)
+{
+    const Vector3d u = state.at(values).first;
+    const double l = u.norm();
+    const Vector3d t = u / l;
+    Form form;
+    form.add(state, values, 1, axis.cross(t) / l); // axis . (t x du) = du . (axis x t)
+    form.add(spin_form(state, s), axis.dot(t));
+    return form;
+}
+
+/// Rows of two frames that must agree; \p b may be of another place or fixed.
+std::vector<ConstraintRow> frame_rows(const RodState& state, double s,
+                                      const Eigen::Matrix3d& a, const double* other,
+                                      const Eigen::Matrix3d& b)
+{
+    std::vector<ConstraintRow> rows;
+    for (int k = 0; k < 3; ++k)
+    {
+        const Vector3d first = a.col((k + 1) % 3), second = b.col((k + 2) % 3);
+        const Vector3d axis = first.cross(second);
+        Form form = turn_form(state, s, state.rod().basis().values(s), axis);
+        if (other)
+            form.add(turn_form(state, *other, state.rod().basis().values(*other), axis),
+                     -1.0);
+        rows.push_back(form.row(first.dot(second)));
+    }
+    return rows;
+}
+
+/// Two unit vectors across \p n.
+std::array<Vector3d, 2> across(const Vector3d& n)
+{
+    const Vector3d unit = n.normalized(), a = any_normal(unit);
+    return {a, unit.cross(a)};
+}
+
+} // namespace
+
+int num_rows(Hold hold)
+{
+    switch (hold)
+    {
+    case Hold::Plane:
+    case Hold::TwistAngle:
+    case Hold::Distance:
+    case Hold::DistanceOfTwo:
+        return 1;
+    case Hold::Axis:
+    case Hold::Tangent:
+    case Hold::GeometricCurvature:
+        return 2;
+    default:
+        return 3;
+    }
+}
+
+std::vector<std::pair<int, double>> spin_at(const RodState& state, double s)
+{
+    return spin_form(state, s).entries();
+}
+
+std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state)
+{
+    const BasisValues values = state.rod().basis().values(c.s);
+    const CurvePoint at = state.at(values);
+    std::vector<ConstraintRow> rows;
+    const auto linear = [&](int order, const Vector3d& n, double violation)
+    {
+        Form form;
+        form.add(state, values, order, n);
+        rows.push_back(form.row(violation));
+    };
+    const auto vector = [&](int order, const Vector3d& violation)
+    {
+        for (int k = 0; k < 3; ++k)
+            linear(order, Vector3d::Unit(k), violation[k]);
+    };
+    switch (c.hold)
+    {
+    case Hold::Point:
+        vector(0, at.place - c.point);
+        break;
+    case Hold::Plane:
+        linear(0, c.direction, c.direction.dot(at.place - c.point));
+        break;
+    case Hold::Axis:
+        for (const Vector3d& n : across(c.direction))
+            linear(0, n, n.dot(at.place - c.point));
+        break;
+    case Hold::Tangent:
+        for (const Vector3d& n : across(c.direction))
+            linear(1, n, n.dot(at.first));
+        break;
+    case Hold::TangentVector:
+        vector(1, at.first - c.direction);
+        break;
+    case Hold::CurvatureVector:
+        vector(2, at.second - c.direction);
+        break;
+    case Hold::GeometricCurvature:
+    {
+        const double l = at.first.norm();
+        const double sigma = state.rod().rest().combined(values).first.norm();
+        const double f = 1.0 / (l * l * sigma);
+        const Vector3d K = f * at.first.cross(at.second), t = at.first / l;
+        for (const Vector3d& n : across(t))
+        {
+            Form form;
+            form.add(state, values, 1, -f * n.cross(at.second) - 2.0 * K.dot(n) / l * t);
+            form.add(state, values, 2, f * n.cross(at.first));
+            rows.push_back(form.row(n.dot(K - c.direction)));
+        }
+        break;
+    }
+    case Hold::TwistAngle:
+    {
+        const Eigen::Matrix3d F = state.frame(c.s);
+        const Vector3d wanted =
+            (c.direction - F.col(2).dot(c.direction) * F.col(2)).normalized();
+        Form form = spin_form(state, c.s);
+        // The angle of the wanted direction in the frame; it moves with the tangent, too.
+        const double angle = std::atan2(F.col(1).dot(wanted), F.col(0).dot(wanted));
+        const Vector3d& d = c.direction;
+        const Vector3d t = F.col(2);
+        const double l = at.first.norm();
+        const double in_plane = (d - t.dot(d) * t).squaredNorm();
+        // d(angle of d's part across t) = -(t . d) (t x d) . dt / |d across t|^2, dt
+        // across t.
+        form.add(state, values, 1, (t.dot(d) / (in_plane * l)) * t.cross(d));
+        rows.push_back(form.row(-angle));
+        break;
+    }
+    case Hold::Frame:
+        return frame_rows(state, c.s, state.frame(c.s), nullptr, c.frame);
+    case Hold::Distance:
+    {
+        const Vector3d e = at.place - c.point;
+        linear(0, e / c.distance,
+               (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
+        break;
+    }
+    case Hold::DistanceOfTwo:
+    case Hold::RelativePlace:
+    {
+        const BasisValues there = state.rod().basis().values(c.other);
+        const Vector3d e = at.place - state.at(there).place;
+        const auto both = [&](const Vector3d& n, double violation)
+        {
+            Form form;
+            form.add(state, values, 0, n);
+            form.add(state, there, 0, -n);
+            rows.push_back(form.row(violation));
+        };
+        if (c.hold == Hold::DistanceOfTwo)
+            both(e / c.distance,
+                 (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
+        else
+            for (int k = 0; k < 3; ++k)
+                both(Vector3d::Unit(k), e[k] - c.point[k]);
+        break;
+    }
+    case Hold::RelativeFrame:
+        return frame_rows(state, c.s, state.frame(c.s) * c.frame, &c.other,
+                          state.frame(c.other));
+    }
+    return rows;
+}
+
+std::vector<double> convective(const RodConstraint& c, const RodState& state,
+                               const Eigen::VectorXd& velocity)
+{
+    std::vector<double> out(idx(num_rows(c.hold)), 0.0);
+    switch (c.hold)
+    {
+    case Hold::Point:
+    case Hold::Plane:
+    case Hold::Axis:
+    case Hold::Tangent:
+    case Hold::TangentVector:
+    case Hold::CurvatureVector:
+    case Hold::RelativePlace:
+        return out; // linear
+    default:
+        break;
+    }
+    const double speed = velocity.cwiseAbs().maxCoeff();
+    if (!(speed > 0.0))
+        return out;
+    // A step small beside the rod, but not so small that rounding shows.
+    const double step = 1e-4 * std::min(1.0, state.rod().arc_length().total()) / speed;
+    RodState ahead = state, behind = state;
+    ahead.move(velocity, step);
+    behind.move(velocity, -step);
+    const std::vector<ConstraintRow> a = rows_of(c, ahead), b = rows_of(c, behind);
+    for (std::size_t k = 0; k < out.size(); ++k)
+    {
+        // L' v: the change of L along v.
+        const auto along = [&](const ConstraintRow& row)
+        {
+            double sum = 0.0;
+            for (const auto& [unknown, value] : row.entries)
+                sum += value * velocity[unknown];
+            return sum;
+        };
+        out[k] = (along(a[k]) - along(b[k])) / (2.0 * step);
+    }
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a rod is held by: scalar rows g(x) = 0, each with a multiplier. [Lenoir04]
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/rods/rod.h"
+
+namespace cellwarp
+{
+
+enum class Hold
+{
+    Point,              ///< P = point; 3 rows
+    Plane,              ///< n . (P - point) = 0, n = direction
+    Axis,               ///< the two directions across `direction`; 2 rows
+    Tangent,            ///< along direction; 2 rows
+    TangentVector,      ///< P' = direction; 3 rows
+    CurvatureVector,    ///< P'' = direction; 3 rows
+    GeometricCurvature, ///< (u x w) / (l^2 sigma) = direction across the tangent; 2 rows
+    TwistAngle,         ///< m_1 towards direction, as far as the tangent lets it; 1 row
+    Frame,              ///< material frame = frame; 3 rows
+    Distance,           ///< |P - point| = distance; 1 row
+    DistanceOfTwo,      ///< |P(s) - P(other)| = distance; 1 row
+    RelativePlace,      ///< P(s) - P(other) = point; 3 rows
+    RelativeFrame       ///< frame(other) = frame(s) * frame; 3 rows
+};
+
+struct RodConstraint
+{
+    Hold hold = Hold::Point;
+    double s = 0.0, other = 0.0; ///< parameters of the curve
+    Eigen::Vector3d point = Eigen::Vector3d::Zero();
+    Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
+    Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
+    double distance = 0.0; ///< [m]
+};
+
+int num_rows(Hold hold);
+
+/// One row: how it changes with the unknowns, and by how much it is violated. Of places
+/// [m]; of directions without unit; of angles [rad].
+struct ConstraintRow
+{
+    std::vector<std::pair<int, double>> entries; ///< (unknown, derivative), ascending
+    double violation = 0.0;
+};
+
+/// The rows of a constraint at a state. What a tangent or a frame differs by must be
+/// below 90 degrees.
+std::vector<ConstraintRow> rows_of(const RodConstraint& constraint,
+                                   const RodState& state);
+
+/// For each row the second derivative of its violation along \p velocity.
+std::vector<double> convective(const RodConstraint& constraint, const RodState& state,
+                               const Eigen::VectorXd& velocity);
+
+/// How the material at \p s spins about its tangent with the unknowns: dphi.
+std::vector<std::pair<int, double>> spin_at(const RodState& state, double s);
+
+} // namespace cellwarp

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/rods/rod_mass.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include <Eigen/Geometry>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Places in the order of the unknowns.
+std::vector<int> ranks(const std::vector<int>& unknown)
+{
+    std::vector<int> order(unknown.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::sort(order.begin(), order.end(),
+              [&](int a, int b) { return unknown[idx(a)] < unknown[idx(b)]; });
+    std::vector<int> rank(unknown.size());
+    for (std::size_t k = 0; k < order.size(); ++k)
+        rank[idx(order[k])] = static_cast<int>(k);
+    return rank;
+}
+
+} // namespace
+
+RodMass::RodMass(const Rod& rod)
+    : rod_(rod), rank_(ranks(rod.layout().control)),
+      spin_rank_(ranks(rod.layout().angle)),
+      weights_(Eigen::VectorXd::Zero(rod.num_controls()))
+{
+    int half_band = 0, spin_band = 1;
+    for (std::size_t e = 0; e < rod.spans().size(); ++e)
+    {
+        for (int i = 0; i < rod.order(); ++i)
+            for (int j = 0; j < i; ++j)
+                half_band = std::max(half_band, std::abs(rank_[idx(rod.controls(e)[i])] -
+                                                         rank_[idx(rod.controls(e)[j])]));
+        const auto [near, far] = rod.spans()[e].station;
+        spin_band =
+            std::max(spin_band, std::abs(spin_rank_[idx(near)] - spin_rank_[idx(far)]));
+    }
+    place_ = BandMatrix(rod.num_controls(), half_band);
+    spin_ = BandMatrix(rod.num_stations(), spin_band);
+    const int degree = rod.basis().degree();
+    const std::span<const double> places = bending_places(std::min(degree + 2, 7));
+    const std::span<const double> weights = bending_weights(std::min(degree + 2, 7));
+    for (std::size_t e = 0; e < rod.spans().size(); ++e)
+    {
+        const RodSpan& span = rod.spans()[e];
+        const auto [near, far] = span.station;
+        for (std::size_t g = 0; g < places.size(); ++g)
+        {
+            const double h = span.end - span.begin, s = span.begin + places[g] * h;
+            const BasisValues values = rod.basis().values_in(static_cast<int>(e), s);
+            const Section section = rod.section_at(s);
+            const double length =
+                weights[g] * h * rod.rest().combined(values).first.norm();
+            for (int i = 0; i < values.count; ++i)
+            {
+                const double bi = values.value[0][idx(i)];
+                weights_[values.control[idx(i)]] += section.mass * length * bi;
+                for (int j = 0; j <= i; ++j)
+                    place_.add(rank_[idx(values.control[idx(i)])],
+                               rank_[idx(values.control[idx(j)])],
+                               section.mass * length * bi * values.value[0][idx(j)]);
+            }
+            const double x = places[g], spin = section.spin * length;
+            spin_.add(spin_rank_[idx(near)], spin_rank_[idx(near)],
+                      spin * (1 - x) * (1 - x));
+            spin_.add(spin_rank_[idx(far)], spin_rank_[idx(far)], spin * x * x);
+            spin_.add(spin_rank_[idx(near)], spin_rank_[idx(far)], spin * x * (1 - x));
+        }
+    }
+    place_factor_.factorize(place_);
+    spin_factor_.factorize(spin_);
+}
+
+void RodMass::add_to(BandMatrix& out, double scale) const
+{
+    const RodLayout& layout = rod_.layout();
+    std::vector<int> control(rank_.size()), station(spin_rank_.size());
+    for (std::size_t k = 0; k < rank_.size(); ++k)
+        control[idx(rank_[k])] = layout.control[k];
+    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
+        station[idx(spin_rank_[k])] = layout.angle[k];
+    for (int j = 0; j < place_.rows(); ++j)
+        for (int i = j; i <= std::min(j + place_.half_band(), place_.rows() - 1); ++i)
+            if (const double value = scale * place_.lower(i, j); value != 0.0)
+                for (int c = 0; c < 3; ++c)
+                    out.add(control[idx(i)] + c, control[idx(j)] + c, value);
+    for (int j = 0; j < spin_.rows(); ++j)
+        for (int i = j; i <= std::min(j + spin_.half_band(), spin_.rows() - 1); ++i)
+            if (const double value = scale * spin_.lower(i, j); value != 0.0)
+                out.add(station[idx(i)], station[idx(j)], value);
+}
+
+Eigen::VectorXd RodMass::times(const Eigen::VectorXd& v) const
+{
+    const RodLayout& layout = rod_.layout();
+    Eigen::VectorXd out(v.size()), in(place_.rows()), y;
+    for (int c = 0; c < 3; ++c)
+    {
+        for (std::size_t k = 0; k < rank_.size(); ++k)
+            in[rank_[k]] = v[layout.control[k] + c];
+        place_.multiply(in, y);
+        for (std::size_t k = 0; k < rank_.size(); ++k)
+            out[layout.control[k] + c] = y[rank_[k]];
+    }
+    in.resize(spin_.rows());
+    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
+        in[spin_rank_[k]] = v[layout.angle[k]];
+    spin_.multiply(in, y);
+    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
+        out[layout.angle[k]] = y[spin_rank_[k]];
+    return out;
+}
+
+Eigen::VectorXd RodMass::solved(const Eigen::VectorXd& b) const
+{
+    const RodLayout& layout = rod_.layout();
+    Eigen::VectorXd out(b.size()), x(place_.rows());
+    for (int c = 0; c < 3; ++c)
+    {
+        for (std::size_t k = 0; k < rank_.size(); ++k)
+            x[rank_[k]] = b[layout.control[k] + c];
+        place_factor_.solve(x);
+        for (std::size_t k = 0; k < rank_.size(); ++k)
+            out[layout.control[k] + c] = x[rank_[k]];
+    }
+    x.resize(spin_.rows());
+    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
+        x[spin_rank_[k]] = b[layout.angle[k]];
+    spin_factor_.solve(x);
+    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
+        out[layout.angle[k]] = x[spin_rank_[k]];
+    return out;
+}
+
+Eigen::Vector3d RodMass::momentum(const Eigen::VectorXd& velocity) const
+{
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = 0; k < rod_.num_controls(); ++k)
+        sum += weights_[k] * velocity.segment<3>(rod_.layout().control[idx(k)]);
+    return sum;
+}
+
+Eigen::Vector3d RodMass::angular_momentum(const RodState& state,
+                                          const Eigen::VectorXd& velocity) const
+{
+    const Eigen::VectorXd p = times(velocity);
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int k = 0; k < rod_.num_controls(); ++k)
+        sum += state.control(k).cross(p.segment<3>(rod_.layout().control[idx(k)]));
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+        for (const std::size_t end : {0u, 1u})
+        {
+            // Each station's spin momentum once, along its tangent.
+            const int station = rod_.spans()[e].station[end];
+            const bool is_first =
+                end == 0 ? e == 0 || rod_.spans()[e - 1].station[1] != station
+                         : station != 0;
+            if (is_first)
+                sum += p[rod_.layout().angle[idx(station)]] *
+                       state.first(e, end == 0 ? 0 : rod_.num_places() - 1).normalized();
+        }
+    return sum;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Loads. A force f at s pulls control point k with b_k f. A couple c turns the tangent,
+// so it does the work c . (t x dt) + (c . t) dphi: control point k gets b'_k (c x t) / l,
+// and the spin gets c . t. A couple of fixed direction has no potential; Newton's method
+// takes the symmetric part of its derivative.
+#include "solver/rods/rod_model.h"
+
+#include <Eigen/Geometry>
+
+#include "octree/base/rigid_motion.h"
+
+namespace cellwarp
+{
+
+RodModel::RodModel(const Rod& rod) : rod_(&rod), mass_(rod) {}
+
+Eigen::VectorXd RodModel::constant_force() const
+{
+    const RodLayout& layout = rod_->layout();
+    Eigen::VectorXd force = Eigen::VectorXd::Zero(layout.num_unknowns);
+    for (int k = 0; k < rod_->num_controls(); ++k)
+        force.segment<3>(layout.control[idx(k)]) = mass_.weights()[k] * gravity;
+    for (const RodLoad& load : loads)
+    {
+        const BasisValues values = rod_->basis().values(load.s);
+        for (int j = 0; j < values.count; ++j)
+            force.segment<3>(layout.control[idx(values.control[idx(j)])]) +=
+                values.value[0][idx(j)] * load.force;
+    }
+    return force;
+}
+
+double RodModel::elastic_energy(const RodState& state) const
+{
+    double sum = 0.0;
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        sum += term->value(state);
+    return sum;
+}
+
+double RodModel::gravity_energy(const RodState& state) const
+{
+    double sum = 0.0;
+    for (int k = 0; k < rod_->num_controls(); ++k)
+        sum -= mass_.weights()[k] * gravity.dot(state.control(k));
+    return sum;
+}
+
+double RodModel::potential(const RodState& state) const
+{
+    return elastic_energy(state) - constant_force().dot(state.x());
+}
+
+void RodModel::gradient(const RodState& state, Eigen::VectorXd& out) const
+{
+    out = -constant_force();
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        term->add_gradient(state, out);
+    out -= couples(state);
+}
+
+Eigen::VectorXd RodModel::couples(const RodState& state) const
+{
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(state.x().size());
+    for (const RodLoad& load : loads)
+    {
+        if (load.moment.isZero(0.0))
+            continue;
+        const BasisValues values = rod_->basis().values(load.s);
+        const Eigen::Vector3d u = state.at(values).first;
+        const double l = u.norm();
+        const Eigen::Vector3d pull = load.moment.cross(u) / (l * l);
+        for (int j = 0; j < values.count; ++j)
+            out.segment<3>(rod_->layout().control[idx(values.control[idx(j)])]) +=
+                values.value[1][idx(j)] * pull;
+        for (const auto& [unknown, value] : spin_at(state, load.s))
+            out[unknown] += value * load.moment.dot(u) / l;
+    }
+    return out;
+}
+
+void RodModel::hessian(const RodState& state, RodHessian how, BandMatrix& out) const
+{
+    const RodLayout& layout = rod_->layout();
+    if (out.rows() != layout.num_unknowns || out.half_band() != layout.half_band)
+        out = BandMatrix(layout.num_unknowns, layout.half_band);
+    else
+        out.set_zero();
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        term->add_hessian(state, how, out);
+    if (how == RodHessian::Definite)
+        return;
+    for (const RodLoad& load : loads)
+    {
+        if (load.moment.isZero(0.0))
+            continue;
+        // -d/du [(c x u) / l^2], the symmetric part: c x (the rest is antisymmetric).
+        const BasisValues values = rod_->basis().values(load.s);
+        const Eigen::Vector3d u = state.at(values).first;
+        const double l2 = u.squaredNorm();
+        const Eigen::Vector3d across = load.moment.cross(u);
+        const Eigen::Matrix3d B =
+            (across * u.transpose() + u * across.transpose()) / (l2 * l2);
+        for (int i = 0; i < values.count; ++i)
+            for (int j = 0; j < values.count; ++j)
+            {
+                const int row = layout.control[idx(values.control[idx(i)])],
+                          column = layout.control[idx(values.control[idx(j)])];
+                const double share = values.value[1][idx(i)] * values.value[1][idx(j)];
+                for (int a = 0; a < 3; ++a)
+                    for (int b = 0; b < 3; ++b)
+                        if (row + a >= column + b)
+                            out.lower(row + a, column + b) += share * B(a, b);
+            }
+    }
+}
+
+RodModel::Rows RodModel::rows(const RodState& state) const
+{
+    Rows out;
+    std::vector<double> violations;
+    for (const RodConstraint& constraint : constraints)
+    {
+        std::vector<ConstraintRow> rows = rows_of(constraint, state);
+        out.groups.push_back(static_cast<int>(rows.size()));
+        for (ConstraintRow& row : rows)
+        {
+            out.rows.push_back(std::move(row.entries));
+            violations.push_back(row.violation);
+        }
+    }
+    out.violation = Eigen::Map<const Eigen::VectorXd>(
+        violations.data(), static_cast<Eigen::Index>(violations.size()));
+    return out;
+}
+
+void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambda,
+                double scale, Eigen::VectorXd& out)
+{
+    for (std::size_t r = 0; r < rows.size(); ++r)
+        for (const auto& [unknown, value] : rows[r])
+            out[unknown] += scale * lambda[static_cast<Eigen::Index>(r)] * value;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A rod with all that acts on it: energies, loads, constraints.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "solver/dynamics/saddle.h"
+#include "solver/rods/rod_constraint.h"
+#include "solver/rods/rod_mass.h"
+#include "solver/rods/rod_term.h"
+
+namespace cellwarp
+{
+
+/// A force and a couple of fixed directions.
+struct RodLoad
+{
+    double s = 0.0;                                   ///< parameter of the curve
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< [N]
+    Eigen::Vector3d moment = Eigen::Vector3d::Zero(); ///< [N m]
+};
+
+class RodModel
+{
+public:
+    /// The rod must outlive it.
+    explicit RodModel(const Rod& rod);
+
+    const Rod& rod() const { return *rod_; }
+    const RodMass& mass() const { return mass_; }
+
+    std::vector<std::unique_ptr<RodTerm>> terms;
+    Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
+    double viscosity = 0.0;                            ///< ambient, of the velocity [1/s]
+    std::vector<RodLoad> loads;
+    std::vector<RodConstraint> constraints;
+    /// Constraints move, and do work.
+    bool has_moving_holds = false;
+
+    double elastic_energy(const RodState& state) const;
+    /// -(weight . x), zero at the origin.
+    double gravity_energy(const RodState& state) const;
+    /// What the loads and gravity can still do: elastic energy less their work. Couples
+    /// are not counted: they have no potential.
+    double potential(const RodState& state) const;
+    /// The couples of the loads, as forces on the unknowns.
+    Eigen::VectorXd couples(const RodState& state) const;
+    /// Gradient of the potential, less the couples; a positive entry pulls back.
+    void gradient(const RodState& state, Eigen::VectorXd& out) const;
+    /// out = second derivatives.
+    void hessian(const RodState& state, RodHessian how, BandMatrix& out) const;
+
+    /// Rows of all constraints, the violations, and how many rows each has.
+    struct Rows
+    {
+        std::vector<SparseRow> rows;
+        Eigen::VectorXd violation;
+        std::vector<int> groups;
+    };
+    Rows rows(const RodState& state) const;
+
+private:
+    Eigen::VectorXd constant_force() const;
+
+    const Rod* rod_;
+    RodMass mass_;
+};
+
+/// out += scale * L^T lambda
+void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambda,
+                double scale, Eigen::VectorXd& out);
+
+} // namespace cellwarp

@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Implicit Euler: x minimises Phi of rod_newton.cpp, v = (x - begin) / step. Midpoint:
+// the same with half the step gives y and v_m; then x = 2 y - begin, v = 2 v_m - v. Its
+// constraints are of x, not of y (else multipliers alternate and grow); then v is brought
+// onto them.
+//
+// RK4: accelerations A = M^-1 (-grad U + loads + L^T lambda) - viscosity v, with
+// L A = -L' v - (2 / D) g' - g / D^2 (Baumgarte), D = 4 steps; after the step places and
+// velocities are brought onto the constraints by the mass. [Lenoir04]
+#include "solver/rods/rod_stepper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include <Eigen/QR>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr int kMostParts = 1 << 12;
+constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
+constexpr int kIterations = 40;
+
+/// A step may not add energy; this share of it is rounding, or what the midpoint rule
+/// lets it swing by.
+constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3;
+
+/// M^-1 L^T, a column a row, and the inverse of L M^-1 L^T, of least norm where rows are
+/// redundant.
+struct Response
+{
+    Eigen::MatrixXd moved, inverse;
+
+    Response(const RodModel& model, const std::vector<SparseRow>& rows)
+    {
+        const Eigen::Index k = static_cast<Eigen::Index>(rows.size());
+        const int n = model.rod().layout().num_unknowns;
+        moved.setZero(n, k);
+        for (Eigen::Index r = 0; r < k; ++r)
+        {
+            Eigen::VectorXd column = Eigen::VectorXd::Zero(n);
+            for (const auto& [unknown, value] : rows[idx(r)])
+                column[unknown] = value;
+            moved.col(r) = model.mass().solved(column);
+        }
+        Eigen::MatrixXd S(k, k);
+        for (Eigen::Index r = 0; r < k; ++r)
+            for (Eigen::Index c = 0; c < k; ++c)
+                S(r, c) = dot(rows[idx(r)], moved.col(c));
+        Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+        decomposition.setThreshold(1e-10);
+        decomposition.compute(S);
+        inverse = decomposition.pseudoInverse();
+    }
+    template <class Vector>
+    static double dot(const SparseRow& row, const Vector& v)
+    {
+        double sum = 0.0;
+        for (const auto& [unknown, value] : row)
+            sum += value * v[unknown];
+        return sum;
+    }
+};
+
+} // namespace
+
+void project_velocity(const RodModel& model, const RodModel::Rows& rows,
+                      Eigen::VectorXd& velocity)
+{
+    if (rows.rows.empty())
+        return;
+    const Response response(model, rows.rows);
+    Eigen::VectorXd speed(rows.violation.size());
+    for (Eigen::Index r = 0; r < speed.size(); ++r)
+        speed[r] = Response::dot(rows.rows[idx(r)], velocity);
+    velocity -= response.moved * (response.inverse * speed);
+}
+
+RodStepper::RodStepper(RodModel& model, Integrator integrator)
+    : model_(model), integrator_(integrator), newton_(model)
+{
+}
+
+double RodStepper::energy(const RodState& state, const Eigen::VectorXd& velocity) const
+{
+    return model_.mass().kinetic_energy(velocity) + model_.potential(state);
+}
+
+double RodStepper::largest_step(const RodState& state) const
+{
+    BandMatrix H;
+    model_.hessian(state, RodHessian::Exact, H);
+    // The largest eigenvalue of M^-1 H, by power iteration from a fixed start.
+    std::mt19937 rng(1);
+    std::normal_distribution<double> normal;
+    Eigen::VectorXd v(H.rows()), y;
+    for (double& x : v)
+        x = normal(rng);
+    double largest = 0.0;
+    for (int k = 0; k < 200; ++k)
+    {
+        H.multiply(v, y);
+        y = model_.mass().solved(y);
+        const double now = y.norm() / v.norm();
+        v = y / y.norm();
+        if (k > 20 && std::abs(now - largest) <= 1e-6 * now)
+            break;
+        largest = now;
+    }
+    const double omega = std::sqrt(std::max(largest, 0.0));
+    constexpr double kLimit = 2.785;
+    double step = omega > 0.0 ? kLimit / omega : 1e300;
+    if (model_.viscosity > 0.0)
+        step = std::min(step, kLimit / model_.viscosity);
+    return step;
+}
+
+RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double step)
+{
+    RodStepReport report;
+    report.stop = RodStop::Converged;
+    if (integrator_ == Integrator::RungeKutta)
+    {
+        step_explicit(state, velocity, step, report);
+        return report;
+    }
+    // Counted in the smallest parts, so that they add up to the whole step.
+    int done = 0;
+    while (done < kMostParts)
+    {
+        int length = kMostParts / parts_;
+        while (done % length != 0)
+            length /= 2;
+        RodState next = state;
+        Eigen::VectorXd next_velocity = velocity;
+        const double part = step * length / kMostParts;
+        if (try_implicit(next, next_velocity, part, report) || length == 1)
+        {
+            state = std::move(next);
+            velocity = std::move(next_velocity);
+            done += length;
+            ++report.parts;
+            if (++num_good_ >= kGoodParts && parts_ > 1)
+            {
+                parts_ /= 2;
+                num_good_ = 0;
+            }
+            continue;
+        }
+        parts_ = std::min(2 * (kMostParts / length), kMostParts);
+        num_good_ = 0;
+    }
+    return report;
+}
+
+bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double step,
+                              RodStepReport& report)
+{
+    const bool is_midpoint = integrator_ == Integrator::Midpoint;
+    const RodState begin = state;
+    RodInertia inertia{begin.x(), velocity, is_midpoint ? 0.5 * step : step,
+                       model_.viscosity};
+    RodNewtonOptions options;
+    options.max_iterations = kIterations;
+    const double before = energy(begin, velocity);
+    const RodNewtonReport told =
+        newton_.solve(state, &inertia, options, is_midpoint ? &begin : nullptr);
+    report.iterations += told.iterations;
+    report.num_dropped = std::max(report.num_dropped, told.num_dropped);
+    Eigen::VectorXd speed = (state.x() - begin.x()) / inertia.step;
+    if (is_midpoint)
+    {
+        const Eigen::VectorXd end = 2.0 * state.x() - begin.x();
+        state = begin;
+        state.move_to(end);
+        speed = 2.0 * speed - velocity;
+    }
+    velocity = speed;
+    if (is_midpoint && !model_.constraints.empty())
+        project_velocity(model_, model_.rows(state), velocity);
+    report.violation = told.violation;
+    if (told.stop != RodStop::Converged)
+    {
+        report.stop = told.stop;
+        return false;
+    }
+    // Work of couples and of moving constraints comes in from outside.
+    for (const RodLoad& load : model_.loads)
+        if (!load.moment.isZero(0.0))
+            return true;
+    if (model_.has_moving_holds)
+        return true;
+    const double size = model_.mass().kinetic_energy(velocity) +
+                        model_.elastic_energy(state) + std::abs(before);
+    return energy(state, velocity) <=
+           before + (is_midpoint ? kMidpointNoise : kNoise) * size;
+}
+
+Eigen::VectorXd RodStepper::acceleration(const RodState& state,
+                                         const Eigen::VectorXd& velocity,
+                                         double step) const
+{
+    Eigen::VectorXd force;
+    model_.gradient(state, force);
+    Eigen::VectorXd A = model_.mass().solved(-force) - model_.viscosity * velocity;
+    if (model_.constraints.empty())
+        return A;
+    const RodModel::Rows rows = model_.rows(state);
+    const Response response(model_, rows.rows);
+    const double D = 4.0 * step;
+    Eigen::VectorXd wanted(rows.violation.size());
+    Eigen::Index r = 0;
+    for (const RodConstraint& constraint : model_.constraints)
+        for (const double turning : convective(constraint, state, velocity))
+        {
+            wanted[r] = -turning - 2.0 / D * Response::dot(rows.rows[idx(r)], velocity) -
+                        rows.violation[r] / (D * D) - Response::dot(rows.rows[idx(r)], A);
+            ++r;
+        }
+    A += response.moved * (response.inverse * wanted);
+    return A;
+}
+
+void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
+                         RodStepReport& report) const
+{
+    if (model_.constraints.empty())
+        return;
+    RodModel::Rows rows = model_.rows(state);
+    const Response response(model_, rows.rows);
+    const Eigen::VectorXd back = response.moved * (response.inverse * rows.violation);
+    state.move(back, -1.0);
+    rows = model_.rows(state);
+    report.violation = rows.violation.cwiseAbs().maxCoeff();
+    project_velocity(model_, rows, velocity);
+}
+
+void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
+                               RodStepReport& report)
+{
+    const RodState begin = state;
+    const Eigen::VectorXd v1 = velocity;
+    const auto at = [&](const Eigen::VectorXd& way)
+    {
+        RodState moved = begin;
+        moved.move(way);
+        return moved;
+    };
+    const Eigen::VectorXd a1 = acceleration(begin, v1, step);
+    const Eigen::VectorXd v2 = v1 + 0.5 * step * a1;
+    const Eigen::VectorXd a2 = acceleration(at(0.5 * step * v1), v2, step);
+    const Eigen::VectorXd v3 = v1 + 0.5 * step * a2;
+    const Eigen::VectorXd a3 = acceleration(at(0.5 * step * v2), v3, step);
+    const Eigen::VectorXd v4 = v1 + step * a3;
+    const Eigen::VectorXd a4 = acceleration(at(step * v3), v4, step);
+    state.move(step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4));
+    velocity += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
+    report.parts = 1;
+    if (!state.x().allFinite() || !velocity.allFinite())
+        report.stop = RodStop::NotFinite;
+    else
+        project(state, velocity, report);
+}
+
+} // namespace cellwarp

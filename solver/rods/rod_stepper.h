@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A rod in time. The step is fixed; where a step would add energy it is taken in smaller
+// parts, by rules that know nothing of the clock: the same steps whatever is watched.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "solver/rods/rod_model.h"
+#include "solver/rods/rod_newton.h"
+
+namespace cellwarp
+{
+
+enum class Integrator
+{
+    ImplicitEuler,
+    Midpoint,  ///< implicit; keeps energy and momentum
+    RungeKutta ///< of order 4, explicit; up to largest_step()
+};
+
+struct RodStepReport
+{
+    RodStop stop = RodStop::NotRun; ///< the worst of its parts
+    int iterations = 0, parts = 0;
+    double violation = 0.0;
+    int num_dropped = 0;
+};
+
+class RodStepper
+{
+public:
+    /// The model must outlive it; it may change its loads and constraints between steps.
+    RodStepper(RodModel& model, Integrator integrator);
+
+    /// Goes on from \p state and \p velocity by \p step [s].
+    RodStepReport step(RodState& state, Eigen::VectorXd& velocity, double step);
+
+    /// The largest step that RK4 stays stable with, from the fastest vibration of the
+    /// state and the viscosity [s].
+    double largest_step(const RodState& state) const;
+
+    /// Kinetic energy and what the elastic energy and the loads hold [J].
+    double energy(const RodState& state, const Eigen::VectorXd& velocity) const;
+
+private:
+    /// What one part of a step came to; nothing where Newton's method failed.
+    bool try_implicit(RodState& state, Eigen::VectorXd& velocity, double step,
+                      RodStepReport& report);
+    void step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
+                       RodStepReport& report);
+    Eigen::VectorXd acceleration(const RodState& state, const Eigen::VectorXd& velocity,
+                                 double step) const;
+    void project(RodState& state, Eigen::VectorXd& velocity, RodStepReport& report) const;
+
+    RodModel& model_;
+    Integrator integrator_;
+    RodNewton newton_;
+    int parts_ = 1;    ///< of a step, as a power of 2
+    int num_good_ = 0; ///< parts that went well since the last change
+};
+
+/// Velocities with rows . velocity = 0: what is least far from \p velocity by the mass.
+void project_velocity(const RodModel& model, const RodModel::Rows& rows,
+                      Eigen::VectorXd& velocity);
+
+} // namespace cellwarp

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What acts on a rod and can be written as an energy: a whole kind at a time, so that no
+// call is virtual for an element.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "solver/linear/band_matrix.h"
+#include "solver/rods/rod.h"
+
+namespace cellwarp
+{
+
+/// How much of the second derivatives.
+enum class RodHessian
+{
+    Exact,
+    Tensed,  ///< exact, but for stretch forces that push: they count as none
+    Definite ///< positive semi-definite: without what curves downwards
+};
+
+/// Vectors are of RodLayout. Derivatives are in steps from the state.
+class RodTerm
+{
+public:
+    virtual ~RodTerm() = default;
+
+    virtual double value(const RodState& state) const = 0; ///< [J]
+    virtual void add_gradient(const RodState& state, Eigen::VectorXd& out) const = 0;
+    virtual void add_hessian(const RodState& state, RodHessian how,
+                             BandMatrix& out) const = 0;
+
+    // Slender rods are so much stiffer along themselves than across that the stretch
+    // force of a state on the way to equilibrium is noise. Newton's method asks for the
+    // force that its last step leads to, to first order, instead.
+
+    /// The next add_hessian() takes the stretch force that \p step, from \p state, was to
+    /// lead to; null: that of its own state.
+    virtual void predict(const RodState& state, const Eigen::VectorXd* step)
+    {
+        static_cast<void>(state);
+        static_cast<void>(step);
+    }
+    /// Adds -sum YA grad eps [eps(after) - eps(before) - grad eps . step], the gradients
+    /// of \p before: what is left of the stretch by its curvature along the step.
+    virtual void add_correction(const RodState& before, const RodState& after,
+                                const Eigen::VectorXd& step, Eigen::VectorXd& out) const
+    {
+        static_cast<void>(before);
+        static_cast<void>(after);
+        static_cast<void>(step);
+        static_cast<void>(out);
+    }
+};
+
+} // namespace cellwarp

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp simulate, from the outside.
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "io/geometry_file.h"
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::Folder;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+constexpr char kRope[] = R"({"cellwarp": 1, "rods": [{"name": "rope",
+    "through": [[0,0,0],[1,0,0]], "fixed": [{"at": 0}]}],
+    "simulate": {"dt": 0.01, "duration": 0.1, "every": 0.05}})";
+
+} // namespace
+
+TEST(SimulateCommand, writes_frames_and_tells_of_them)
+{
+    const Folder folder;
+    const std::string scene = folder.write("rope.json", kRope);
+    const Result result =
+        run({"simulate", scene, "-o", folder / "rope-{frame:02}.obj", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    ASSERT_EQ(json["frames"].size(), 3u);
+    EXPECT_EQ(json["steps"], 10);
+    EXPECT_EQ(json["frames"][1]["time"], 0.05);
+    EXPECT_EQ(json["frames"][2]["stop"], "converged");
+    EXPECT_EQ(json["frames"][2]["rods"][0]["name"], "rope");
+    EXPECT_EQ(json["frames"][2]["rods"][0]["curve"].size(), 33u);
+    EXPECT_LT(json["frames"][2]["rods"][0]["curve"][32][1].get<double>(), -0.01);
+    EXPECT_LT(json["frames"][2]["constraint"].get<double>(), 1e-12);
+    const Geometry tube = read_geometry(folder / "rope-02.obj").geometry;
+    EXPECT_EQ(tube.samples.size() % 12, 0u);
+    // Any spacing of frames sees the same steps, with any number of threads.
+    const std::string lines = folder / "lines.obj", again = folder / "again.obj";
+    EXPECT_EQ(run({"simulate", scene, "-o", lines, "--lines"}).code, 0);
+    EXPECT_EQ(run({"simulate", scene, "-o", again, "--threads", "1"}).code, 0);
+    EXPECT_EQ(support::bytes_of(again), support::bytes_of(folder / "rope-02.obj"));
+    EXPECT_TRUE(contains(support::bytes_of(lines), "l 1 2 3"));
+}
+
+TEST(SimulateCommand, says_what_it_cannot_do)
+{
+    const Folder folder;
+    const std::string scene = folder.write("rope.json", kRope);
+    EXPECT_EQ(run({"simulate", scene}).code, 2);
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.ply"}).code, 2);
+    EXPECT_EQ(run({"simulate", scene, "-o", "-", "--json"}).code, 2);
+    EXPECT_EQ(run({"simulate", folder / "none.json", "--json"}).code, 4);
+    const std::string bad = folder.write("bad.json", R"({"cellwarp": 1, "rods": 7})");
+    EXPECT_EQ(run({"simulate", bad, "--json"}).code, 3);
+    folder.write("out.obj", "old");
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "out.obj"}).code, 4);
+    // Two places at once: the least that can be, and exit 7.
+    const std::string torn = folder.write(
+        "torn.json", R"({"cellwarp": 1, "rods": [{"through": [[0,0,0],[1,0,0]],
+        "on": [{"at": 0, "point": [0,0,0]}, {"at": 0, "point": [0,0.1,0]}]}],
+        "simulate": {"integrator": "static"}})");
+    const Result result = run({"simulate", torn, "-o", folder / "torn.obj"});
+    EXPECT_EQ(result.code, 7);
+    EXPECT_TRUE(contains(result.err, "constraints are violated by up to")) << result.err;
+    EXPECT_TRUE(std::filesystem::exists(folder / "torn.obj"));
+}
+
+} // namespace cellwarp

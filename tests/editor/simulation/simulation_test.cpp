@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/simulation/simulation.h"
+
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+RodScene scene_of(const std::string& rod, const std::string& simulate)
+{
+    return parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [{"name": "r", )" + rod +
+                                         R"(}], "simulate": )" + simulate + "}");
+}
+
+const std::string kLine = R"("through": [[0,0,0],[1,0,0]])";
+
+} // namespace
+
+TEST(Simulation, a_heavy_cantilever_sinks_as_theory_says)
+{
+    // q L^3 / EI = 1.5696 of a slender rod: E = rho g A L^3 / (I beta).
+    const double beta = 1.5696, r = 0.001;
+    const double young = 1000.0 * 9.81 * 4.0 / (r * r * beta);
+    Simulation simulation(scene_of(
+        kLine + R"(, "spans": 16, "radius": 0.001, "E": )" + std::to_string(young) +
+            R"(, "fixed": [{"what": ["point","tangent","twist"]}])",
+        R"({"integrator": "static"})"));
+    EXPECT_EQ(simulation.num_steps(), 1);
+    simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    const Eigen::Vector3d tip = simulation.rods(2)[0].curve.back();
+    EXPECT_NEAR(-tip.y(), 0.19046904, 2e-5);
+    EXPECT_NEAR(1.0 - tip.x(), 0.02097189, 2e-5);
+}
+
+TEST(Simulation, keys_move_what_is_held)
+{
+    Simulation simulation(scene_of(kLine + R"(, "fixed": [{"at": 0, "keys": [{"time": 0},
+                 {"time": 0.02, "translate": [0, 0.3, 0]}]}, {"at": 1, "what":
+                 ["point", "tangent", "twist"], "keys": [{"time": 0}, {"time": 0.02,
+                 "rotate": [0, 1, 0, 40]}]}])",
+                                   R"({"duration": 0.02, "gravity": [0, 0, 0]})"));
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    const SimulatedRod rod = simulation.rods(50)[0];
+    EXPECT_LT((rod.curve.front() - Eigen::Vector3d(0, 0.3, 0)).norm(), 1e-9);
+    EXPECT_LT((rod.curve.back() - Eigen::Vector3d(1, 0, 0)).norm(), 1e-9);
+    const Eigen::Vector3d end = (rod.curve[49] - rod.curve[48]).normalized();
+    EXPECT_NEAR(std::atan2(-end.z(), end.x()), 40.0 * std::numbers::pi / 180.0, 0.15);
+}
+
+TEST(Simulation, explicit_steps_beyond_their_limit_are_refused_with_it)
+{
+    const std::string text = error_of(
+        Fault::Malformed,
+        [] { Simulation(scene_of(kLine, R"({"integrator": "rk4", "dt": 0.01})")); });
+    EXPECT_TRUE(contains(text, "simulate.dt: got 0.01 s, rk4 is stable up to")) << text;
+}
+
+TEST(Simulation, curves_that_cannot_be_are_named)
+{
+    for (const std::string curve :
+         {R"("through": [[0,0,0],[0,0,0]])", R"("points": [[0,0,0],[1,0,0],[2,0,0]])",
+          R"("points": [[0,0,0],[0,0,0],[0,0,0],[0,0,0],[0,0,0]])",
+          R"("spline": "catmull-rom", "points": [[0,0,0],[1,0,0],[2,0,0]])",
+          R"("spline": "bezier", "points": [[0,0,0],[1,0,0]])",
+          R"("closed": true, "through": [[0,0,0],[1,0,0],[0,1,0]])"})
+        EXPECT_TRUE(contains(
+            error_of(Fault::Malformed, [&] { Simulation(scene_of(curve, "{}")); }),
+            "s.json: rods[0]: "))
+            << curve;
+}
+
+TEST(Simulation, every_kind_of_curve_falls_without_a_stop)
+{
+    for (
+        const std::string curve :
+        {R"("points": [[0,0,0],[1,0,0],[1,1,0],[2,1,0.5],[3,1,0]])",
+         R"("spline": "uniform", "points": [[0,0,0],[1,0,0],[1,1,0],[2,1,0.5],[3,1,0]])",
+         R"("spline": "catmull-rom", "points": [[0,0,0],[1,0,0],[1,1,0],[2,1,0.5]])",
+         R"("spline": "bezier", "points": [[0,0,0],[1,0,0],[1,1,0],[2,1,0.5],[3,1,0]])",
+         R"("closed": true, "through": [[1,0,0],[0,1,0],[-1,0,0],[0,-1,0.2]])",
+         R"("degree": 5, "spline": "uniform", "points": [[0,0,0],[1,0,0],[2,0,0],[3,1,0],[4,1,0],[5,1,1]])"})
+    {
+        SCOPED_TRACE(curve);
+        Simulation simulation(scene_of(std::string(curve) + R"(, "radius": 0.05)",
+                                       R"({"dt": 0.01, "duration": 0.05})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_GT(report.kinetic, 0.0);
+        const Tube tube = simulation.tubes(6)[0];
+        EXPECT_EQ(tube.points.size() % 6, 0u);
+        for (const Eigen::Vector3d& p : tube.points)
+            EXPECT_TRUE(p.allFinite());
+    }
+}
+
+} // namespace cellwarp

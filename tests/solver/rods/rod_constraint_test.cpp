@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/rods/rod_constraint.h"
+
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "tests/support/rods.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+Rod bent_rod()
+{
+    std::mt19937 rng(3);
+    std::normal_distribution<double> normal(0.0, 0.05);
+    std::vector<Eigen::Vector3d> q;
+    for (int i = 0; i < 9; ++i)
+        q.emplace_back(std::cos(0.3 * i) + normal(rng), std::sin(0.3 * i) + normal(rng),
+                       0.2 * i);
+    return Rod({SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)), std::move(q)},
+               [](double) { return support::section_of(50.0, 1.0, 0.7); }, {});
+}
+
+/// One of each kind at a place, off the state by less than a right angle.
+std::vector<RodConstraint> all_at(const RodState& state, double s)
+{
+    const Eigen::Matrix3d off =
+        Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+    std::vector<RodConstraint> all;
+    for (int hold = 0; hold <= static_cast<int>(Hold::RelativeFrame); ++hold)
+    {
+        RodConstraint c;
+        c.hold = static_cast<Hold>(hold);
+        c.s = s;
+        c.other = 5.1;
+        c.point = {0.1, 0.2, 0.3};
+        c.direction = {0.5, 0.6, 0.9};
+        c.distance = 0.7;
+        if (c.hold == Hold::TwistAngle)
+            c.direction = state.frame(s).col(0) + 0.4 * Eigen::Vector3d(0.3, -0.8, 0.5);
+        if (c.hold == Hold::Frame)
+            c.frame = state.frame(s) * off;
+        if (c.hold == Hold::RelativeFrame)
+            c.frame = state.frame(s).transpose() * state.frame(5.1) * off;
+        all.push_back(c);
+    }
+    return all;
+}
+
+double entry(const ConstraintRow& row, int unknown)
+{
+    for (const auto& [at, value] : row.entries)
+        if (at == unknown)
+            return value;
+    return 0.0;
+}
+
+} // namespace
+
+TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
+{
+    const Rod rod = bent_rod();
+    std::mt19937 rng(5);
+    RodState state(rod);
+    const int n = rod.layout().num_unknowns;
+    state.move(support::random_step(n, 0.05, rng));
+    for (const double s : {0.0, 2.37, 4.0, 6.0})
+        for (const RodConstraint& constraint : all_at(state, s))
+        {
+            SCOPED_TRACE(testing::Message()
+                         << static_cast<int>(constraint.hold) << " at " << s);
+            const std::vector<ConstraintRow> rows = rows_of(constraint, state);
+            ASSERT_EQ(static_cast<int>(rows.size()), num_rows(constraint.hold));
+            if (constraint.hold == Hold::GeometricCurvature)
+                continue; // its directions are those of the state: see below
+            for (int i = 0; i < n; ++i)
+            {
+                RodState ahead = state, behind = state;
+                ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
+                behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
+                const auto after = rows_of(constraint, ahead),
+                           before = rows_of(constraint, behind);
+                for (std::size_t k = 0; k < rows.size(); ++k)
+                    EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
+                                entry(rows[k], i), 2e-8);
+            }
+        }
+}
+
+TEST(RodConstraint, a_curvature_is_that_of_the_circle_through_the_curve)
+{
+    const Rod rod(support::circle(2.0, 48),
+                  [](double) { return support::section_of(50.0, 1.0, 0.7); }, {});
+    const RodState state(rod);
+    RodConstraint c;
+    c.hold = Hold::GeometricCurvature;
+    c.s = 1.3;
+    c.direction = {0, 0, 0.5}; // about z, 1 / radius
+    for (const ConstraintRow& row : rows_of(c, state))
+        EXPECT_NEAR(row.violation, 0.0, 1e-3);
+}
+
+TEST(RodConstraint, what_turns_with_the_motion_is_the_second_derivative_along_it)
+{
+    const Rod rod = bent_rod();
+    std::mt19937 rng(6);
+    RodState state(rod);
+    const int n = rod.layout().num_unknowns;
+    const Eigen::VectorXd v = support::random_step(n, 1.0, rng);
+    RodConstraint c;
+    c.hold = Hold::Distance;
+    c.s = 2.0;
+    c.distance = 0.7;
+    const Eigen::Vector3d speed = [&]
+    {
+        RodState ahead = state;
+        ahead.move(v, 1.0);
+        return Eigen::Vector3d(ahead.at(c.s).place - state.at(c.s).place);
+    }();
+    EXPECT_NEAR(convective(c, state, v)[0], speed.squaredNorm() / c.distance, 1e-6);
+    c.hold = Hold::Point;
+    EXPECT_EQ(convective(c, state, v), std::vector<double>(3, 0.0));
+}
+
+} // namespace cellwarp

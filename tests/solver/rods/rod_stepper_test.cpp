@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/rods/rod_stepper.h"
+
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "tests/support/rods.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A rod of rubber, 1 m, r = 1 cm.
+Rod rubber(int spans)
+{
+    return support::straight_rod(1.0, spans, Section::round(0.01, 1e6, 0.3, 1000.0));
+}
+
+/// Flies, turns and swings.
+Eigen::VectorXd thrown(const RodState& state)
+{
+    Eigen::VectorXd v = Eigen::VectorXd::Zero(state.x().size());
+    const Rod& rod = state.rod();
+    for (int k = 0; k < rod.num_controls(); ++k)
+    {
+        const Eigen::Vector3d p = state.control(k);
+        v.segment<3>(rod.layout().control[idx(k)]) =
+            Eigen::Vector3d(0.3, 1.0 + 0.5 * std::sin(5.0 * p.x()), 0.2) +
+            Eigen::Vector3d(0, 0, 3).cross(p);
+    }
+    return v;
+}
+
+} // namespace
+
+TEST(RodStepper, falls_freely_as_the_formula_of_its_rule_says)
+{
+    const Rod rod = rubber(6);
+    for (const Integrator rule :
+         {Integrator::ImplicitEuler, Integrator::Midpoint, Integrator::RungeKutta})
+    {
+        RodModel model(rod);
+        model.terms.push_back(exact_elasticity(rod));
+        model.gravity = {0, 0, -9.81};
+        RodState state(rod);
+        Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+        RodStepper stepper(model, rule);
+        const double h = rule == Integrator::RungeKutta ? 1e-3 : 1e-2;
+        const int n = rule == Integrator::RungeKutta ? 1000 : 100;
+        for (int k = 0; k < n; ++k)
+            stepper.step(state, velocity, h);
+        const double fallen =
+            rule == Integrator::ImplicitEuler ? 9.81 * h * h * n * (n + 1) / 2 : 4.905;
+        EXPECT_NEAR(state.at(0.3).place.z(), -fallen, 1e-9);
+    }
+}
+
+TEST(RodStepper, keeps_the_momentum_of_a_free_rod_and_never_adds_energy)
+{
+    const Rod rod = rubber(10);
+    for (const Integrator rule :
+         {Integrator::ImplicitEuler, Integrator::Midpoint, Integrator::RungeKutta})
+    {
+        RodModel model(rod);
+        model.terms.push_back(exact_elasticity(rod));
+        RodState state(rod);
+        Eigen::VectorXd velocity = thrown(state);
+        const Eigen::Vector3d momentum = model.mass().momentum(velocity);
+        const Eigen::Vector3d turning = model.mass().angular_momentum(state, velocity);
+        RodStepper stepper(model, rule);
+        const double start = stepper.energy(state, velocity);
+        double energy = start;
+        for (int k = 0; k < 300; ++k)
+        {
+            const RodStepReport report = stepper.step(
+                state, velocity, rule == Integrator::RungeKutta ? 2e-4 : 1e-3);
+            ASSERT_EQ(report.stop, RodStop::Converged);
+            const double now = stepper.energy(state, velocity);
+            if (rule == Integrator::ImplicitEuler)
+            {
+                ASSERT_LE(now, energy * (1.0 + 1e-8));
+            }
+            energy = now;
+        }
+        EXPECT_LT((model.mass().momentum(velocity) - momentum).norm(),
+                  1e-9 * momentum.norm());
+        const double drift =
+            (model.mass().angular_momentum(state, velocity) - turning).norm();
+        if (rule != Integrator::ImplicitEuler)
+        {
+            EXPECT_LT(drift, 1e-4 * turning.norm());
+            EXPECT_NEAR(energy, start, 1e-3 * start);
+        }
+    }
+}
+
+TEST(RodStepper, explicit_steps_are_stable_up_to_the_limit_and_not_beyond)
+{
+    const Rod rod = rubber(10);
+    RodModel model(rod);
+    model.terms.push_back(exact_elasticity(rod));
+    const RodState rest(rod);
+    RodStepper stepper(model, Integrator::RungeKutta);
+    const double limit = stepper.largest_step(rest);
+    const auto grows = [&](double step)
+    {
+        std::mt19937 rng(3);
+        RodState state = rest;
+        Eigen::VectorXd velocity =
+            support::random_step(static_cast<int>(state.x().size()), 1e-6, rng);
+        const double start = stepper.energy(state, velocity);
+        for (int k = 0; k < 600; ++k)
+        {
+            if (stepper.step(state, velocity, step).stop != RodStop::Converged)
+                return true;
+            if (stepper.energy(state, velocity) > 10.0 * start)
+                return true;
+        }
+        return false;
+    };
+    EXPECT_FALSE(grows(0.98 * limit));
+    EXPECT_TRUE(grows(1.1 * limit));
+}
+
+TEST(RodStepper, a_rope_from_a_nail_swings_the_same_by_all_rules)
+{
+    const Rod rod = rubber(12);
+    std::vector<Eigen::Vector3d> tips;
+    for (const Integrator rule : {Integrator::Midpoint, Integrator::RungeKutta})
+    {
+        RodModel model(rod);
+        model.terms.push_back(exact_elasticity(rod));
+        model.gravity = {0, -9.81, 0};
+        model.constraints.push_back({});
+        RodState state(rod);
+        Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+        RodStepper stepper(model, rule);
+        const double h = rule == Integrator::RungeKutta ? 2e-4 : 1e-3;
+        for (double t = 0.0; t < 0.4 - 0.5 * h; t += h)
+            EXPECT_LT(stepper.step(state, velocity, h).violation, 1e-9);
+        EXPECT_NEAR(stepper.energy(state, velocity), 0.0, 1e-4);
+        tips.push_back(state.at(1.0).place);
+    }
+    EXPECT_LT((tips[0] - tips[1]).norm(), 1e-4);
+}
+
+TEST(RodStepper, stays_stable_from_soft_to_stiff_at_small_and_large_steps)
+{
+    for (const double young : {1e3, 1e6, 1e9, 1e12, 1e15})
+        for (const double h : {1e-4, 1e-3, 5e-3, 1e-2, 3.3e-2})
+        {
+            SCOPED_TRACE(testing::Message() << young << " Pa, " << h << " s");
+            const Rod rod =
+                support::straight_rod(1.0, 8, Section::round(0.01, young, 0.3, 1000.0));
+            RodModel model(rod);
+            model.terms.push_back(exact_elasticity(rod));
+            model.viscosity = 0.5;
+            RodState state(rod);
+            Eigen::VectorXd velocity = thrown(state);
+            RodStepper stepper(model, Integrator::ImplicitEuler);
+            double energy = stepper.energy(state, velocity);
+            for (int k = 0; k < 10; ++k)
+            {
+                stepper.step(state, velocity, h);
+                const double now = stepper.energy(state, velocity);
+                ASSERT_LE(now, energy * (1.0 + 1e-7));
+                energy = now;
+            }
+        }
+}
+
+TEST(RodMass, is_the_mass_of_the_rod_and_its_inverse_undoes_it)
+{
+    const Rod rod = rubber(9);
+    const RodMass mass(rod);
+    EXPECT_NEAR(mass.total(), 1000.0 * std::numbers::pi * 1e-4, 1e-12);
+    std::mt19937 rng(2);
+    const Eigen::VectorXd v = support::random_step(rod.layout().num_unknowns, 1.0, rng);
+    EXPECT_LT((mass.solved(mass.times(v)) - v).norm(), 1e-10 * v.norm());
+    BandMatrix M(rod.layout().num_unknowns, rod.layout().half_band);
+    mass.add_to(M, 2.0);
+    Eigen::VectorXd y;
+    M.multiply(v, y);
+    EXPECT_LT((y - 2.0 * mass.times(v)).norm(), 1e-12 * y.norm());
+}
+
+} // namespace cellwarp
