@@ -44,8 +44,12 @@ std::string obj_bytes(const Geometry& geometry, const DeformedSamples& patch,
     };
     add_all("v", patch.samples);
     add_all("vn", normals);
+    std::size_t group = 0;
     for (std::size_t f = 0; f < geometry.num_faces(); ++f)
     {
+        for (; group < geometry.groups.size() && geometry.groups[group].first_face <= f;
+             ++group)
+            text += "g " + geometry.groups[group].name + "\n";
         text += "f";
         for (const std::uint32_t corner : geometry.face(f))
         {

@@ -14,8 +14,8 @@ namespace cellwarp
 /// Whether that is an extension of plain_mesh_bytes(): "obj" or "ply".
 bool is_plain_format(std::string_view extension);
 
-/// The file's bytes; normals only where every sample has one. PLY is binary with
-/// coordinates in doubles.
+/// The file's bytes; normals only where every sample has one, groups of faces in OBJ. PLY
+/// is binary with coordinates in doubles.
 std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension);
 

@@ -6,6 +6,7 @@
 
 #include "io/bytes.h"
 #include "io/json_object.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -233,8 +234,6 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
     if (rod.bending && !((*rod.bending)[0] > 0 && (*rod.bending)[1] > 0))
         reader.object().fail("EI", "need two stiffnesses above 0 [N m^2]");
     reader.read("energy", OneOf{{"exact", "continuous", "discrete"}}, rod.energy);
-    if (rod.energy != "exact")
-        reader.object().fail("energy", "only exact is supported by this version");
     std::string rest = "given";
     reader.read("rest", OneOf{{"given", "straight"}}, rest);
     rod.is_straight_at_rest = rest == "straight";
@@ -272,6 +271,15 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
 }
 
 } // namespace
+
+bool has_simulation(const std::string& path)
+{
+    if (extension_of(path) != "json")
+        return false;
+    const Json json = parse_json(path, read_file(path));
+    return json.contains("simulate") ||
+           (json.contains("rods") && !json.contains("model"));
+}
 
 RodScene read_rod_scene(const std::string& path)
 {

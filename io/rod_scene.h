@@ -81,6 +81,10 @@ struct RodScene
     std::vector<std::string> warnings;
 };
 
+/// Whether a scene file has rods in time, and is not one of edits alone. Throws what
+/// reading it throws.
+bool has_simulation(const std::string& path);
+
 /// Of a scene file with "rods" and "simulate". Throws Fault::File, Fault::Malformed with
 /// the key that is wrong: "rods[1].fixed[0].at".
 RodScene read_rod_scene(const std::string& path);

@@ -49,23 +49,14 @@ large scan ply
 large soup stl
 
 # Rods, their frames side by side.
-strip() {  # scene, picture size, frames
-    name=$1
-    size=$2
-    shift 2
-    "$cellwarp" simulate "$here/samples/rods/$name.json" -o "$work/$name-{frame:02}.obj"
-    frames=""
-    for frame in "$@"; do
-        frames="$frames $work/$name-$frame.obj"
-    done
-    # shellcheck disable=SC2086
-    "$here/scripts/film_strip.py" "$work/$name.obj" $frames
-    "$cellwarp" render "$work/$name.obj" --size "$size" --view 0 20 \
-        -o "$folder/rods-$name.png" --overwrite
+strip() {  # scene, frames, size of one
+    "$cellwarp" render "$here/samples/rods/$1.json" --strip="$2" --size "$3" --view 0 20 \
+        -o "$folder/rods-$1.png" --overwrite
 }
-strip cable 640x320 00
-strip pendulum 1200x320 00 02 04 06 08 10 12
-strip ring 1200x320 00 12 16 18 20
+"$cellwarp" render "$here/samples/rods/cable.json" --frame last --size 640x320 --view 0 20 \
+    -o "$folder/rods-cable.png" --overwrite
+strip pendulum 7 170x320
+strip ring 6 200x200
 
 # A palette is enough for them, in a third of the bytes.
 pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

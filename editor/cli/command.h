@@ -73,6 +73,17 @@ struct Pictures
 /// Nothing in a build without pictures: editor/cli/features.cpp.
 std::optional<Pictures> make_pictures();
 
+/// A scene in time.
+struct Film
+{
+    std::int64_t last = 0; ///< number of its last frame; the first is 0
+    /// What is seen of a frame, asked for in ascending order.
+    std::function<Geometry(std::int64_t frame)> frame;
+};
+/// Nothing for models and for scenes of edits, nor in a build without rods:
+/// editor/cli/features.cpp.
+std::optional<Film> film_of(const std::string& input);
+
 /// What a scene and flags together ask for.
 struct SessionRequest
 {

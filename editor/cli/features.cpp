@@ -23,6 +23,15 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 #endif
 }
 
+std::optional<Film> film_of([[maybe_unused]] const std::string& input)
+{
+#ifdef CELLWARP_WITH_RODS
+    return film_of_rods(input);
+#else
+    return std::nullopt;
+#endif
+}
+
 std::optional<Pictures> make_pictures()
 {
 #ifdef CELLWARP_WITH_PICTURE

@@ -23,6 +23,7 @@ struct RenderFlags
     std::string output, compare, frame = "rest", size = "1000x800", up = "y";
     std::vector<double> view = {35.0, 20.0};
     bool shows_cells = false;
+    std::int64_t strip = 0; ///< frames side by side; 0: one picture
 };
 
 PictureOptions picture_options(const RenderFlags& flags)
@@ -44,16 +45,23 @@ PictureOptions picture_options(const RenderFlags& flags)
     return options;
 }
 
+/// A number, or nothing for "last". Throws Fault::Usage.
+std::optional<std::int64_t> number_of(const std::string& frame)
+{
+    const std::optional<std::int64_t> number =
+        frame == "last" ? std::nullopt : parse_integer(frame);
+    if (frame != "last" && !number)
+        throw Error(Fault::Usage,
+                    "--frame: got " + in_quotes(frame) + ", need rest, last or a number");
+    return number;
+}
+
 /// Solves up to the frame that is wanted: "rest", "last" or a number.
 void play(Session& session, const std::string& wanted)
 {
     if (wanted == "rest")
         return;
-    const std::optional<std::int64_t> number =
-        wanted == "last" ? std::nullopt : parse_integer(wanted);
-    if (wanted != "last" && !number)
-        throw Error(Fault::Usage, "--frame: got " + in_quotes(wanted) +
-                                      ", need rest, last or a number");
+    const std::optional<std::int64_t> number = number_of(wanted);
     while (const std::optional<std::int64_t> next = session.upcoming_frame())
     {
         session.next_frame(true);
@@ -64,18 +72,81 @@ void play(Session& session, const std::string& wanted)
         throw Error(Fault::Usage, "--frame: the handle file has no frame " + wanted);
 }
 
+/// \p count of 0 ... last, evenly, both ends among them.
+std::vector<std::int64_t> spread(std::int64_t last, std::int64_t count)
+{
+    std::vector<std::int64_t> chosen;
+    const std::int64_t gaps = std::max<std::int64_t>(1, std::min(count - 1, last));
+    for (std::int64_t k = 0; k <= gaps && k < count && k <= last; ++k)
+        chosen.push_back((k * last + gaps / 2) / gaps);
+    return chosen;
+}
+
+std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
+{
+    if (flags.shows_cells)
+        throw Error(Fault::Usage, "--cells: rods have none");
+    std::vector<std::int64_t> frames = {0};
+    if (flags.strip > 0)
+        frames = spread(film.last, flags.strip);
+    else if (flags.frame != "rest")
+    {
+        frames[0] = number_of(flags.frame).value_or(film.last);
+        if (frames[0] < 0 || frames[0] > film.last)
+            throw Error(Fault::Usage,
+                        fmt::format("--frame: the scene has frames 0 to {}", film.last));
+    }
+    std::vector<Figure> figures;
+    for (const std::int64_t frame : frames)
+        figures.push_back(figure_of(film.frame(frame)));
+    return figures;
+}
+
+std::vector<Figure> figures_of(Session& session, std::size_t num_frames,
+                               const RenderFlags& flags)
+{
+    std::vector<Figure> figures;
+    const auto add = [&]
+    {
+        figures.push_back(figure_of(session));
+        if (flags.shows_cells)
+            add_cells(figures.back(), session);
+    };
+    if (flags.strip == 0)
+    {
+        play(session, flags.frame);
+        add();
+        return figures;
+    }
+    std::int64_t now = 0;
+    for (const std::int64_t frame :
+         spread(static_cast<std::int64_t>(num_frames), flags.strip))
+    {
+        for (; now < frame; ++now)
+            session.next_frame(true);
+        add();
+    }
+    return figures;
+}
+
 int run(const RenderFlags& flags, const CommonFlags& common)
 {
     const PictureOptions options = picture_options(flags);
     check_output(flags.output, common.overwrite());
     if (extension_of(flags.output) != "png" && flags.output != "-")
         throw Error(Fault::Usage, flags.output + ": a picture is a .png");
+    if (flags.strip > 0 && flags.frame != "rest")
+        throw Error(Fault::Usage, "--strip and --frame: one of them");
     std::vector<Figure> figures;
     std::vector<std::string> warnings;
-    if (!flags.session.has_session() && !flags.shows_cells)
+    if (const std::optional<Film> film = film_of(flags.session.model))
+        figures = figures_of(*film, flags);
+    else if (!flags.session.has_session() && !flags.shows_cells)
     {
-        if (flags.frame != "rest")
-            throw Error(Fault::Usage, "--frame needs a scene or --handles");
+        if (flags.frame != "rest" || flags.strip > 0)
+            throw Error(Fault::Usage,
+                        std::string(flags.strip > 0 ? "--strip" : "--frame") +
+                            " needs a scene or --handles");
         figures.push_back(figure_of(
             read_geometry(flags.session.model, {flags.session.columns}).geometry));
     }
@@ -92,12 +163,12 @@ int run(const RenderFlags& flags, const CommonFlags& common)
                 request.handles->stages.emplace_back();
             request.handles->stages.front().frames.push_back({0, {}, 0});
         }
+        std::size_t num_frames = 0;
+        for (const Stage& stage : request.handles->stages)
+            num_frames += stage.frames.size();
         Session session(read_geometry(request.model, request.read).geometry,
                         std::move(*request.handles), request.settings);
-        play(session, flags.frame);
-        figures.push_back(figure_of(session));
-        if (flags.shows_cells)
-            add_cells(figures.back(), session);
+        figures = figures_of(session, num_frames, flags);
         warnings = session.warnings();
     }
     if (!flags.compare.empty())
@@ -140,16 +211,22 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<RenderFlags>();
     CLI::App* command = app.add_subcommand(
-        "render",
-        "A picture without a display.\n\n"
-        "  cellwarp render bent.obj -o bent.png --compare bar.obj\n"
-        "  cellwarp render samples/bar.json --frame last --cells -o cells.png\n");
+        "render", "A picture without a display.\n\n"
+                  "  cellwarp render bent.obj -o bent.png --compare bar.obj\n"
+                  "  cellwarp render samples/bar.json --frame last --cells -o cells.png\n"
+                  "  cellwarp render samples/rods/pendulum.json --strip=7 --size 160x320 "
+                  "-o swing.png\n");
     flags->session.add_to(*command);
     command->add_option("-o,--output", flags->output, "picture (.png)")->required();
     command->add_flag("--cells", flags->shows_cells, "show the cells, as glass");
     command->add_option("--compare", flags->compare, "geometry file to draw on the left");
     command->add_option("--frame", flags->frame,
                         "of a scene: rest, last or a frame's number (default rest)");
+    command
+        ->add_flag("--strip{6}", flags->strip,
+                   "frames side by side, evenly from the first to the last: six, or "
+                   "--strip=N")
+        ->check(CLI::Range(1, 64));
     command
         ->add_option("--view", flags->view,
                      "azimuth and elevation of the viewer [degree]")

@@ -9,10 +9,10 @@
 #include "editor/cli/output_name.h"
 #include "editor/session/peak_memory.h"
 #include "editor/simulation/simulation.h"
+#include "io/plain_mesh.h"
 #include "io/rod_scene.h"
 #include "io/text.h"
 #include "octree/base/clock.h"
-#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -63,53 +63,33 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
             {"rods", std::move(rods)}};
 }
 
-/// The rods as tubes of quads, or as lines along their middle.
-std::string obj_of(const Simulation& simulation, const SimulateFlags& flags)
+/// The rods' middles as an OBJ of lines.
+std::string lines_of(const Simulation& simulation)
 {
     std::string text = "# cellwarp simulate\n";
     std::size_t first = 1;
-    const std::vector<SimulatedRod> rods = simulation.rods(kPlaces);
-    if (flags.writes_lines)
+    for (const SimulatedRod& rod : simulation.rods(kPlaces))
     {
-        for (const SimulatedRod& rod : rods)
-        {
-            text += "o " + rod.name + "\n";
-            for (const Eigen::Vector3d& p : rod.curve)
-                text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
-            text += "l";
-            for (std::size_t k = 0; k < rod.curve.size(); ++k)
-                text += fmt::format(" {}", first + k);
-            text += "\n";
-            first += rod.curve.size();
-        }
-        return text;
-    }
-    const std::vector<Tube> tubes = simulation.tubes(static_cast<int>(flags.around));
-    for (std::size_t r = 0; r < tubes.size(); ++r)
-    {
-        const Tube& tube = tubes[r];
-        const std::size_t around = idx(tube.around), rings = tube.points.size() / around;
-        text += "o " + rods[r].name + "\n";
-        for (const Eigen::Vector3d& p : tube.points)
+        text += "o " + rod.name + "\n";
+        for (const Eigen::Vector3d& p : rod.curve)
             text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
-        const auto corner = [&](std::size_t ring, std::size_t k)
-        { return first + ring % rings * around + k % around; };
-        for (std::size_t i = 0; i + (tube.is_closed ? 0 : 1) < rings; ++i)
-            for (std::size_t k = 0; k < around; ++k)
-                text += fmt::format("f {} {} {} {}\n", corner(i, k), corner(i, k + 1),
-                                    corner(i + 1, k + 1), corner(i + 1, k));
-        if (!tube.is_closed)
-            for (const bool is_begin : {true, false})
-            {
-                text += "f";
-                for (std::size_t k = 0; k < around; ++k)
-                    text += fmt::format(" {}", is_begin ? corner(0, around - k)
-                                                        : corner(rings - 1, k));
-                text += "\n";
-            }
-        first += tube.points.size();
+        text += "l";
+        for (std::size_t k = 0; k < rod.curve.size(); ++k)
+            text += fmt::format(" {}", first + k);
+        text += "\n";
+        first += rod.curve.size();
     }
     return text;
+}
+
+std::string bytes_of(const Simulation& simulation, const SimulateFlags& flags)
+{
+    if (flags.writes_lines)
+        return lines_of(simulation);
+    const Geometry surface = simulation.surface(static_cast<int>(flags.around));
+    const std::string extension = extension_of(flags.output);
+    return plain_mesh_bytes(surface, {surface.samples, {}},
+                            extension.empty() ? "obj" : extension);
 }
 
 int run(const SimulateFlags& flags, const CommonFlags& common)
@@ -121,9 +101,12 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         throw Error(Fault::Usage, "-o - and --json both need stdout");
     const OutputName name(flags.output);
     if (!flags.output.empty() && flags.output != "-" &&
-        extension_of(flags.output) != "obj")
+        !(flags.writes_lines ? extension_of(flags.output) == "obj"
+                             : is_plain_format(extension_of(flags.output))))
         throw Error(Fault::Usage,
-                    "-o: got " + in_quotes(flags.output) + ", rods are written as .obj");
+                    "-o: got " + in_quotes(flags.output) +
+                        (flags.writes_lines ? ", lines are written as .obj"
+                                            : ", rods are written as .obj or .ply"));
     const RodScene scene = read_rod_scene(flags.scene);
     Simulation simulation(scene);
     const std::int64_t steps = simulation.num_steps(), every = simulation.steps_a_frame();
@@ -156,7 +139,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         if (flags.output.empty() || !(name.has_frame() || is_last))
             return;
         const Clock::time_point write_start = Clock::now();
-        write_file(name.of(frame), obj_of(simulation, flags), common.overwrite());
+        write_file(name.of(frame), bytes_of(simulation, flags), common.overwrite());
         write_ms += ms_since(write_start);
     };
     std::int64_t frame = 0;
@@ -195,6 +178,21 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
 
 } // namespace
 
+std::optional<Film> film_of_rods(const std::string& scene)
+{
+    if (!has_simulation(scene))
+        return std::nullopt;
+    const auto simulation = std::make_shared<Simulation>(read_rod_scene(scene));
+    const auto frame = std::make_shared<std::int64_t>(0);
+    return Film{simulation->last_frame(), [=](std::int64_t wanted)
+                {
+                    constexpr int kAround = 24;
+                    for (; *frame < wanted; ++*frame)
+                        simulation->next_frame();
+                    return simulation->surface(kAround);
+                }};
+}
+
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<SimulateFlags>();
@@ -207,8 +205,8 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
         ->required();
     command->add_option(
         "-o,--output", flags->output,
-        "rods as tubes (.obj): the last frame; {frame} or {frame:04}: one a "
-        "frame; -: stdout");
+        "rods as tubes (.obj, .ply): the last frame; {frame} or {frame:04}: one "
+        "a frame; -: stdout, as OBJ");
     command->add_flag("--lines", flags->writes_lines,
                       "rods as lines along their middle, not as tubes");
     command->add_option("--around", flags->around, "corners around a tube (default 12)")

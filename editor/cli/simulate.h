@@ -7,6 +7,9 @@
 namespace cellwarp
 {
 
+/// See film_of(). Of a scene file without rods nothing.
+std::optional<Film> film_of_rods(const std::string& scene);
+
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
 
 } // namespace cellwarp

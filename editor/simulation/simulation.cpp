@@ -2,6 +2,7 @@
 #include "editor/simulation/simulation.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -15,6 +16,8 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_stepper.h"
+#include "solver/rods/springs.h"
+#include "solver/rods/tensor_stretch.h"
 
 namespace cellwarp
 {
@@ -34,6 +37,9 @@ std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples)
         out.push_back(vector_of(t));
     return out;
 }
+
+/// Both sides of a tube, so that its twist is seen.
+constexpr std::array<std::uint8_t, 3> kFront = {236, 145, 60}, kBack = {205, 208, 214};
 
 /// Neighbours at the same place are one point.
 std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
@@ -78,16 +84,7 @@ Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
     std::vector<double> s = {0.0};
     for (int i = 1; i < n; ++i)
         s.push_back(s.back() + (points[idx(i)] - points[idx(i - 1)]).norm());
-    std::vector<double> knots(idx(degree + 1), 0.0);
-    for (int j = 1; j < n - degree; ++j)
-    {
-        double sum = 0.0;
-        for (int i = j; i < j + degree; ++i)
-            sum += s[idx(i)];
-        knots.push_back(sum / degree);
-    }
-    knots.insert(knots.end(), idx(degree + 1), s.back());
-    return made(SplineBasis::open(degree, std::move(knots)));
+    return made(SplineBasis::open(degree, averaged_knots(s, degree)));
 }
 
 Spline curve_of(const RodStatement& rod)
@@ -182,12 +179,19 @@ struct Simulation::Body
     explicit Body(const RodStatement& of)
         : statement(of),
           rod(curve_of(of), [&of](double share) { return section_of(of, share); },
-              {of.is_straight_at_rest ? RestShape1D::Straight : RestShape1D::Given,
-               of.rest_twist, of.link}),
+              {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given, of.rest_twist,
+               of.link, of.energy == "discrete" ? 2 : 1}),
           model(rod), state(rod),
           velocity(Eigen::VectorXd::Zero(rod.layout().num_unknowns))
     {
-        model.terms.push_back(exact_elasticity(rod));
+        const bool is_exact = of.energy == "exact", is_discrete = of.energy == "discrete";
+        model.terms.push_back(
+            exact_elasticity(rod, {.has_stretch = is_exact,
+                                   .has_bending = !(is_discrete && springs_bend(rod))}));
+        if (is_discrete)
+            model.terms.push_back(spring_elasticity(rod));
+        else if (!is_exact)
+            model.terms.push_back(tensor_stretch(rod));
     }
 };
 
@@ -238,7 +242,6 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene)
                 add(Hold::TwistAngle);
             if (hold.has_curvature)
                 add(Hold::CurvatureVector);
-            model.has_moving_holds |= hold.keys.size() > 1;
         }
         for (const RodOn& on : rod.on)
         {
@@ -308,6 +311,19 @@ std::int64_t Simulation::steps_a_frame() const
     return is_static()
                ? 1
                : std::max<std::int64_t>(1, std::llround(scene_.every / scene_.dt));
+}
+
+std::int64_t Simulation::last_frame() const
+{
+    const std::int64_t every = steps_a_frame();
+    return (num_steps() + every - 1) / every;
+}
+
+void Simulation::next_frame()
+{
+    do
+        step();
+    while (done_ < num_steps() && done_ % steps_a_frame() != 0);
 }
 
 std::int64_t Simulation::steps_done() const
@@ -384,36 +400,63 @@ std::vector<SimulatedRod> Simulation::rods(int places) const
     return out;
 }
 
-std::vector<Tube> Simulation::tubes(int around) const
+void Simulation::add_tube(const Body& body, int around, Geometry& out)
 {
     constexpr int kRings = 4; // a span
-    std::vector<Tube> tubes;
-    for (const std::unique_ptr<Body>& body : bodies_)
+    const std::span<const RodSpan> spans = body.rod.spans();
+    const bool is_closed = body.rod.basis().is_closed();
+    const auto first = static_cast<std::uint32_t>(out.samples.size());
+    out.groups.push_back({body.statement.name, out.num_faces(), 0});
+    std::uint32_t rings = 0;
+    const auto add_ring = [&](double s)
     {
-        Tube tube;
-        tube.around = around;
-        tube.is_closed = body->rod.basis().is_closed();
-        const std::span<const RodSpan> spans = body->rod.spans();
-        const auto ring = [&](double s)
+        const Eigen::Matrix3d F = body.state.frame(s);
+        const Eigen::Vector3d middle = body.state.at(s).place;
+        const double radius = body.rod.section_at(s).radius;
+        for (int k = 0; k < around; ++k)
         {
-            const Eigen::Matrix3d F = body->state.frame(s);
-            const Eigen::Vector3d middle = body->state.at(s).place;
-            const double radius = body->rod.section_at(s).radius;
-            for (int k = 0; k < around; ++k)
-            {
-                const double a = 2.0 * std::numbers::pi * k / around;
-                tube.points.push_back(
-                    middle + radius * (std::cos(a) * F.col(0) + std::sin(a) * F.col(1)));
-            }
-        };
-        for (const RodSpan& span : spans)
-            for (int k = 0; k < kRings; ++k)
-                ring(span.begin + (span.end - span.begin) * k / kRings);
-        if (!tube.is_closed)
-            ring(spans.back().end);
-        tubes.push_back(std::move(tube));
+            const double a = 2.0 * std::numbers::pi * k / around;
+            const Eigen::Vector3d out_of =
+                std::cos(a) * F.col(0) + std::sin(a) * F.col(1);
+            out.samples.push_back(middle + radius * out_of);
+            out.colours.push_back(std::cos(a) > 0.0 ? kFront : kBack);
+        }
+        ++rings;
+    };
+    for (const RodSpan& span : spans)
+        for (int k = 0; k < kRings; ++k)
+            add_ring(span.begin + (span.end - span.begin) * k / kRings);
+    if (!is_closed)
+        add_ring(spans.back().end);
+    const auto count = static_cast<std::uint32_t>(around);
+    const auto corner = [&](std::uint32_t ring, std::uint32_t k)
+    { return first + ring % rings * count + k % count; };
+    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
+    for (std::uint32_t i = 0; i + (is_closed ? 0 : 1) < rings; ++i)
+        for (std::uint32_t k = 0; k < count; ++k)
+        {
+            out.corners.insert(
+                out.corners.end(),
+                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
+            end_face();
+        }
+    for (const bool is_begin : {true, false})
+    {
+        if (is_closed)
+            break;
+        for (std::uint32_t k = 0; k < count; ++k)
+            out.corners.push_back(is_begin ? corner(0, count - k) : corner(rings - 1, k));
+        end_face();
     }
-    return tubes;
+    out.groups.back().end_face = out.num_faces();
+}
+
+Geometry Simulation::surface(int around) const
+{
+    Geometry out;
+    for (const std::unique_ptr<Body>& body : bodies_)
+        add_tube(*body, around, out);
+    return out;
 }
 
 } // namespace cellwarp

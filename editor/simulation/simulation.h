@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "io/geometry.h"
 #include "io/rod_scene.h"
 
 namespace cellwarp
@@ -37,14 +38,6 @@ struct SimulationReport
     bool is_converged = true;
 };
 
-/// A closed or open tube: rings of points, the same number around each.
-struct Tube
-{
-    int around = 0;
-    bool is_closed = false;
-    std::vector<Eigen::Vector3d> points;
-};
-
 class Simulation
 {
 public:
@@ -65,12 +58,18 @@ public:
     SimulationReport report();
     /// \p places of each rod at equal shares of its rest length, both ends included.
     std::vector<SimulatedRod> rods(int places) const;
-    /// The surface of each rod: \p around points on each ring.
-    std::vector<Tube> tubes(int around) const;
+    /// The rods as tubes, each a group: \p around corners on each ring, coloured by which
+    /// side of the material they are on.
+    Geometry surface(int around) const;
+    /// Frames behind the first; of equilibria the rest comes first.
+    std::int64_t last_frame() const;
+    /// Goes on to the end of the next frame: by steps_a_frame(), or less at the end.
+    void next_frame();
 
 private:
     struct Body;
-    void move_holds(Body& body, double time);
+    static void move_holds(Body& body, double time);
+    static void add_tube(const Body& body, int around, Geometry& out);
 
     const RodScene scene_;
     std::vector<std::unique_ptr<Body>> bodies_;

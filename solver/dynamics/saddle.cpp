@@ -2,6 +2,7 @@
 #include "solver/dynamics/saddle.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <Eigen/QR>
 
@@ -88,10 +89,27 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
         for (int i = 0; i <= count; ++i)
             matrix_.lower(place_of_unknown_[idx(j + i)], at) = column[idx(i)];
     }
+    near_.assign(rows.size(), {});
+    rho_.assign(rows.size(), 0.0);
     for (std::size_t r = 0; r < rows.size(); ++r)
-        if (place_of_row_[r] >= 0)
-            for (const auto& [unknown, value] : rows[r])
-                matrix_.add(place_of_row_[r], place_of_unknown_[idx(unknown)], -value);
+    {
+        if (place_of_row_[r] < 0)
+            continue;
+        double stiffness = 0.0, largest = 0.0;
+        for (const auto& [unknown, value] : rows[r])
+        {
+            near_[r].emplace_back(place_of_unknown_[idx(unknown)], value);
+            matrix_.add(place_of_row_[r], near_[r].back().first, -value);
+            stiffness = std::max(stiffness, std::abs(A.lower(unknown, unknown)));
+            largest = std::max(largest, std::abs(value));
+        }
+        rho_[r] = largest > 0.0 ? stiffness / (largest * largest) : 0.0;
+    }
+    for (std::size_t r = 0; r < rows.size(); ++r)
+        for (std::size_t i = 0; i < near_[r].size(); ++i)
+            for (std::size_t j = 0; j <= i; ++j)
+                matrix_.lower(near_[r][i].first, near_[r][j].first) +=
+                    rho_[r] * near_[r][i].second * near_[r][j].second;
     const BandFactor::Report told = factor_.factorize(matrix_, is_row_);
     Report report{told.is_finite, told.num_negative, told.num_dropped};
     far_.clear();
@@ -136,7 +154,12 @@ void SaddleSolver::solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const
         all_[place_of_unknown_[idx(u)]] = r[u];
     for (std::size_t k = 0; k < place_of_row_.size(); ++k)
         if (place_of_row_[k] >= 0)
-            all_[place_of_row_[k]] = g[static_cast<Eigen::Index>(k)];
+        {
+            const double violation = g[static_cast<Eigen::Index>(k)];
+            all_[place_of_row_[k]] = violation;
+            for (const auto& [place, value] : near_[k])
+                all_[place] -= rho_[k] * value * violation;
+        }
     factor_.solve(all_);
     if (!far_.empty())
     {

@@ -6,6 +6,11 @@
 // behind the last unknown that it touches; there the factor L D L^T exists wherever A is
 // definite on what the rows leave free, also where A alone is singular. Rows that reach
 // farther are eliminated by a dense system.
+//
+// Where A without a row is singular, the last pivot before the row is 0 but for rounding,
+// and what follows is lost in it. So A + rho L^T L, r - rho L^T g take the places of A
+// and r, with rho L_u^2 as large as the A_uu that the row touches: the solution is the
+// same.
 #pragma once
 
 #include <span>
@@ -29,7 +34,7 @@ public:
     struct Report
     {
         bool is_finite = true;
-        int num_negative = 0; ///< pivots of unknowns: A is not definite there
+        int num_negative = 0; ///< directions in which A is not definite
         int num_dropped = 0;  ///< rows that say nothing new
     };
 
@@ -47,8 +52,10 @@ private:
     int num_unknowns_ = 0;
     std::vector<int> place_of_unknown_, place_of_row_; ///< in the band; -1: a far row
     std::vector<char> is_row_;
-    std::vector<SparseRow> far_; ///< in places of the band
-    std::vector<int> far_rows_;  ///< their numbers
+    std::vector<SparseRow> near_; ///< in places of the band; empty: a far row
+    std::vector<double> rho_;     ///< of each row
+    std::vector<SparseRow> far_;  ///< in places of the band
+    std::vector<int> far_rows_;   ///< their numbers
     BandMatrix matrix_;
     BandFactor factor_;
     Eigen::MatrixXd far_solved_; ///< A^-1 L^T of the far rows

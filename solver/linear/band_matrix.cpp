@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace cellwarp
 {
@@ -60,7 +59,7 @@ BandFactor::Report BandFactor::factorize(const BandMatrix& A,
         made_of_[idx(j)] = std::abs(column[0]);
     }
     Report report;
-    report.smallest = std::numeric_limits<double>::infinity();
+    int num_negative = 0, num_rows = 0;
     for (int j = 0; j < rows_; ++j)
     {
         double* const pivot_column = &values_[idx(j) * width];
@@ -76,15 +75,12 @@ BandFactor::Report BandFactor::factorize(const BandMatrix& A,
         {
             // Nothing is learnt from it: its unknown is 0.
             report.num_dropped += is_row;
-            report.num_negative += !is_row;
+            num_negative += !is_row;
             std::fill(pivot_column, pivot_column + count + 1, 0.0);
             continue;
         }
-        if (!is_row)
-        {
-            report.num_negative += pivot < 0.0;
-            report.smallest = std::min(report.smallest, pivot);
-        }
+        num_negative += pivot < 0.0;
+        num_rows += is_row;
         const double inverse = 1.0 / pivot;
         for (int k = 1; k <= count; ++k)
         {
@@ -102,6 +98,7 @@ BandFactor::Report BandFactor::factorize(const BandMatrix& A,
         for (int k = 1; k <= count; ++k)
             pivot_column[k] *= inverse;
     }
+    report.num_negative = std::max(0, num_negative - num_rows);
     return report;
 }
 

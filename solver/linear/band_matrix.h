@@ -54,10 +54,9 @@ private:
     std::vector<double> values_; ///< by columns, half_band + 1 each
 };
 
-/// A = L D L^T. D may have negative entries: of a saddle point matrix whose multiplier
-/// rows stand behind the unknowns that they touch, the factor exists, and the signs of D
-/// tell whether the rest is positive definite where the multipliers' rows are met. Keeps
-/// its memory from one factorisation to the next.
+/// A = L D L^T. D may have negative entries: a saddle point matrix has as many as it has
+/// multiplier rows where the rest is positive definite on what the rows leave free, and
+/// more elsewhere (Sylvester's law). Keeps its memory from one factorisation to the next.
 class BandFactor
 {
 public:
@@ -65,9 +64,8 @@ public:
     struct Report
     {
         bool is_finite = true;
-        int num_negative = 0;  ///< of the rows that are no multipliers
-        int num_dropped = 0;   ///< multipliers left out as redundant
-        double smallest = 0.0; ///< pivot of the rows that are no multipliers
+        int num_negative = 0; ///< beyond one for every multiplier that is not left out
+        int num_dropped = 0;  ///< multipliers left out as redundant
     };
 
     /// \p is_multiplier: a flag a row, or empty: none is. A multiplier whose pivot is

@@ -8,8 +8,9 @@
 //
 // Quadrature. Bending: degree - 1 Gauss points a span. Stretch: the centre of each span,
 // but more points in spans that touch an end or a knot that is less smooth; for cubics
-// two, n - 1 in all, as many as u has dimensions. More would lock slender rods (they
-// would not bend without stretching), fewer would leave mechanisms.
+// two, three where both are such, n - 1 in all, as many as u has dimensions. More would
+// lock slender rods (they would not bend without stretching), fewer would leave
+// mechanisms.
 //
 // Derivatives. Of the angle m_ab about t_b that H(t_a -> t_b) leaves, with
 // chi = 1 + t_a . t_b, beta = 2 t_a x t_b / chi, tt = (t_a + t_b) / chi:
@@ -55,12 +56,6 @@ namespace
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-/// Gauss points on [0, 1] for the stretch of a span.
-std::span<const double> stretch_places(int count)
-{
-    return bending_places(count + 1);
-}
 
 template <int M>
 class Elasticity final : public RodTerm
@@ -117,14 +112,13 @@ class Elasticity final : public RodTerm
 
 public:
     Elasticity(const Rod& rod, const ElasticParts& parts)
-        : rod_(rod), parts_(parts), cubes_(cubes_of_steps(rod.basis().degree()))
+        : rod_(rod), parts_(parts), cubes_(rod.cubes_of_steps())
     {
-        const int degree = rod.basis().degree();
         const RodState rest(rod);
-        const std::span<const double> places = bending_places(degree);
-        const std::span<const double> weights = bending_weights(degree);
-        const bool is_given = rod.settings().rest == RestShape1D::Given;
-        is_plain_ = true;
+        const std::span<const double> places = rod.bending_places(),
+                                      weights = rod.bending_weights();
+        const bool is_given = rod.settings().rest == RodRest::Given;
+        is_plain_ = rod.is_straight();
         for (std::size_t e = 0; e < rod.spans().size(); ++e)
         {
             const RodSpan& of = rod.spans()[e];
@@ -162,16 +156,12 @@ public:
             {
                 Span& span = spans_[e];
                 const Look at = look(rest, span);
-                double largest = 0.0;
                 for (int g = 0; g < kInside; ++g)
                 {
                     const Strain strain = strain_of(at, span, g);
                     const auto [m1, m2] = directions(rest, e, at, g);
                     span.bending[idx(g)].rest = {strain.K.dot(m1), strain.K.dot(m2)};
-                    largest = std::max(largest, strain.K.norm());
                 }
-                // What rounding makes of a straight line is straight.
-                is_plain_ = is_plain_ && largest * rod.arc_length().total() < 1e-9;
             }
         if (is_plain_)
             for (Span& span : spans_)
@@ -473,14 +463,18 @@ private:
     void add_stretch(std::size_t e, double h)
     {
         const RodSpan& of = rod_.spans()[e];
-        // Both ends and unsmooth knots take more points.
-        const int count =
-            of.is_smooth[0] && of.is_smooth[1] ? 1 : (rod_.basis().degree() + 2) / 2;
+        // As many points as u has dimensions: one a span, more at ends and unsmooth
+        // knots.
+        const int degree = rod_.basis().degree();
+        const int num_ends = !of.is_smooth[0] + !of.is_smooth[1];
+        const int count = num_ends == 0   ? 1
+                          : num_ends == 1 ? (degree + 2) / 2
+                                          : std::min(degree, kMaxGaussPlaces);
         Span& span = spans_[e];
         span.first_stretch = static_cast<int>(stretch_.size());
         span.num_stretch = count;
-        const std::span<const double> places = stretch_places(count);
-        const std::span<const double> weights = bending_weights(count + 1);
+        const std::span<const double> places = gauss_places(count),
+                                      weights = gauss_weights(count);
         for (int k = 0; k < count; ++k)
         {
             const double at = of.begin + places[idx(k)] * h;
@@ -568,9 +562,8 @@ private:
             hop.a = k + 1 < kPlaces ? k : 0;
             hop.b = k + 1 < kPlaces ? k + 1 : kPlaces - 1;
             const Vector3d &a = at.t[idx(hop.a)], &b = at.t[idx(hop.b)];
-            const double chi = std::max(1.0 + a.dot(b), 1e-12);
-            hop.beta = 2.0 / chi * a.cross(b);
-            hop.tt = (a + b) / chi;
+            hop.beta = turn_of_hop(a, b);
+            hop.tt = (a + b) / hop_scale(a, b);
         }
     }
     /// Of hop \p k in the winding of the span.

@@ -32,27 +32,6 @@ namespace
 
 constexpr double kPi = std::numbers::pi;
 
-// Gauss points and weights on [0, 1], of 1 to 6 points.
-constexpr std::array<std::array<double, 6>, 6> kPlaces = {{
-    {0.5},
-    {0.21132486540518712, 0.7886751345948129},
-    {0.1127016653792583, 0.5, 0.8872983346207417},
-    {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263},
-    {0.046910077030668, 0.23076534494715845, 0.5, 0.7692346550528415, 0.953089922969332},
-    {0.03376524289842399, 0.16939530676686774, 0.38069040695840156, 0.6193095930415985,
-     0.8306046932331322, 0.966234757101576},
-}};
-constexpr std::array<std::array<double, 6>, 6> kWeights = {{
-    {1.0},
-    {0.5, 0.5},
-    {0.2777777777777778, 0.4444444444444444, 0.2777777777777778},
-    {0.17392742256872692, 0.32607257743127307, 0.32607257743127307, 0.17392742256872692},
-    {0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324,
-     0.11846344252809454},
-    {0.08566224618958517, 0.1803807865240693, 0.23395696728634552, 0.23395696728634552,
-     0.1803807865240693, 0.08566224618958517},
-}};
-
 /// The angle of the turns that \p value may mean which is nearest to \p near.
 double nearest_turn(double value, double near)
 {
@@ -67,29 +46,6 @@ double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
 }
 
 } // namespace
-
-std::span<const double> bending_places(int degree)
-{
-    return std::span(kPlaces[idx(std::max(degree, 2) - 2)])
-        .first(idx(std::max(degree, 2) - 1));
-}
-
-std::span<const double> bending_weights(int degree)
-{
-    return std::span(kWeights[idx(std::max(degree, 2) - 2)])
-        .first(idx(std::max(degree, 2) - 1));
-}
-
-double cubes_of_steps(int degree)
-{
-    double sum = 0.0, last = 0.0;
-    for (const double x : bending_places(degree))
-    {
-        sum += std::pow(x - last, 3);
-        last = x;
-    }
-    return sum + std::pow(1.0 - last, 3);
-}
 
 Section Section::round(double radius, double young, double poisson, double density)
 {
@@ -143,17 +99,15 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
         spans_.back().station[1] = 0;
     }
     order_ = basis.degree() + 1;
-    const std::span<const double> inside = bending_places(basis.degree());
-    num_places_ = static_cast<int>(inside.size()) + 2;
+    num_bending_ = std::max(basis.degree() - 1, 1);
+    for (int p = 1; p < num_places(); ++p)
+        cubes_of_steps_ += std::pow(place(p) - place(p - 1), 3);
     for (std::size_t e = 0; e < spans_.size(); ++e)
-        for (int p = 0; p < num_places_; ++p)
+        for (int p = 0; p < num_places(); ++p)
         {
             const RodSpan& span = spans_[e];
-            const double x = p == 0                 ? 0.0
-                             : p == num_places_ - 1 ? 1.0
-                                                    : inside[idx(p) - 1];
             const BasisValues values = basis.values_in(
-                static_cast<int>(e), span.begin + x * (span.end - span.begin));
+                static_cast<int>(e), span.begin + place(p) * (span.end - span.begin));
             if (p == 0)
                 controls_.insert(controls_.end(), values.control.begin(),
                                  values.control.begin() + order_);
@@ -163,14 +117,21 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
                            values.value[2].begin() + order_);
         }
     for (std::size_t e = 0; e < spans_.size(); ++e)
-        for (int p = 0; p < num_places_; ++p)
+        for (int p = 0; p < num_places(); ++p)
         {
-            Eigen::Vector3d u = Eigen::Vector3d::Zero();
+            Eigen::Vector3d u = Eigen::Vector3d::Zero(), w = u;
             for (int j = 0; j < order_; ++j)
+            {
                 u += first(e, p)[j] * rest_.controls[idx(controls(e)[j])];
+                w += second(e, p)[j] * rest_.controls[idx(controls(e)[j])];
+            }
             if (!(u.norm() > 1e-12 * arc_length_.total() / (basis.end() - basis.begin())))
                 throw std::invalid_argument(
                     "a rod that stands still at a place of its curve");
+            const double curvature = u.cross(w).norm() / std::pow(u.norm(), 3);
+            if (settings_.rest == RodRest::Given &&
+                curvature * arc_length_.total() >= 1e-9)
+                is_straight_ = false;
         }
     find_layout();
 }
@@ -209,18 +170,24 @@ void Rod::find_layout()
             layout_.num_unknowns;
         layout_.num_unknowns += entry.kind == 0 ? 3 : 1;
     }
-    for (std::size_t e = 0; e < spans_.size(); ++e)
+    for (std::size_t first = 0; first < spans_.size(); ++first)
     {
         int low = layout_.num_unknowns, high = 0;
-        for (int j = 0; j < order_; ++j)
+        for (std::size_t k = first; k < first + idx(settings_.coupled_spans); ++k)
         {
-            low = std::min(low, layout_.control[idx(controls(e)[j])]);
-            high = std::max(high, layout_.control[idx(controls(e)[j])] + 2);
-        }
-        for (const int station : spans_[e].station)
-        {
-            low = std::min(low, layout_.angle[idx(station)]);
-            high = std::max(high, layout_.angle[idx(station)]);
+            if (k >= spans_.size() && !rest_.basis.is_closed())
+                break;
+            const std::size_t e = k % spans_.size();
+            for (int j = 0; j < order_; ++j)
+            {
+                low = std::min(low, layout_.control[idx(controls(e)[j])]);
+                high = std::max(high, layout_.control[idx(controls(e)[j])] + 2);
+            }
+            for (const int station : spans_[e].station)
+            {
+                low = std::min(low, layout_.angle[idx(station)]);
+                high = std::max(high, layout_.angle[idx(station)]);
+            }
         }
         layout_.half_band = std::max(layout_.half_band, high - low);
     }
@@ -284,7 +251,7 @@ double RodState::twist(std::size_t span) const
 
 void RodState::find_windings()
 {
-    const double c0 = cubes_of_steps(rod_->basis().degree());
+    const double c0 = rod_->cubes_of_steps();
     const int last = rod_->num_places() - 1;
     for (std::size_t e = 0; e < rod_->spans().size(); ++e)
     {
@@ -368,9 +335,8 @@ Eigen::Matrix3d RodState::frame(double s) const
     }
     else
     {
-        const std::span<const double> inside = bending_places(rod_->basis().degree());
-        for (std::size_t p = 0; p < inside.size() && inside[p] < x; ++p)
-            go_to(first(e, static_cast<int>(p) + 1));
+        for (int p = 1; p + 1 < rod_->num_places() && rod_->place(p) < x; ++p)
+            go_to(first(e, p));
         go_to(at(rod_->basis().values_in(static_cast<int>(e), at_s)).first);
     }
     Eigen::Matrix3d frame;

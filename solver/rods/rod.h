@@ -12,6 +12,7 @@
 #include <Eigen/Core>
 
 #include "octree/base/index.h"
+#include "solver/rods/gauss.h"
 #include "solver/rods/spline.h"
 
 namespace cellwarp
@@ -33,7 +34,7 @@ struct Section
 };
 
 /// What the rod is like where nothing acts on it.
-enum class RestShape1D
+enum class RodRest
 {
     Given,   ///< as its control points say
     Straight ///< of the same lengths
@@ -41,9 +42,10 @@ enum class RestShape1D
 
 struct RodSettings
 {
-    RestShape1D rest = RestShape1D::Given;
+    RodRest rest = RodRest::Given;
     double rest_twist = 0.0; ///< [rad/m], beside that of the rest shape
     double link = 0.0;       ///< turns put into a closed rod before it was joined
+    int coupled_spans = 1;   ///< successive ones that an energy couples: 1 or 2
 };
 
 /// Where the unknowns of a rod stand in vectors, so that neighbours along it are
@@ -53,7 +55,7 @@ struct RodLayout
     std::vector<int> control; ///< first of three
     std::vector<int> angle;   ///< of each station
     int num_unknowns = 0;
-    int half_band = 0; ///< of what one span couples
+    int half_band = 0; ///< of what RodSettings::coupled_spans couple
 };
 
 /// One span, between two different knots.
@@ -77,6 +79,8 @@ public:
     const Spline& rest() const { return rest_; }
     const SplineBasis& basis() const { return rest_.basis; }
     const ArcLength& arc_length() const { return arc_length_; }
+    /// At rest, but for what rounding makes of a straight line.
+    bool is_straight() const { return is_straight_; }
     const RodSettings& settings() const { return settings_; }
     const RodLayout& layout() const { return layout_; }
     std::span<const RodSpan> spans() const { return spans_; }
@@ -91,17 +95,30 @@ public:
     /// How many control points act in a span, and how many places it is looked at:
     /// station, bending places, station.
     int order() const { return order_; }
-    int num_places() const { return num_places_; }
+    int num_places() const { return num_bending_ + 2; }
+    /// Where bending is measured: Gauss points of a span, degree - 1 of them.
+    std::span<const double> bending_places() const { return gauss_places(num_bending_); }
+    std::span<const double> bending_weights() const
+    {
+        return gauss_weights(num_bending_);
+    }
+    /// A place of a span as a share of it.
+    double place(int k) const
+    {
+        return k == 0 ? 0.0 : k > num_bending_ ? 1.0 : bending_places()[idx(k) - 1];
+    }
+    /// The sum of the cubes of the steps from place to place, c_0 in rod.cpp.
+    double cubes_of_steps() const { return cubes_of_steps_; }
     /// order() of them.
     const int* controls(std::size_t span) const { return &controls_[span * idx(order_)]; }
     /// db_k/ds and d2b_k/ds2 at a place of a span, order() of them.
     const double* first(std::size_t span, int place) const
     {
-        return &first_[(span * idx(num_places_) + idx(place)) * idx(order_)];
+        return &first_[(span * idx(num_places()) + idx(place)) * idx(order_)];
     }
     const double* second(std::size_t span, int place) const
     {
-        return &second_[(span * idx(num_places_) + idx(place)) * idx(order_)];
+        return &second_[(span * idx(num_places()) + idx(place)) * idx(order_)];
     }
     Section section(double share) const { return section_(share); }
     Section section_at(double s) const
@@ -119,21 +136,13 @@ private:
     std::vector<RodSpan> spans_;
     int num_stations_ = 0;
     double seam_turn_ = 0.0;
-    int order_ = 0, num_places_ = 0;
+    bool is_straight_ = true;
+    int order_ = 0, num_bending_ = 0;
+    double cubes_of_steps_ = 0.0;
     std::vector<int> controls_;
     std::vector<double> first_, second_;
     RodLayout layout_;
 };
-
-/// Gauss points of a span for bending, and what twist is measured by: \p degree - 1
-/// places in (0, 1), ascending.
-std::span<const double> bending_places(int degree);
-/// Their weights; sum 1.
-std::span<const double> bending_weights(int degree);
-
-/// Steps from station to station over the places, as shares of the span: the sum of their
-/// cubes, c_0 in rod.cpp.
-double cubes_of_steps(int degree);
 
 /// Where a rod is: control points and angles, the unit vectors of its stations.
 class RodState

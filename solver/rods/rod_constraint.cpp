@@ -63,12 +63,8 @@ private:
 BasisValues values_of_place(const Rod& rod, std::size_t e, int place)
 {
     const RodSpan& span = rod.spans()[e];
-    const std::span<const double> inside = bending_places(rod.basis().degree());
-    const double x = place == 0                      ? 0.0
-                     : place == rod.num_places() - 1 ? 1.0
-                                                     : inside[idx(place) - 1];
     return rod.basis().values_in(static_cast<int>(e),
-                                 span.begin + x * (span.end - span.begin));
+                                 span.begin + rod.place(place) * (span.end - span.begin));
 }
 
 struct Hop
@@ -82,7 +78,7 @@ Hop hop_of(const RodState& state, const BasisValues& a, const BasisValues& b)
     const Vector3d ua = state.at(a).first, ub = state.at(b).first;
     const double la = ua.norm(), lb = ub.norm();
     const Vector3d ta = ua / la, tb = ub / lb;
-    const Vector3d beta = 2.0 / std::max(1.0 + ta.dot(tb), 1e-12) * ta.cross(tb);
+    const Vector3d beta = turn_of_hop(ta, tb);
     return {a, b, beta / (2.0 * la), beta / (2.0 * lb)};
 }
 
@@ -107,7 +103,7 @@ Form spin_form(const RodState& state, double s)
     if (x == 0.0 || x == 1.0)
         return form;
     const int last = rod.num_places() - 1;
-    const double c0 = cubes_of_steps(rod.basis().degree());
+    const double c0 = rod.cubes_of_steps();
     for (int p = 1; p <= last; ++p)
         add(form, state,
             hop_of(state, values_of_place(rod, e, p - 1), values_of_place(rod, e, p)),
@@ -115,9 +111,8 @@ Form spin_form(const RodState& state, double s)
     add(form, state,
         hop_of(state, values_of_place(rod, e, 0), values_of_place(rod, e, last)),
         -x * c0 / (1.0 - c0));
-    const std::span<const double> inside = bending_places(rod.basis().degree());
     BasisValues from = values_of_place(rod, e, 0);
-    for (int p = 1; p < last && inside[idx(p) - 1] < x; ++p)
+    for (int p = 1; p < last && rod.place(p) < x; ++p)
     {
         const BasisValues to = values_of_place(rod, e, p);
         add(form, state, hop_of(state, from, to), -1.0);

@@ -45,9 +45,9 @@ RodMass::RodMass(const Rod& rod)
     }
     place_ = BandMatrix(rod.num_controls(), half_band);
     spin_ = BandMatrix(rod.num_stations(), spin_band);
-    const int degree = rod.basis().degree();
-    const std::span<const double> places = bending_places(std::min(degree + 2, 7));
-    const std::span<const double> weights = bending_weights(std::min(degree + 2, 7));
+    const int count = std::min(rod.basis().degree() + 1, kMaxGaussPlaces);
+    const std::span<const double> places = gauss_places(count),
+                                  weights = gauss_weights(count);
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
     {
         const RodSpan& span = rod.spans()[e];

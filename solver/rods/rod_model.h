@@ -37,8 +37,6 @@ public:
     double viscosity = 0.0;                            ///< ambient, of the velocity [1/s]
     std::vector<RodLoad> loads;
     std::vector<RodConstraint> constraints;
-    /// Constraints move, and do work.
-    bool has_moving_holds = false;
 
     double elastic_energy(const RodState& state) const;
     /// -(weight . x), zero at the origin.

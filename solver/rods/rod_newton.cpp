@@ -8,7 +8,10 @@
 //  - the stretch force in the second derivatives is the one that the last step predicted,
 //    not that of the state;
 //  - tangents turn by no more than kTurn in a step;
-//  - what a step stretches to second order is taken back with the same factor, twice;
+//  - what a step stretches to second order is taken back with the same factor, again and
+//    again until only rounding is left. The stretch that is left counts from the step
+//    itself, not from what the corrections have made of it: with the latter the rod
+//    creeps;
 //  - where the pivots show that the matrix is not definite on what the constraints leave
 //    free, pushing stretch forces count as none, then all curvature is left out, then a
 //    share of the mass is added.
@@ -29,6 +32,10 @@ constexpr double kTurn = 0.5; ///< [rad]
 /// is.
 constexpr int kCorrections = 12;
 constexpr double kCorrected = 1e-10;
+/// Of constraints, of the rod's length.
+constexpr double kViolation = 1e-11;
+/// A residual that stays above this share of the last one no longer falls.
+constexpr double kStill = 0.25;
 constexpr double kSmallTurn = 0.01; ///< [rad]
 constexpr int kHalvings = 30;
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
@@ -53,13 +60,13 @@ const char* stop_name(RodStop stop)
     return "";
 }
 
-RodNewton::RodNewton(RodModel& model)
-    : model_(model),
-      weight_(model.rod().layout().num_unknowns, model.rod().layout().half_band)
+RodNewton::RodNewton(RodModel& model) : model_(model)
 {
-    model.mass().add_to(weight_, 1.0);
-    for (int j = 0; j < weight_.rows(); ++j)
-        heaviest_ = std::max(heaviest_, weight_.lower(j, j));
+    const RodLayout& layout = model.rod().layout();
+    BandMatrix weight(layout.num_unknowns, layout.half_band);
+    model.mass().add_to(weight, 1.0);
+    for (int j = 0; j < weight.rows(); ++j)
+        heaviest_ = std::max(heaviest_, weight.lower(j, j));
     for (const RodSpan& span : model.rod().spans())
     {
         const Section section = model.rod().section_at(0.5 * (span.begin + span.end));
@@ -75,251 +82,292 @@ RodNewton::RodNewton(RodModel& model)
 class RodNewton::Run
 {
 public:
-    Run(RodNewton& newton, const RodInertia* inertia, const RodState* midpoint)
-        : newton_(newton), model_(newton.model_), inertia_(inertia), midpoint_(midpoint)
-    {
-        if (inertia)
-            pull_ = inertia->viscosity / inertia->step +
-                    1.0 / (inertia->step * inertia->step);
-    }
-
-    /// What constraints are violated by, with their rows and without.
-    RodModel::Rows rows(const RodState& state) const
-    {
-        return midpoint_ ? model_.rows(end_of(state)) : model_.rows(state);
-    }
-    Eigen::VectorXd violations(const RodState& state) const
-    {
-        return rows(state).violation;
-    }
-    double value(const RodState& state) const
-    {
-        double sum = model_.potential(state);
-        if (inertia_)
-        {
-            const Eigen::VectorXd way = state.x() - inertia_->begin;
-            const Eigen::VectorXd M = model_.mass().times(way);
-            sum += 0.5 * pull_ * way.dot(M) - inertia_->velocity.dot(M) / inertia_->step;
-        }
-        return sum;
-    }
-    /// Gives the largest force that takes part in the balance.
-    double gradient(const RodState& state, Eigen::VectorXd& out) const
-    {
-        model_.gradient(state, out);
-        double largest = out.cwiseAbs().maxCoeff();
-        if (!inertia_)
-            return largest;
-        const Eigen::VectorXd held = model_.mass().times(
-            pull_ * (state.x() - inertia_->begin) - inertia_->velocity / inertia_->step);
-        out += held;
-        return std::max(largest, held.cwiseAbs().maxCoeff());
-    }
-    /// False if it is not finite.
-    bool factorize(const RodState& state, const RodModel::Rows& rows, int& num_dropped)
-    {
-        double added = 0.0;
-        for (const RodHessian how :
-             {RodHessian::Exact, RodHessian::Tensed, RodHessian::Definite})
-        {
-            model_.hessian(state, how, newton_.matrix_);
-            if (inertia_)
-                model_.mass().add_to(newton_.matrix_, pull_);
-            const SaddleSolver::Report told =
-                newton_.saddle_.factorize(newton_.matrix_, rows.rows, rows.groups);
-            if (!told.is_finite)
-                return false;
-            num_dropped = told.num_dropped;
-            if (told.num_negative == 0)
-                return true;
-        }
-        // Held by nothing: as little weight as makes it definite.
-        double stiffness = 0.0;
-        for (int j = 0; j < newton_.matrix_.rows(); ++j)
-            stiffness = std::max(stiffness, std::abs(newton_.matrix_.lower(j, j)));
-        for (double share = 1e-12; share < 1e6; share *= 100.0)
-        {
-            const double more = share * stiffness / newton_.heaviest_;
-            model_.mass().add_to(newton_.matrix_, more - added);
-            added = more;
-            const SaddleSolver::Report told =
-                newton_.saddle_.factorize(newton_.matrix_, rows.rows, rows.groups);
-            num_dropped = told.num_dropped;
-            if (!told.is_finite || told.num_negative == 0)
-                return told.is_finite;
-        }
-        return false;
-    }
+    Run(RodNewton& newton, RodState& state, const RodInertia* inertia,
+        const RodState* midpoint);
+    RodNewtonReport operator()(const RodNewtonOptions& options);
 
 private:
-    /// Of a step whose middle the state is.
-    RodState end_of(const RodState& state) const
+    RodModel::Rows rows(const RodState& at) const
     {
-        RodState end = *midpoint_;
-        end.move_to(2.0 * state.x() - midpoint_->x());
-        return end;
+        return midpoint_ ? model_.rows(end_of(at)) : model_.rows(at);
     }
+    RodState end_of(const RodState& at) const;
+    double value(const RodState& at) const;
+    double merit(const RodState& at, const Eigen::VectorXd& violation) const;
+    bool measure(const RodNewtonOptions& options);
+    bool factorize();
+    double largest_turn() const;
+    bool advance();
+    bool try_length(double length, RodState& trial);
+    void correct(double length, RodState& trial);
 
     RodNewton& newton_;
     RodModel& model_;
+    RodState& state_;
     const RodInertia* inertia_;
-    const RodState* midpoint_;
-    double pull_ = 0.0;
+    const RodState* midpoint_; ///< the begin of a step whose middle the state is
+    double size_;              ///< length at rest [m]
+    double pull_ = 0.0;        ///< of the mass, in second derivatives [1/s^2]
+    double floor_;             ///< what rounding of the places leaves of the forces [N]
+    double lead_;              ///< how much a step moves what constraints are of
+    double penalty_ = 0.0;     ///< of what constraints are violated by [N]
+    RodNewtonReport report_;
+    bool is_balanced_ = false;
+    double last_residual_ = std::numeric_limits<double>::infinity();
+
+    // Of this iteration.
+    RodModel::Rows rows_;
+    Eigen::VectorXd gradient_, step_, next_lambda_, couples_;
+    double reach_ = 1.0; ///< of the whole step that the cap on turns allows
+    double turn_ = 0.0;  ///< largest of a tangent in the whole step [rad]
+    double before_ = 0.0, slope_ = 0.0, noise_ = 0.0;
 };
+
+RodNewton::Run::Run(RodNewton& newton, RodState& state, const RodInertia* inertia,
+                    const RodState* midpoint)
+    : newton_(newton), model_(newton.model_), state_(state), inertia_(inertia),
+      midpoint_(midpoint), size_(model_.rod().arc_length().total()),
+      lead_(midpoint ? 2.0 : 1.0)
+{
+    double of_mass = 0.0;
+    if (inertia)
+    {
+        of_mass = 1.0 / (inertia->step * inertia->step);
+        pull_ = inertia->viscosity / inertia->step + of_mass;
+    }
+    floor_ = 8.0 * kRounding * (newton.stiffness_of_spans_ + of_mass * newton.heaviest_) *
+             std::max(size_, state.x().cwiseAbs().maxCoeff());
+    report_.iterations = 0;
+}
+
+RodState RodNewton::Run::end_of(const RodState& at) const
+{
+    RodState end = *midpoint_;
+    end.move_to(2.0 * at.x() - midpoint_->x());
+    return end;
+}
+
+double RodNewton::Run::value(const RodState& at) const
+{
+    double sum = model_.potential(at);
+    if (inertia_)
+    {
+        const Eigen::VectorXd way = at.x() - inertia_->begin;
+        const Eigen::VectorXd M = model_.mass().times(way);
+        sum += 0.5 * pull_ * way.dot(M) - inertia_->velocity.dot(M) / inertia_->step;
+    }
+    return sum;
+}
+
+/// What a step must lower. Couples have no potential: their work on the way to a place is
+/// taken by the ends of the way.
+double RodNewton::Run::merit(const RodState& at, const Eigen::VectorXd& violation) const
+{
+    return value(at) + penalty_ * violation.cwiseAbs().sum() -
+           0.5 * (couples_ + model_.couples(at)).dot(at.x() - state_.x());
+}
+
+/// Gradient, rows and report of the state. False where the solve ends here.
+bool RodNewton::Run::measure(const RodNewtonOptions& options)
+{
+    Eigen::VectorXd& lambda = newton_.lambda_;
+    rows_ = rows(state_);
+    if (lambda.size() != rows_.violation.size())
+        lambda = Eigen::VectorXd::Zero(rows_.violation.size());
+    model_.gradient(state_, gradient_);
+    double at_work = gradient_.cwiseAbs().maxCoeff();
+    if (inertia_)
+    {
+        const Eigen::VectorXd held = model_.mass().times(
+            pull_ * (state_.x() - inertia_->begin) - inertia_->velocity / inertia_->step);
+        at_work = std::max(at_work, held.cwiseAbs().maxCoeff());
+        gradient_ += held;
+    }
+    if (lambda.size() > 0)
+        at_work = std::max(at_work, lambda.cwiseAbs().maxCoeff());
+    Eigen::VectorXd residual = gradient_;
+    add_forces(rows_.rows, lambda, -1.0, residual);
+    report_.residual = residual.cwiseAbs().maxCoeff();
+    report_.violation =
+        rows_.violation.size() > 0 ? rows_.violation.cwiseAbs().maxCoeff() : 0.0;
+    // Down to the floor the residual may still fall: forces across a slender rod are
+    // small beside what rounding does to those along it.
+    const bool is_done = report_.residual <= options.tolerance * at_work;
+    const bool falls = report_.residual < kStill * last_residual_;
+    last_residual_ = report_.residual;
+    is_balanced_ = is_done || report_.residual <= floor_;
+    if (!std::isfinite(report_.residual) || !std::isfinite(report_.violation))
+        report_.stop = RodStop::NotFinite;
+    else if (report_.iterations > 0 && is_balanced_ && (is_done || !falls) &&
+             report_.violation <= kViolation * std::max(size_, 1.0))
+        report_.stop = RodStop::Converged;
+    else if (report_.iterations >= options.max_iterations)
+        report_.stop = RodStop::IterationLimit;
+    return report_.stop == RodStop::NotRun;
+}
+
+/// False if it is not finite.
+bool RodNewton::Run::factorize()
+{
+    BandMatrix& matrix = newton_.matrix_;
+    const auto is_done = [&](bool& is_finite)
+    {
+        const SaddleSolver::Report told =
+            newton_.saddle_.factorize(matrix, rows_.rows, rows_.groups);
+        report_.num_dropped = told.num_dropped;
+        is_finite = told.is_finite;
+        return !told.is_finite || told.num_negative == 0;
+    };
+    bool is_finite = true;
+    for (const RodHessian how :
+         {RodHessian::Exact, RodHessian::Tensed, RodHessian::Definite})
+    {
+        model_.hessian(state_, how, matrix);
+        if (inertia_)
+            model_.mass().add_to(matrix, pull_);
+        if (is_done(is_finite))
+            return is_finite;
+    }
+    // Held by nothing: as little weight as makes it definite.
+    double stiffness = 0.0, added = 0.0;
+    for (int j = 0; j < matrix.rows(); ++j)
+        stiffness = std::max(stiffness, std::abs(matrix.lower(j, j)));
+    for (double share = 1e-12; share < 1e6; share *= 100.0)
+    {
+        const double more = share * stiffness / newton_.heaviest_;
+        model_.mass().add_to(matrix, more - added);
+        added = more;
+        if (is_done(is_finite))
+            return is_finite;
+    }
+    return false;
+}
+
+/// Of all tangents, by the step [rad].
+double RodNewton::Run::largest_turn() const
+{
+    const Rod& rod = model_.rod();
+    double turn = 0.0;
+    for (std::size_t e = 0; e < rod.spans().size(); ++e)
+        for (int p = 0; p < rod.num_places(); ++p)
+        {
+            Eigen::Vector3d change = Eigen::Vector3d::Zero();
+            for (int j = 0; j < rod.order(); ++j)
+                change += rod.first(e, p)[j] *
+                          step_.segment<3>(rod.layout().control[idx(rod.controls(e)[j])]);
+            const Eigen::Vector3d u = state_.first(e, p);
+            const double l2 = u.squaredNorm();
+            turn =
+                std::max(turn, (change - u.dot(change) / l2 * u).norm() / std::sqrt(l2));
+        }
+    return turn;
+}
+
+/// Takes back what a part of the step stretches to second order.
+void RodNewton::Run::correct(double length, RodState& trial)
+{
+    const Eigen::VectorXd part = length * step_;
+    const double largest = step_.cwiseAbs().maxCoeff();
+    Eigen::VectorXd right, values;
+    for (int correction = 0; correction < kCorrections; ++correction)
+    {
+        right.setZero(step_.size());
+        for (const std::unique_ptr<RodTerm>& term : model_.terms)
+            term->add_correction(state_, trial, part, right);
+        values =
+            (rows(trial).violation - (1.0 - length * reach_) * rows_.violation) / lead_;
+        newton_.saddle_.solve(right, values);
+        if (!right.allFinite())
+            return;
+        trial.move(right);
+        if (right.cwiseAbs().maxCoeff() <= kCorrected * largest)
+            return;
+    }
+}
+
+/// Whether a part of the step lowers the merit enough. \p trial becomes its end.
+bool RodNewton::Run::try_length(double length, RodState& trial)
+{
+    const auto is_lower = [&]
+    {
+        return merit(trial, rows(trial).violation) <=
+               before_ + 1e-4 * length * std::min(slope_, 0.0) + noise_;
+    };
+    trial = state_;
+    trial.move(step_, length);
+    // Small steps of soft rods need no correction.
+    if (length * reach_ * turn_ < kSmallTurn && is_lower())
+        return true;
+    correct(length, trial);
+    return is_lower();
+}
+
+/// Goes on by one step. False where none lowers the merit.
+bool RodNewton::Run::advance()
+{
+    turn_ = largest_turn();
+    const bool is_capped = turn_ > kTurn;
+    reach_ = is_capped ? kTurn / turn_ : 1.0;
+    step_ *= reach_;
+    if (next_lambda_.size() > 0)
+        penalty_ = std::max(penalty_, 1.5 * next_lambda_.cwiseAbs().maxCoeff());
+    couples_ = model_.couples(state_);
+    before_ = merit(state_, rows_.violation);
+    slope_ = gradient_.dot(step_) - penalty_ * reach_ * rows_.violation.cwiseAbs().sum();
+    // What rounding makes of the sums.
+    noise_ = 64.0 * kRounding *
+             (std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_);
+    RodState trial = state_;
+    double length = 1.0;
+    for (int halving = 0; !try_length(length, trial); length *= 0.5)
+        if (++halving == kHalvings)
+            return false;
+    const bool is_whole = !is_capped && length >= 0.25;
+    for (const std::unique_ptr<RodTerm>& term : model_.terms)
+    {
+        if (is_whole)
+            term->predict(state_, &step_);
+        else
+            term->predict(trial, nullptr);
+    }
+    newton_.lambda_ = next_lambda_;
+    state_ = std::move(trial);
+    return true;
+}
+
+RodNewtonReport RodNewton::Run::operator()(const RodNewtonOptions& options)
+{
+    for (const std::unique_ptr<RodTerm>& term : model_.terms)
+        term->predict(state_, nullptr);
+    for (; measure(options); ++report_.iterations)
+    {
+        if (!factorize())
+        {
+            report_.stop = RodStop::NotFinite;
+            break;
+        }
+        step_ = -gradient_;
+        next_lambda_ = rows_.violation / lead_;
+        newton_.saddle_.solve(step_, next_lambda_);
+        if (!step_.allFinite())
+        {
+            report_.stop = RodStop::NotFinite;
+            break;
+        }
+        if (!advance())
+        {
+            report_.stop = is_balanced_ ? RodStop::Converged : RodStop::NoDescent;
+            break;
+        }
+    }
+    return report_;
+}
 
 RodNewtonReport RodNewton::solve(RodState& state, const RodInertia* inertia,
                                  const RodNewtonOptions& options,
                                  const RodState* midpoint)
 {
-    Run run(*this, inertia, midpoint);
-    RodNewtonReport report;
-    report.iterations = 0;
-    const Rod& rod = model_.rod();
-    const double size = rod.arc_length().total();
-    // Rounding of the places leaves so much of the forces.
-    const double pull = inertia ? 1.0 / (inertia->step * inertia->step) : 0.0;
-    const double floor = 8.0 * kRounding * (stiffness_of_spans_ + pull * heaviest_) *
-                         std::max(size, state.x().cwiseAbs().maxCoeff());
-    // How much a step of the unknowns moves what constraints are of.
-    const double lead = midpoint ? 2.0 : 1.0;
-    Eigen::VectorXd gradient, residual, step, right, values;
-    for (const std::unique_ptr<RodTerm>& term : model_.terms)
-        term->predict(state, nullptr);
-    double penalty = 0.0;
-    for (;; ++report.iterations)
-    {
-        const RodModel::Rows rows = run.rows(state);
-        if (lambda_.size() != rows.violation.size())
-            lambda_ = Eigen::VectorXd::Zero(rows.violation.size());
-        const double force = run.gradient(state, gradient);
-        residual = gradient;
-        add_forces(rows.rows, lambda_, -1.0, residual);
-        report.residual = residual.cwiseAbs().maxCoeff();
-        report.violation =
-            rows.violation.size() > 0 ? rows.violation.cwiseAbs().maxCoeff() : 0.0;
-        if (!std::isfinite(report.residual) || !std::isfinite(report.violation))
-        {
-            report.stop = RodStop::NotFinite;
-            return report;
-        }
-        const double at_work =
-            lambda_.size() > 0 ? std::max(force, lambda_.cwiseAbs().maxCoeff()) : force;
-        const bool is_balanced =
-            report.residual <= std::max(floor, options.tolerance * at_work);
-        if (report.iterations > 0 && is_balanced &&
-            report.violation <= 1e-11 * std::max(size, 1.0))
-        {
-            report.stop = RodStop::Converged;
-            return report;
-        }
-        if (report.iterations >= options.max_iterations)
-        {
-            report.stop = RodStop::IterationLimit;
-            return report;
-        }
-        if (!run.factorize(state, rows, report.num_dropped))
-        {
-            report.stop = RodStop::NotFinite;
-            return report;
-        }
-        step = -gradient;
-        values = rows.violation / lead;
-        saddle_.solve(step, values);
-        const Eigen::VectorXd next_lambda = values;
-        if (!step.allFinite())
-        {
-            report.stop = RodStop::NotFinite;
-            return report;
-        }
-        // Of every tangent.
-        double turn = 0.0;
-        for (std::size_t e = 0; e < rod.spans().size(); ++e)
-            for (int p = 0; p < rod.num_places(); ++p)
-            {
-                Eigen::Vector3d change = Eigen::Vector3d::Zero();
-                for (int j = 0; j < rod.order(); ++j)
-                    change +=
-                        rod.first(e, p)[j] *
-                        step.segment<3>(rod.layout().control[idx(rod.controls(e)[j])]);
-                const Eigen::Vector3d u = state.first(e, p);
-                const double l2 = u.squaredNorm();
-                turn = std::max(turn,
-                                (change - u.dot(change) / l2 * u).norm() / std::sqrt(l2));
-            }
-        const bool is_capped = turn > kTurn;
-        const double reach = is_capped ? kTurn / turn : 1.0;
-        step *= reach;
-        penalty = std::max(
-            penalty,
-            1.5 * (next_lambda.size() > 0 ? next_lambda.cwiseAbs().maxCoeff() : 0.0));
-        // Couples have no potential: their work on the way there is taken by its ends.
-        const Eigen::VectorXd couples = model_.couples(state);
-        const auto merit = [&](const RodState& at, const Eigen::VectorXd& violation)
-        {
-            return run.value(at) + penalty * violation.cwiseAbs().sum() -
-                   0.5 * (couples + model_.couples(at)).dot(at.x() - state.x());
-        };
-        const double before = merit(state, rows.violation);
-        const double slope =
-            gradient.dot(step) - penalty * reach * rows.violation.cwiseAbs().sum();
-        // What rounding makes of the sums.
-        const double noise =
-            64.0 * kRounding *
-            (std::abs(before) + 1e-6 * stiffness_of_spans_ * size * size);
-        RodState best = state;
-        bool is_accepted = false;
-        double length = 1.0;
-        for (int halving = 0; halving < kHalvings && !is_accepted;
-             ++halving, length *= 0.5)
-        {
-            RodState trial = state;
-            const Eigen::VectorXd part = length * step;
-            trial.move(part);
-            // Small steps of soft rods need no correction.
-            const auto lowers = [&]
-            {
-                return merit(trial, run.violations(trial)) <=
-                       before + 1e-4 * length * std::min(slope, 0.0) + noise;
-            };
-            bool is_lower = length * reach * turn < kSmallTurn && lowers();
-            for (int correction = 0; correction < kCorrections && !is_lower; ++correction)
-            {
-                right.setZero(step.size());
-                for (const std::unique_ptr<RodTerm>& term : model_.terms)
-                    term->add_correction(state, trial, part, right);
-                values =
-                    (run.violations(trial) - (1.0 - length * reach) * rows.violation) /
-                    lead;
-                saddle_.solve(right, values);
-                if (!right.allFinite())
-                    break;
-                trial.move(right);
-                if (right.cwiseAbs().maxCoeff() <=
-                    kCorrected * step.cwiseAbs().maxCoeff())
-                    break;
-            }
-            if (is_lower || lowers())
-            {
-                best = std::move(trial);
-                is_accepted = true;
-            }
-        }
-        if (!is_accepted)
-        {
-            report.stop = is_balanced ? RodStop::Converged : RodStop::NoDescent;
-            return report;
-        }
-        const bool is_whole = !is_capped && length >= 0.25;
-        for (const std::unique_ptr<RodTerm>& term : model_.terms)
-        {
-            if (is_whole)
-                term->predict(state, &step);
-            else
-                term->predict(best, nullptr);
-        }
-        lambda_ = next_lambda;
-        state = std::move(best);
-    }
+    return Run(*this, state, inertia, midpoint)(options);
 }
 
 } // namespace cellwarp

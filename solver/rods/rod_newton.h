@@ -66,7 +66,7 @@ private:
     class Run;
 
     RodModel& model_;
-    BandMatrix matrix_, weight_;
+    BandMatrix matrix_;
     SaddleSolver saddle_;
     Eigen::VectorXd lambda_;
     double stiffness_of_spans_ = 0.0; ///< YA / L + YI / L^3 of the stiffest [N/m]

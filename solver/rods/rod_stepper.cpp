@@ -138,13 +138,18 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
         RodState next = state;
         Eigen::VectorXd next_velocity = velocity;
         const double part = step * length / kMostParts;
-        if (try_implicit(next, next_velocity, part, report) || length == 1)
+        RodStop stop = RodStop::NotRun;
+        const bool is_good = try_implicit(next, next_velocity, part, stop, report);
+        if (is_good || length == 1)
         {
             state = std::move(next);
             velocity = std::move(next_velocity);
             done += length;
             ++report.parts;
-            if (++num_good_ >= kGoodParts && parts_ > 1)
+            if (stop != RodStop::Converged)
+                report.stop = stop;
+            num_good_ = is_good ? num_good_ + 1 : 0;
+            if (num_good_ >= kGoodParts && parts_ > 1)
             {
                 parts_ /= 2;
                 num_good_ = 0;
@@ -157,8 +162,17 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
     return report;
 }
 
+bool RodStepper::keeps_constraints(const RodState& state) const
+{
+    constexpr double kKept = 1e-9;
+    const Eigen::VectorXd violation = model_.rows(state).violation;
+    return violation.size() == 0 ||
+           violation.cwiseAbs().maxCoeff() <=
+               kKept * std::max(1.0, model_.rod().arc_length().total());
+}
+
 bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double step,
-                              RodStepReport& report)
+                              RodStop& stop, RodStepReport& report)
 {
     const bool is_midpoint = integrator_ == Integrator::Midpoint;
     const RodState begin = state;
@@ -167,6 +181,7 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
     RodNewtonOptions options;
     options.max_iterations = kIterations;
     const double before = energy(begin, velocity);
+    const bool is_pulled = !keeps_constraints(begin);
     const RodNewtonReport told =
         newton_.solve(state, &inertia, options, is_midpoint ? &begin : nullptr);
     report.iterations += told.iterations;
@@ -183,17 +198,16 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
     if (is_midpoint && !model_.constraints.empty())
         project_velocity(model_, model_.rows(state), velocity);
     report.violation = told.violation;
-    if (told.stop != RodStop::Converged)
-    {
-        report.stop = told.stop;
+    stop = told.stop;
+    if (stop != RodStop::Converged)
         return false;
-    }
-    // Work of couples and of moving constraints comes in from outside.
+    // Work of couples, and of constraints that bring the rod to another place, comes in
+    // from outside.
+    if (is_pulled)
+        return true;
     for (const RodLoad& load : model_.loads)
         if (!load.moment.isZero(0.0))
             return true;
-    if (model_.has_moving_holds)
-        return true;
     const double size = model_.mass().kinetic_energy(velocity) +
                         model_.elastic_energy(state) + std::abs(before);
     return energy(state, velocity) <=

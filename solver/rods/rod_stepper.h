@@ -23,7 +23,7 @@ enum class Integrator
 
 struct RodStepReport
 {
-    RodStop stop = RodStop::NotRun; ///< the worst of its parts
+    RodStop stop = RodStop::NotRun; ///< of the parts that could not be cut further
     int iterations = 0, parts = 0;
     double violation = 0.0;
     int num_dropped = 0;
@@ -46,9 +46,11 @@ public:
     double energy(const RodState& state, const Eigen::VectorXd& velocity) const;
 
 private:
-    /// What one part of a step came to; nothing where Newton's method failed.
+    /// One part of a step. False where it did not converge, or added energy.
     bool try_implicit(RodState& state, Eigen::VectorXd& velocity, double step,
-                      RodStepReport& report);
+                      RodStop& stop, RodStepReport& report);
+    /// Whether the constraints, as they are now, are met by \p state.
+    bool keeps_constraints(const RodState& state) const;
     void step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
                        RodStepReport& report);
     Eigen::VectorXd acceleration(const RodState& state, const Eigen::VectorXd& velocity,

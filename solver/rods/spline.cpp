@@ -11,6 +11,7 @@
 #include <Eigen/SparseLU>
 
 #include "octree/base/index.h"
+#include "solver/rods/gauss.h"
 
 namespace cellwarp
 {
@@ -18,21 +19,17 @@ namespace cellwarp
 namespace
 {
 
-/// Gauss points and weights on [0, 1].
-constexpr std::array<std::pair<double, double>, 5> kGauss5 = {
-    {{0.046910077030668004, 0.11846344252809454},
-     {0.23076534494715845, 0.23931433524968324},
-     {0.5, 0.28444444444444444},
-     {0.76923465505284155, 0.23931433524968324},
-     {0.953089922969332, 0.11846344252809454}}};
+constexpr int kLengthPlaces = 5; ///< a span
 
 /// Length of the part of a span from its begin to \p s.
 double length_in(const Spline& spline, int span, double s)
 {
     const double begin = spline.basis.spans()[idx(span)].begin;
     double sum = 0.0;
-    for (const auto& [place, weight] : kGauss5)
-        sum += weight * spline.at(span, begin + place * (s - begin)).first.norm();
+    for (std::size_t k = 0; k < kLengthPlaces; ++k)
+        sum += gauss_weights(kLengthPlaces)[k] *
+               spline.at(span, begin + gauss_places(kLengthPlaces)[k] * (s - begin))
+                   .first.norm();
     return sum * (s - begin);
 }
 
@@ -58,21 +55,6 @@ std::vector<Eigen::Vector3d> solved(int n, const Triplets& entries,
     for (int k = 0; k < n; ++k)
         controls.push_back(q.row(k).transpose());
     return controls;
-}
-
-/// Knots at the means of \p degree successive parameters, clamped.
-std::vector<double> averaged_knots(const std::vector<double>& s, int degree)
-{
-    std::vector<double> knots(idx(degree + 1), s.front());
-    for (std::size_t j = 1; j + idx(degree) < s.size(); ++j)
-    {
-        double sum = 0.0;
-        for (std::size_t i = j; i < j + idx(degree); ++i)
-            sum += s[i];
-        knots.push_back(sum / degree);
-    }
-    knots.insert(knots.end(), idx(degree + 1), s.back());
-    return knots;
 }
 
 } // namespace
@@ -102,39 +84,30 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
             throw std::invalid_argument("two points of a curve at the same place");
         s.push_back(s.back() + gap);
     }
-    const auto made = [&]() -> Spline
+    // As many control points as points, one row each.
+    const auto by_points = [&](SplineBasis basis) -> Spline
     {
         Triplets entries;
-        if (is_closed)
+        Eigen::MatrixX3d right(n, 3);
+        for (int i = 0; i < n; ++i)
         {
-            // Of even degree the knots stand between the points: at them there is no
-            // curve through an even number of points.
-            std::vector<double> turn = s;
-            for (std::size_t i = 0; degree % 2 == 0 && i < s.size(); ++i)
-                turn[i] = 0.5 * (s[i] + (i > 0 ? s[i - 1] : s[s.size() - 2] - s.back()));
-            SplineBasis basis = SplineBasis::closed(degree, turn);
-            Eigen::MatrixX3d right(n, 3);
-            for (int i = 0; i < n; ++i)
-            {
-                add_row(basis.values(s[idx(i)]), 0, i, entries);
-                right.row(i) = points[idx(i)].transpose();
-            }
-            return {basis, solved(n, entries, right)};
+            add_row(basis.values(s[idx(i)]), 0, i, entries);
+            right.row(i) = points[idx(i)].transpose();
         }
-        if (degree != 3)
-        {
-            // Few points: as many more on the straight ways between them.
-            if (n < degree + 1)
-                throw std::invalid_argument("too few points for a curve of this degree");
-            SplineBasis basis = SplineBasis::open(degree, averaged_knots(s, degree));
-            Eigen::MatrixX3d right(n, 3);
-            for (int i = 0; i < n; ++i)
-            {
-                add_row(basis.values(s[idx(i)]), 0, i, entries);
-                right.row(i) = points[idx(i)].transpose();
-            }
-            return {basis, solved(n, entries, right)};
-        }
+        return {basis, solved(n, entries, right)};
+    };
+    const auto closed = [&]
+    {
+        // Of even degree the knots stand between the points: at them there is no curve
+        // through an even number of points.
+        std::vector<double> turn = s;
+        for (std::size_t i = 0; degree % 2 == 0 && i < s.size(); ++i)
+            turn[i] = 0.5 * (s[i] + (i > 0 ? s[i - 1] : s[s.size() - 2] - s.back()));
+        return by_points(SplineBasis::closed(degree, turn));
+    };
+    const auto natural = [&]() -> Spline
+    {
+        Triplets entries;
         std::vector<double> knots(3, s.front());
         knots.insert(knots.end(), s.begin(), s.end());
         knots.insert(knots.end(), 3, s.back());
@@ -153,10 +126,29 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
         right.row(n + 1) = points.back().transpose();
         return {basis, solved(n + 2, entries, right)};
     };
-    const Spline spline = refined(made(), spans);
+    if (!is_closed && degree != 3 && n < degree + 1)
+        throw std::invalid_argument("too few points for a curve of this degree");
+    const Spline coarse =
+        is_closed     ? closed()
+        : degree == 3 ? natural()
+                      : by_points(SplineBasis::open(degree, averaged_knots(s, degree)));
     if (parameters)
         *parameters = s;
-    return spline;
+    return refined(coarse, spans);
+}
+
+std::vector<double> averaged_knots(std::span<const double> parameters, int degree)
+{
+    std::vector<double> knots(idx(degree + 1), parameters.front());
+    for (std::size_t j = 1; j + idx(degree) < parameters.size(); ++j)
+    {
+        double sum = 0.0;
+        for (const double s : parameters.subspan(j, idx(degree)))
+            sum += s;
+        knots.push_back(sum / degree);
+    }
+    knots.insert(knots.end(), idx(degree + 1), parameters.back());
+    return knots;
 }
 
 ArcLength::ArcLength(const Spline& spline) : spline_(spline)

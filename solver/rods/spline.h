@@ -2,11 +2,13 @@
 // Spline curves as values: places, arc length, interpolation, knots in and out.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "solver/rods/spline_basis.h"
 
@@ -37,6 +39,10 @@ struct Spline
 /// ones at the same place.
 Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, int spans,
                       int degree = 3, std::vector<double>* parameters = nullptr);
+
+/// Clamped knots at the means of \p degree successive of these ascending parameters, one
+/// a control point.
+std::vector<double> averaged_knots(std::span<const double> parameters, int degree);
 
 /// Arc length of a curve at rest, and its inverse.
 class ArcLength
@@ -85,13 +91,27 @@ WithoutKnot without_knot(const Spline& spline, int knot);
 /// A unit vector across \p tangent: the direction of least component, made orthogonal.
 Eigen::Vector3d any_normal(const Eigen::Vector3d& tangent);
 
-/// Takes a vector across the unit vector \p a to one across \p b by the shortest turn.
-/// \p v must be orthogonal to a; a = -b has no shortest turn: \p v comes back. [Bergou08]
+/// 1 + a . b of two unit vectors; a = -b, which has no shortest turn, is kept from 0.
+inline double hop_scale(const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+{
+    return std::max(1.0 + a.dot(b), 1e-12);
+}
+
+/// Takes a vector across the unit vector \p a to one across \p b by the shortest turn, a
+/// hop. \p v must be orthogonal to a; where there is no shortest turn it comes back.
+/// [Bergou08]
 inline Eigen::Vector3d transported(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
                                    const Eigen::Vector3d& v)
 {
-    const double c = 1.0 + a.dot(b);
-    return c > 1e-12 ? Eigen::Vector3d(v - b.dot(v) / c * (a + b)) : v;
+    const double scale = hop_scale(a, b);
+    return scale > 1e-12 ? Eigen::Vector3d(v - b.dot(v) / scale * (a + b)) : v;
+}
+
+/// 2 a x b / (1 + a . b): half of it, times the move of a or of b, is the angle by which
+/// what the hop carries turns about b.
+inline Eigen::Vector3d turn_of_hop(const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+{
+    return 2.0 / hop_scale(a, b) * a.cross(b);
 }
 
 } // namespace cellwarp

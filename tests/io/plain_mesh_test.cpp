@@ -47,6 +47,22 @@ TEST(PlainMesh, what_is_written_reads_back)
     }
 }
 
+TEST(PlainMesh, groups_of_faces_keep_their_names)
+{
+    Geometry geometry = model();
+    geometry.groups = {{"square", 0, 1}, {"corner", 1, 2}};
+    const std::string bytes =
+        plain_mesh_bytes(geometry, {geometry.samples, geometry.directions}, "obj");
+    const Geometry read = scan_geometry("x.obj", bytes).geometry;
+    ASSERT_EQ(read.groups.size(), 2u);
+    for (std::size_t k = 0; k < 2; ++k)
+    {
+        EXPECT_EQ(read.groups[k].name, geometry.groups[k].name);
+        EXPECT_EQ(read.groups[k].first_face, geometry.groups[k].first_face);
+        EXPECT_EQ(read.groups[k].end_face, geometry.groups[k].end_face);
+    }
+}
+
 TEST(PlainMesh, normals_are_left_out_where_a_sample_has_none)
 {
     Geometry geometry = model();

@@ -73,7 +73,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {"{" + line + R"(, "closed": 1})", "rods[0].closed: need true or false"},
           {"{" + line + R"(, "link": 1})", "rods[0].link"},
           {"{" + line + R"(, "spline": "hermite"})", "rods[0].spline"},
-          {"{" + line + R"(, "energy": "discrete"})", "rods[0].energy: only exact"},
+          {"{" + line + R"(, "energy": "springs"})", "rods[0].energy: "},
           {"{" + line + R"(, "refine": true})", "rods[0].refine: is not supported"},
           {"{" + line + R"(, "fixed": [{"at": 2}]})", "rods[0].fixed[0].at"},
           {"{" + line + R"(, "fixed": [{"what": ["soul"]}]})",

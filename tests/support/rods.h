@@ -64,4 +64,18 @@ inline Eigen::VectorXd random_step(int count, double size, std::mt19937& rng)
     return step;
 }
 
+/// A crooked rod of 9 control points, in space.
+struct RodCase
+{
+    bool is_closed, is_round, is_given;
+    int degree;
+};
+Rod crooked_rod(const RodCase& of, const RodSettings& settings);
+
+Eigen::MatrixXd dense(const BandMatrix& H);
+
+/// At a seeded random state of the rod: the gradient is that of differences of the value,
+/// the exact second derivatives those of second differences, the definite ones positive.
+void expect_derivatives(const RodTerm& term, const Rod& rod);
+
 } // namespace cellwarp::support

@@ -60,6 +60,40 @@ TEST(Render, a_frame_is_one_of_the_handle_files)
                          "error: --frame needs a scene or --handles"));
 }
 
+TEST(Render, a_strip_has_every_frame_that_it_is_asked_for)
+{
+    const BarFiles files;
+    const std::vector<std::string> session = {"render",      files.model, "--handles",
+                                              files.handles, "--across",  "8",
+                                              "--size",      "40x30"};
+    const auto width_of =
+        [&](std::vector<std::string> arguments, const std::vector<std::string>& flags)
+    {
+        const std::string png = files.folder / "strip.png";
+        arguments.insert(arguments.end(), {"-o", png, "--overwrite"});
+        arguments.insert(arguments.end(), flags.begin(), flags.end());
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 0) << result.err;
+        const std::string bytes = support::bytes_of(png);
+        return bytes.size() < 20 ? 0
+                                 : static_cast<unsigned char>(bytes[18]) * 256 +
+                                       static_cast<unsigned char>(bytes[19]);
+    };
+    // At rest, and the frames of the handle file.
+    const int one = width_of(session, {}), all = width_of(session, {"--strip"});
+    EXPECT_EQ(one, 40);
+    EXPECT_GT(all, one);
+    EXPECT_EQ(all % 40, 0);
+    EXPECT_EQ(width_of(session, {"--strip=2"}), 80);
+    EXPECT_EQ(width_of(session, {"--strip=1"}), 40);
+    std::filesystem::remove(files.folder / "strip.png");
+    EXPECT_TRUE(contains(refused(files, {"--strip"}), "--strip needs a scene"));
+    EXPECT_TRUE(contains(refused(files, {"--strip", "--frame", "last"}),
+                         "--strip and --frame: one of them"));
+    EXPECT_EQ(
+        run({"render", files.model, "--strip=0", "-o", files.folder / "x.png"}).code, 2);
+}
+
 TEST(Render, a_picture_is_a_png)
 {
     const BarFiles files;

@@ -44,6 +44,11 @@ TEST(SimulateCommand, writes_frames_and_tells_of_them)
     EXPECT_LT(json["frames"][2]["constraint"].get<double>(), 1e-12);
     const Geometry tube = read_geometry(folder / "rope-02.obj").geometry;
     EXPECT_EQ(tube.samples.size() % 12, 0u);
+    ASSERT_EQ(tube.groups.size(), 1u);
+    EXPECT_EQ(tube.groups[0].name, "rope");
+    EXPECT_EQ(tube.groups[0].end_face, tube.num_faces());
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "rope.ply"}).code, 0);
+    EXPECT_EQ(read_geometry(folder / "rope.ply").geometry.samples, tube.samples);
     // Any spacing of frames sees the same steps, with any number of threads.
     const std::string lines = folder / "lines.obj", again = folder / "again.obj";
     EXPECT_EQ(run({"simulate", scene, "-o", lines, "--lines"}).code, 0);
@@ -57,7 +62,8 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     const Folder folder;
     const std::string scene = folder.write("rope.json", kRope);
     EXPECT_EQ(run({"simulate", scene}).code, 2);
-    EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.ply"}).code, 2);
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.stl"}).code, 2);
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.ply", "--lines"}).code, 2);
     EXPECT_EQ(run({"simulate", scene, "-o", "-", "--json"}).code, 2);
     EXPECT_EQ(run({"simulate", folder / "none.json", "--json"}).code, 4);
     const std::string bad = folder.write("bad.json", R"({"cellwarp": 1, "rods": 7})");

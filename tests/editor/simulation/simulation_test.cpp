@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <map>
+
 #include <gtest/gtest.h>
 
 #include "tests/support/throws.h"
@@ -82,6 +84,27 @@ TEST(Simulation, curves_that_cannot_be_are_named)
             << curve;
 }
 
+TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)
+{
+    std::map<std::string, Eigen::Vector3d> tips;
+    for (const std::string energy : {"exact", "continuous", "discrete"})
+    {
+        Simulation simulation(scene_of(
+            R"("through": [[0,0,0],[1,0,0]], "spans": 8, "radius": 0.02, "E": 1e7,
+               "fixed": [{"at": 0, "what": ["point", "tangent", "twist"]}],
+               "energy": ")" +
+                energy + '"',
+            R"({"dt": 0.002, "duration": 0.2})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged) << energy;
+        tips[energy] = simulation.rods(2)[0].curve[1];
+    }
+    EXPECT_GT((tips["exact"] - Eigen::Vector3d(1, 0, 0)).norm(), 0.05);
+    EXPECT_LT((tips["continuous"] - tips["exact"]).norm(), 2e-3);
+    EXPECT_LT((tips["discrete"] - tips["exact"]).norm(), 5e-3);
+}
+
 TEST(Simulation, every_kind_of_curve_falls_without_a_stop)
 {
     for (
@@ -101,9 +124,10 @@ TEST(Simulation, every_kind_of_curve_falls_without_a_stop)
         const SimulationReport report = simulation.report();
         EXPECT_TRUE(report.is_converged) << report.stop;
         EXPECT_GT(report.kinetic, 0.0);
-        const Tube tube = simulation.tubes(6)[0];
-        EXPECT_EQ(tube.points.size() % 6, 0u);
-        for (const Eigen::Vector3d& p : tube.points)
+        const Geometry tube = simulation.surface(6);
+        EXPECT_EQ(tube.samples.size() % 6, 0u);
+        EXPECT_EQ(tube.groups.size(), 1u);
+        for (const Eigen::Vector3d& p : tube.samples)
             EXPECT_TRUE(p.allFinite());
     }
 }

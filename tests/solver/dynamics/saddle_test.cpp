@@ -64,6 +64,33 @@ TEST(Saddle, near_rows_hold_a_matrix_that_alone_is_singular)
     EXPECT_LT((g - exact.tail(2)).norm(), 1e-12);
 }
 
+TEST(Saddle, rows_behind_a_singular_block_lose_nothing)
+{
+    // Before the last row is met the chain may go anywhere: its last pivot is 0.
+    const BandMatrix A = chain(12);
+    const std::vector<SparseRow> rows = {{{11, 1.0}}};
+    SaddleSolver solver;
+    EXPECT_EQ(solver.factorize(A, rows, std::vector{1}).num_negative, 0);
+    Eigen::VectorXd r = Eigen::VectorXd::LinSpaced(12, 1.0, 3.0), g(1);
+    g << 0.3;
+    const Eigen::VectorXd exact = solved(whole(A, rows), r, g);
+    solver.solve(r, g);
+    EXPECT_LT((r - exact.head(12)).norm(), 1e-11);
+    EXPECT_NEAR(g[0], exact[12], 1e-11);
+}
+
+TEST(Saddle, tells_of_directions_that_the_rows_leave_free_alone)
+{
+    // Bends downwards at one unknown: held there it does not.
+    BandMatrix A = chain(12);
+    A.add(11, 11, -3.0);
+    SaddleSolver solver;
+    const std::vector<SparseRow> there = {{{11, 1.0}}}, elsewhere = {{{2, 1.0}}};
+    EXPECT_EQ(solver.factorize(A, there, std::vector{1}).num_negative, 0);
+    EXPECT_EQ(solver.factorize(A, elsewhere, std::vector{1}).num_negative, 1);
+    EXPECT_EQ(solver.factorize(A, {}, {}).num_negative, 1);
+}
+
 TEST(Saddle, rows_from_end_to_end_are_met_too)
 {
     const BandMatrix A = chain(40);

@@ -2,7 +2,6 @@
 #include "solver/rods/elasticity.h"
 
 #include <numbers>
-#include <random>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -16,17 +15,13 @@ namespace cellwarp
 namespace
 {
 
-using support::random_step;
+using support::crooked_rod;
+using support::dense;
+using support::RodCase;
 
-struct Case
+std::vector<RodCase> cases()
 {
-    bool is_closed, is_round, is_given;
-    int degree;
-};
-
-std::vector<Case> cases()
-{
-    std::vector<Case> all;
+    std::vector<RodCase> all;
     for (const int degree : {2, 3, 4, 5})
         for (const bool is_closed : {false, true})
         {
@@ -36,43 +31,11 @@ std::vector<Case> cases()
     return all;
 }
 
-Rod crooked_rod(const Case& of, const RodSettings& settings)
-{
-    std::mt19937 rng(3);
-    std::normal_distribution<double> normal(0.0, 0.05);
-    std::vector<Eigen::Vector3d> q;
-    constexpr int n = 9;
-    for (int i = 0; i < n; ++i)
-    {
-        const double a = of.is_closed ? 2.0 * std::numbers::pi * i / n : 0.3 * i;
-        q.emplace_back(std::cos(a) + normal(rng), std::sin(a) + normal(rng),
-                       of.is_closed ? normal(rng) : 0.2 * i);
-    }
-    std::vector<double> turn = {0.0, 1.0, 1.7, 3.1, 4.0, 5.0, 6.0, 6.7, 8.0, 9.0};
-    SplineBasis basis =
-        of.is_closed
-            ? SplineBasis::closed(of.degree, turn)
-            : SplineBasis::open(of.degree, SplineBasis::clamped_knots(of.degree, n));
-    const Section section{50.0, {1.0, of.is_round ? 1.0 : 2.0}, 0.7, 1.0, 1.0, 0.1};
-    return Rod(
-        {std::move(basis), std::move(q)}, [section](double) { return section; },
-        settings);
-}
-
-Eigen::MatrixXd dense(const BandMatrix& H)
-{
-    Eigen::MatrixXd out = Eigen::MatrixXd::Zero(H.rows(), H.rows());
-    for (int j = 0; j < H.rows(); ++j)
-        for (int i = j; i <= std::min(j + H.half_band(), H.rows() - 1); ++i)
-            out(i, j) = out(j, i) = H.lower(i, j);
-    return out;
-}
-
 } // namespace
 
 TEST(Elasticity, is_zero_at_rest_and_after_rigid_motions)
 {
-    for (const Case& of : cases())
+    for (const RodCase& of : cases())
     {
         if (!of.is_given)
             continue;
@@ -128,63 +91,46 @@ TEST(Elasticity, is_zero_at_rest_and_after_rigid_motions)
 
 TEST(Elasticity, derivatives_are_those_of_differences)
 {
-    for (const Case& of : cases())
+    for (const RodCase& of : cases())
     {
         SCOPED_TRACE(testing::Message() << of.is_closed << of.is_round << of.degree);
         RodSettings settings;
-        settings.rest = of.is_given ? RestShape1D::Given : RestShape1D::Straight;
+        settings.rest = of.is_given ? RodRest::Given : RodRest::Straight;
         settings.rest_twist = 0.2;
         settings.link = 0.3;
         const Rod rod = crooked_rod(of, settings);
         const std::unique_ptr<RodTerm> term = exact_elasticity(rod);
-        const int n = rod.layout().num_unknowns;
-        std::mt19937 rng(7);
-        RodState state(rod);
-        state.move(random_step(n, 0.1, rng));
-        Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);
-        term->add_gradient(state, gradient);
-        const auto moved = [&](const Eigen::VectorXd& step, double length)
-        {
-            RodState to = state;
-            to.move(step, length);
-            return term->value(to);
-        };
-        for (int i = 0; i < n; ++i)
-        {
-            const Eigen::VectorXd unit = Eigen::VectorXd::Unit(n, i);
-            EXPECT_NEAR((moved(unit, 1e-6) - moved(unit, -1e-6)) / 2e-6, gradient[i],
-                        1e-8 * gradient.norm());
-        }
-        BandMatrix H(n, rod.layout().half_band);
-        term->add_hessian(state, RodHessian::Exact, H);
-        const Eigen::MatrixXd exact = dense(H);
-        for (int k = 0; k < 20; ++k)
-        {
-            const Eigen::VectorXd along = random_step(n, 1.0, rng).normalized();
-            const double h = 2e-4;
-            const double second =
-                (moved(along, h) - 2.0 * term->value(state) + moved(along, -h)) / (h * h);
-            EXPECT_NEAR(second, along.dot(exact * along), 3e-6 * exact.norm());
-        }
-        BandMatrix definite(n, rod.layout().half_band);
-        term->add_hessian(state, RodHessian::Definite, definite);
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense(definite));
-        EXPECT_GT(eigen.eigenvalues().minCoeff(),
-                  -1e-10 * eigen.eigenvalues().maxCoeff());
+        support::expect_derivatives(*term, rod);
     }
 }
 
 TEST(Elasticity, leaves_six_rigid_motions_free_and_no_more)
 {
-    const Rod rod = support::straight_rod(1.0, 8, support::section_of(1e4, 1.0, 0.8));
-    const std::unique_ptr<RodTerm> term = exact_elasticity(rod);
-    BandMatrix H(rod.layout().num_unknowns, rod.layout().half_band);
-    term->add_hessian(RodState(rod), RodHessian::Exact, H);
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense(H));
-    const Eigen::VectorXd& values = eigen.eigenvalues();
-    EXPECT_LT(values[5], 1e-8);
-    EXPECT_GT(values[6], 1e-4);
-    EXPECT_EQ((values.array() < 1e-6).count(), 6);
+    for (const int degree : {2, 3, 4, 5})
+        for (const int spans : {1, 2, 3, 8})
+        {
+            SCOPED_TRACE(testing::Message() << degree << " " << spans);
+            const int n = spans + degree;
+            std::vector<Eigen::Vector3d> q;
+            const std::vector<double> knots = SplineBasis::clamped_knots(degree, n);
+            for (int k = 0; k < n; ++k) // at their means, so that P = s x
+            {
+                double sum = 0.0;
+                for (int i = 1; i <= degree; ++i)
+                    sum += knots[idx(k + i)];
+                q.emplace_back(sum / degree, 0, 0);
+            }
+            const Rod rod({SplineBasis::open(degree, knots), q},
+                          [](double) { return support::section_of(1e4, 1.0, 0.8); }, {});
+            const std::unique_ptr<RodTerm> term = exact_elasticity(rod);
+            BandMatrix H(rod.layout().num_unknowns, rod.layout().half_band);
+            term->add_hessian(RodState(rod), RodHessian::Exact, H);
+            const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(dense(H));
+            const Eigen::VectorXd& values = eigen.eigenvalues();
+            EXPECT_LT(values[5], 1e-8);
+            EXPECT_GT(values[6], 1e-4);
+            EXPECT_EQ((values.array() < 1e-6).count(), 6);
+        }
 }
 
 TEST(Elasticity, needs_a_curve_that_bends_and_moves_on)
@@ -206,7 +152,7 @@ TEST(Elasticity, of_an_arc_is_that_of_its_curvature)
     const double R = 2.0;
     const Rod rod(support::circle(R, 48),
                   [](double) { return support::section_of(1e4, 3.0, 1.0); },
-                  {.rest = RestShape1D::Straight});
+                  {.rest = RodRest::Straight});
     const std::unique_ptr<RodTerm> term = exact_elasticity(rod);
     EXPECT_NEAR(term->value(RodState(rod)), std::numbers::pi * 3.0 / R, 1e-4);
 }

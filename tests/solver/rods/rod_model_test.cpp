@@ -56,7 +56,7 @@ bool is_stable(int points, double turns)
 {
     const Rod rod(support::circle(1.0, points),
                   [](double) { return support::section_of(1e6, 1.3, 1.0); },
-                  {.rest = RestShape1D::Straight, .link = turns});
+                  {.rest = RodRest::Straight, .link = turns});
     RodModel model(rod);
     model.terms.push_back(exact_elasticity(rod));
     RodState state(rod);
@@ -135,7 +135,7 @@ TEST(RodModel, hangs_as_a_catenary_without_stiffness)
         }
         const Rod rod(spline_of(low),
                       [](double) { return support::section_of(1e7, 1e-6, 1e-6); },
-                      {.rest = RestShape1D::Straight});
+                      {.rest = RodRest::Straight});
         RodModel model(rod);
         model.terms.push_back(exact_elasticity(rod));
         model.gravity = {0, -1, 0};

@@ -165,12 +165,40 @@ TEST(RodStepper, stays_stable_from_soft_to_stiff_at_small_and_large_steps)
             double energy = stepper.energy(state, velocity);
             for (int k = 0; k < 10; ++k)
             {
-                stepper.step(state, velocity, h);
+                ASSERT_EQ(stepper.step(state, velocity, h).stop, RodStop::Converged);
                 const double now = stepper.energy(state, velocity);
                 ASSERT_LE(now, energy * (1.0 + 1e-7));
                 energy = now;
             }
         }
+}
+
+TEST(RodStepper, what_constraints_bring_along_is_no_energy_of_the_step)
+{
+    const Rod rod = rubber(8);
+    RodModel model(rod);
+    model.terms.push_back(exact_elasticity(rod));
+    model.constraints.push_back({});
+    RodState state(rod);
+    Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+    for (const Integrator rule : {Integrator::ImplicitEuler, Integrator::Midpoint})
+    {
+        RodStepper stepper(model, rule);
+        // Its end is taken away from where it is.
+        model.constraints[0].point += Eigen::Vector3d(0.0, 0.05, 0.0);
+        RodStepReport report = stepper.step(state, velocity, 1e-3);
+        EXPECT_EQ(report.stop, RodStop::Converged);
+        EXPECT_EQ(report.parts, 1);
+        // From then on nothing is added.
+        double energy = stepper.energy(state, velocity);
+        for (int k = 0; k < 20; ++k)
+        {
+            report = stepper.step(state, velocity, 1e-3);
+            EXPECT_EQ(report.stop, RodStop::Converged);
+            EXPECT_LE(stepper.energy(state, velocity), 1.01 * energy);
+            energy = stepper.energy(state, velocity);
+        }
+    }
 }
 
 TEST(RodMass, is_the_mass_of_the_rod_and_its_inverse_undoes_it)
