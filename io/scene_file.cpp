@@ -94,10 +94,14 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         read_settings(object, "field", scene.settings);
         object.warn_of_the_rest();
     }
-    for (const char* later : {"rods", "skeleton", "simulate"})
-        if (const Json* part = root.find(later); part && !part->empty())
-            scene.warnings.push_back(
-                at({path, 0, later}, "is not supported by this version, ignored"));
+    const auto leave_out = [&](const char* key, const char* why)
+    {
+        if (const Json* part = root.find(key); part && !part->empty())
+            scene.warnings.push_back(at({path, 0, key}, why));
+    };
+    leave_out("rods", "is for cellwarp simulate, ignored");
+    leave_out("simulate", "is for cellwarp simulate, ignored");
+    leave_out("skeleton", "is not supported by this version, ignored");
     root.warn_of_the_rest();
     return scene;
 }

@@ -49,14 +49,23 @@ large scan ply
 large soup stl
 
 # Rods, their frames side by side.
-strip() {  # scene, frames, size of one
-    "$cellwarp" render "$here/samples/rods/$1.json" --strip="$2" --size "$3" --view 0 20 \
+"$cellwarp" render "$here/samples/rods/cantilever.json" --frame last --size 640x320 --view 0 20 \
+    -o "$folder/rods-cantilever.png" --overwrite
+strip() {  # scene, frames, size of one, azimuth
+    "$cellwarp" render "$here/samples/rods/$1.json" --strip="$2" --size "$3" \
+        --view "${4:-0}" 20 \
         -o "$folder/rods-$1.png" --overwrite
 }
 "$cellwarp" render "$here/samples/rods/cable.json" --frame last --size 640x320 --view 0 20 \
     -o "$folder/rods-cable.png" --overwrite
-strip pendulum 7 170x320
+strip pendulum 5 240x220
 strip ring 6 200x200
+strip stick 6 200x150
+strip six 6 200x150
+strip free 6 200x220
+strip four 6 200x200 25
+strip short 6 200x200 25
+strip bundle 6 200x240 25
 
 # A palette is enough for them, in a third of the bytes.
 pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

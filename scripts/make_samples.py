@@ -16,7 +16,8 @@ coil      a spring whose turns are 1 % apart; it is pulled up and tilted
 chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
-rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free
+rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
+          four, short, bundle
 """
 import json
 import math
@@ -653,6 +654,25 @@ def rods(folder):
         {"name": "rod", "points": [[k / 49, 0.1 * math.sin(k / 8), 0] for k in range(50)],
          "radius": 0.01, "E": 1e6, "rest": "straight", "velocity": [0.5, 4, 0]}],
         {"dt": 0.002, "duration": 0.8, "every": 0.1})
+    # Four rods of 15 points, by springs, fall over a bar that holds their middles.
+    rod_scene(folder, "four", [
+        {"name": "rod%d" % k, "through": [[-0.5, 0, 0.12 * k], [0.5, 0, 0.12 * k]],
+         "spans": 12, "radius": 0.012, "E": 2e5, "energy": "discrete",
+         "fixed": [{"at": 0.5}]} for k in range(4)],
+        {"dt": 0.002, "duration": 0.6, "every": 0.1, "viscosity": 0.2})
+    # Four short ones of 10 points, Green strain.
+    rod_scene(folder, "short", [
+        {"name": "rod%d" % k, "through": [[0, 0, 0.12 * k], [0.3, 0, 0.12 * k]],
+         "spans": 7, "radius": 0.01, "E": 1e5 * 2 ** k, "energy": "continuous",
+         "fixed": [{"at": 0, "what": clamp}]} for k in range(4)],
+        {"dt": 0.002, "duration": 0.6, "every": 0.1})
+    # Eleven rods of 15 points from one row, by springs.
+    rod_scene(folder, "bundle", [
+        {"name": "rod%d" % k,
+         "through": [[0, 0, 0.04 * k], [0.5 + 0.02 * k, 0.1 * math.sin(k), 0.04 * k]],
+         "spans": 12, "radius": 0.008, "E": 3e5, "energy": "discrete",
+         "fixed": [{"at": 0, "what": clamp}]} for k in range(11)],
+        {"dt": 0.002, "duration": 0.9, "every": 0.15})
 
 
 def main():

@@ -30,12 +30,24 @@ Eigen::Vector3d vector_of(const Triple& t)
     return {t[0], t[1], t[2]};
 }
 
-std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples)
+/// Seen from \p origin.
+std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
+                                        const Eigen::Vector3d& origin)
 {
     std::vector<Eigen::Vector3d> out;
     for (const Triple& t : triples)
-        out.push_back(vector_of(t));
+        out.push_back(vector_of(t) - origin);
     return out;
+}
+
+/// Steps and forces are small beside the places of a scene far from the origin, and drown
+/// in their rounding: everything is seen from one of its points.
+Eigen::Vector3d origin_of(const RodScene& scene)
+{
+    if (scene.rods.empty())
+        return Eigen::Vector3d::Zero();
+    const RodStatement& rod = scene.rods.front();
+    return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
 /// Both sides of a tube, so that its twist is seen.
@@ -87,12 +99,13 @@ Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
     return made(SplineBasis::open(degree, averaged_knots(s, degree)));
 }
 
-Spline curve_of(const RodStatement& rod)
+Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)
 {
     if (!rod.points.empty())
-        return by_controls(rod, merged(vectors_of(rod.points), false));
-    return spline_through(merged(vectors_of(rod.through), rod.is_closed), rod.is_closed,
-                          static_cast<int>(rod.spans), static_cast<int>(rod.degree));
+        return by_controls(rod, merged(vectors_of(rod.points, origin), false));
+    return spline_through(merged(vectors_of(rod.through, origin), rod.is_closed),
+                          rod.is_closed, static_cast<int>(rod.spans),
+                          static_cast<int>(rod.degree));
 }
 
 Section section_of(const RodStatement& rod, double share)
@@ -154,6 +167,19 @@ Motion motion_at(const std::vector<RodKey>& keys, double time,
     return {R, about - R * about + vector_of(between.translate)};
 }
 
+/// Whether weight and loads cancel.
+bool is_balanced(const RodModel& model)
+{
+    Eigen::Vector3d sum = model.mass().total() * model.gravity;
+    double largest = sum.norm();
+    for (const RodLoad& load : model.loads)
+    {
+        sum += load.force;
+        largest = std::max(largest, load.force.norm());
+    }
+    return sum.norm() <= 1e-12 * largest;
+}
+
 } // namespace
 
 struct Simulation::Body
@@ -176,9 +202,9 @@ struct Simulation::Body
     std::optional<RodStepper> stepper;
     double violation = 0.0;
 
-    explicit Body(const RodStatement& of)
+    Body(const RodStatement& of, const Eigen::Vector3d& origin)
         : statement(of),
-          rod(curve_of(of), [&of](double share) { return section_of(of, share); },
+          rod(curve_of(of, origin), [&of](double share) { return section_of(of, share); },
               {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given, of.rest_twist,
                of.link, of.energy == "discrete" ? 2 : 1}),
           model(rod), state(rod),
@@ -197,7 +223,7 @@ struct Simulation::Body
 
 Simulation::~Simulation() = default;
 
-Simulation::Simulation(const RodScene& scene) : scene_(scene)
+Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of(scene))
 {
     for (std::size_t r = 0; r < scene_.rods.size(); ++r)
     {
@@ -205,7 +231,7 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene)
         const std::string where = "rods[" + std::to_string(r) + "]";
         try
         {
-            bodies_.push_back(std::make_unique<Body>(rod));
+            bodies_.push_back(std::make_unique<Body>(rod, origin_));
         }
         catch (const std::invalid_argument& error)
         {
@@ -247,7 +273,7 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene)
         {
             RodConstraint constraint;
             constraint.s = parameter(on.at);
-            constraint.point = vector_of(on.point);
+            constraint.point = vector_of(on.point) - origin_;
             constraint.hold = on.kind == RodOn::Kind::Point   ? Hold::Point
                               : on.kind == RodOn::Kind::Plane ? Hold::Plane
                                                               : Hold::Axis;
@@ -255,12 +281,17 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene)
                 constraint.direction = vector_of(on.direction).normalized();
             if (on.kind == RodOn::Kind::Plane)
                 constraint.point =
-                    constraint.direction * (on.offset / vector_of(on.direction).norm());
+                    constraint.direction * (on.offset / vector_of(on.direction).norm()) -
+                    origin_;
             model.constraints.push_back(constraint);
         }
         for (const RodPull& load : rod.loads)
             model.loads.push_back(
                 {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
+        if (is_static() && model.constraints.empty() && !is_balanced(model))
+            throw malformed({scene_.path, 0, where},
+                            "nothing holds it against its weight and loads: there is no "
+                            "equilibrium (need fixed or on)");
         move_holds(body, 0.0);
         const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
                                 : scene_.integrator == "rk4"    ? Integrator::RungeKutta
@@ -370,9 +401,12 @@ SimulationReport Simulation::report()
         const RodModel& model = body->model;
         out.kinetic += model.mass().kinetic_energy(body->velocity);
         out.elastic += model.elastic_energy(body->state);
-        out.gravity += model.gravity_energy(body->state);
-        out.momentum += model.mass().momentum(body->velocity);
-        out.turning += model.mass().angular_momentum(body->state, body->velocity);
+        const Eigen::Vector3d momentum = model.mass().momentum(body->velocity);
+        out.gravity += model.gravity_energy(body->state) -
+                       model.mass().total() * model.gravity.dot(origin_);
+        out.momentum += momentum;
+        out.turning += model.mass().angular_momentum(body->state, body->velocity) +
+                       origin_.cross(momentum);
         out.violation = std::max(out.violation, body->violation);
     }
     out.iterations = std::exchange(iterations_, 0);
@@ -391,16 +425,17 @@ std::vector<SimulatedRod> Simulation::rods(int places) const
         rod.length = ArcLength(body->state.curve()).total();
         rod.knots = static_cast<int>(body->rod.spans().size()) + 1;
         for (int k = 0; k < places; ++k)
-            rod.curve.push_back(body->state
-                                    .at(body->rod.arc_length().parameter(
-                                        static_cast<double>(k) / (places - 1)))
-                                    .place);
+            rod.curve.push_back(origin_ + body->state
+                                              .at(body->rod.arc_length().parameter(
+                                                  static_cast<double>(k) / (places - 1)))
+                                              .place);
         out.push_back(std::move(rod));
     }
     return out;
 }
 
-void Simulation::add_tube(const Body& body, int around, Geometry& out)
+void Simulation::add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
+                          Geometry& out)
 {
     constexpr int kRings = 4; // a span
     const std::span<const RodSpan> spans = body.rod.spans();
@@ -411,7 +446,7 @@ void Simulation::add_tube(const Body& body, int around, Geometry& out)
     const auto add_ring = [&](double s)
     {
         const Eigen::Matrix3d F = body.state.frame(s);
-        const Eigen::Vector3d middle = body.state.at(s).place;
+        const Eigen::Vector3d middle = origin + body.state.at(s).place;
         const double radius = body.rod.section_at(s).radius;
         for (int k = 0; k < around; ++k)
         {
@@ -455,7 +490,7 @@ Geometry Simulation::surface(int around) const
 {
     Geometry out;
     for (const std::unique_ptr<Body>& body : bodies_)
-        add_tube(*body, around, out);
+        add_tube(*body, origin_, around, out);
     return out;
 }
 

@@ -69,9 +69,11 @@ public:
 private:
     struct Body;
     static void move_holds(Body& body, double time);
-    static void add_tube(const Body& body, int around, Geometry& out);
+    static void add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
+                         Geometry& out);
 
     const RodScene scene_;
+    const Eigen::Vector3d origin_; ///< what the rods' places count from
     std::vector<std::unique_ptr<Body>> bodies_;
     std::int64_t done_ = 0, iterations_ = 0;
     std::string stop_ = "converged";

@@ -124,4 +124,37 @@ void BandFactor::solve(Eigen::Ref<Eigen::VectorXd> b) const
     }
 }
 
+void BandFactor::solve(Eigen::MatrixX3d& b) const
+{
+    const std::size_t width = idx(half_band_ + 1);
+    double *const x = b.col(0).data(), *const y = b.col(1).data(),
+                  *const z = b.col(2).data();
+    for (int j = 0; j < rows_; ++j)
+    {
+        const double* const column = &values_[idx(j) * width];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        for (int k = 1; k <= count; ++k)
+        {
+            x[j + k] -= column[k] * x[j];
+            y[j + k] -= column[k] * y[j];
+            z[j + k] -= column[k] * z[j];
+        }
+    }
+    for (int j = rows_ - 1; j >= 0; --j)
+    {
+        const double* const column = &values_[idx(j) * width];
+        const int count = std::min(half_band_, rows_ - 1 - j);
+        double sum[3] = {x[j] * column[0], y[j] * column[0], z[j] * column[0]};
+        for (int k = 1; k <= count; ++k)
+        {
+            sum[0] -= column[k] * x[j + k];
+            sum[1] -= column[k] * y[j + k];
+            sum[2] -= column[k] * z[j + k];
+        }
+        x[j] = sum[0];
+        y[j] = sum[1];
+        z[j] = sum[2];
+    }
+}
+
 } // namespace cellwarp

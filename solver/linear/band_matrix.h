@@ -73,8 +73,10 @@ public:
     /// as 0.
     Report factorize(const BandMatrix& A, std::span<const char> is_multiplier = {});
 
-    /// b becomes A^-1 b; \p b has rows() rows, any columns.
+    /// b becomes A^-1 b.
     void solve(Eigen::Ref<Eigen::VectorXd> b) const;
+    /// The same for three right sides at once.
+    void solve(Eigen::MatrixX3d& b) const;
 
     int rows() const { return rows_; }
 

@@ -40,6 +40,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -88,14 +89,15 @@ class Elasticity final : public RodTerm
         int first_stretch = 0, num_stretch = 0;
         double twist_stiffness = 0.0, rest_twist = 0.0; ///< GJ / L [N m], [rad]
         std::array<int, 2> station = {};
+        int first_unknown = 0;
+        std::size_t pattern = 0;
     };
 
     /// What the derivatives of one span are made of.
     struct Look
     {
         std::array<Vector3d, M> q;
-        std::array<Vector3d, kPlaces> u, t;
-        std::array<double, kPlaces> l;
+        const RodState::Velocity* at; ///< of all places
         std::array<Vector3d, kInside> w;
     };
     /// One hop from tangent to tangent.
@@ -103,6 +105,34 @@ class Elasticity final : public RodTerm
     {
         int a = 0, b = 0;
         Vector3d beta, tt;
+    };
+    /// Forces on a span, gathered where they act.
+    struct Pull
+    {
+        std::array<Vector3d, kPlaces> on_u;
+        std::array<Vector3d, kInside> on_w;
+        std::array<double, kPlaces> on_hop = {}; ///< moments
+        double on_near = 0.0, on_far = 0.0;      ///< on the angles
+        Pull()
+        {
+            on_u.fill(Vector3d::Zero());
+            on_w.fill(Vector3d::Zero());
+        }
+        void add_twist(const Elasticity& of, double moment)
+        {
+            for (int k = 0; k < kPlaces; ++k)
+                on_hop[idx(k)] += moment * of.hop_share(k);
+            on_near -= moment;
+            on_far += moment;
+        }
+        /// On the spin at an inner place.
+        void add_spin(const Elasticity& of, double place, int g, double moment)
+        {
+            add_twist(of, moment * place);
+            for (int k = 0; k <= g; ++k)
+                on_hop[idx(k)] -= moment;
+            on_near += moment;
+        }
     };
     struct Strain
     {
@@ -137,7 +167,7 @@ public:
                 std::copy_n(rod.second(e, g + 1), M, span.second[idx(g)].begin());
                 Bending& b = span.bending[idx(g)];
                 b.place = places[idx(g)];
-                b.sigma = rest.first(e, g + 1).norm();
+                b.sigma = rest.velocity(e, g + 1).length;
                 b.weight = weights[idx(g)] * h * b.sigma;
                 const Section section = rod.section_at(of.begin + b.place * h);
                 b.stiffness = section.bending;
@@ -148,6 +178,7 @@ public:
             span.rest_twist = rod.settings().rest_twist * of.length;
             if (is_given)
                 span.rest_twist += rest.winding(e);
+            find_pattern(span);
             spans_.push_back(span);
             add_stretch(e, h);
         }
@@ -155,7 +186,7 @@ public:
             for (std::size_t e = 0; e < spans_.size(); ++e)
             {
                 Span& span = spans_[e];
-                const Look at = look(rest, span);
+                const Look at = look(rest, span, e);
                 for (int g = 0; g < kInside; ++g)
                 {
                     const Strain strain = strain_of(at, span, g);
@@ -175,7 +206,7 @@ public:
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
             const Span& span = spans_[e];
-            const Look at = look(state, span);
+            const Look at = look(state, span, e);
             for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
             {
                 const Stretch& s = stretch_[idx(span.first_stretch + k)];
@@ -208,58 +239,43 @@ public:
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
             const Span& span = spans_[e];
-            const Look at = look(state, span);
-            Local g = Local::Zero();
+            const Look at = look(state, span, e);
+            Forces forces = {};
             for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
             {
                 const Stretch& s = stretch_[idx(span.first_stretch + k)];
                 const Vector3d u = velocity(at, s);
                 const double l = u.norm();
                 const Vector3d pull = s.weight * (l / s.sigma - 1.0) / (s.sigma * l) * u;
-                for (int j = 0; j < M; ++j)
-                    g.template segment<3>(3 * j) += s.first[idx(j)] * pull;
+                add_scaled(s.first, pull, forces);
             }
-            std::array<Hop, kPlaces> hops;
-            const double moment =
-                parts_.has_twist
-                    ? span.twist_stiffness * (state.twist(e) - span.rest_twist)
-                    : 0.0;
-            const bool needs_frames = parts_.has_bending && !is_plain_;
-            Local of_twist = Local::Zero();
-            if (moment != 0.0 || needs_frames)
+            Pull pull;
+            if (parts_.has_twist)
+                pull.add_twist(*this,
+                               span.twist_stiffness * (state.twist(e) - span.rest_twist));
+            for (int g = 0; parts_.has_bending && g < kInside; ++g)
             {
-                find_hops(at, hops);
-                of_twist = twist_form(span, at, hops);
-                g += moment * of_twist;
-            }
-            for (int p = 0; parts_.has_bending && p < kInside; ++p)
-            {
-                const Bending& b = span.bending[idx(p)];
-                const Strain s = strain_of(at, span, p);
-                Vector3d on_u, on_w;
+                const Bending& b = span.bending[idx(g)];
+                const Strain s = strain_of(at, span, g);
                 if (is_plain_)
                 {
-                    pull_back(at, p, s, b.weight * b.stiffness[0] * s.K, on_u, on_w);
+                    pull_back(at, g, s, b.weight * b.stiffness[0] * s.K, pull);
+                    continue;
                 }
-                else
-                {
-                    const auto [m1, m2] = directions(state, e, at, p);
-                    const double k1 = s.K.dot(m1), k2 = s.K.dot(m2);
-                    const double S1 = b.weight * b.stiffness[0] * (k1 - b.rest[0]);
-                    const double S2 = b.weight * b.stiffness[1] * (k2 - b.rest[1]);
-                    pull_back(at, p, s, S1 * m1 + S2 * m2, on_u, on_w);
-                    g += (S1 * k2 - S2 * k1) * spin_form(span, at, hops, of_twist, p);
-                }
-                for (int j = 0; j < M; ++j)
-                    g.template segment<3>(3 * j) +=
-                        span.first[idx(p) + 1][idx(j)] * on_u +
-                        span.second[idx(p)][idx(j)] * on_w;
+                const auto [m1, m2] = directions(state, e, at, g);
+                const double k1 = s.K.dot(m1), k2 = s.K.dot(m2);
+                const double S1 = b.weight * b.stiffness[0] * (k1 - b.rest[0]);
+                const double S2 = b.weight * b.stiffness[1] * (k2 - b.rest[1]);
+                pull_back(at, g, s, S1 * m1 + S2 * m2, pull);
+                pull.add_spin(*this, b.place, g, S1 * k2 - S2 * k1);
             }
+            add_hops(at, pull);
+            spread(span, pull, forces);
             for (int j = 0; j < M; ++j)
-                out.template segment<3>(span.control[idx(j)]) +=
-                    g.template segment<3>(3 * j);
-            out[span.angle[0]] += g[3 * M];
-            out[span.angle[1]] += g[3 * M + 1];
+                for (int c = 0; c < 3; ++c)
+                    out[span.control[idx(j)] + c] += forces[idx(3 * j + c)];
+            out[span.angle[0]] += pull.on_near;
+            out[span.angle[1]] += pull.on_far;
         }
     }
 
@@ -267,7 +283,6 @@ public:
                      BandMatrix& out) const override
     {
         const bool is_exact = how != RodHessian::Definite;
-        using Square = Eigen::Matrix<double, kLocal, kLocal>;
         Square H;
         // The lower triangle is enough: += x v v^T.
         const auto add_square = [&H](const Local& v, double x)
@@ -282,16 +297,8 @@ public:
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
             const Span& span = spans_[e];
-            const Look at = look(state, span);
+            const Look at = look(state, span, e);
             H.setZero();
-            const auto add_block = [&H](const std::array<double, M>& a,
-                                        const std::array<double, M>& b, const Matrix3d& B)
-            {
-                for (int j = 0; j < M; ++j)
-                    for (int i = j; i < M; ++i)
-                        H.template block<3, 3>(3 * i, 3 * j) +=
-                            (a[idx(i)] * b[idx(j)]) * B;
-            };
             for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
             {
                 const Stretch& s = stretch_[idx(span.first_stretch + k)];
@@ -305,19 +312,21 @@ public:
                              across = force / (l * s.sigma);
                 Matrix3d B = (along - across) * t * t.transpose();
                 B.diagonal().array() += across;
-                add_block(s.first, s.first, B);
+                for (int j = 0; j < M; ++j)
+                    add_column(s.first, j, s.first[idx(j)] * B, H);
             }
             const double moment =
                 parts_.has_twist
                     ? span.twist_stiffness * (state.twist(e) - span.rest_twist)
                     : 0.0;
+            Blocks blocks(parts_.has_bending);
             std::array<Hop, kPlaces> hops;
             std::array<double, kPlaces> hop_force = {};
             Local of_twist = Local::Zero();
             if (parts_.has_twist || !is_plain_)
             {
                 find_hops(at, hops);
-                of_twist = twist_form(span, at, hops);
+                of_twist = twist_form(span, at);
             }
             if (parts_.has_twist)
             {
@@ -331,9 +340,8 @@ public:
                 const Strain s = strain_of(at, span, p);
                 const std::array<double, M>& c1 = span.first[idx(p) + 1];
                 const std::array<double, M>& c2 = span.second[idx(p)];
-                const Vector3d &u = at.u[idx(p) + 1], &t = at.t[idx(p) + 1],
-                               &w = at.w[idx(p)];
-                const double l = at.l[idx(p) + 1];
+                const auto& [u, t, l] = at.at[p + 1];
+                const Vector3d& w = at.w[idx(p)];
                 const Matrix3d A =
                     -s.f * cross_matrix(w) - (2.0 / l) * s.K * t.transpose();
                 const Matrix3d B = s.f * cross_matrix(u);
@@ -353,9 +361,9 @@ public:
                 if (is_plain_)
                 {
                     const double k = b.weight * b.stiffness[0];
-                    uu = A.transpose() * A;
-                    uw = A.transpose() * B;
-                    ww = B.transpose() * B;
+                    uu = A.transpose().lazyProduct(A);
+                    uw = A.transpose().lazyProduct(B);
+                    ww = B.transpose().lazyProduct(B);
                     if (is_exact)
                         add_curvature(s.K);
                     uu *= k;
@@ -369,7 +377,7 @@ public:
                     const double Y1 = b.weight * b.stiffness[0],
                                  Y2 = b.weight * b.stiffness[1];
                     const double S1 = Y1 * (k1 - b.rest[0]), S2 = Y2 * (k2 - b.rest[1]);
-                    const Local spin = spin_form(span, at, hops, of_twist, p);
+                    const Local spin = spin_form(span, at, p);
                     const auto form = [&](const Vector3d& m)
                     {
                         Local v = Local::Zero();
@@ -401,16 +409,13 @@ public:
                         add_square(spin, -(S1 * k1 + S2 * k2));
                     }
                 }
-                for (int j = 0; j < M; ++j)
-                    for (int i = j; i < M; ++i)
-                        H.template block<3, 3>(3 * i, 3 * j) +=
-                            (c1[idx(i)] * c1[idx(j)]) * uu +
-                            (c1[idx(i)] * c2[idx(j)]) * uw +
-                            (c2[idx(i)] * c1[idx(j)]) * uw.transpose() +
-                            (c2[idx(i)] * c2[idx(j)]) * ww;
+                blocks.uu[idx(p) + 1] = uu;
+                blocks.uw[idx(p)] = uw;
+                blocks.ww[idx(p)] = ww;
             }
             if (is_exact)
-                add_hops(span, at, hops, hop_force, H);
+                add_hops(at, hops, hop_force, blocks);
+            blocks.spread(span, H);
             add_to_band(span, H, out);
         }
     }
@@ -420,9 +425,10 @@ public:
         is_predicted_ = step != nullptr;
         if (!step)
             return;
-        for (const Span& span : spans_)
+        for (std::size_t e = 0; e < spans_.size(); ++e)
         {
-            const Look at = look(state, span);
+            const Span& span = spans_[e];
+            const Look at = look(state, span, e);
             for (int k = 0; k < span.num_stretch; ++k)
             {
                 Stretch& s = stretch_[idx(span.first_stretch + k)];
@@ -439,9 +445,10 @@ public:
     {
         if (!parts_.has_stretch)
             return;
-        for (const Span& span : spans_)
+        for (std::size_t e = 0; e < spans_.size(); ++e)
         {
-            const Look old = look(before, span), now = look(after, span);
+            const Span& span = spans_[e];
+            const Look old = look(before, span, e), now = look(after, span, e);
             for (int k = 0; k < span.num_stretch; ++k)
             {
                 const Stretch& s = stretch_[idx(span.first_stretch + k)];
@@ -487,20 +494,12 @@ private:
         }
     }
 
-    Look look(const RodState& state, const Span& span) const
+    Look look(const RodState& state, const Span& span, std::size_t e) const
     {
         Look at;
         for (int j = 0; j < M; ++j)
             at.q[idx(j)] = state.x().template segment<3>(span.control[idx(j)]);
-        for (int p = 0; p < kPlaces; ++p)
-        {
-            Vector3d u = Vector3d::Zero();
-            for (int j = 0; j < M; ++j)
-                u += span.first[idx(p)][idx(j)] * at.q[idx(j)];
-            at.u[idx(p)] = u;
-            at.l[idx(p)] = u.norm();
-            at.t[idx(p)] = u / at.l[idx(p)];
-        }
+        at.at = state.velocities(e);
         for (int g = 0; g < kInside; ++g)
         {
             Vector3d w = Vector3d::Zero();
@@ -533,9 +532,9 @@ private:
 
     Strain strain_of(const Look& at, const Span& span, int g) const
     {
-        const double l = at.l[idx(g) + 1];
+        const auto& [u, t, l] = at.at[g + 1];
         const double f = 1.0 / (l * l * span.bending[idx(g)].sigma);
-        return {f * at.u[idx(g) + 1].cross(at.w[idx(g)]), f};
+        return {f * u.cross(at.w[idx(g)]), f};
     }
 
     /// m_1 and m_2 at an inner place.
@@ -545,23 +544,27 @@ private:
         const Span& span = spans_[e];
         Vector3d a = state.reference(span.station[0]);
         for (int p = 0; p <= g; ++p)
-            a = transported(at.t[idx(p)], at.t[idx(p) + 1], a);
+            a = transported(at.at[p].tangent, at.at[p + 1].tangent, a);
         const double psi =
             state.angle(span.station[0]) + span.bending[idx(g)].place * state.twist(e);
-        const Vector3d& t = at.t[idx(g) + 1];
+        const Vector3d& t = at.at[g + 1].tangent;
         const Vector3d m1 = std::cos(psi) * a + std::sin(psi) * t.cross(a);
         return {m1, t.cross(m1)};
     }
 
-    /// The hops of the chain, and at the end the one at once.
+    /// Places that a hop goes from and to: those of the chain, and at the end the one at
+    /// once.
+    static std::pair<int, int> ends_of_hop(int k)
+    {
+        return k + 1 < kPlaces ? std::pair(k, k + 1) : std::pair(0, kPlaces - 1);
+    }
     void find_hops(const Look& at, std::array<Hop, kPlaces>& hops) const
     {
         for (int k = 0; k < kPlaces; ++k)
         {
             Hop& hop = hops[idx(k)];
-            hop.a = k + 1 < kPlaces ? k : 0;
-            hop.b = k + 1 < kPlaces ? k + 1 : kPlaces - 1;
-            const Vector3d &a = at.t[idx(hop.a)], &b = at.t[idx(hop.b)];
+            std::tie(hop.a, hop.b) = ends_of_hop(k);
+            const Vector3d &a = at.at[hop.a].tangent, &b = at.at[hop.b].tangent;
             hop.beta = turn_of_hop(a, b);
             hop.tt = (a + b) / hop_scale(a, b);
         }
@@ -571,93 +574,196 @@ private:
     {
         return (k + 1 < kPlaces ? 1.0 : -cubes_) / (1.0 - cubes_);
     }
-
-    /// out += share * dm of a hop.
-    void add_hop(const Span& span, const Look& at, const Hop& hop, double share,
-                 Local& out) const
-    {
-        const Vector3d on_a = share / (2.0 * at.l[idx(hop.a)]) * hop.beta;
-        const Vector3d on_b = share / (2.0 * at.l[idx(hop.b)]) * hop.beta;
-        for (int j = 0; j < M; ++j)
-            out.template segment<3>(3 * j) += span.first[idx(hop.a)][idx(j)] * on_a +
-                                              span.first[idx(hop.b)][idx(j)] * on_b;
-    }
-    /// dDelta
-    Local twist_form(const Span& span, const Look& at,
-                     const std::array<Hop, kPlaces>& hops) const
-    {
-        Local form = Local::Zero();
-        for (int k = 0; k < kPlaces; ++k)
-            add_hop(span, at, hops[idx(k)], hop_share(k), form);
-        form[3 * M] = -1.0;
-        form[3 * M + 1] = 1.0;
-        return form;
-    }
-    /// dphi at an inner place
-    Local spin_form(const Span& span, const Look& at,
-                    const std::array<Hop, kPlaces>& hops, const Local& of_twist,
-                    int g) const
-    {
-        Local form = span.bending[idx(g)].place * of_twist;
-        for (int k = 0; k <= g; ++k)
-            add_hop(span, at, hops[idx(k)], -1.0, form);
-        form[3 * M] += 1.0;
-        return form;
-    }
-
-    /// The gradient of force . K by u and w.
-    void pull_back(const Look& at, int g, const Strain& s, const Vector3d& force,
-                   Vector3d& on_u, Vector3d& on_w) const
-    {
-        const Vector3d &u = at.u[idx(g) + 1], &t = at.t[idx(g) + 1], &w = at.w[idx(g)];
-        on_u = s.f * w.cross(force) - 2.0 * s.K.dot(force) / at.l[idx(g) + 1] * t;
-        on_w = -s.f * u.cross(force);
-    }
-
-    template <class Square>
-    void add_hops(const Span& span, const Look& at, const std::array<Hop, kPlaces>& hops,
-                  const std::array<double, kPlaces>& force, Square& H) const
+    /// Moments on hops become forces on u.
+    static void add_hops(const Look& at, Pull& pull)
     {
         for (int k = 0; k < kPlaces; ++k)
         {
+            if (pull.on_hop[idx(k)] == 0.0)
+                continue;
+            const auto [a, b] = ends_of_hop(k);
+            const Vector3d turn = 0.5 * pull.on_hop[idx(k)] *
+                                  turn_of_hop(at.at[a].tangent, at.at[b].tangent);
+            pull.on_u[idx(a)] += turn / at.at[a].length;
+            pull.on_u[idx(b)] += turn / at.at[b].length;
+        }
+    }
+    /// Three of each control point.
+    using Forces = std::array<double, idx(3 * M)>;
+    static void add_scaled(const std::array<double, M>& share, const Vector3d& force,
+                           Forces& out)
+    {
+        for (int j = 0; j < M; ++j)
+            for (int c = 0; c < 3; ++c)
+                out[idx(3 * j + c)] += share[idx(j)] * force[c];
+    }
+    /// Forces on control points.
+    static void spread(const Span& span, const Pull& pull, Forces& out)
+    {
+        for (int p = 0; p < kPlaces; ++p)
+            add_scaled(span.first[idx(p)], pull.on_u[idx(p)], out);
+        for (int g = 0; g < kInside; ++g)
+            add_scaled(span.second[idx(g)], pull.on_w[idx(g)], out);
+    }
+    static Local form_of(const Span& span, const Look& at, Pull& pull)
+    {
+        add_hops(at, pull);
+        Forces forces = {};
+        spread(span, pull, forces);
+        Local form;
+        for (int i = 0; i < 3 * M; ++i)
+            form[i] = forces[idx(i)];
+        form[3 * M] = pull.on_near;
+        form[3 * M + 1] = pull.on_far;
+        return form;
+    }
+    /// dDelta
+    Local twist_form(const Span& span, const Look& at) const
+    {
+        Pull pull;
+        pull.add_twist(*this, 1.0);
+        return form_of(span, at, pull);
+    }
+    /// dphi at an inner place
+    Local spin_form(const Span& span, const Look& at, int g) const
+    {
+        Pull pull;
+        pull.add_spin(*this, span.bending[idx(g)].place, g, 1.0);
+        return form_of(span, at, pull);
+    }
+
+    /// The gradient of force . K by u and w.
+    static void pull_back(const Look& at, int g, const Strain& s, const Vector3d& force,
+                          Pull& pull)
+    {
+        const auto& [u, t, l] = at.at[g + 1];
+        pull.on_u[idx(g) + 1] +=
+            s.f * at.w[idx(g)].cross(force) - 2.0 * s.K.dot(force) / l * t;
+        pull.on_w[idx(g)] -= s.f * u.cross(force);
+    }
+
+    using Square = Eigen::Matrix<double, kLocal, kLocal>;
+    /// Adds the blocks (i, j) of control points, i >= j: a_i X.
+    static void add_column(const std::array<double, M>& a, int j, const Matrix3d& X,
+                           Square& H)
+    {
+        for (int c = 0; c < 3; ++c)
+        {
+            double* const column = &H(0, 3 * j + c);
+            for (int i = j; i < M; ++i)
+                for (int r = 0; r < 3; ++r)
+                    column[3 * i + r] += a[idx(i)] * X(r, c);
+        }
+    }
+
+    /// Second derivatives of a span where they arise: by u and w of its places, and by u
+    /// of both ends of a hop.
+    struct Blocks
+    {
+        std::array<Matrix3d, kPlaces> uu, hop;
+        std::array<Matrix3d, kInside> uw, ww;
+        bool bends, hops = false;
+
+        explicit Blocks(bool has_bending) : bends(has_bending)
+        {
+            for (Matrix3d& block : uu)
+                block.setZero();
+        }
+        /// Onto the control points, the lower triangle.
+        void spread(const Span& span, Square& H) const
+        {
+            for (int p = 0; p < kPlaces; ++p)
+            {
+                const bool is_inside = p > 0 && p + 1 < kPlaces;
+                if (!hops && !(bends && is_inside))
+                    continue;
+                for (int j = 0; j < M; ++j)
+                {
+                    Matrix3d X = span.first[idx(p)][idx(j)] * uu[idx(p)];
+                    if (bends && is_inside)
+                        X += span.second[idx(p) - 1][idx(j)] * uw[idx(p) - 1];
+                    for (int k = 0; hops && k < kPlaces; ++k)
+                    {
+                        const auto [a, b] = ends_of_hop(k);
+                        if (a == p)
+                            X += span.first[idx(b)][idx(j)] * hop[idx(k)];
+                        else if (b == p)
+                            X += span.first[idx(a)][idx(j)] * hop[idx(k)].transpose();
+                    }
+                    add_column(span.first[idx(p)], j, X, H);
+                }
+            }
+            for (int g = 0; bends && g < kInside; ++g)
+                for (int j = 0; j < M; ++j)
+                    add_column(span.second[idx(g)], j,
+                               span.first[idx(g) + 1][idx(j)] * uw[idx(g)].transpose() +
+                                   span.second[idx(g)][idx(j)] * ww[idx(g)],
+                               H);
+        }
+    };
+
+    static void add_hops(const Look& at, const std::array<Hop, kPlaces>& hops,
+                         const std::array<double, kPlaces>& force, Blocks& blocks)
+    {
+        for (int k = 0; k < kPlaces; ++k)
+        {
+            blocks.hop[idx(k)].setZero();
             if (force[idx(k)] == 0.0)
                 continue;
+            blocks.hops = true;
             const Hop& hop = hops[idx(k)];
-            const double la = at.l[idx(hop.a)], lb = at.l[idx(hop.b)];
+            const double la = at.at[hop.a].length, lb = at.at[hop.b].length;
             const auto own = [&](const Vector3d& t, double l) -> Matrix3d
             {
                 const Vector3d s = t + hop.tt;
                 return -force[idx(k)] / (4.0 * l * l) *
                        (hop.beta * s.transpose() + s * hop.beta.transpose());
             };
-            const Matrix3d aa = own(at.t[idx(hop.a)], la), bb = own(at.t[idx(hop.b)], lb);
-            const Matrix3d ab =
+            blocks.uu[idx(hop.a)] += own(at.at[hop.a].tangent, la);
+            blocks.uu[idx(hop.b)] += own(at.at[hop.b].tangent, lb);
+            blocks.hop[idx(k)] =
                 force[idx(k)] / (2.0 * la * lb) *
                 (cross_matrix(hop.tt) -
                  0.5 * (hop.beta * hop.tt.transpose() + hop.tt * hop.beta.transpose()));
-            const std::array<double, M>&ca = span.first[idx(hop.a)],
-                                     &cb = span.first[idx(hop.b)];
-            for (int j = 0; j < M; ++j)
-                for (int i = j; i < M; ++i)
-                    H.template block<3, 3>(3 * i, 3 * j) +=
-                        (ca[idx(i)] * ca[idx(j)]) * aa + (ca[idx(i)] * cb[idx(j)]) * ab +
-                        (cb[idx(i)] * ca[idx(j)]) * ab.transpose() +
-                        (cb[idx(i)] * cb[idx(j)]) * bb;
         }
     }
 
-    template <class Square>
-    void add_to_band(const Span& span, const Square& H, BandMatrix& out) const
+    /// Where the lower triangle of a span's matrix stands in the band, from the entry of
+    /// its first unknown on.
+    using Pattern = std::array<int, idx(kLocal*(kLocal + 1) / 2)>;
+
+    void find_pattern(Span& span)
     {
-        std::array<int, kLocal> place;
+        std::array<int, idx(kLocal)> place;
         for (int j = 0; j < M; ++j)
             for (int c = 0; c < 3; ++c)
                 place[idx(3 * j + c)] = span.control[idx(j)] + c;
         place[idx(3 * M)] = span.angle[0];
         place[idx(3 * M + 1)] = span.angle[1];
+        const int first = *std::min_element(place.begin(), place.end());
+        const int width = rod_.layout().half_band + 1;
+        Pattern pattern;
+        auto next = pattern.begin();
         for (int j = 0; j < kLocal; ++j)
             for (int i = j; i < kLocal; ++i)
-                out.add(place[idx(i)], place[idx(j)], H(i, j));
+            {
+                const auto [low, high] = std::minmax(place[idx(i)], place[idx(j)]);
+                *next++ = (low - first) * width + high - low;
+            }
+        span.first_unknown = first;
+        // Along a rod they are all alike but at its ends.
+        if (patterns_.empty() || patterns_.back() != pattern)
+            patterns_.push_back(pattern);
+        span.pattern = patterns_.size() - 1;
+    }
+
+    void add_to_band(const Span& span, const Square& H, BandMatrix& out) const
+    {
+        double* const to = &out.lower(span.first_unknown, span.first_unknown);
+        const int* at = patterns_[span.pattern].data();
+        for (int j = 0; j < kLocal; ++j)
+            for (int i = j; i < kLocal; ++i)
+                to[*at++] += H(i, j);
     }
 
     const Rod& rod_;
@@ -667,6 +773,7 @@ private:
     bool is_predicted_ = false; ///< the stretch forces
     std::vector<Span> spans_;
     std::vector<Stretch> stretch_;
+    std::vector<Pattern> patterns_;
 };
 
 } // namespace

@@ -200,6 +200,7 @@ RodState::RodState(const Rod& rod)
 {
     for (int k = 0; k < rod.num_controls(); ++k)
         x_.segment<3>(rod.layout().control[idx(k)]) = rod.rest().controls[idx(k)];
+    find_velocities();
     const std::span<const RodSpan> spans = rod.spans();
     // Turns put into a closed rod are spread evenly along it.
     double way = 0.0;
@@ -214,7 +215,7 @@ RodState::RodState(const Rod& rod)
         const auto [near, far] = spans[e].station;
         if (e == 0 || near != spans[e - 1].station[1])
         {
-            tangent_[idx(near)] = first(e, 0).normalized();
+            tangent_[idx(near)] = velocity(e, 0).tangent;
             reference_[idx(near)] = any_normal(tangent_[idx(near)]);
         }
         if (far == 0)
@@ -223,7 +224,7 @@ RodState::RodState(const Rod& rod)
         Eigen::Vector3d a = reference_[idx(near)], t = tangent_[idx(near)];
         for (int p = 1; p < rod.num_places(); ++p)
         {
-            const Eigen::Vector3d next = first(e, p).normalized();
+            const Eigen::Vector3d& next = velocity(e, p).tangent;
             a = transported(t, next, a);
             t = next;
         }
@@ -233,14 +234,28 @@ RodState::RodState(const Rod& rod)
     find_windings();
 }
 
-Eigen::Vector3d RodState::first(std::size_t span, int place) const
+void RodState::find_velocities()
 {
-    const double* const b = rod_->first(span, place);
-    const int* const controls = rod_->controls(span);
-    Eigen::Vector3d u = Eigen::Vector3d::Zero();
-    for (int j = 0; j < rod_->order(); ++j)
-        u += b[j] * control(controls[j]);
-    return u;
+    const int order = rod_->order(), count = rod_->num_places();
+    velocity_.resize(rod_->spans().size() * idx(count));
+    Velocity* out = velocity_.data();
+    std::array<Eigen::Vector3d, kMaxOrder> q;
+    for (std::size_t e = 0; e < rod_->spans().size(); ++e)
+    {
+        const int* const controls = rod_->controls(e);
+        for (int j = 0; j < order; ++j)
+            q[idx(j)] = control(controls[j]);
+        for (int p = 0; p < count; ++p, ++out)
+        {
+            const double* const b = rod_->first(e, p);
+            Eigen::Vector3d u = Eigen::Vector3d::Zero();
+            for (int j = 0; j < order; ++j)
+                u += b[j] * q[idx(j)];
+            out->first = u;
+            out->length = u.norm();
+            out->tangent = u / out->length;
+        }
+    }
 }
 
 double RodState::twist(std::size_t span) const
@@ -262,7 +277,7 @@ void RodState::find_windings()
         const double at_once = angle_between(transported(t, end, a), own, end);
         for (int p = 1; p <= last; ++p)
         {
-            const Eigen::Vector3d next = p == last ? end : first(e, p).normalized();
+            const Eigen::Vector3d& next = p == last ? end : velocity(e, p).tangent;
             a = transported(t, next, a);
             t = next;
         }
@@ -274,11 +289,11 @@ void RodState::find_windings()
 void RodState::move(const Eigen::VectorXd& step, double length)
 {
     x_ += length * step;
+    find_velocities();
     const std::span<const RodSpan> spans = rod_->spans();
     const int last = rod_->num_places() - 1;
-    const auto turn = [&](int station, const Eigen::Vector3d& u)
+    const auto turn = [&](int station, const Eigen::Vector3d& t)
     {
-        const Eigen::Vector3d t = u.normalized();
         const Eigen::Vector3d a =
             transported(tangent_[idx(station)], t, reference_[idx(station)]);
         reference_[idx(station)] = (a - t.dot(a) * t).normalized();
@@ -287,10 +302,10 @@ void RodState::move(const Eigen::VectorXd& step, double length)
     for (std::size_t e = 0; e < spans.size(); ++e)
     {
         const auto [near, far] = spans[e].station;
-        turn(near, first(e, 0));
+        turn(near, velocity(e, 0).tangent);
         // The near station of the next span is this one, unless there is none.
         if (e + 1 == spans.size() ? far != 0 : far != spans[e + 1].station[0])
-            turn(far, first(e, last));
+            turn(far, velocity(e, last).tangent);
     }
     find_windings();
 }
@@ -336,7 +351,7 @@ Eigen::Matrix3d RodState::frame(double s) const
     else
     {
         for (int p = 1; p + 1 < rod_->num_places() && rod_->place(p) < x; ++p)
-            go_to(first(e, p));
+            go_to(velocity(e, p).first);
         go_to(at(rod_->basis().values_in(static_cast<int>(e), at_s)).first);
     }
     Eigen::Matrix3d frame;

@@ -174,8 +174,21 @@ public:
     /// To other places, by the shortest turn of each station.
     void move_to(const Eigen::VectorXd& x);
 
-    /// P' at a place of a span, see Rod::first().
-    Eigen::Vector3d first(std::size_t span, int place) const;
+    /// P' at a place of a span, its direction and length.
+    struct Velocity
+    {
+        Eigen::Vector3d first, tangent;
+        double length;
+    };
+    /// Of all places of a span, num_places() of them.
+    const Velocity* velocities(std::size_t span) const
+    {
+        return &velocity_[span * idx(rod_->num_places())];
+    }
+    const Velocity& velocity(std::size_t span, int place) const
+    {
+        return velocities(span)[place];
+    }
     CurvePoint at(double s) const { return at(rod_->basis().values(s)); }
     CurvePoint at(const BasisValues& values) const;
     /// Material frame at a parameter: columns m_1, m_2, tangent.
@@ -183,10 +196,12 @@ public:
     Spline curve() const;
 
 private:
+    void find_velocities();
     void find_windings();
 
     const Rod* rod_;
     Eigen::VectorXd x_;
+    std::vector<Velocity> velocity_;                   ///< of all places of all spans
     std::vector<Eigen::Vector3d> tangent_, reference_; ///< of the stations
     std::vector<double> chain_, winding_;              ///< of the spans
 };

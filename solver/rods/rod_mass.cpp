@@ -122,16 +122,15 @@ Eigen::VectorXd RodMass::times(const Eigen::VectorXd& v) const
 Eigen::VectorXd RodMass::solved(const Eigen::VectorXd& b) const
 {
     const RodLayout& layout = rod_.layout();
-    Eigen::VectorXd out(b.size()), x(place_.rows());
-    for (int c = 0; c < 3; ++c)
-    {
-        for (std::size_t k = 0; k < rank_.size(); ++k)
-            x[rank_[k]] = b[layout.control[k] + c];
-        place_factor_.solve(x);
-        for (std::size_t k = 0; k < rank_.size(); ++k)
-            out[layout.control[k] + c] = x[rank_[k]];
-    }
-    x.resize(spin_.rows());
+    Eigen::VectorXd out(b.size()), x(spin_.rows());
+    Eigen::MatrixX3d places(place_.rows(), 3);
+    for (std::size_t k = 0; k < rank_.size(); ++k)
+        for (int c = 0; c < 3; ++c)
+            places(rank_[k], c) = b[layout.control[k] + c];
+    place_factor_.solve(places);
+    for (std::size_t k = 0; k < rank_.size(); ++k)
+        for (int c = 0; c < 3; ++c)
+            out[layout.control[k] + c] = places(rank_[k], c);
     for (std::size_t k = 0; k < spin_rank_.size(); ++k)
         x[spin_rank_[k]] = b[layout.angle[k]];
     spin_factor_.solve(x);
@@ -165,7 +164,7 @@ Eigen::Vector3d RodMass::angular_momentum(const RodState& state,
                          : station != 0;
             if (is_first)
                 sum += p[rod_.layout().angle[idx(station)]] *
-                       state.first(e, end == 0 ? 0 : rod_.num_places() - 1).normalized();
+                       state.velocity(e, end == 0 ? 0 : rod_.num_places() - 1).tangent;
         }
     return sum;
 }

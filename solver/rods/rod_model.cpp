@@ -5,6 +5,8 @@
 // takes the symmetric part of its derivative.
 #include "solver/rods/rod_model.h"
 
+#include <algorithm>
+
 #include <Eigen/Geometry>
 
 #include "octree/base/rigid_motion.h"
@@ -14,20 +16,27 @@ namespace cellwarp
 
 RodModel::RodModel(const Rod& rod) : rod_(&rod), mass_(rod) {}
 
-Eigen::VectorXd RodModel::constant_force() const
+/// out += scale * (weight and forces of the loads)
+void RodModel::add_constant_force(double scale, Eigen::VectorXd& out) const
 {
     const RodLayout& layout = rod_->layout();
-    Eigen::VectorXd force = Eigen::VectorXd::Zero(layout.num_unknowns);
-    for (int k = 0; k < rod_->num_controls(); ++k)
-        force.segment<3>(layout.control[idx(k)]) = mass_.weights()[k] * gravity;
+    if (!gravity.isZero(0.0))
+        for (int k = 0; k < rod_->num_controls(); ++k)
+            out.segment<3>(layout.control[idx(k)]) +=
+                scale * mass_.weights()[k] * gravity;
     for (const RodLoad& load : loads)
     {
         const BasisValues values = rod_->basis().values(load.s);
         for (int j = 0; j < values.count; ++j)
-            force.segment<3>(layout.control[idx(values.control[idx(j)])]) +=
-                values.value[0][idx(j)] * load.force;
+            out.segment<3>(layout.control[idx(values.control[idx(j)])]) +=
+                scale * values.value[0][idx(j)] * load.force;
     }
-    return force;
+}
+
+bool RodModel::has_couples() const
+{
+    return std::any_of(loads.begin(), loads.end(),
+                       [](const RodLoad& load) { return !load.moment.isZero(0.0); });
 }
 
 double RodModel::elastic_energy(const RodState& state) const
@@ -48,15 +57,22 @@ double RodModel::gravity_energy(const RodState& state) const
 
 double RodModel::potential(const RodState& state) const
 {
-    return elastic_energy(state) - constant_force().dot(state.x());
+    double sum = elastic_energy(state);
+    if (!gravity.isZero(0.0))
+        sum += gravity_energy(state);
+    for (const RodLoad& load : loads)
+        sum -= load.force.dot(state.at(load.s).place);
+    return sum;
 }
 
 void RodModel::gradient(const RodState& state, Eigen::VectorXd& out) const
 {
-    out = -constant_force();
+    out.setZero(rod_->layout().num_unknowns);
+    add_constant_force(-1.0, out);
     for (const std::unique_ptr<RodTerm>& term : terms)
         term->add_gradient(state, out);
-    out -= couples(state);
+    if (has_couples())
+        out -= couples(state);
 }
 
 Eigen::VectorXd RodModel::couples(const RodState& state) const

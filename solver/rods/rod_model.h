@@ -44,6 +44,7 @@ public:
     /// What the loads and gravity can still do: elastic energy less their work. Couples
     /// are not counted: they have no potential.
     double potential(const RodState& state) const;
+    bool has_couples() const;
     /// The couples of the loads, as forces on the unknowns.
     Eigen::VectorXd couples(const RodState& state) const;
     /// Gradient of the potential, less the couples; a positive entry pulls back.
@@ -61,7 +62,7 @@ public:
     Rows rows(const RodState& state) const;
 
 private:
-    Eigen::VectorXd constant_force() const;
+    void add_constant_force(double scale, Eigen::VectorXd& out) const;
 
     const Rod* rod_;
     RodMass mass_;

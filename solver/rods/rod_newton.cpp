@@ -163,8 +163,10 @@ double RodNewton::Run::value(const RodState& at) const
 /// taken by the ends of the way.
 double RodNewton::Run::merit(const RodState& at, const Eigen::VectorXd& violation) const
 {
-    return value(at) + penalty_ * violation.cwiseAbs().sum() -
-           0.5 * (couples_ + model_.couples(at)).dot(at.x() - state_.x());
+    const double sum = value(at) + penalty_ * violation.cwiseAbs().sum();
+    return model_.has_couples()
+               ? sum - 0.5 * (couples_ + model_.couples(at)).dot(at.x() - state_.x())
+               : sum;
 }
 
 /// Gradient, rows and report of the state. False where the solve ends here.
@@ -255,10 +257,8 @@ double RodNewton::Run::largest_turn() const
             for (int j = 0; j < rod.order(); ++j)
                 change += rod.first(e, p)[j] *
                           step_.segment<3>(rod.layout().control[idx(rod.controls(e)[j])]);
-            const Eigen::Vector3d u = state_.first(e, p);
-            const double l2 = u.squaredNorm();
-            turn =
-                std::max(turn, (change - u.dot(change) / l2 * u).norm() / std::sqrt(l2));
+            const auto& [u, t, l] = state_.velocity(e, p);
+            turn = std::max(turn, (change - t.dot(change) * t).norm() / l);
         }
     return turn;
 }
@@ -311,7 +311,8 @@ bool RodNewton::Run::advance()
     step_ *= reach_;
     if (next_lambda_.size() > 0)
         penalty_ = std::max(penalty_, 1.5 * next_lambda_.cwiseAbs().maxCoeff());
-    couples_ = model_.couples(state_);
+    if (model_.has_couples())
+        couples_ = model_.couples(state_);
     before_ = merit(state_, rows_.violation);
     slope_ = gradient_.dot(step_) - penalty_ * reach_ * rows_.violation.cwiseAbs().sum();
     // What rounding makes of the sums.

@@ -29,60 +29,60 @@ constexpr int kIterations = 40;
 /// lets it swing by.
 constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3;
 
-/// M^-1 L^T, a column a row, and the inverse of L M^-1 L^T, of least norm where rows are
-/// redundant.
-struct Response
-{
-    Eigen::MatrixXd moved, inverse;
-
-    Response(const RodModel& model, const std::vector<SparseRow>& rows)
-    {
-        const Eigen::Index k = static_cast<Eigen::Index>(rows.size());
-        const int n = model.rod().layout().num_unknowns;
-        moved.setZero(n, k);
-        for (Eigen::Index r = 0; r < k; ++r)
-        {
-            Eigen::VectorXd column = Eigen::VectorXd::Zero(n);
-            for (const auto& [unknown, value] : rows[idx(r)])
-                column[unknown] = value;
-            moved.col(r) = model.mass().solved(column);
-        }
-        Eigen::MatrixXd S(k, k);
-        for (Eigen::Index r = 0; r < k; ++r)
-            for (Eigen::Index c = 0; c < k; ++c)
-                S(r, c) = dot(rows[idx(r)], moved.col(c));
-        Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-        decomposition.setThreshold(1e-10);
-        decomposition.compute(S);
-        inverse = decomposition.pseudoInverse();
-    }
-    template <class Vector>
-    static double dot(const SparseRow& row, const Vector& v)
-    {
-        double sum = 0.0;
-        for (const auto& [unknown, value] : row)
-            sum += value * v[unknown];
-        return sum;
-    }
-};
-
 } // namespace
 
-void project_velocity(const RodModel& model, const RodModel::Rows& rows,
-                      Eigen::VectorXd& velocity)
+RodResponse::RodResponse(const RodModel& model, const std::vector<SparseRow>& of)
+    : rows(of)
 {
-    if (rows.rows.empty())
-        return;
-    const Response response(model, rows.rows);
-    Eigen::VectorXd speed(rows.violation.size());
-    for (Eigen::Index r = 0; r < speed.size(); ++r)
-        speed[r] = Response::dot(rows.rows[idx(r)], velocity);
-    velocity -= response.moved * (response.inverse * speed);
+    const Eigen::Index k = static_cast<Eigen::Index>(rows.size());
+    const int n = model.rod().layout().num_unknowns;
+    moved.setZero(n, k);
+    for (Eigen::Index r = 0; r < k; ++r)
+    {
+        Eigen::VectorXd column = Eigen::VectorXd::Zero(n);
+        for (const auto& [unknown, value] : rows[idx(r)])
+            column[unknown] = value;
+        moved.col(r) = model.mass().solved(column);
+    }
+    Eigen::MatrixXd S(k, k);
+    for (Eigen::Index c = 0; c < k; ++c)
+        S.col(c) = along(moved.col(c));
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+    decomposition.setThreshold(1e-10);
+    decomposition.compute(S);
+    inverse = decomposition.pseudoInverse();
+}
+
+Eigen::VectorXd RodResponse::along(const Eigen::VectorXd& v) const
+{
+    Eigen::VectorXd out(static_cast<Eigen::Index>(rows.size()));
+    for (std::size_t r = 0; r < rows.size(); ++r)
+    {
+        double sum = 0.0;
+        for (const auto& [unknown, value] : rows[r])
+            sum += value * v[unknown];
+        out[static_cast<Eigen::Index>(r)] = sum;
+    }
+    return out;
+}
+
+void RodResponse::project(Eigen::VectorXd& v) const
+{
+    const Eigen::VectorXd speed = inverse * along(v);
+    v.noalias() -= moved * speed;
 }
 
 RodStepper::RodStepper(RodModel& model, Integrator integrator)
     : model_(model), integrator_(integrator), newton_(model)
 {
+}
+
+/// Rows of places do not change from step to step, and the response with them.
+const RodResponse& RodStepper::response(const std::vector<SparseRow>& rows) const
+{
+    if (!response_ || response_->rows != rows)
+        response_.emplace(model_, rows);
+    return *response_;
 }
 
 double RodStepper::energy(const RodState& state, const Eigen::VectorXd& velocity) const
@@ -196,18 +196,15 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
     }
     velocity = speed;
     if (is_midpoint && !model_.constraints.empty())
-        project_velocity(model_, model_.rows(state), velocity);
+        response(model_.rows(state).rows).project(velocity);
     report.violation = told.violation;
     stop = told.stop;
     if (stop != RodStop::Converged)
         return false;
     // Work of couples, and of constraints that bring the rod to another place, comes in
     // from outside.
-    if (is_pulled)
+    if (is_pulled || model_.has_couples())
         return true;
-    for (const RodLoad& load : model_.loads)
-        if (!load.moment.isZero(0.0))
-            return true;
     const double size = model_.mass().kinetic_energy(velocity) +
                         model_.elastic_energy(state) + std::abs(before);
     return energy(state, velocity) <=
@@ -224,18 +221,16 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
     if (model_.constraints.empty())
         return A;
     const RodModel::Rows rows = model_.rows(state);
-    const Response response(model_, rows.rows);
+    const RodResponse& holds = response(rows.rows);
     const double D = 4.0 * step;
-    Eigen::VectorXd wanted(rows.violation.size());
+    Eigen::VectorXd wanted =
+        -2.0 / D * holds.along(velocity) - rows.violation / (D * D) - holds.along(A);
     Eigen::Index r = 0;
     for (const RodConstraint& constraint : model_.constraints)
         for (const double turning : convective(constraint, state, velocity))
-        {
-            wanted[r] = -turning - 2.0 / D * Response::dot(rows.rows[idx(r)], velocity) -
-                        rows.violation[r] / (D * D) - Response::dot(rows.rows[idx(r)], A);
-            ++r;
-        }
-    A += response.moved * (response.inverse * wanted);
+            wanted[r++] -= turning;
+    wanted = holds.inverse * wanted;
+    A.noalias() += holds.moved * wanted;
     return A;
 }
 
@@ -245,12 +240,12 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     if (model_.constraints.empty())
         return;
     RodModel::Rows rows = model_.rows(state);
-    const Response response(model_, rows.rows);
-    const Eigen::VectorXd back = response.moved * (response.inverse * rows.violation);
+    const RodResponse& holds = response(rows.rows);
+    const Eigen::VectorXd back = holds.moved * (holds.inverse * rows.violation);
     state.move(back, -1.0);
     rows = model_.rows(state);
     report.violation = rows.violation.cwiseAbs().maxCoeff();
-    project_velocity(model_, rows, velocity);
+    response(rows.rows).project(velocity);
 }
 
 void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,

@@ -29,6 +29,20 @@ struct RodStepReport
     int num_dropped = 0;
 };
 
+/// How a rod moves where forces act along rows of constraints.
+struct RodResponse
+{
+    std::vector<SparseRow> rows;
+    Eigen::MatrixXd moved;   ///< M^-1 L^T, a column a row
+    Eigen::MatrixXd inverse; ///< of L M^-1 L^T, of least norm where rows are redundant
+
+    RodResponse(const RodModel& model, const std::vector<SparseRow>& of);
+    /// L v
+    Eigen::VectorXd along(const Eigen::VectorXd& v) const;
+    /// Takes off v what L v is, by the least change in the mass.
+    void project(Eigen::VectorXd& v) const;
+};
+
 class RodStepper
 {
 public:
@@ -57,15 +71,14 @@ private:
                                  double step) const;
     void project(RodState& state, Eigen::VectorXd& velocity, RodStepReport& report) const;
 
+    const RodResponse& response(const std::vector<SparseRow>& rows) const;
+
     RodModel& model_;
     Integrator integrator_;
     RodNewton newton_;
-    int parts_ = 1;    ///< of a step, as a power of 2
+    mutable std::optional<RodResponse> response_; ///< to the rows asked for last
+    int parts_ = 1;                               ///< of a step, as a power of 2
     int num_good_ = 0; ///< parts that went well since the last change
 };
-
-/// Velocities with rows . velocity = 0: what is least far from \p velocity by the mass.
-void project_velocity(const RodModel& model, const RodModel::Rows& rows,
-                      Eigen::VectorXd& velocity);
 
 } // namespace cellwarp

@@ -27,6 +27,7 @@ public:
 
     virtual double value(const RodState& state) const = 0; ///< [J]
     virtual void add_gradient(const RodState& state, Eigen::VectorXd& out) const = 0;
+    /// \pre \p out is of the rod's layout: its rows, its band.
     virtual void add_hessian(const RodState& state, RodHessian how,
                              BandMatrix& out) const = 0;
 

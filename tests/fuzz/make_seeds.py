@@ -31,6 +31,15 @@ GLTF = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
                       {"bufferView": 0, "byteOffset": 36, "componentType": 5121, "count": 3,
                        "type": "SCALAR"}],
         "bufferViews": [{"buffer": 0, "byteLength": 39}]}
+ROPE = json.dumps({
+    "cellwarp": 1,
+    "rods": [{"name": "a", "through": [[0, 0, 0], [1, 0, 0], [1, 1, 0]], "spans": 2, "radius": [0.01, 0.02],
+              "fixed": [{"at": 0, "what": ["point", "tangent", "twist"],
+                         "keys": [{"time": 0.1, "translate": [0, 1, 0], "rotate": [0, 0, 1, 30]}]}],
+              "on": [{"at": 0.5, "plane": [0, 1, 0, 0]}], "loads": [{"at": 1, "force": [0, 1, 0]}]},
+             {"points": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "closed": True, "spline": "uniform",
+              "rest": "straight", "link": 2, "energy": "discrete"}],
+    "simulate": {"dt": 0.001, "duration": 0.003, "integrator": "midpoint", "viscosity": 0.1}}).encode()
 TRIANGLE = struct.pack("<9f3Bx", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
 
 
@@ -97,6 +106,8 @@ SEEDS = {
                      b"\1\x50\0\x01\0\x01abcdefgh\0\x40" + bytes(600)],
     # A choice of everything; then samples, leaves to split, motions, what holds each cell.
     "fuzz_solve": [bytes([choice]) + counted(400, 37) for choice in (0, 6, 38, 94, 158, 222)],
+    # 0 and the file; else choices.
+    "fuzz_rods": [b"\0" + ROPE] + [bytes([1]) + counted(80, step) for step in (7, 37, 59, 91)],
     # Scales; then centres with displacements.
     "fuzz_rbf": [bytes([0, 2]) + counted(120, 41), bytes([7, 0]) + counted(200, 59)],
 }

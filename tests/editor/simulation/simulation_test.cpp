@@ -84,6 +84,41 @@ TEST(Simulation, curves_that_cannot_be_are_named)
             << curve;
 }
 
+TEST(Simulation, far_from_the_origin_it_is_the_same)
+{
+    const auto tip_from = [](double x)
+    {
+        const std::string at = std::to_string(x);
+        const std::string end = std::to_string(x + 1.0);
+        Simulation simulation(scene_of(R"("through": [[)" + at + ",0,0],[" + end +
+                                           R"(,0,0]], "spans": 8, "fixed": [{"at": 0}],
+                         "on": [{"at": 1, "plane": [0, 0, 1, 0]}])",
+                                       R"({"dt": 0.005, "duration": 0.2})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_NEAR(simulation.surface(6).samples[0].x(), x, 0.02);
+        return Eigen::Vector3d(simulation.rods(2)[0].curve[1] - Eigen::Vector3d(x, 0, 0));
+    };
+    const Eigen::Vector3d near = tip_from(0.0), far = tip_from(1048576.0);
+    EXPECT_LT(near.y(), -0.1);
+    EXPECT_LT((far - near).norm(), 1e-9);
+}
+
+TEST(Simulation, an_equilibrium_needs_something_to_hold_on_to)
+{
+    const std::string rod = R"("through": [[0,0,0],[1,0,0]])";
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed, [&]
+                          { Simulation(scene_of(rod, R"({"integrator": "static"})")); }),
+                 "rods[0]: nothing holds it against its weight and loads"));
+    Simulation without(
+        scene_of(rod, R"({"integrator": "static", "gravity": [0, 0, 0]})"));
+    without.step();
+    EXPECT_TRUE(without.report().is_converged);
+}
+
 TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)
 {
     std::map<std::string, Eigen::Vector3d> tips;

@@ -65,7 +65,7 @@ TEST(Elasticity, is_zero_at_rest_and_after_rigid_motions)
                 const RodSpan& span = rod.spans()[e];
                 const int station = span.station[idx(end)];
                 const Eigen::Vector3d t =
-                    state.first(e, end == 0 ? 0 : rod.num_places() - 1).normalized();
+                    state.velocity(e, end == 0 ? 0 : rod.num_places() - 1).tangent;
                 const Eigen::Vector3d a = state.reference(station),
                                       m = whole * rest.reference(station);
                 to[rod.layout().angle[idx(station)]] =

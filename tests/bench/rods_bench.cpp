@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What rods cost, a row a size:
+//   part/PART/N         a part of a step with N control points
+//   step/RULE/N         a step, and of implicit rules a Newton iteration
+//   lenoir/SCENE/RULE   a step of 1 ms of the scenes of [Lenoir04], beside the time there
+//   peer/...            a cantilever that swings, in steps of 1 ms, and what is wrong
+//   where
+//                       it comes to rest: here, and by rigid segments
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include <benchmark/benchmark.h>
+
+#include "solver/rods/elasticity.h"
+#include "solver/rods/rod_stepper.h"
+#include "solver/rods/springs.h"
+#include "solver/rods/tensor_stretch.h"
+#include "tests/bench/pbd_rod.h"
+
+namespace
+{
+
+using namespace cellwarp;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+enum class Kind
+{
+    Exact,
+    Continuous,
+    Discrete
+};
+
+/// A rod of rubber with its model, hung up where it is asked to be.
+struct Bench
+{
+    Rod rod;
+    RodModel model;
+    RodState state;
+    VectorXd velocity;
+
+    Bench(int points, double length, const Section& section, Kind kind = Kind::Exact,
+          bool is_uniform = false)
+        : rod(curve(points, length, is_uniform), [section](double) { return section; },
+              {.coupled_spans = kind == Kind::Discrete ? 2 : 1}),
+          model(rod), state(rod), velocity(VectorXd::Zero(state.x().size()))
+    {
+        const bool is_discrete = kind == Kind::Discrete;
+        model.terms.push_back(exact_elasticity(
+            rod, {.has_stretch = kind == Kind::Exact, .has_bending = !is_discrete}));
+        if (is_discrete)
+            model.terms.push_back(spring_elasticity(rod));
+        if (kind == Kind::Continuous)
+            model.terms.push_back(tensor_stretch(rod));
+        model.gravity = {0, -9.81, 0};
+        for (int k = 0; k < rod.num_controls(); ++k) // it swings
+            velocity[rod.layout().control[idx(k)] + 2] =
+                0.2 * std::sin(7.0 * k / rod.num_controls());
+    }
+    static Spline curve(int points, double length, bool is_uniform)
+    {
+        if (!is_uniform)
+        {
+            const std::vector<Vector3d> ends = {{0, 0, 0}, {length, 0, 0}};
+            return spline_through(ends, false, points - 3);
+        }
+        std::vector<Vector3d> q;
+        for (int k = 0; k < points; ++k)
+            q.emplace_back(length * (k - 1) / (points - 3), 0.0, 0.0);
+        return {SplineBasis::open(3, SplineBasis::uniform_knots(3, points)), q};
+    }
+};
+
+/// 1 cm across, soft; the time step of 1 ms is in reach of RK4.
+Section soft(int points, double length)
+{
+    const double h = length / (points - 3);
+    // dt <= 0.41 h sqrt(rho / E), half of that.
+    const double young = 1000.0 * std::pow(0.2 * h / 1e-3, 2);
+    return Section::round(0.005, young, 0.3, 1000.0);
+}
+
+void part(benchmark::State& run, const std::string& which)
+{
+    const int n = static_cast<int>(run.range(0));
+    Bench bench(n, 0.02 * n, Section::round(0.005, 1e6, 0.3, 1000.0));
+    bench.state.move(bench.velocity, 0.01);
+    VectorXd gradient;
+    BandMatrix H;
+    bench.model.hessian(bench.state, RodHessian::Exact, H);
+    bench.model.mass().add_to(H, 1e6);
+    SaddleSolver solver;
+    solver.factorize(H, {}, {});
+    const VectorXd step = VectorXd::Constant(bench.state.x().size(), 1e-9);
+    VectorXd none(0), x;
+    for (auto _ : run)
+    {
+        if (which == "gradient")
+            bench.model.gradient(bench.state, gradient);
+        else if (which == "hessian")
+            bench.model.hessian(bench.state, RodHessian::Exact, H);
+        else if (which == "factor")
+            solver.factorize(H, {}, {});
+        else if (which == "solve")
+        {
+            x = step;
+            solver.solve(x, none);
+        }
+        else if (which == "move")
+            bench.state.move(step);
+        else
+            benchmark::DoNotOptimize(bench.model.elastic_energy(bench.state));
+    }
+    run.counters["us_a_point"] =
+        benchmark::Counter(1e-6 * n, benchmark::Counter::kIsIterationInvariantRate |
+                                         benchmark::Counter::kInvert);
+}
+
+void step(benchmark::State& run, Integrator rule)
+{
+    const int n = static_cast<int>(run.range(0));
+    const bool is_explicit = rule == Integrator::RungeKutta;
+    Bench bench(n, 0.02 * n, Section::round(0.005, 1e6, 0.3, 1000.0));
+    RodStepper stepper(bench.model, rule);
+    std::int64_t iterations = 0, steps = 0;
+    const double h =
+        is_explicit ? std::min(1e-3, 0.9 * stepper.largest_step(bench.state)) : 1e-3;
+    for (auto _ : run)
+    {
+        iterations += stepper.step(bench.state, bench.velocity, h).iterations;
+        ++steps;
+    }
+    run.counters["us_a_point"] =
+        benchmark::Counter(1e-6 * n, benchmark::Counter::kIsIterationInvariantRate |
+                                         benchmark::Counter::kInvert);
+    if (is_explicit)
+        return;
+    run.counters["iterations"] = static_cast<double>(iterations) / steps;
+    run.counters["us_a_point_and_iteration"] = benchmark::Counter(
+        1e-6 * n * static_cast<double>(iterations) / static_cast<double>(steps),
+        benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
+struct Scene
+{
+    const char* name;
+    int rods, points;
+    Kind kind;
+    bool is_uniform, is_held;
+    double published; ///< [ms]
+};
+
+void lenoir(benchmark::State& run, const Scene& scene, Integrator rule)
+{
+    std::vector<std::unique_ptr<Bench>> rods;
+    std::vector<RodStepper> steppers;
+    for (int r = 0; r < scene.rods; ++r)
+    {
+        rods.push_back(std::make_unique<Bench>(scene.points, 1.0, soft(scene.points, 1.0),
+                                               scene.kind, scene.is_uniform));
+        Bench& rod = *rods.back();
+        if (scene.is_held) // on a stick, at three places
+            for (const double share : {0.0, 0.5, 1.0})
+            {
+                RodConstraint ring;
+                ring.hold = Hold::Axis;
+                ring.s = rod.rod.arc_length().parameter(share);
+                ring.point = rod.state.at(ring.s).place;
+                ring.direction = Vector3d::UnitX();
+                rod.model.constraints.push_back(ring);
+            }
+        steppers.emplace_back(rod.model, rule);
+    }
+    for (auto _ : run)
+        for (std::size_t r = 0; r < rods.size(); ++r)
+            if (steppers[r].step(rods[r]->state, rods[r]->velocity, 1e-3).stop !=
+                RodStop::Converged)
+                run.SkipWithError("a step did not converge");
+    run.counters["published_ms"] = scene.published;
+    run.counters["times_faster"] = benchmark::Counter(
+        1e-3 * scene.published, benchmark::Counter::kIsIterationInvariantRate);
+}
+
+// A cantilever under its own weight, q L^3 / EI = 1.5696: its tip sinks by 0.19046904 L.
+constexpr double kWeight = 1.5696, kSunk = 0.19046904, kStep = 1e-3;
+constexpr double kStretch = 1e4, kMass = 1.0;
+
+void peer(benchmark::State& run)
+{
+    const int segments = static_cast<int>(run.range(0));
+    PbdRod rod(1.0, segments, kStretch, 1.0, 0.77, kMass, 1e-4);
+    rod.gravity = {0, -kWeight / kMass, 0};
+    for (auto _ : run)
+        rod.step(kStep);
+    for (int k = 0; k < 3000; ++k)
+    {
+        rod.stop();
+        rod.step(0.03);
+    }
+    run.counters["static_error"] = std::abs(-rod.tip().y() / kSunk - 1.0);
+}
+
+void ours(benchmark::State& run)
+{
+    const int points = static_cast<int>(run.range(0));
+    Bench bench(points, 1.0, {kStretch, {1.0, 1.0}, 0.77, kMass, 1e-4, 0.02});
+    bench.velocity.setZero();
+    bench.model.gravity = {0, -kWeight / kMass, 0};
+    const Eigen::Matrix3d frame = bench.state.frame(0.0);
+    RodConstraint hold;
+    bench.model.constraints.push_back(hold);
+    hold.hold = Hold::Tangent;
+    hold.direction = frame.col(2);
+    bench.model.constraints.push_back(hold);
+    hold.hold = Hold::TwistAngle;
+    hold.direction = frame.col(0);
+    bench.model.constraints.push_back(hold);
+    RodStepper stepper(bench.model, Integrator::ImplicitEuler);
+    for (auto _ : run)
+        stepper.step(bench.state, bench.velocity, kStep);
+    RodNewton(bench.model).solve(bench.state, nullptr, {});
+    run.counters["static_error"] =
+        std::abs(-bench.state.at(bench.rod.basis().end()).place.y() / kSunk - 1.0);
+}
+
+const Scene kScenes[] = {
+    {"free_rod_nonuniform", 1, 50, Kind::Exact, false, false, 7.69},
+    {"free_rod_uniform", 1, 50, Kind::Exact, true, false, 5.73},
+    {"four_rods_discrete", 4, 15, Kind::Discrete, false, false, 6.9},
+    {"four_rods_continuous", 4, 15, Kind::Continuous, false, false, 8.9},
+    {"bundle_discrete", 11, 15, Kind::Discrete, false, false, 7.1},
+    {"four_short_continuous", 4, 10, Kind::Continuous, false, false, 5.0},
+    {"curtain", 1, 30, Kind::Exact, false, true, 2.0},
+};
+
+} // namespace
+
+int main(int count, char** arguments)
+{
+    for (const char* which : {"gradient", "hessian", "factor", "solve", "move", "energy"})
+        benchmark::RegisterBenchmark((std::string("part/") + which).c_str(), part, which)
+            ->Arg(50)
+            ->Arg(500)
+            ->Arg(10000)
+            ->Arg(100000);
+    for (const auto& [name, rule] :
+         {std::pair("step/implicit_euler", Integrator::ImplicitEuler),
+          {"step/midpoint", Integrator::Midpoint},
+          {"step/rk4", Integrator::RungeKutta}})
+        benchmark::RegisterBenchmark(name, step, rule)
+            ->Arg(50)
+            ->Arg(165)
+            ->Arg(500)
+            ->Arg(2000)
+            ->Arg(10000)
+            ->Arg(100000);
+    for (const Scene& scene : kScenes)
+        for (const auto& [name, rule] : {std::pair("rk4", Integrator::RungeKutta),
+                                         {"implicit", Integrator::ImplicitEuler}})
+            benchmark::RegisterBenchmark(
+                (std::string("lenoir/") + scene.name + "/" + name).c_str(), lenoir, scene,
+                rule)
+                ->Unit(benchmark::kMicrosecond);
+    benchmark::RegisterBenchmark("peer/rigid_segments", peer)
+        ->Arg(50)
+        ->Unit(benchmark::kMicrosecond);
+    benchmark::RegisterBenchmark("peer/ours", ours)
+        ->Arg(5)
+        ->Arg(6)
+        ->Arg(7)
+        ->Arg(8)
+        ->Arg(11)
+        ->Unit(benchmark::kMicrosecond);
+    benchmark::Initialize(&count, arguments);
+    if (benchmark::ReportUnrecognizedArguments(count, arguments))
+        return 1;
+    benchmark::RunSpecifiedBenchmarks();
+    return 0;
+}

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Arbitrary bytes as a scene of rods. First byte 0: the rest is the file's text. Else
+// each byte chooses: curve, section, holds, loads, rule and step; what it makes is built
+// and taken a few steps on. It ends in an error that names the key, or goes on with
+// finite places and a stop reason.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+
+#include "editor/simulation/simulation.h"
+#include "io/error.h"
+
+using namespace cellwarp;
+
+namespace
+{
+
+void require(bool condition)
+{
+    if (!condition)
+        std::abort();
+}
+
+/// Small enough for hundreds of runs a second.
+bool is_small(const RodScene& scene)
+{
+    double points = 0.0;
+    for (const RodStatement& rod : scene.rods)
+        points +=
+            static_cast<double>(rod.points.size()) +
+            static_cast<double>(rod.through.size()) * static_cast<double>(rod.spans);
+    return points <= 60.0;
+}
+
+void run(const RodScene& scene)
+{
+    constexpr int kSteps = 3;
+    Simulation simulation(scene);
+    for (int k = 0; k < kSteps && simulation.steps_done() < simulation.num_steps(); ++k)
+        simulation.step();
+    const SimulationReport report = simulation.report();
+    require(!report.stop.empty());
+    if (!report.is_converged)
+        return;
+    require(std::isfinite(report.kinetic) && std::isfinite(report.elastic) &&
+            std::isfinite(report.gravity) && std::isfinite(report.violation));
+    for (const SimulatedRod& rod : simulation.rods(9))
+        for (const Eigen::Vector3d& p : rod.curve)
+            require(p.allFinite());
+    for (const Eigen::Vector3d& p : simulation.surface(3).samples)
+        require(p.allFinite());
+}
+
+/// Bytes one by one, zeros behind the last.
+class Choices
+{
+public:
+    Choices(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
+    int below(int count) { return (at_ < size_ ? data_[at_++] : 0) % count; }
+    double share() { return below(256) / 255.0; }
+    Triple place()
+    {
+        // Now and then the same place, or a far one.
+        const double scale = below(16) == 0 ? 0.0 : below(16) == 1 ? 1e6 : 1.0;
+        return {scale * share(), scale * share(), scale * share()};
+    }
+
+private:
+    const std::uint8_t* data_;
+    std::size_t size_, at_ = 0;
+};
+
+RodScene scene_of(Choices choose)
+{
+    static constexpr double kScales[] = {1.0, 1e-3, 1e3, 1e-9, 1e9, 1e15};
+    static const char* const kSplines[] = {"nonuniform", "uniform", "catmull-rom",
+                                           "bezier"};
+    static const char* const kEnergies[] = {"exact", "continuous", "discrete"};
+    static const char* const kRules[] = {"implicit-euler", "midpoint", "rk4", "static"};
+    RodScene scene;
+    scene.path = "x.json";
+    RodStatement& rod = scene.rods.emplace_back();
+    rod.name = "a";
+    const bool is_through = choose.below(2) == 0;
+    std::vector<Triple>& points = is_through ? rod.through : rod.points;
+    for (int k = choose.below(8); k >= 0; --k)
+        points.push_back(choose.place());
+    rod.spans = 1 + choose.below(3);
+    rod.degree = 2 + choose.below(6);
+    rod.spline = kSplines[choose.below(4)];
+    rod.is_closed = choose.below(3) == 0;
+    rod.energy = kEnergies[choose.below(3)];
+    rod.is_straight_at_rest = choose.below(2) == 0;
+    rod.young = 1e6 * kScales[choose.below(6)];
+    rod.density = 1e3 * kScales[choose.below(3)];
+    rod.radius = {0.01 * kScales[choose.below(3)]};
+    if (choose.below(4) == 0)
+        rod.radius.push_back(0.02);
+    rod.rest_twist = choose.below(4) == 0 ? 10.0 * choose.share() : 0.0;
+    rod.link = rod.is_closed ? choose.below(4) : 0.0;
+    for (int k = choose.below(3); k > 0; --k)
+    {
+        RodHold& hold = rod.holds.emplace_back();
+        hold.at = choose.share();
+        const int what = choose.below(16);
+        hold.has_point = what & 1;
+        hold.has_tangent = what & 2;
+        hold.has_twist = what & 4;
+        hold.has_curvature = what & 8;
+        if (choose.below(3) == 0)
+            hold.keys = {{0.0, choose.place(), {0, 0, 1, 90.0 * choose.share()}},
+                         {0.01, choose.place(), {1, 0, 1, 90.0 * choose.share()}}};
+    }
+    for (int k = choose.below(3); k > 0; --k)
+    {
+        RodOn& on = rod.on.emplace_back();
+        on.at = choose.share();
+        on.kind = static_cast<RodOn::Kind>(choose.below(3));
+        on.point = choose.place();
+        on.direction = {choose.share(), choose.share(), 1.0};
+        on.offset = choose.share();
+    }
+    for (int k = choose.below(2); k > 0; --k)
+        rod.loads.push_back({choose.share(), choose.place(), choose.place()});
+    scene.integrator = kRules[choose.below(4)];
+    scene.dt = 1e-3 * kScales[choose.below(3)];
+    scene.duration = 3.0 * scene.dt;
+    scene.viscosity = choose.below(2);
+    return scene;
+}
+
+} // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size)
+{
+    if (size == 0)
+        return 0;
+    try
+    {
+        const std::string text(data + 1, data + size);
+        const RodScene scene = data[0] == 0 ? parse_rod_scene("x.json", text)
+                                            : scene_of(Choices(data + 1, size - 1));
+        if (is_small(scene))
+            run(scene);
+    }
+    catch (const Error& error)
+    {
+        require(error.fault() == Fault::Malformed);
+        require(std::string(error.what()).starts_with("x.json"));
+    }
+    return 0;
+}
