@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 
 #include <Eigen/Geometry>
 
@@ -23,15 +22,24 @@ namespace
 
 using Eigen::Vector3d;
 
-/// A linear form of the unknowns, gathered in any order.
+/// A linear form of the unknowns, gathered in any order; or nothing, where its entries
+/// are not asked for.
 class Form
 {
 public:
-    void add(int unknown, double value) { sum_[unknown] += value; }
+    explicit Form(bool is_wanted) : is_wanted_(is_wanted) {}
+    bool is_wanted() const { return is_wanted_; }
+    void add(int unknown, double value)
+    {
+        if (is_wanted_)
+            entries_.emplace_back(unknown, value);
+    }
     /// += scale * v . (the derivative of that order of the curve)
     void add(const RodState& state, const BasisValues& values, int order,
              const Vector3d& v)
     {
+        if (!is_wanted_)
+            return;
         for (int j = 0; j < values.count; ++j)
         {
             const int first = state.rod().layout().control[idx(values.control[idx(j)])];
@@ -41,22 +49,31 @@ public:
     }
     void add(const Form& other, double scale)
     {
-        for (const auto& [unknown, value] : other.sum_)
+        for (const auto& [unknown, value] : other.entries_)
             add(unknown, scale * value);
     }
     ConstraintRow row(double violation) const
     {
-        ConstraintRow row;
-        row.violation = violation;
-        for (const auto& [unknown, value] : sum_)
-            if (value != 0.0)
-                row.entries.emplace_back(unknown, value);
+        ConstraintRow row{entries_, violation};
+        std::vector<std::pair<int, double>>& entries = row.entries;
+        std::stable_sort(entries.begin(), entries.end(),
+                         [](const auto& a, const auto& b) { return a.first < b.first; });
+        std::size_t count = 0;
+        for (const auto& [unknown, value] : entries)
+        {
+            if (count > 0 && entries[count - 1].first == unknown)
+                entries[count - 1].second += value;
+            else
+                entries[count++] = {unknown, value};
+        }
+        entries.resize(count);
+        std::erase_if(entries, [](const auto& entry) { return entry.second == 0.0; });
         return row;
     }
-    std::vector<std::pair<int, double>> entries() const { return row(0.0).entries; }
 
 private:
-    std::map<int, double> sum_;
+    bool is_wanted_;
+    std::vector<std::pair<int, double>> entries_;
 };
 
 /// Values at a place of a span, 0 ... num_places - 1.
@@ -88,8 +105,11 @@ void add(Form& form, const RodState& state, const Hop& hop, double share)
     form.add(state, hop.b, 1, share * hop.on_b);
 }
 
-Form spin_form(const RodState& state, double s)
+Form spin_form(const RodState& state, double s, bool is_wanted)
 {
+    Form form(is_wanted);
+    if (!is_wanted)
+        return form;
     const Rod& rod = state.rod();
     const double at = rod.basis().wrapped(s);
     const std::size_t e = idx(rod.basis().span_of(at));
@@ -97,7 +117,6 @@ Form spin_form(const RodState& state, double s)
     const double x = (at - span.begin) / (span.end - span.begin);
     const int near = rod.layout().angle[idx(span.station[0])],
               far = rod.layout().angle[idx(span.station[1])];
-    Form form;
     form.add(near, 1.0 - x);
     form.add(far, x);
     if (x == 0.0 || x == 1.0)
@@ -125,30 +144,33 @@ Form spin_form(const RodState& state, double s)
 
 /// axis . omega at s
 Form turn_form(const RodState& state, double s, const BasisValues& values,
-               const Vector3d& axis)
+               const Vector3d& axis, bool is_wanted)
 {
+    if (!is_wanted)
+        return Form(false);
     const Vector3d u = state.at(values).first;
     const double l = u.norm();
     const Vector3d t = u / l;
-    Form form;
+    Form form(true);
     form.add(state, values, 1, axis.cross(t) / l); // axis . (t x du) = du . (axis x t)
-    form.add(spin_form(state, s), axis.dot(t));
+    form.add(spin_form(state, s, true), axis.dot(t));
     return form;
 }
 
 /// Rows of two frames that must agree; \p b may be of another place or fixed.
 std::vector<ConstraintRow> frame_rows(const RodState& state, double s,
                                       const Eigen::Matrix3d& a, const double* other,
-                                      const Eigen::Matrix3d& b)
+                                      const Eigen::Matrix3d& b, bool is_wanted)
 {
     std::vector<ConstraintRow> rows;
     for (int k = 0; k < 3; ++k)
     {
         const Vector3d first = a.col((k + 1) % 3), second = b.col((k + 2) % 3);
         const Vector3d axis = first.cross(second);
-        Form form = turn_form(state, s, state.rod().basis().values(s), axis);
+        Form form = turn_form(state, s, state.rod().basis().values(s), axis, is_wanted);
         if (other)
-            form.add(turn_form(state, *other, state.rod().basis().values(*other), axis),
+            form.add(turn_form(state, *other, state.rod().basis().values(*other), axis,
+                               is_wanted),
                      -1.0);
         rows.push_back(form.row(first.dot(second)));
     }
@@ -184,17 +206,18 @@ int num_rows(Hold hold)
 
 std::vector<std::pair<int, double>> spin_at(const RodState& state, double s)
 {
-    return spin_form(state, s).entries();
+    return spin_form(state, s, true).row(0.0).entries;
 }
 
-std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state)
+std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state,
+                                   bool with_entries)
 {
     const BasisValues values = state.rod().basis().values(c.s);
     const CurvePoint at = state.at(values);
     std::vector<ConstraintRow> rows;
     const auto linear = [&](int order, const Vector3d& n, double violation)
     {
-        Form form;
+        Form form(with_entries);
         form.add(state, values, order, n);
         rows.push_back(form.row(violation));
     };
@@ -233,7 +256,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         const Vector3d K = f * at.first.cross(at.second), t = at.first / l;
         for (const Vector3d& n : across(t))
         {
-            Form form;
+            Form form(with_entries);
             form.add(state, values, 1, -f * n.cross(at.second) - 2.0 * K.dot(n) / l * t);
             form.add(state, values, 2, f * n.cross(at.first));
             rows.push_back(form.row(n.dot(K - c.direction)));
@@ -245,7 +268,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         const Eigen::Matrix3d F = state.frame(c.s);
         const Vector3d wanted =
             (c.direction - F.col(2).dot(c.direction) * F.col(2)).normalized();
-        Form form = spin_form(state, c.s);
+        Form form = spin_form(state, c.s, with_entries);
         // The angle of the wanted direction in the frame; it moves with the tangent, too.
         const double angle = std::atan2(F.col(1).dot(wanted), F.col(0).dot(wanted));
         const Vector3d& d = c.direction;
@@ -259,7 +282,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         break;
     }
     case Hold::Frame:
-        return frame_rows(state, c.s, state.frame(c.s), nullptr, c.frame);
+        return frame_rows(state, c.s, state.frame(c.s), nullptr, c.frame, with_entries);
     case Hold::Distance:
     {
         const Vector3d e = at.place - c.point;
@@ -274,7 +297,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         const Vector3d e = at.place - state.at(there).place;
         const auto both = [&](const Vector3d& n, double violation)
         {
-            Form form;
+            Form form(with_entries);
             form.add(state, values, 0, n);
             form.add(state, there, 0, -n);
             rows.push_back(form.row(violation));
@@ -289,7 +312,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     }
     case Hold::RelativeFrame:
         return frame_rows(state, c.s, state.frame(c.s) * c.frame, &c.other,
-                          state.frame(c.other));
+                          state.frame(c.other), with_entries);
     }
     return rows;
 }

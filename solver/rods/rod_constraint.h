@@ -50,10 +50,10 @@ struct ConstraintRow
     double violation = 0.0;
 };
 
-/// The rows of a constraint at a state. What a tangent or a frame differs by must be
-/// below 90 degrees.
-std::vector<ConstraintRow> rows_of(const RodConstraint& constraint,
-                                   const RodState& state);
+/// The rows of a constraint at a state; without entries the violations alone. What a
+/// tangent or a frame differs by must be below 90 degrees.
+std::vector<ConstraintRow> rows_of(const RodConstraint& constraint, const RodState& state,
+                                   bool with_entries = true);
 
 /// For each row the second derivative of its violation along \p velocity.
 std::vector<double> convective(const RodConstraint& constraint, const RodState& state,

@@ -150,6 +150,19 @@ RodModel::Rows RodModel::rows(const RodState& state) const
     return out;
 }
 
+Eigen::VectorXd RodModel::violations(const RodState& state) const
+{
+    int count = 0;
+    for (const RodConstraint& constraint : constraints)
+        count += num_rows(constraint.hold);
+    Eigen::VectorXd out(count);
+    Eigen::Index next = 0;
+    for (const RodConstraint& constraint : constraints)
+        for (const ConstraintRow& row : rows_of(constraint, state, false))
+            out[next++] = row.violation;
+    return out;
+}
+
 void add_forces(const std::vector<SparseRow>& rows, const Eigen::VectorXd& lambda,
                 double scale, Eigen::VectorXd& out)
 {

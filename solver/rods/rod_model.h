@@ -60,6 +60,8 @@ public:
         std::vector<int> groups;
     };
     Rows rows(const RodState& state) const;
+    /// Those of rows() alone.
+    Eigen::VectorXd violations(const RodState& state) const;
 
 private:
     void add_constant_force(double scale, Eigen::VectorXd& out) const;

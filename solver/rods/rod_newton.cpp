@@ -91,6 +91,12 @@ private:
     {
         return midpoint_ ? model_.rows(end_of(at)) : model_.rows(at);
     }
+    Eigen::VectorXd violations(const RodState& at) const
+    {
+        if (model_.constraints.empty())
+            return {};
+        return midpoint_ ? model_.violations(end_of(at)) : model_.violations(at);
+    }
     RodState end_of(const RodState& at) const;
     double value(const RodState& at) const;
     double merit(const RodState& at, const Eigen::VectorXd& violation) const;
@@ -274,8 +280,7 @@ void RodNewton::Run::correct(double length, RodState& trial)
         right.setZero(step_.size());
         for (const std::unique_ptr<RodTerm>& term : model_.terms)
             term->add_correction(state_, trial, part, right);
-        values =
-            (rows(trial).violation - (1.0 - length * reach_) * rows_.violation) / lead_;
+        values = (violations(trial) - (1.0 - length * reach_) * rows_.violation) / lead_;
         newton_.saddle_.solve(right, values);
         if (!right.allFinite())
             return;
@@ -290,7 +295,7 @@ bool RodNewton::Run::try_length(double length, RodState& trial)
 {
     const auto is_lower = [&]
     {
-        return merit(trial, rows(trial).violation) <=
+        return merit(trial, violations(trial)) <=
                before_ + 1e-4 * length * std::min(slope_, 0.0) + noise_;
     };
     trial = state_;
@@ -316,8 +321,10 @@ bool RodNewton::Run::advance()
     before_ = merit(state_, rows_.violation);
     slope_ = gradient_.dot(step_) - penalty_ * reach_ * rows_.violation.cwiseAbs().sum();
     // What rounding makes of the sums.
-    noise_ = 64.0 * kRounding *
-             (std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_);
+    double sums = std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_;
+    for (const std::unique_ptr<RodTerm>& term : model_.terms)
+        sums += term->cancelled();
+    noise_ = 64.0 * kRounding * sums;
     RodState trial = state_;
     double length = 1.0;
     for (int halving = 0; !try_length(length, trial); length *= 0.5)

@@ -165,7 +165,7 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
 bool RodStepper::keeps_constraints(const RodState& state) const
 {
     constexpr double kKept = 1e-9;
-    const Eigen::VectorXd violation = model_.rows(state).violation;
+    const Eigen::VectorXd violation = model_.violations(state);
     return violation.size() == 0 ||
            violation.cwiseAbs().maxCoeff() <=
                kKept * std::max(1.0, model_.rod().arc_length().total());

@@ -26,6 +26,8 @@ public:
     virtual ~RodTerm() = default;
 
     virtual double value(const RodState& state) const = 0; ///< [J]
+    /// Size of what cancels in value(): its rounding is a share of that [J].
+    virtual double cancelled() const { return 0.0; }
     virtual void add_gradient(const RodState& state, Eigen::VectorXd& out) const = 0;
     /// \pre \p out is of the rod's layout: its rows, its band.
     virtual void add_hessian(const RodState& state, RodHessian how,

@@ -53,6 +53,7 @@ public:
     explicit TensorStretch(const Rod& rod);
 
     double value(const RodState& state) const override;
+    double cancelled() const override { return constant_; }
     void add_gradient(const RodState& state, Eigen::VectorXd& out) const override;
     void add_hessian(const RodState& state, RodHessian how,
                      BandMatrix& out) const override;

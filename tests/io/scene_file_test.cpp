@@ -53,6 +53,16 @@ TEST(SceneFile, reads_every_key)
     EXPECT_TRUE(scene.warnings.empty());
 }
 
+TEST(SceneFile, what_is_for_simulate_is_left_to_it)
+{
+    const SceneFile scene = parse_scene(
+        "s.json",
+        R"({"cellwarp": 1, "model": "m.obj", "rods": [{}], "simulate": {"dt": 1}})");
+    ASSERT_EQ(scene.warnings.size(), 2u);
+    for (const std::string& warning : scene.warnings)
+        EXPECT_TRUE(contains(warning, "is for cellwarp simulate, ignored")) << warning;
+}
+
 TEST(SceneFile, unknown_keys_are_named_in_warnings)
 {
     const SceneFile scene = parse_scene(
