@@ -340,7 +340,8 @@ public:
                 const Strain s = strain_of(at, span, p);
                 const std::array<double, M>& c1 = span.first[idx(p) + 1];
                 const std::array<double, M>& c2 = span.second[idx(p)];
-                const auto& [u, t, l] = at.at[p + 1];
+                const Vector3d &u = at.at[p + 1].first, &t = at.at[p + 1].tangent;
+                const double l = at.at[p + 1].length;
                 const Vector3d& w = at.w[idx(p)];
                 const Matrix3d A =
                     -s.f * cross_matrix(w) - (2.0 / l) * s.K * t.transpose();

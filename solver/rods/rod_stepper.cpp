@@ -21,7 +21,9 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kMostParts = 1 << 12;
+constexpr int kMostParts = 1 << 8;
+/// Of Newton's method in a step; then the rest of it is taken at once, as it comes out.
+constexpr int kMostIterations = 1000;
 constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
 constexpr int kIterations = 40;
 
@@ -135,12 +137,15 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
         int length = kMostParts / parts_;
         while (done % length != 0)
             length /= 2;
+        const bool is_given_up = report.iterations >= kMostIterations;
+        if (is_given_up)
+            length = kMostParts - done;
         RodState next = state;
         Eigen::VectorXd next_velocity = velocity;
         const double part = step * length / kMostParts;
         RodStop stop = RodStop::NotRun;
         const bool is_good = try_implicit(next, next_velocity, part, stop, report);
-        if (is_good || length == 1)
+        if (is_good || length == 1 || is_given_up)
         {
             state = std::move(next);
             velocity = std::move(next_velocity);

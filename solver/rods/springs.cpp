@@ -102,15 +102,15 @@ Springs::Way Springs::way(const BasisValues& values, int order) const
 Springs::Way Springs::way(const BasisValues& from, const BasisValues& to) const
 {
     Way way = this->way(to, 0);
-    for (const auto& [unknown, share] : this->way(from, 0))
+    for (const auto& entry : this->way(from, 0))
     {
         const auto same =
             std::find_if(way.begin(), way.end(),
-                         [&](const auto& entry) { return entry.first == unknown; });
+                         [&](const auto& other) { return other.first == entry.first; });
         if (same == way.end())
-            way.emplace_back(unknown, -share);
+            way.emplace_back(entry.first, -entry.second);
         else
-            same->second -= share;
+            same->second -= entry.second;
     }
     return way;
 }

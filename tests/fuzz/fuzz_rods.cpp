@@ -31,12 +31,12 @@ bool is_small(const RodScene& scene)
         points +=
             static_cast<double>(rod.points.size()) +
             static_cast<double>(rod.through.size()) * static_cast<double>(rod.spans);
-    return points <= 60.0;
+    return points <= 8.0;
 }
 
 void run(const RodScene& scene)
 {
-    constexpr int kSteps = 3;
+    constexpr int kSteps = 1;
     Simulation simulation(scene);
     for (int k = 0; k < kSteps && simulation.steps_done() < simulation.num_steps(); ++k)
         simulation.step();
