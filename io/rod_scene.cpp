@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/rod_scene.h"
 
+#include <cmath>
 #include <set>
 #include <utility>
 
@@ -105,7 +106,9 @@ public:
     }
     void later(const char* key)
     {
-        if (const Json* value = object_.find(key); value && !value->empty())
+        const Json* const value = object_.find(key);
+        const bool is_off = value && value->is_boolean() && !value->get<bool>();
+        if (value && !value->empty() && !is_off)
             object_.fail(key, "is not supported by this version");
     }
 
@@ -265,7 +268,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
                     of.read("moment", load.moment);
                     of.object().warn_of_the_rest();
                 });
-    for (const char* key : {"cut", "refine", "carries"})
+    for (const char* key : {"cut", "refine", "carries", "radius_of_contact"})
         reader.later(key);
     reader.object().warn_of_the_rest();
 }
@@ -306,6 +309,8 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     for (const RodStatement& rod : scene.rods)
         if (!names.insert(rod.name).second)
             root.object().fail("rods", "two are called " + in_quotes(rod.name));
+    if (const Json* unit = root.object().find("unit"); unit && *unit != 1)
+        root.object().fail("unit", "only metres are supported by this version");
     for (const char* key : {"bodies", "nets", "joints", "obstacles", "skeleton"})
         root.later(key);
     if (const Json* value = root.object().find("simulate"))

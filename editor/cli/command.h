@@ -79,6 +79,9 @@ struct Film
     std::int64_t last = 0; ///< number of its last frame; the first is 0
     /// What is seen of a frame, asked for in ascending order.
     std::function<Geometry(std::int64_t frame)> frame;
+    /// Whether all that was asked for so far converged.
+    std::function<bool()> is_converged;
+    std::vector<std::string> warnings = {}; ///< of its file
 };
 /// Nothing for models and for scenes of edits, nor in a build without rods:
 /// editor/cli/features.cpp.

@@ -139,8 +139,12 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         throw Error(Fault::Usage, "--strip and --frame: one of them");
     std::vector<Figure> figures;
     std::vector<std::string> warnings;
-    if (const std::optional<Film> film = film_of(flags.session.model))
+    const std::optional<Film> film = film_of(flags.session.model);
+    if (film)
+    {
         figures = figures_of(*film, flags);
+        warnings = film->warnings;
+    }
     else if (!flags.session.has_session() && !flags.shows_cells)
     {
         if (flags.frame != "rest" || flags.strip > 0)
@@ -175,9 +179,13 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         figures.insert(
             figures.begin(),
             figure_of(read_geometry(flags.compare, {flags.session.columns}).geometry));
+    const bool is_converged = !film || film->is_converged();
+    if (!is_converged)
+        warnings.push_back("a frame did not converge: see cellwarp simulate");
     print_warnings(warnings, common);
     write_file(flags.output, png_bytes(draw(figures, options)), common.overwrite());
-    return 0;
+    constexpr int kNotConverged = 7;
+    return is_converged ? 0 : kNotConverged;
 }
 
 /// Of one figure of a report [pixel]: three side by side fill a page.

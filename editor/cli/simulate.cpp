@@ -21,6 +21,7 @@ namespace
 {
 
 constexpr int kPlaces = 33; ///< of each curve in --json
+constexpr int kNotConverged = 7;
 
 struct SimulateFlags
 {
@@ -109,30 +110,33 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
                                             : ", rods are written as .obj or .ply"));
     const RodScene scene = read_rod_scene(flags.scene);
     Simulation simulation(scene);
-    const std::int64_t steps = simulation.num_steps(), every = simulation.steps_a_frame();
+    const std::int64_t steps = simulation.num_steps();
     if (!flags.output.empty() && !name.has_frame())
         check_output(flags.output, common.overwrite());
-    for (std::int64_t frame = 0; name.has_frame() && frame * every <= steps; ++frame)
-        check_output(name.of(frame), common.overwrite());
+    for (std::int64_t frame = simulation.is_static() ? 1 : 0;
+         name.has_frame() && frame <= simulation.last_frame(); ++frame)
+        check_output(name.of(simulation.is_static() ? frame - 1 : frame),
+                     common.overwrite());
     const double load_ms = ms_since(start);
 
     Progress progress(common);
     std::vector<std::string> warnings = scene.warnings;
     Json frames = Json::array();
-    double write_ms = 0.0, worst = 0.0;
+    double write_ms = 0.0;
     bool is_converged = true;
     const Clock::time_point begin = Clock::now();
     const auto end_frame = [&](std::int64_t frame, bool is_last)
     {
         const SimulationReport report = simulation.report();
-        worst = std::max(worst, report.violation);
         if (!report.is_converged)
         {
             is_converged = false;
-            warnings.push_back(
-                fmt::format("frame {} did not converge ({}): constraints are violated "
-                            "by up to {:.3g} m",
-                            frame, report.stop, report.violation));
+            std::string what =
+                fmt::format("frame {} did not converge ({})", frame, report.stop);
+            if (report.violation > 1e-9)
+                what += fmt::format(": constraints are violated by up to {:.3g} m",
+                                    report.violation);
+            warnings.push_back(std::move(what));
         }
         if (common.is_json)
             frames.push_back(frame_json(frame, report, simulation));
@@ -145,14 +149,16 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     std::int64_t frame = 0;
     if (!simulation.is_static())
         end_frame(frame++, steps == 0);
-    while (simulation.steps_done() < steps)
+    const auto show = [&]
     {
-        simulation.step();
         const std::int64_t done = simulation.steps_done();
         progress.show(static_cast<double>(done) / static_cast<double>(steps),
                       fmt::format("step {} of {}", done, steps));
-        if (done % every == 0 || done == steps)
-            end_frame(frame++, done == steps);
+    };
+    while (simulation.steps_done() < steps)
+    {
+        simulation.next_frame(show);
+        end_frame(frame++, simulation.steps_done() == steps);
     }
     progress.end();
     const double simulate_ms = ms_since(begin) - write_ms;
@@ -172,7 +178,6 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }
-    constexpr int kNotConverged = 7;
     return is_converged ? 0 : kNotConverged;
 }
 
@@ -182,15 +187,18 @@ std::optional<Film> film_of_rods(const std::string& scene)
 {
     if (!has_simulation(scene))
         return std::nullopt;
-    const auto simulation = std::make_shared<Simulation>(read_rod_scene(scene));
+    const RodScene read = read_rod_scene(scene);
+    const auto simulation = std::make_shared<Simulation>(read);
     const auto frame = std::make_shared<std::int64_t>(0);
-    return Film{simulation->last_frame(), [=](std::int64_t wanted)
-                {
-                    constexpr int kAround = 24;
-                    for (; *frame < wanted; ++*frame)
-                        simulation->next_frame();
-                    return simulation->surface(kAround);
-                }};
+    const auto draw = [=](std::int64_t wanted)
+    {
+        constexpr int kAround = 24;
+        for (; *frame < wanted; ++*frame)
+            simulation->next_frame();
+        return simulation->surface(kAround);
+    };
+    return Film{simulation->last_frame(), draw,
+                [=] { return simulation->report().is_converged; }, read.warnings};
 }
 
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)

@@ -62,7 +62,7 @@ std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is
     return points;
 }
 
-/// Knots at the chord length of control points, clamped.
+/// By its control points, with the knots that the statement asks for.
 Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
 {
     const int n = static_cast<int>(points.size()), degree = static_cast<int>(rod.degree);
@@ -229,6 +229,10 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
     {
         const RodStatement& rod = scene_.rods[r];
         const std::string where = "rods[" + std::to_string(r) + "]";
+        if (rod.energy == "discrete" &&
+            (rod.degree != 3 || rod.spline == "bezier" || rod.spline == "catmull-rom"))
+            throw malformed({scene_.path, 0, where + ".energy"},
+                            "springs need a cubic spline, uniform or nonuniform");
         try
         {
             bodies_.push_back(std::make_unique<Body>(rod, origin_));
@@ -292,7 +296,9 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
             throw malformed({scene_.path, 0, where},
                             "nothing holds it against its weight and loads: there is no "
                             "equilibrium (need fixed or on)");
-        move_holds(body, 0.0);
+        move_holds(body, 0.0, 1.0);
+        if (!model.constraints.empty())
+            body.violation = model.violations(body.state).cwiseAbs().maxCoeff();
         const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
                                 : scene_.integrator == "rk4"    ? Integrator::RungeKutta
                                                              : Integrator::ImplicitEuler;
@@ -308,11 +314,18 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
     }
 }
 
-void Simulation::move_holds(Body& body, double time)
+void Simulation::move_holds(Body& body, double time, double share)
 {
     for (const Body::Held& held : body.held)
     {
-        const Motion motion = motion_at(held.hold->keys, time, held.place);
+        std::vector<RodKey> keys = held.hold->keys;
+        for (RodKey& key : keys)
+        {
+            for (double& x : key.translate)
+                x *= share;
+            key.rotate[3] *= share;
+        }
+        const Motion motion = motion_at(keys, time, held.place);
         for (std::size_t k = held.first; k < held.first + held.count; ++k)
         {
             RodConstraint& constraint = body.model.constraints[k];
@@ -350,11 +363,14 @@ std::int64_t Simulation::last_frame() const
     return (num_steps() + every - 1) / every;
 }
 
-void Simulation::next_frame()
+void Simulation::next_frame(const std::function<void()>& watch)
 {
     do
+    {
         step();
-    while (done_ < num_steps() && done_ % steps_a_frame() != 0);
+        if (watch)
+            watch();
+    } while (done_ < num_steps() && done_ % steps_a_frame() != 0);
 }
 
 std::int64_t Simulation::steps_done() const
@@ -364,6 +380,7 @@ std::int64_t Simulation::steps_done() const
 
 void Simulation::step()
 {
+    constexpr double kPart = 30.0; // [degree]
     ++done_;
     for (const std::unique_ptr<Body>& each : bodies_)
     {
@@ -371,16 +388,25 @@ void Simulation::step()
         RodStop stop = RodStop::NotRun;
         if (is_static())
         {
-            move_holds(body, scene_.duration);
-            RodNewton newton(body.model);
-            const RodNewtonReport report = newton.solve(body.state, nullptr, {});
-            iterations_ += report.iterations;
-            body.violation = report.violation;
-            stop = report.stop;
+            // Directions tell of turns below 90 degrees alone: larger ones go in parts.
+            double largest = 0.0;
+            for (const Body::Held& held : body.held)
+                for (const RodKey& key : held.hold->keys)
+                    largest = std::max(largest, std::abs(key.rotate[3]));
+            const int parts = std::max(1, static_cast<int>(std::ceil(largest / kPart)));
+            for (int part = 1; part <= parts; ++part)
+            {
+                move_holds(body, scene_.duration, static_cast<double>(part) / parts);
+                RodNewton newton(body.model);
+                const RodNewtonReport report = newton.solve(body.state, nullptr, {});
+                iterations_ += report.iterations;
+                body.violation = report.violation;
+                stop = report.stop;
+            }
         }
         else
         {
-            move_holds(body, static_cast<double>(done_) * scene_.dt);
+            move_holds(body, static_cast<double>(done_) * scene_.dt, 1.0);
             const RodStepReport report =
                 body.stepper->step(body.state, body.velocity, scene_.dt);
             iterations_ += report.iterations;

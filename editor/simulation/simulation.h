@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,7 +35,7 @@ struct SimulationReport
     Eigen::Vector3d turning = Eigen::Vector3d::Zero();  ///< angular momentum [kg m^2/s]
     double violation = 0.0;         ///< largest of the constraints [m]
     std::int64_t iterations = 0;    ///< since the last report
-    std::string stop = "converged"; ///< the worst since the last report
+    std::string stop = "converged"; ///< the last that was not, since the last report
     bool is_converged = true;
 };
 
@@ -64,11 +65,13 @@ public:
     /// Frames behind the first; of equilibria the rest comes first.
     std::int64_t last_frame() const;
     /// Goes on to the end of the next frame: by steps_a_frame(), or less at the end.
-    void next_frame();
+    /// \p watch: after each step.
+    void next_frame(const std::function<void()>& watch = {});
 
 private:
     struct Body;
-    static void move_holds(Body& body, double time);
+    /// \p share: of what the keys say.
+    static void move_holds(Body& body, double time, double share);
     static void add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
                          Geometry& out);
 

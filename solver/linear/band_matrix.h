@@ -43,7 +43,7 @@ public:
     /// y = A x with the symmetric whole.
     void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const;
 
-    /// Row j holds entry (j, j), then those below it in column j.
+    /// Column j: entry (j, j), then those below it in column j.
     std::span<const double> column(int j) const
     {
         return {&values_[idx(j) * idx(half_band_ + 1)], idx(half_band_ + 1)};

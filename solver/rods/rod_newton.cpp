@@ -35,7 +35,7 @@ constexpr double kCorrected = 1e-10;
 /// Of constraints, of the rod's length.
 constexpr double kViolation = 1e-11;
 /// A residual that stays above this share of the last one no longer falls.
-constexpr double kStill = 0.25;
+constexpr double kStill = 0.9;
 constexpr double kSmallTurn = 0.01; ///< [rad]
 constexpr int kHalvings = 30;
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
@@ -100,6 +100,10 @@ private:
     RodState end_of(const RodState& at) const;
     double value(const RodState& at) const;
     double merit(const RodState& at, const Eigen::VectorXd& violation) const;
+    bool keeps_constraints() const
+    {
+        return report_.violation <= kViolation * std::max(size_, 1.0);
+    }
     bool measure(const RodNewtonOptions& options);
     bool factorize();
     double largest_turn() const;
@@ -207,7 +211,7 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
     if (!std::isfinite(report_.residual) || !std::isfinite(report_.violation))
         report_.stop = RodStop::NotFinite;
     else if (report_.iterations > 0 && is_balanced_ && (is_done || !falls) &&
-             report_.violation <= kViolation * std::max(size_, 1.0))
+             keeps_constraints())
         report_.stop = RodStop::Converged;
     else if (report_.iterations >= options.max_iterations)
         report_.stop = RodStop::IterationLimit;
@@ -364,7 +368,8 @@ RodNewtonReport RodNewton::Run::operator()(const RodNewtonOptions& options)
         }
         if (!advance())
         {
-            report_.stop = is_balanced_ ? RodStop::Converged : RodStop::NoDescent;
+            report_.stop = is_balanced_ && keeps_constraints() ? RodStop::Converged
+                                                               : RodStop::NoDescent;
             break;
         }
     }

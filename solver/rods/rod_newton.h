@@ -22,8 +22,8 @@ enum class RodStop
 /// "converged", "iteration limit", ...
 const char* stop_name(RodStop stop);
 
-/// What holds a rod back in a step of time: M (x - target) / step^2, and for the
-/// viscosity gamma M (x - begin) / step.
+/// What holds a rod back in a step of time: M (x - begin - step * velocity) / step^2, and
+/// for the viscosity gamma M (x - begin) / step.
 struct RodInertia
 {
     Eigen::VectorXd begin, velocity; ///< at the begin of the step

@@ -22,14 +22,18 @@ namespace
 {
 
 constexpr int kMostParts = 1 << 8;
-/// Of Newton's method in a step; then the rest of it is taken at once, as it comes out.
-constexpr int kMostIterations = 1000;
+/// Iterations of Newton's method in a step, a try that fails counted as ten of them; then
+/// the rest of it is taken at once, as it comes out.
+constexpr int kMostIterations = 1000, kFailedTry = 10;
 constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
 constexpr int kIterations = 40;
 
 /// A step may not add energy; this share of it is rounding, or what the midpoint rule
 /// lets it swing by.
 constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3;
+
+/// Of constraints after the projection of an explicit step, of the rod's length.
+constexpr double kLeft = 1e-4;
 
 } // namespace
 
@@ -131,20 +135,22 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
         return report;
     }
     // Counted in the smallest parts, so that they add up to the whole step.
-    int done = 0;
+    int done = 0, work = 0;
     while (done < kMostParts)
     {
         int length = kMostParts / parts_;
         while (done % length != 0)
             length /= 2;
-        const bool is_given_up = report.iterations >= kMostIterations;
+        const bool is_given_up = work >= kMostIterations;
         if (is_given_up)
             length = kMostParts - done;
         RodState next = state;
         Eigen::VectorXd next_velocity = velocity;
         const double part = step * length / kMostParts;
         RodStop stop = RodStop::NotRun;
+        const int before = report.iterations;
         const bool is_good = try_implicit(next, next_velocity, part, stop, report);
+        work += report.iterations - before + (is_good ? 1 : kFailedTry);
         if (is_good || length == 1 || is_given_up)
         {
             state = std::move(next);
@@ -250,6 +256,9 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     state.move(back, -1.0);
     rows = model_.rows(state);
     report.violation = rows.violation.cwiseAbs().maxCoeff();
+    // What one projection leaves is of second order; more is a contradiction.
+    if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
+        report.stop = RodStop::NoDescent;
     response(rows.rows).project(velocity);
 }
 

@@ -73,7 +73,8 @@ private:
         Vector3d by_b() const { return (ta - c * tb) / lb; }
     };
 
-    void add_stretch(Way way, double length, const Section& section);
+    void add_stretch(const RodState& rest, Way way, double length,
+                     const Section& section);
     void add_bending(const std::vector<Way>& halves);
     Way way(const BasisValues& values, int order) const;
     Way way(const BasisValues& from, const BasisValues& to) const;
@@ -119,6 +120,7 @@ Springs::Springs(const Rod& rod, bool bends) : rod_(rod)
 {
     if (rod.settings().coupled_spans < 2)
         throw std::invalid_argument("a rod of springs couples two spans");
+    const RodState rest(rod);
     std::vector<Way> halves;
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
     {
@@ -131,12 +133,14 @@ Springs::Springs(const Rod& rod, bool bends) : rod_(rod)
         halves.push_back(way(values[1], values[2]));
         if (span.is_smooth[0] && span.is_smooth[1])
         {
-            add_stretch(way(values[0], values[2]), span.length, rod.section_at(middle));
+            add_stretch(rest, way(values[0], values[2]), span.length,
+                        rod.section_at(middle));
             continue;
         }
         const double half = rod.arc_length().at(middle) - rod.arc_length().at(span.begin);
-        add_stretch(halves[2 * e], half, rod.section_at(0.5 * (span.begin + middle)));
-        add_stretch(halves[2 * e + 1], span.length - half,
+        add_stretch(rest, halves[2 * e], half,
+                    rod.section_at(0.5 * (span.begin + middle)));
+        add_stretch(rest, halves[2 * e + 1], span.length - half,
                     rod.section_at(0.5 * (middle + span.end)));
     }
     if (bends)
@@ -144,12 +148,12 @@ Springs::Springs(const Rod& rod, bool bends) : rod_(rod)
 }
 
 /// \p length: at rest, if the rod is to be straight there.
-void Springs::add_stretch(Way way, double length, const Section& section)
+void Springs::add_stretch(const RodState& rest, Way way, double length,
+                          const Section& section)
 {
     Distance spring;
-    spring.rest = rod_.settings().rest == RodRest::Given
-                      ? along(way, RodState(rod_).x()).norm()
-                      : length;
+    spring.rest =
+        rod_.settings().rest == RodRest::Given ? along(way, rest.x()).norm() : length;
     spring.stiffness = section.stretch / spring.rest;
     spring.way = std::move(way);
     distances_.push_back(std::move(spring));

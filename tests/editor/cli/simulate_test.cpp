@@ -79,6 +79,18 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     EXPECT_EQ(result.code, 7);
     EXPECT_TRUE(contains(result.err, "constraints are violated by up to")) << result.err;
     EXPECT_TRUE(std::filesystem::exists(folder / "torn.obj"));
+    // What interface defaults say aloud is no demand.
+    const std::string plain = folder.write(
+        "plain.json", R"({"cellwarp": 1, "rods": [{"through": [[0,0,0],[1,0,0]],
+        "fixed": [{"at": 0}], "carries": false, "refine": false}],
+        "simulate": {"dt": 0.03, "duration": 0.1, "every": 0.06}})");
+    EXPECT_EQ(run({"simulate", plain, "-o", folder / "p-{frame}.obj"}).code, 0);
+    EXPECT_TRUE(std::filesystem::exists(folder / "p-2.obj"));
+    // The last frame is looked for before any work, too.
+    std::filesystem::remove(folder / "p-0.obj");
+    std::filesystem::remove(folder / "p-1.obj");
+    EXPECT_EQ(run({"simulate", plain, "-o", folder / "p-{frame}.obj"}).code, 4);
+    EXPECT_FALSE(std::filesystem::exists(folder / "p-0.obj"));
 }
 
 } // namespace cellwarp

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include <map>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
@@ -104,6 +105,55 @@ TEST(Simulation, far_from_the_origin_it_is_the_same)
     const Eigen::Vector3d near = tip_from(0.0), far = tip_from(1048576.0);
     EXPECT_LT(near.y(), -0.1);
     EXPECT_LT((far - near).norm(), 1e-9);
+}
+
+TEST(Simulation, equilibria_follow_holds_that_turn_far)
+{
+    const auto solved = [](const std::string& rotate, const std::string& more)
+    {
+        Simulation simulation(scene_of(
+            R"("through": [[0,0,0],[1,0,0]], "spans": 12, "fixed": [
+               {"at": 0, "what": ["point", "tangent", "twist"], "keys":
+                [{"time": 0, "rotate": )" +
+                rotate + "}]}" + more + "]",
+            R"({"integrator": "static", "gravity": [0, 0, 0]})"));
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        return std::pair(simulation.rods(2)[0].curve[1], report.elastic);
+    };
+    for (const double turn : {90.0, 135.0, 180.0})
+    {
+        const double a = turn * std::numbers::pi / 180.0;
+        const Eigen::Vector3d tip =
+            solved("[0, 0, 1, " + std::to_string(turn) + "]", "").first;
+        EXPECT_LT((tip - Eigen::Vector3d(std::cos(a), std::sin(a), 0)).norm(), 1e-6);
+    }
+    // Two turns of twist: 1/2 GJ (4 pi)^2 / L.
+    const double GJ = 1e6 / 2.6 * 0.5 * std::numbers::pi * 1e-8;
+    const double elastic =
+        solved("[1, 0, 0, 720]", R"(, {"at": 1, "what": ["twist"]})").second;
+    EXPECT_NEAR(elastic / (0.5 * GJ * std::pow(4.0 * std::numbers::pi, 2)), 1.0, 1e-6);
+}
+
+TEST(Simulation, springs_are_for_cubic_splines)
+{
+    for (const std::string curve :
+         {R"("degree": 5, "through": [[0,0,0],[1,0,0]])",
+          R"("spline": "bezier", "points": [[0,0,0],[1,0,0],[2,0,0],[3,0,0]])"})
+        EXPECT_TRUE(contains(
+            error_of(
+                Fault::Malformed,
+                [&] { Simulation(scene_of(curve + R"(, "energy": "discrete")", "{}")); }),
+            "rods[0].energy: springs need a cubic spline"));
+}
+
+TEST(Simulation, the_first_frame_tells_what_is_off_its_place)
+{
+    Simulation simulation(scene_of(
+        R"("through": [[0,0,0],[1,0,0]], "on": [{"at": 0, "point": [0, 0.5, 0]}])",
+        "{}"));
+    EXPECT_NEAR(simulation.report().violation, 0.5, 1e-12);
 }
 
 TEST(Simulation, an_equilibrium_needs_something_to_hold_on_to)
