@@ -9,6 +9,25 @@ function(cellwarp_part name)
   cellwarp_compile(cellwarp_${name})
 endfunction()
 
+# Inner loops of a part, compiled for each instruction set; which one runs is chosen at run
+# time (octree/base/instruction_set.h).
+function(cellwarp_lanes part)
+  cellwarp_lanes_for(${part} plain "" ${ARGN})
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    cellwarp_lanes_for(${part} avx2 -mavx2 ${ARGN})
+    cellwarp_lanes_for(${part} avx512 -mavx512f ${ARGN})
+  endif()
+endfunction()
+
+function(cellwarp_lanes_for part set option)
+  set(name cellwarp_${part}_${set})
+  add_library(${name} OBJECT ${ARGN})
+  target_compile_definitions(${name} PRIVATE CELLWARP_LANES_FOR=${set})
+  cellwarp_compile(${name})
+  target_compile_options(${name} PRIVATE -fno-math-errno ${option})
+  target_sources(cellwarp_${part} PRIVATE $<TARGET_OBJECTS:${name}>)
+endfunction()
+
 function(cellwarp_program name)
   add_executable(${name} ${ARGN})
   target_compile_definitions(${name} PRIVATE CELLWARP_VERSION="${PROJECT_VERSION}")

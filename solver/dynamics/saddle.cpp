@@ -20,8 +20,6 @@ constexpr int kFar = 3;
 void SaddleSolver::arrange(const BandMatrix& A, std::span<const SparseRow> rows,
                            std::span<const int> groups)
 {
-    num_unknowns_ = A.rows();
-    place_of_row_.assign(rows.size(), -1);
     far_rows_.clear();
     // Behind which unknown each row stands.
     std::vector<std::pair<int, int>> behind;
@@ -80,6 +78,14 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
                                              std::span<const SparseRow> rows,
                                              std::span<const int> groups)
 {
+    place_of_row_.assign(rows.size(), -1);
+    far_.clear();
+    num_unknowns_ = A.rows();
+    if (rows.empty())
+    {
+        const BandFactor::Report told = factor_.factorize(A);
+        return {told.is_finite, told.num_negative, told.num_dropped};
+    }
     arrange(A, rows, groups);
     for (int j = 0; j < num_unknowns_; ++j)
     {
@@ -112,7 +118,6 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
                     rho_[r] * near_[r][i].second * near_[r][j].second;
     const BandFactor::Report told = factor_.factorize(matrix_, is_row_);
     Report report{told.is_finite, told.num_negative, told.num_dropped};
-    far_.clear();
     if (far_rows_.empty() || !report.is_finite)
         return report;
     // [K -F^T; -F 0]: F K^-1 F^T mu = - g - F K^-1 r
@@ -149,6 +154,11 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
 
 void SaddleSolver::solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const
 {
+    if (place_of_row_.empty())
+    {
+        factor_.solve(r);
+        return;
+    }
     all_.setZero(matrix_.rows());
     for (int u = 0; u < num_unknowns_; ++u)
         all_[place_of_unknown_[idx(u)]] = r[u];

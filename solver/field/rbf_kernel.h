@@ -6,7 +6,7 @@
 
 #include <cstddef>
 
-#include "solver/field/instruction_set.h"
+#include "octree/base/instruction_set.h"
 
 namespace cellwarp
 {

@@ -14,6 +14,31 @@ namespace
 /// nothing.
 constexpr double kRedundant = 1e-10;
 
+/// Takes a pivot column from those behind it. With the width known the compiler keeps it
+/// in registers.
+template <int kHalfBand>
+void eliminate(double* pivot_column)
+{
+    const double inverse = 1.0 / pivot_column[0];
+    double kept[kHalfBand + 1];
+    for (int i = 0; i <= kHalfBand; ++i)
+        kept[i] = pivot_column[i];
+    double* target = pivot_column;
+    for (int k = 1; k <= kHalfBand; ++k)
+    {
+        target += kHalfBand + 1;
+        const double factor = kept[k] * inverse;
+        for (int i = 0; i <= kHalfBand - k; ++i)
+            target[i] -= factor * kept[i + k];
+    }
+    pivot_column[0] = inverse;
+    for (int k = 1; k <= kHalfBand; ++k)
+        pivot_column[k] = kept[k] * inverse;
+}
+
+/// The half-band of a cubic rod.
+constexpr int kUsual = 15;
+
 } // namespace
 
 BandMatrix::BandMatrix(int rows, int half_band)
@@ -81,6 +106,11 @@ BandFactor::Report BandFactor::factorize(const BandMatrix& A,
         }
         num_negative += pivot < 0.0;
         num_rows += is_row;
+        if (half_band_ == kUsual && count == kUsual && is_multiplier.empty())
+        {
+            eliminate<kUsual>(pivot_column);
+            continue;
+        }
         const double inverse = 1.0 / pivot;
         for (int k = 1; k <= count; ++k)
         {

@@ -40,14 +40,11 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 #include <vector>
 
-#include <Eigen/Geometry>
-
 #include "octree/base/index.h"
-#include "octree/base/rigid_motion.h"
+#include "solver/rods/elastic_kernel.h"
 
 namespace cellwarp
 {
@@ -55,388 +52,124 @@ namespace cellwarp
 namespace
 {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 template <int M>
-class Elasticity final : public RodTerm
+class Elasticity final : public RodTerm, ElasticCounts<M>
 {
-    static constexpr int kInside = M > 2 ? M - 2 : 1; ///< bending places
-    static constexpr int kPlaces = kInside + 2;
-    static constexpr int kLocal = 3 * M + 2; ///< control points, near and far angle
-    using Local = Eigen::Matrix<double, kLocal, 1>;
+    using Counts = ElasticCounts<M>;
+    using Counts::kLegs, Counts::kInside, Counts::kPlaces, Counts::kUnknowns,
+        Counts::kEntries;
 
-    struct Bending
-    {
-        double place = 0.0; ///< in the span
-        double weight = 0.0, sigma = 0.0;
-        std::array<double, 2> stiffness = {}, rest = {};
-    };
-    struct Stretch
-    {
-        std::array<double, M> first = {};
-        double weight = 0.0; ///< YA W sigma [N m]
-        double sigma = 0.0;
-        double force = 0.0; ///< YA W sigma eps, as predicted
-    };
+    /// Where a span stands in vectors and in the band.
     struct Span
     {
         std::array<int, M> control = {}; ///< first unknown of each
         std::array<int, 2> angle = {};   ///< unknowns
-        std::array<std::array<double, M>, kPlaces> first = {};
-        std::array<std::array<double, M>, kInside> second = {};
-        std::array<Bending, kInside> bending;
-        int first_stretch = 0, num_stretch = 0;
-        double twist_stiffness = 0.0, rest_twist = 0.0; ///< GJ / L [N m], [rad]
-        std::array<int, 2> station = {};
+        int near = 0;                    ///< station
         int first_unknown = 0;
         std::size_t pattern = 0;
     };
 
-    /// What the derivatives of one span are made of.
-    struct Look
-    {
-        std::array<Vector3d, M> q;
-        const RodState::Velocity* at; ///< of all places
-        std::array<Vector3d, kInside> w;
-    };
-    /// One hop from tangent to tangent.
-    struct Hop
-    {
-        int a = 0, b = 0;
-        Vector3d beta, tt;
-    };
-    /// Forces on a span, gathered where they act.
-    struct Pull
-    {
-        std::array<Vector3d, kPlaces> on_u;
-        std::array<Vector3d, kInside> on_w;
-        std::array<double, kPlaces> on_hop = {}; ///< moments
-        double on_near = 0.0, on_far = 0.0;      ///< on the angles
-        Pull()
-        {
-            on_u.fill(Vector3d::Zero());
-            on_w.fill(Vector3d::Zero());
-        }
-        void add_twist(const Elasticity& of, double moment)
-        {
-            for (int k = 0; k < kPlaces; ++k)
-                on_hop[idx(k)] += moment * of.hop_share(k);
-            on_near -= moment;
-            on_far += moment;
-        }
-        /// On the spin at an inner place.
-        void add_spin(const Elasticity& of, double place, int g, double moment)
-        {
-            add_twist(of, moment * place);
-            for (int k = 0; k <= g; ++k)
-                on_hop[idx(k)] -= moment;
-            on_near += moment;
-        }
-    };
-    struct Strain
-    {
-        Vector3d K;
-        double f = 0.0;
-    };
-
 public:
     Elasticity(const Rod& rod, const ElasticParts& parts)
-        : rod_(rod), parts_(parts), cubes_(rod.cubes_of_steps())
+        : rod_(rod), kernels_(elastic_kernels<M>(instruction_sets().back()))
     {
+        kind_.has_stretch = parts.has_stretch;
+        kind_.has_bending = parts.has_bending;
+        kind_.has_twist = parts.has_twist;
+        kind_.is_plain = rod.is_straight();
+        kind_.cubes = rod.cubes_of_steps();
+        std::copy_n(rod.bending_places().begin(), kInside, kind_.place);
         const RodState rest(rod);
-        const std::span<const double> places = rod.bending_places(),
-                                      weights = rod.bending_weights();
-        const bool is_given = rod.settings().rest == RodRest::Given;
-        is_plain_ = rod.is_straight();
-        for (std::size_t e = 0; e < rod.spans().size(); ++e)
+        const std::size_t num_spans = rod.spans().size();
+        groups_.resize((num_spans + kSpanLanes - 1) / kSpanLanes);
+        for (std::size_t e = 0; e < num_spans; ++e)
         {
-            const RodSpan& of = rod.spans()[e];
-            const double h = of.end - of.begin;
             Span span;
-            span.station = of.station;
+            span.near = rod.spans()[e].station[0];
             for (int j = 0; j < M; ++j)
                 span.control[idx(j)] = rod.layout().control[idx(rod.controls(e)[j])];
             for (const std::size_t end : {0u, 1u})
-                span.angle[end] = rod.layout().angle[idx(of.station[end])];
-            for (int p = 0; p < kPlaces; ++p)
-                std::copy_n(rod.first(e, p), M, span.first[idx(p)].begin());
-            double twist = 0.0;
-            for (int g = 0; g < kInside; ++g)
-            {
-                std::copy_n(rod.second(e, g + 1), M, span.second[idx(g)].begin());
-                Bending& b = span.bending[idx(g)];
-                b.place = places[idx(g)];
-                b.sigma = rest.velocity(e, g + 1).length;
-                b.weight = weights[idx(g)] * h * b.sigma;
-                const Section section = rod.section_at(of.begin + b.place * h);
-                b.stiffness = section.bending;
-                twist += weights[idx(g)] * section.twist;
-                is_plain_ = is_plain_ && b.stiffness[0] == b.stiffness[1];
-            }
-            span.twist_stiffness = twist / of.length;
-            span.rest_twist = rod.settings().rest_twist * of.length;
-            if (is_given)
-                span.rest_twist += rest.winding(e);
+                span.angle[end] = rod.layout().angle[idx(rod.spans()[e].station[end])];
             find_pattern(span);
             spans_.push_back(span);
-            add_stretch(e, h);
+            ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            ++group.count;
+            describe(e, rest, group);
         }
-        if (is_given)
-            for (std::size_t e = 0; e < spans_.size(); ++e)
-            {
-                Span& span = spans_[e];
-                const Look at = look(rest, span, e);
-                for (int g = 0; g < kInside; ++g)
-                {
-                    const Strain strain = strain_of(at, span, g);
-                    const auto [m1, m2] = directions(rest, e, at, g);
-                    span.bending[idx(g)].rest = {strain.K.dot(m1), strain.K.dot(m2)};
-                }
-            }
-        if (is_plain_)
-            for (Span& span : spans_)
-                for (Bending& b : span.bending)
-                    b.rest = {};
+        if (rod.settings().rest == RodRest::Given && !kind_.is_plain)
+            take_rest(rest);
     }
 
     double value(const RodState& state) const override
     {
         double sum = 0.0;
-        for (std::size_t e = 0; e < spans_.size(); ++e)
+        for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            const Span& span = spans_[e];
-            const Look at = look(state, span, e);
-            for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
-            {
-                const Stretch& s = stretch_[idx(span.first_stretch + k)];
-                const double eps = strain(at, s);
-                sum += 0.5 * s.weight * eps * eps;
-            }
-            for (int g = 0; parts_.has_bending && g < kInside; ++g)
-            {
-                const Bending& b = span.bending[idx(g)];
-                const Vector3d K = strain_of(at, span, g).K;
-                if (is_plain_)
-                {
-                    sum += 0.5 * b.weight * b.stiffness[0] * K.squaredNorm();
-                    continue;
-                }
-                const auto [m1, m2] = directions(state, e, at, g);
-                sum += 0.5 * b.weight *
-                       (b.stiffness[0] * square(K.dot(m1) - b.rest[0]) +
-                        b.stiffness[1] * square(K.dot(m2) - b.rest[1]));
-            }
-            if (parts_.has_twist)
-                sum +=
-                    0.5 * span.twist_stiffness * square(state.twist(e) - span.rest_twist);
+            SpanNumbers energy;
+            kernels_.energy(kind_, groups_[k], places(state, k), energy);
+            for (int l = 0; l < groups_[k].count; ++l)
+                sum += energy.lane[l];
         }
         return sum;
     }
 
     void add_gradient(const RodState& state, Eigen::VectorXd& out) const override
     {
-        for (std::size_t e = 0; e < spans_.size(); ++e)
+        std::array<SpanNumbers, idx(kUnknowns)> force;
+        for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            const Span& span = spans_[e];
-            const Look at = look(state, span, e);
-            Forces forces = {};
-            for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
+            kernels_.gradient(kind_, groups_[k], places(state, k), force.data());
+            for (int l = 0; l < groups_[k].count; ++l)
             {
-                const Stretch& s = stretch_[idx(span.first_stretch + k)];
-                const Vector3d u = velocity(at, s);
-                const double l = u.norm();
-                const Vector3d pull = s.weight * (l / s.sigma - 1.0) / (s.sigma * l) * u;
-                add_scaled(s.first, pull, forces);
+                const Span& span = spans_[k * kSpanLanes + idx(l)];
+                for (int j = 0; j < M; ++j)
+                    for (int c = 0; c < 3; ++c)
+                        out[span.control[idx(j)] + c] += force[idx(3 * j + c)].lane[l];
+                for (const int end : {0, 1})
+                    out[span.angle[idx(end)]] += force[idx(3 * M + end)].lane[l];
             }
-            Pull pull;
-            if (parts_.has_twist)
-                pull.add_twist(*this,
-                               span.twist_stiffness * (state.twist(e) - span.rest_twist));
-            for (int g = 0; parts_.has_bending && g < kInside; ++g)
-            {
-                const Bending& b = span.bending[idx(g)];
-                const Strain s = strain_of(at, span, g);
-                if (is_plain_)
-                {
-                    pull_back(at, g, s, b.weight * b.stiffness[0] * s.K, pull);
-                    continue;
-                }
-                const auto [m1, m2] = directions(state, e, at, g);
-                const double k1 = s.K.dot(m1), k2 = s.K.dot(m2);
-                const double S1 = b.weight * b.stiffness[0] * (k1 - b.rest[0]);
-                const double S2 = b.weight * b.stiffness[1] * (k2 - b.rest[1]);
-                pull_back(at, g, s, S1 * m1 + S2 * m2, pull);
-                pull.add_spin(*this, b.place, g, S1 * k2 - S2 * k1);
-            }
-            add_hops(at, pull);
-            spread(span, pull, forces);
-            for (int j = 0; j < M; ++j)
-                for (int c = 0; c < 3; ++c)
-                    out[span.control[idx(j)] + c] += forces[idx(3 * j + c)];
-            out[span.angle[0]] += pull.on_near;
-            out[span.angle[1]] += pull.on_far;
         }
     }
 
     void add_hessian(const RodState& state, RodHessian how,
                      BandMatrix& out) const override
     {
-        const bool is_exact = how != RodHessian::Definite;
-        Square H;
-        // The lower triangle is enough: += x v v^T.
-        const auto add_square = [&H](const Local& v, double x)
+        std::array<SpanNumbers, idx(kEntries)> entries;
+        for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            for (int j = 0; j < kLocal; ++j)
+            kernels_.hessian(kind_, how, groups_[k], places(state, k), entries.data());
+            for (int l = 0; l < groups_[k].count; ++l)
             {
-                const double y = x * v[j];
-                for (int i = j; i < kLocal; ++i)
-                    H(i, j) += y * v[i];
+                const Span& span = spans_[k * kSpanLanes + idx(l)];
+                double* const to = &out.lower(span.first_unknown, span.first_unknown);
+                const int* const at = patterns_[span.pattern].data();
+                for (std::size_t n = 0; n < entries.size(); ++n)
+                    to[at[n]] += entries[n].lane[l];
             }
-        };
-        for (std::size_t e = 0; e < spans_.size(); ++e)
-        {
-            const Span& span = spans_[e];
-            const Look at = look(state, span, e);
-            H.setZero();
-            for (int k = 0; parts_.has_stretch && k < span.num_stretch; ++k)
-            {
-                const Stretch& s = stretch_[idx(span.first_stretch + k)];
-                const Vector3d u = velocity(at, s);
-                const double l = u.norm();
-                double force = is_predicted_ ? s.force : s.weight * (l / s.sigma - 1.0);
-                if (how != RodHessian::Exact)
-                    force = std::max(force, 0.0);
-                const Vector3d t = u / l;
-                const double along = s.weight / (s.sigma * s.sigma),
-                             across = force / (l * s.sigma);
-                Matrix3d B = (along - across) * t * t.transpose();
-                B.diagonal().array() += across;
-                for (int j = 0; j < M; ++j)
-                    add_column(s.first, j, s.first[idx(j)] * B, H);
-            }
-            const double moment =
-                parts_.has_twist
-                    ? span.twist_stiffness * (state.twist(e) - span.rest_twist)
-                    : 0.0;
-            Blocks blocks(parts_.has_bending);
-            std::array<Hop, kPlaces> hops;
-            std::array<double, kPlaces> hop_force = {};
-            Local of_twist = Local::Zero();
-            if (parts_.has_twist || !is_plain_)
-            {
-                find_hops(at, hops);
-                of_twist = twist_form(span, at);
-            }
-            if (parts_.has_twist)
-            {
-                add_square(of_twist, span.twist_stiffness);
-                for (int k = 0; k < kPlaces; ++k)
-                    hop_force[idx(k)] += moment * hop_share(k);
-            }
-            for (int p = 0; parts_.has_bending && p < kInside; ++p)
-            {
-                const Bending& b = span.bending[idx(p)];
-                const Strain s = strain_of(at, span, p);
-                const std::array<double, M>& c1 = span.first[idx(p) + 1];
-                const std::array<double, M>& c2 = span.second[idx(p)];
-                const Vector3d &u = at.at[p + 1].first, &t = at.at[p + 1].tangent;
-                const double l = at.at[p + 1].length;
-                const Vector3d& w = at.w[idx(p)];
-                const Matrix3d A =
-                    -s.f * cross_matrix(w) - (2.0 / l) * s.K * t.transpose();
-                const Matrix3d B = s.f * cross_matrix(u);
-                Matrix3d uu = Matrix3d::Zero(), uw = Matrix3d::Zero(),
-                         ww = Matrix3d::Zero();
-                // sum of second derivatives of p . K and of what moves with the tangent.
-                const auto add_curvature = [&](const Vector3d& force)
-                {
-                    const Vector3d pw = force.cross(w), pu = force.cross(u);
-                    const Vector3d C = s.K / s.f;
-                    uu += (2.0 * s.f / l) * (t * pw.transpose() + pw * t.transpose());
-                    uu += force.dot(C) * s.f / (l * l) * (8.0 * t * t.transpose());
-                    uu.diagonal().array() -= 2.0 * force.dot(C) * s.f / (l * l);
-                    uw -=
-                        s.f * cross_matrix(force) + (2.0 * s.f / l) * t * pu.transpose();
-                };
-                if (is_plain_)
-                {
-                    const double k = b.weight * b.stiffness[0];
-                    uu = A.transpose().lazyProduct(A);
-                    uw = A.transpose().lazyProduct(B);
-                    ww = B.transpose().lazyProduct(B);
-                    if (is_exact)
-                        add_curvature(s.K);
-                    uu *= k;
-                    uw *= k;
-                    ww *= k;
-                }
-                else
-                {
-                    const auto [m1, m2] = directions(state, e, at, p);
-                    const double k1 = s.K.dot(m1), k2 = s.K.dot(m2);
-                    const double Y1 = b.weight * b.stiffness[0],
-                                 Y2 = b.weight * b.stiffness[1];
-                    const double S1 = Y1 * (k1 - b.rest[0]), S2 = Y2 * (k2 - b.rest[1]);
-                    const Local spin = spin_form(span, at, p);
-                    const auto form = [&](const Vector3d& m)
-                    {
-                        Local v = Local::Zero();
-                        const Vector3d on_u = A.transpose() * m, on_w = B.transpose() * m;
-                        for (int j = 0; j < M; ++j)
-                            v.template segment<3>(3 * j) =
-                                c1[idx(j)] * on_u + c2[idx(j)] * on_w;
-                        return v;
-                    };
-                    const Local K1 = form(m1), K2 = form(m2);
-                    add_square(K1 + k2 * spin, Y1);
-                    add_square(K2 - k1 * spin, Y2);
-                    if (is_exact)
-                    {
-                        const Vector3d force = S1 * m1 + S2 * m2;
-                        add_curvature(force);
-                        uu += (force * s.K.transpose() + s.K * force.transpose()) /
-                              (2.0 * l * l);
-                        const double turn = S1 * k2 - S2 * k1;
-                        for (int k = 0; k < kPlaces; ++k)
-                            hop_force[idx(k)] +=
-                                turn * (b.place * hop_share(k) - (k < p + 1 ? 1.0 : 0.0));
-                        // 2 (r . dK) dphi = 1/2 [(r.dK + dphi)^2 - (r.dK - dphi)^2]
-                        const Local rK = S1 * K2 - S2 * K1;
-                        const double scale = std::sqrt(std::max(rK.norm(), 1e-300) /
-                                                       std::max(spin.norm(), 1e-300));
-                        add_square(rK / scale + scale * spin, 0.5);
-                        add_square(rK / scale - scale * spin, -0.5);
-                        add_square(spin, -(S1 * k1 + S2 * k2));
-                    }
-                }
-                blocks.uu[idx(p) + 1] = uu;
-                blocks.uw[idx(p)] = uw;
-                blocks.ww[idx(p)] = ww;
-            }
-            if (is_exact)
-                add_hops(at, hops, hop_force, blocks);
-            blocks.spread(span, H);
-            add_to_band(span, H, out);
         }
     }
 
     void predict(const RodState& state, const Eigen::VectorXd* step) override
     {
-        is_predicted_ = step != nullptr;
-        if (!step)
+        kind_.is_predicted = step != nullptr && kind_.has_stretch;
+        if (!kind_.is_predicted)
             return;
+        force_.resize(groups_.size() * Counts::kMostStretch);
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
-            const Span& span = spans_[e];
-            const Look at = look(state, span, e);
-            for (int k = 0; k < span.num_stretch; ++k)
+            const ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            const std::size_t l = e % kSpanLanes;
+            const Legs at = legs(spans_[e], state.x()), by = legs(spans_[e], *step);
+            for (int k = 0; k < group.num_stretch; ++k)
             {
-                Stretch& s = stretch_[idx(span.first_stretch + k)];
-                const Vector3d u = velocity(at, s);
-                const double l = u.norm();
-                s.force = s.weight * (l / s.sigma - 1.0 +
-                                      u.dot(change(span, s, *step)) / (l * s.sigma));
+                const Vector3d u = sum(group.stretch_first[k], l, at);
+                const double length = u.norm(), sigma = group.stretch_sigma[k].lane[l];
+                force_[e / kSpanLanes * Counts::kMostStretch + idx(k)].lane[l] =
+                    group.stretch_weight[k].lane[l] *
+                    (length / sigma - 1.0 +
+                     u.dot(sum(group.stretch_first[k], l, by)) / (length * sigma));
             }
         }
     }
@@ -444,33 +177,90 @@ public:
     void add_correction(const RodState& before, const RodState& after,
                         const Eigen::VectorXd& step, Eigen::VectorXd& out) const override
     {
-        if (!parts_.has_stretch)
+        if (!kind_.has_stretch)
             return;
         for (std::size_t e = 0; e < spans_.size(); ++e)
         {
             const Span& span = spans_[e];
-            const Look old = look(before, span, e), now = look(after, span, e);
-            for (int k = 0; k < span.num_stretch; ++k)
+            const ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            const std::size_t l = e % kSpanLanes;
+            const Legs old = legs(span, before.x()), now = legs(span, after.x()),
+                       by = legs(span, step);
+            for (int k = 0; k < group.num_stretch; ++k)
             {
-                const Stretch& s = stretch_[idx(span.first_stretch + k)];
-                const Vector3d u = velocity(old, s);
-                const double l = u.norm();
-                const double left = strain(now, s) - strain(old, s) -
-                                    u.dot(change(span, s, step)) / (l * s.sigma);
-                const Vector3d pull = -s.weight * left / (l * s.sigma) * u;
-                for (int j = 0; j < M; ++j)
-                    out.template segment<3>(span.control[idx(j)]) +=
-                        s.first[idx(j)] * pull;
+                const SpanNumbers* const share = group.stretch_first[k];
+                const double sigma = group.stretch_sigma[k].lane[l];
+                const Vector3d u = sum(share, l, old);
+                const double length = u.norm();
+                const double left = (sum(share, l, now).norm() - length -
+                                     u.dot(sum(share, l, by)) / length) /
+                                    sigma;
+                const Vector3d pull =
+                    -group.stretch_weight[k].lane[l] * left / (length * sigma) * u;
+                for (int j = 0; j < kLegs; ++j)
+                {
+                    const Vector3d on_leg = share[j].lane[l] * pull;
+                    out.template segment<3>(span.control[idx(j + 1)]) += on_leg;
+                    out.template segment<3>(span.control[idx(j)]) -= on_leg;
+                }
             }
         }
     }
 
 private:
-    static double square(double x) { return x * x; }
+    using Legs = std::array<Vector3d, idx(Counts::kLegs)>;
 
-    void add_stretch(std::size_t e, double h)
+    static Legs legs(const Span& span, const Eigen::VectorXd& x)
     {
+        Legs out;
+        for (int j = 0; j < kLegs; ++j)
+            out[idx(j)] = x.segment<3>(span.control[idx(j + 1)]) -
+                          x.segment<3>(span.control[idx(j)]);
+        return out;
+    }
+    static Vector3d sum(const SpanNumbers* share, std::size_t lane, const Legs& of)
+    {
+        Vector3d out = Vector3d::Zero();
+        for (int j = 0; j < kLegs; ++j)
+            out += share[j].lane[lane] * of[idx(j)];
+        return out;
+    }
+    /// Shares of control points, which sum to 0, become those of legs.
+    static void take_shares(const double* of_controls, std::size_t lane, SpanNumbers* out)
+    {
+        double share = 0.0;
+        for (int j = kLegs; j > 0; --j)
+        {
+            share += of_controls[j];
+            out[j - 1].lane[lane] = share;
+        }
+    }
+
+    /// What is known of span \p e without its rest curvature.
+    void describe(std::size_t e, const RodState& rest, ElasticSpans<M>& group)
+    {
+        const std::size_t l = e % kSpanLanes;
         const RodSpan& of = rod_.spans()[e];
+        const double h = of.end - of.begin;
+        for (int p = 0; p < kPlaces; ++p)
+            take_shares(rod_.first(e, p), l, group.first[p]);
+        double twist = 0.0;
+        for (int g = 0; g < kInside; ++g)
+        {
+            take_shares(rod_.second(e, g + 1), l, group.second[g]);
+            const double share = rod_.bending_weights()[idx(g)],
+                         sigma = rest.velocity(e, g + 1).length;
+            const Section section = rod_.section_at(of.begin + kind_.place[g] * h);
+            group.sigma[g].lane[l] = sigma;
+            for (const std::size_t i : {0u, 1u})
+                group.stiffness[g][i].lane[l] = share * h * sigma * section.bending[i];
+            twist += share * section.twist;
+            kind_.is_plain = kind_.is_plain && section.bending[0] == section.bending[1];
+        }
+        group.twist_stiffness.lane[l] = twist / of.length;
+        group.rest_twist.lane[l] = rod_.settings().rest_twist * of.length;
+        if (rod_.settings().rest == RodRest::Given)
+            group.rest_twist.lane[l] += rest.winding(e);
         // As many points as u has dimensions: one a span, more at ends and unsmooth
         // knots.
         const int degree = rod_.basis().degree();
@@ -478,264 +268,69 @@ private:
         const int count = num_ends == 0   ? 1
                           : num_ends == 1 ? (degree + 2) / 2
                                           : std::min(degree, kMaxGaussPlaces);
-        Span& span = spans_[e];
-        span.first_stretch = static_cast<int>(stretch_.size());
-        span.num_stretch = count;
-        const std::span<const double> places = gauss_places(count),
-                                      weights = gauss_weights(count);
-        for (int k = 0; k < count; ++k)
+        group.num_stretch = std::max(group.num_stretch, count);
+        for (int k = 0; k < Counts::kMostStretch; ++k)
         {
-            const double at = of.begin + places[idx(k)] * h;
+            // What others have more is here of no weight.
+            const bool is_one = k < count;
+            const double share = is_one ? gauss_places(count)[idx(k)] : 0.5;
+            const double at = of.begin + share * h;
             const BasisValues values = rod_.basis().values_in(static_cast<int>(e), at);
-            Stretch s;
-            std::copy_n(values.value[1].begin(), M, s.first.begin());
-            s.sigma = rod_.rest().combined(values).first.norm();
-            s.weight = weights[idx(k)] * h * s.sigma * rod_.section_at(at).stretch;
-            stretch_.push_back(s);
+            take_shares(values.value[1].data(), l, group.stretch_first[k]);
+            // As the kernels form it: at rest nothing is left.
+            const double sigma =
+                sum(group.stretch_first[k], l, legs(spans_[e], rest.x())).norm();
+            group.stretch_sigma[k].lane[l] = sigma;
+            group.stretch_weight[k].lane[l] = is_one ? gauss_weights(count)[idx(k)] * h *
+                                                           sigma *
+                                                           rod_.section_at(at).stretch
+                                                     : 0.0;
         }
     }
-
-    Look look(const RodState& state, const Span& span, std::size_t e) const
+    void take_rest(const RodState& rest)
     {
-        Look at;
-        for (int j = 0; j < M; ++j)
-            at.q[idx(j)] = state.x().template segment<3>(span.control[idx(j)]);
-        at.at = state.velocities(e);
-        for (int g = 0; g < kInside; ++g)
+        for (std::size_t k = 0; k < groups_.size(); ++k)
+            kernels_.curvatures(kind_, groups_[k], places(rest, k), groups_[k].rest);
+    }
+
+    ElasticPlaces<M> places(const RodState& state, std::size_t group) const
+    {
+        const ElasticSpans<M>& spans = groups_[group];
+        ElasticPlaces<M> out;
+        for (int l = 0; l < spans.count; ++l)
         {
-            Vector3d w = Vector3d::Zero();
-            for (int j = 0; j < M; ++j)
-                w += span.second[idx(g)][idx(j)] * at.q[idx(j)];
-            at.w[idx(g)] = w;
-        }
-        return at;
-    }
-
-    Vector3d velocity(const Look& at, const Stretch& s) const
-    {
-        Vector3d u = Vector3d::Zero();
-        for (int j = 0; j < M; ++j)
-            u += s.first[idx(j)] * at.q[idx(j)];
-        return u;
-    }
-    double strain(const Look& at, const Stretch& s) const
-    {
-        return velocity(at, s).norm() / s.sigma - 1.0;
-    }
-    /// du at a place of stretch by a step.
-    Vector3d change(const Span& span, const Stretch& s, const Eigen::VectorXd& step) const
-    {
-        Vector3d du = Vector3d::Zero();
-        for (int j = 0; j < M; ++j)
-            du += s.first[idx(j)] * step.template segment<3>(span.control[idx(j)]);
-        return du;
-    }
-
-    Strain strain_of(const Look& at, const Span& span, int g) const
-    {
-        const auto& [u, t, l] = at.at[g + 1];
-        const double f = 1.0 / (l * l * span.bending[idx(g)].sigma);
-        return {f * u.cross(at.w[idx(g)]), f};
-    }
-
-    /// m_1 and m_2 at an inner place.
-    std::pair<Vector3d, Vector3d> directions(const RodState& state, std::size_t e,
-                                             const Look& at, int g) const
-    {
-        const Span& span = spans_[e];
-        Vector3d a = state.reference(span.station[0]);
-        for (int p = 0; p <= g; ++p)
-            a = transported(at.at[p].tangent, at.at[p + 1].tangent, a);
-        const double psi =
-            state.angle(span.station[0]) + span.bending[idx(g)].place * state.twist(e);
-        const Vector3d& t = at.at[g + 1].tangent;
-        const Vector3d m1 = std::cos(psi) * a + std::sin(psi) * t.cross(a);
-        return {m1, t.cross(m1)};
-    }
-
-    /// Places that a hop goes from and to: those of the chain, and at the end the one at
-    /// once.
-    static std::pair<int, int> ends_of_hop(int k)
-    {
-        return k + 1 < kPlaces ? std::pair(k, k + 1) : std::pair(0, kPlaces - 1);
-    }
-    void find_hops(const Look& at, std::array<Hop, kPlaces>& hops) const
-    {
-        for (int k = 0; k < kPlaces; ++k)
-        {
-            Hop& hop = hops[idx(k)];
-            std::tie(hop.a, hop.b) = ends_of_hop(k);
-            const Vector3d &a = at.at[hop.a].tangent, &b = at.at[hop.b].tangent;
-            hop.beta = turn_of_hop(a, b);
-            hop.tt = (a + b) / hop_scale(a, b);
-        }
-    }
-    /// Of hop \p k in the winding of the span.
-    double hop_share(int k) const
-    {
-        return (k + 1 < kPlaces ? 1.0 : -cubes_) / (1.0 - cubes_);
-    }
-    /// Moments on hops become forces on u.
-    static void add_hops(const Look& at, Pull& pull)
-    {
-        for (int k = 0; k < kPlaces; ++k)
-        {
-            if (pull.on_hop[idx(k)] == 0.0)
+            const std::size_t e = group * kSpanLanes + idx(l);
+            const Span& span = spans_[e];
+            const Legs at = legs(span, state.x());
+            for (int j = 0; j < kLegs; ++j)
+                for (int c = 0; c < 3; ++c)
+                    out.leg[j][c].lane[l] = at[idx(j)][c];
+            out.twist.lane[l] = state.twist(e);
+            if (kind_.is_plain)
                 continue;
-            const auto [a, b] = ends_of_hop(k);
-            const Vector3d turn = 0.5 * pull.on_hop[idx(k)] *
-                                  turn_of_hop(at.at[a].tangent, at.at[b].tangent);
-            pull.on_u[idx(a)] += turn / at.at[a].length;
-            pull.on_u[idx(b)] += turn / at.at[b].length;
-        }
-    }
-    /// Three of each control point.
-    using Forces = std::array<double, idx(3 * M)>;
-    static void add_scaled(const std::array<double, M>& share, const Vector3d& force,
-                           Forces& out)
-    {
-        for (int j = 0; j < M; ++j)
             for (int c = 0; c < 3; ++c)
-                out[idx(3 * j + c)] += share[idx(j)] * force[c];
-    }
-    /// Forces on control points.
-    static void spread(const Span& span, const Pull& pull, Forces& out)
-    {
-        for (int p = 0; p < kPlaces; ++p)
-            add_scaled(span.first[idx(p)], pull.on_u[idx(p)], out);
-        for (int g = 0; g < kInside; ++g)
-            add_scaled(span.second[idx(g)], pull.on_w[idx(g)], out);
-    }
-    static Local form_of(const Span& span, const Look& at, Pull& pull)
-    {
-        add_hops(at, pull);
-        Forces forces = {};
-        spread(span, pull, forces);
-        Local form;
-        for (int i = 0; i < 3 * M; ++i)
-            form[i] = forces[idx(i)];
-        form[3 * M] = pull.on_near;
-        form[3 * M + 1] = pull.on_far;
-        return form;
-    }
-    /// dDelta
-    Local twist_form(const Span& span, const Look& at) const
-    {
-        Pull pull;
-        pull.add_twist(*this, 1.0);
-        return form_of(span, at, pull);
-    }
-    /// dphi at an inner place
-    Local spin_form(const Span& span, const Look& at, int g) const
-    {
-        Pull pull;
-        pull.add_spin(*this, span.bending[idx(g)].place, g, 1.0);
-        return form_of(span, at, pull);
-    }
-
-    /// The gradient of force . K by u and w.
-    static void pull_back(const Look& at, int g, const Strain& s, const Vector3d& force,
-                          Pull& pull)
-    {
-        const auto& [u, t, l] = at.at[g + 1];
-        pull.on_u[idx(g) + 1] +=
-            s.f * at.w[idx(g)].cross(force) - 2.0 * s.K.dot(force) / l * t;
-        pull.on_w[idx(g)] -= s.f * u.cross(force);
-    }
-
-    using Square = Eigen::Matrix<double, kLocal, kLocal>;
-    /// Adds the blocks (i, j) of control points, i >= j: a_i X.
-    static void add_column(const std::array<double, M>& a, int j, const Matrix3d& X,
-                           Square& H)
-    {
-        for (int c = 0; c < 3; ++c)
-        {
-            double* const column = &H(0, 3 * j + c);
-            for (int i = j; i < M; ++i)
-                for (int r = 0; r < 3; ++r)
-                    column[3 * i + r] += a[idx(i)] * X(r, c);
-        }
-    }
-
-    /// Second derivatives of a span where they arise: by u and w of its places, and by u
-    /// of both ends of a hop.
-    struct Blocks
-    {
-        std::array<Matrix3d, kPlaces> uu, hop;
-        std::array<Matrix3d, kInside> uw, ww;
-        bool bends, hops = false;
-
-        explicit Blocks(bool has_bending) : bends(has_bending)
-        {
-            for (Matrix3d& block : uu)
-                block.setZero();
-        }
-        /// Onto the control points, the lower triangle.
-        void spread(const Span& span, Square& H) const
-        {
-            for (int p = 0; p < kPlaces; ++p)
+                out.reference[c].lane[l] = state.reference(span.near)[c];
+            for (int g = 0; g < kInside; ++g)
             {
-                const bool is_inside = p > 0 && p + 1 < kPlaces;
-                if (!hops && !(bends && is_inside))
-                    continue;
-                for (int j = 0; j < M; ++j)
-                {
-                    Matrix3d X = span.first[idx(p)][idx(j)] * uu[idx(p)];
-                    if (bends && is_inside)
-                        X += span.second[idx(p) - 1][idx(j)] * uw[idx(p) - 1];
-                    for (int k = 0; hops && k < kPlaces; ++k)
-                    {
-                        const auto [a, b] = ends_of_hop(k);
-                        if (a == p)
-                            X += span.first[idx(b)][idx(j)] * hop[idx(k)];
-                        else if (b == p)
-                            X += span.first[idx(a)][idx(j)] * hop[idx(k)].transpose();
-                    }
-                    add_column(span.first[idx(p)], j, X, H);
-                }
+                const double angle =
+                    state.angle(span.near) + kind_.place[g] * out.twist.lane[l];
+                out.turn[g][0].lane[l] = std::cos(angle);
+                out.turn[g][1].lane[l] = std::sin(angle);
             }
-            for (int g = 0; bends && g < kInside; ++g)
-                for (int j = 0; j < M; ++j)
-                    add_column(span.second[idx(g)], j,
-                               span.first[idx(g) + 1][idx(j)] * uw[idx(g)].transpose() +
-                                   span.second[idx(g)][idx(j)] * ww[idx(g)],
-                               H);
         }
-    };
-
-    static void add_hops(const Look& at, const std::array<Hop, kPlaces>& hops,
-                         const std::array<double, kPlaces>& force, Blocks& blocks)
-    {
-        for (int k = 0; k < kPlaces; ++k)
-        {
-            blocks.hop[idx(k)].setZero();
-            if (force[idx(k)] == 0.0)
-                continue;
-            blocks.hops = true;
-            const Hop& hop = hops[idx(k)];
-            const double la = at.at[hop.a].length, lb = at.at[hop.b].length;
-            const auto own = [&](const Vector3d& t, double l) -> Matrix3d
-            {
-                const Vector3d s = t + hop.tt;
-                return -force[idx(k)] / (4.0 * l * l) *
-                       (hop.beta * s.transpose() + s * hop.beta.transpose());
-            };
-            blocks.uu[idx(hop.a)] += own(at.at[hop.a].tangent, la);
-            blocks.uu[idx(hop.b)] += own(at.at[hop.b].tangent, lb);
-            blocks.hop[idx(k)] =
-                force[idx(k)] / (2.0 * la * lb) *
-                (cross_matrix(hop.tt) -
-                 0.5 * (hop.beta * hop.tt.transpose() + hop.tt * hop.beta.transpose()));
-        }
+        if (kind_.is_predicted)
+            for (int k = 0; k < spans.num_stretch; ++k)
+                out.force[k] = force_[group * Counts::kMostStretch + idx(k)];
+        return out;
     }
 
     /// Where the lower triangle of a span's matrix stands in the band, from the entry of
     /// its first unknown on.
-    using Pattern = std::array<int, idx(kLocal*(kLocal + 1) / 2)>;
+    using Pattern = std::array<int, idx(kEntries)>;
 
     void find_pattern(Span& span)
     {
-        std::array<int, idx(kLocal)> place;
+        std::array<int, idx(kUnknowns)> place;
         for (int j = 0; j < M; ++j)
             for (int c = 0; c < 3; ++c)
                 place[idx(3 * j + c)] = span.control[idx(j)] + c;
@@ -745,8 +340,8 @@ private:
         const int width = rod_.layout().half_band + 1;
         Pattern pattern;
         auto next = pattern.begin();
-        for (int j = 0; j < kLocal; ++j)
-            for (int i = j; i < kLocal; ++i)
+        for (int j = 0; j < kUnknowns; ++j)
+            for (int i = j; i < kUnknowns; ++i)
             {
                 const auto [low, high] = std::minmax(place[idx(i)], place[idx(j)]);
                 *next++ = (low - first) * width + high - low;
@@ -758,22 +353,12 @@ private:
         span.pattern = patterns_.size() - 1;
     }
 
-    void add_to_band(const Span& span, const Square& H, BandMatrix& out) const
-    {
-        double* const to = &out.lower(span.first_unknown, span.first_unknown);
-        const int* at = patterns_[span.pattern].data();
-        for (int j = 0; j < kLocal; ++j)
-            for (int i = j; i < kLocal; ++i)
-                to[*at++] += H(i, j);
-    }
-
     const Rod& rod_;
-    ElasticParts parts_;
-    double cubes_ = 0.0;
-    bool is_plain_ = false;     ///< round everywhere, and straight at rest
-    bool is_predicted_ = false; ///< the stretch forces
+    ElasticKind kind_;
+    ElasticKernels<M> kernels_;
     std::vector<Span> spans_;
-    std::vector<Stretch> stretch_;
+    std::vector<ElasticSpans<M>> groups_; ///< eight spans each
+    std::vector<SpanNumbers> force_;      ///< as predicted, kMostStretch a group
     std::vector<Pattern> patterns_;
 };
 

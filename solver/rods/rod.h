@@ -197,6 +197,8 @@ public:
 
 private:
     void find_velocities();
+    template <class Order>
+    void find_velocities(Order order);
     void find_windings();
 
     const Rod* rod_;

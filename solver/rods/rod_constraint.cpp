@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -40,6 +41,7 @@ public:
     {
         if (!is_wanted_)
             return;
+        entries_.reserve(entries_.size() + 3 * idx(values.count));
         for (int j = 0; j < values.count; ++j)
         {
             const int first = state.rod().layout().control[idx(values.control[idx(j)])];
@@ -52,12 +54,15 @@ public:
         for (const auto& [unknown, value] : other.entries_)
             add(unknown, scale * value);
     }
-    ConstraintRow row(double violation) const
+    /// \pre called once
+    ConstraintRow row(double violation)
     {
-        ConstraintRow row{entries_, violation};
+        ConstraintRow row{std::move(entries_), violation};
         std::vector<std::pair<int, double>>& entries = row.entries;
-        std::stable_sort(entries.begin(), entries.end(),
-                         [](const auto& a, const auto& b) { return a.first < b.first; });
+        const auto is_before = [](const auto& a, const auto& b)
+        { return a.first < b.first; };
+        if (!std::is_sorted(entries.begin(), entries.end(), is_before))
+            std::stable_sort(entries.begin(), entries.end(), is_before);
         std::size_t count = 0;
         for (const auto& [unknown, value] : entries)
         {
@@ -158,20 +163,19 @@ Form turn_form(const RodState& state, double s, const BasisValues& values,
 }
 
 /// Rows of two frames that must agree; \p b may be of another place or fixed.
-std::vector<ConstraintRow> frame_rows(const RodState& state, double s,
-                                      const Eigen::Matrix3d& a, const double* other,
+std::vector<ConstraintRow> frame_rows(const RodState& state, const HeldBasis& basis,
+                                      const Eigen::Matrix3d& a, bool has_other,
                                       const Eigen::Matrix3d& b, bool is_wanted)
 {
     std::vector<ConstraintRow> rows;
+    rows.reserve(3);
     for (int k = 0; k < 3; ++k)
     {
         const Vector3d first = a.col((k + 1) % 3), second = b.col((k + 2) % 3);
         const Vector3d axis = first.cross(second);
-        Form form = turn_form(state, s, state.rod().basis().values(s), axis, is_wanted);
-        if (other)
-            form.add(turn_form(state, *other, state.rod().basis().values(*other), axis,
-                               is_wanted),
-                     -1.0);
+        Form form = turn_form(state, basis.s, basis.at, axis, is_wanted);
+        if (has_other)
+            form.add(turn_form(state, basis.other, basis.there, axis, is_wanted), -1.0);
         rows.push_back(form.row(first.dot(second)));
     }
     return rows;
@@ -209,12 +213,19 @@ std::vector<std::pair<int, double>> spin_at(const RodState& state, double s)
     return spin_form(state, s, true).row(0.0).entries;
 }
 
-std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state,
-                                   bool with_entries)
+HeldBasis::HeldBasis(const RodConstraint& constraint, const SplineBasis& basis)
+    : s(constraint.s), other(constraint.other), at(basis.values(s)),
+      there(basis.values(other))
 {
-    const BasisValues values = state.rod().basis().values(c.s);
+}
+
+std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state,
+                                   const HeldBasis& basis, bool with_entries)
+{
+    const BasisValues& values = basis.at;
     const CurvePoint at = state.at(values);
     std::vector<ConstraintRow> rows;
+    rows.reserve(3);
     const auto linear = [&](int order, const Vector3d& n, double violation)
     {
         Form form(with_entries);
@@ -282,7 +293,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         break;
     }
     case Hold::Frame:
-        return frame_rows(state, c.s, state.frame(c.s), nullptr, c.frame, with_entries);
+        return frame_rows(state, basis, state.frame(c.s), false, c.frame, with_entries);
     case Hold::Distance:
     {
         const Vector3d e = at.place - c.point;
@@ -293,7 +304,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     case Hold::DistanceOfTwo:
     case Hold::RelativePlace:
     {
-        const BasisValues there = state.rod().basis().values(c.other);
+        const BasisValues& there = basis.there;
         const Vector3d e = at.place - state.at(there).place;
         const auto both = [&](const Vector3d& n, double violation)
         {
@@ -311,7 +322,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         break;
     }
     case Hold::RelativeFrame:
-        return frame_rows(state, c.s, state.frame(c.s) * c.frame, &c.other,
+        return frame_rows(state, basis, state.frame(c.s) * c.frame, true,
                           state.frame(c.other), with_entries);
     }
     return rows;
@@ -342,7 +353,9 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
     RodState ahead = state, behind = state;
     ahead.move(velocity, step);
     behind.move(velocity, -step);
-    const std::vector<ConstraintRow> a = rows_of(c, ahead), b = rows_of(c, behind);
+    const HeldBasis basis(c, state.rod().basis());
+    const std::vector<ConstraintRow> a = rows_of(c, ahead, basis),
+                                     b = rows_of(c, behind, basis);
     for (std::size_t k = 0; k < out.size(); ++k)
     {
         // L' v: the change of L along v.

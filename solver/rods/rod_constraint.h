@@ -50,10 +50,20 @@ struct ConstraintRow
     double violation = 0.0;
 };
 
+/// The basis where a constraint holds, kept from state to state.
+struct HeldBasis
+{
+    double s = 0.0, other = 0.0;
+    BasisValues at, there;
+
+    HeldBasis(const RodConstraint& constraint, const SplineBasis& basis);
+};
+
 /// The rows of a constraint at a state; without entries the violations alone. What a
-/// tangent or a frame differs by must be below 90 degrees.
+/// tangent or a frame differs by must be below 90 degrees. \p basis is of the
+/// constraint's places.
 std::vector<ConstraintRow> rows_of(const RodConstraint& constraint, const RodState& state,
-                                   bool with_entries = true);
+                                   const HeldBasis& basis, bool with_entries = true);
 
 /// For each row the second derivative of its violation along \p velocity.
 std::vector<double> convective(const RodConstraint& constraint, const RodState& state,

@@ -25,23 +25,54 @@ std::vector<int> ranks(const std::vector<int>& unknown)
     return rank;
 }
 
+/// out += A v of a band, where row k of it stands for \p width unknowns from
+/// unknown[k] on.
+template <int width>
+void add_product(const BandMatrix& A, const std::vector<int>& unknown,
+                 const Eigen::VectorXd& v, Eigen::VectorXd& out)
+{
+    const double* const x = v.data();
+    double* const y = out.data();
+    for (int j = 0; j < A.rows(); ++j)
+    {
+        const double* const entry = A.column(j).data();
+        const double* const from = x + unknown[idx(j)];
+        double sum[width];
+        for (int c = 0; c < width; ++c)
+            sum[c] = entry[0] * from[c];
+        for (int i = 1; i <= std::min(A.half_band(), A.rows() - 1 - j); ++i)
+        {
+            const int other = unknown[idx(j + i)];
+            for (int c = 0; c < width; ++c)
+            {
+                sum[c] += entry[i] * x[other + c];
+                y[other + c] += entry[i] * from[c];
+            }
+        }
+        for (int c = 0; c < width; ++c)
+            y[unknown[idx(j)] + c] += sum[c];
+    }
+}
+
 } // namespace
 
 RodMass::RodMass(const Rod& rod)
-    : rod_(rod), rank_(ranks(rod.layout().control)),
-      spin_rank_(ranks(rod.layout().angle)),
+    : rod_(rod), control_(rod.layout().control), station_(rod.layout().angle),
       weights_(Eigen::VectorXd::Zero(rod.num_controls()))
 {
+    const std::vector<int> rank = ranks(control_), spin_rank = ranks(station_);
+    std::sort(control_.begin(), control_.end());
+    std::sort(station_.begin(), station_.end());
     int half_band = 0, spin_band = 1;
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
     {
         for (int i = 0; i < rod.order(); ++i)
             for (int j = 0; j < i; ++j)
-                half_band = std::max(half_band, std::abs(rank_[idx(rod.controls(e)[i])] -
-                                                         rank_[idx(rod.controls(e)[j])]));
+                half_band = std::max(half_band, std::abs(rank[idx(rod.controls(e)[i])] -
+                                                         rank[idx(rod.controls(e)[j])]));
         const auto [near, far] = rod.spans()[e].station;
         spin_band =
-            std::max(spin_band, std::abs(spin_rank_[idx(near)] - spin_rank_[idx(far)]));
+            std::max(spin_band, std::abs(spin_rank[idx(near)] - spin_rank[idx(far)]));
     }
     place_ = BandMatrix(rod.num_controls(), half_band);
     spin_ = BandMatrix(rod.num_stations(), spin_band);
@@ -64,15 +95,15 @@ RodMass::RodMass(const Rod& rod)
                 const double bi = values.value[0][idx(i)];
                 weights_[values.control[idx(i)]] += section.mass * length * bi;
                 for (int j = 0; j <= i; ++j)
-                    place_.add(rank_[idx(values.control[idx(i)])],
-                               rank_[idx(values.control[idx(j)])],
+                    place_.add(rank[idx(values.control[idx(i)])],
+                               rank[idx(values.control[idx(j)])],
                                section.mass * length * bi * values.value[0][idx(j)]);
             }
             const double x = places[g], spin = section.spin * length;
-            spin_.add(spin_rank_[idx(near)], spin_rank_[idx(near)],
+            spin_.add(spin_rank[idx(near)], spin_rank[idx(near)],
                       spin * (1 - x) * (1 - x));
-            spin_.add(spin_rank_[idx(far)], spin_rank_[idx(far)], spin * x * x);
-            spin_.add(spin_rank_[idx(near)], spin_rank_[idx(far)], spin * x * (1 - x));
+            spin_.add(spin_rank[idx(far)], spin_rank[idx(far)], spin * x * x);
+            spin_.add(spin_rank[idx(near)], spin_rank[idx(far)], spin * x * (1 - x));
         }
     }
     place_factor_.factorize(place_);
@@ -81,61 +112,39 @@ RodMass::RodMass(const Rod& rod)
 
 void RodMass::add_to(BandMatrix& out, double scale) const
 {
-    const RodLayout& layout = rod_.layout();
-    std::vector<int> control(rank_.size()), station(spin_rank_.size());
-    for (std::size_t k = 0; k < rank_.size(); ++k)
-        control[idx(rank_[k])] = layout.control[k];
-    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
-        station[idx(spin_rank_[k])] = layout.angle[k];
     for (int j = 0; j < place_.rows(); ++j)
         for (int i = j; i <= std::min(j + place_.half_band(), place_.rows() - 1); ++i)
             if (const double value = scale * place_.lower(i, j); value != 0.0)
                 for (int c = 0; c < 3; ++c)
-                    out.add(control[idx(i)] + c, control[idx(j)] + c, value);
+                    out.add(control_[idx(i)] + c, control_[idx(j)] + c, value);
     for (int j = 0; j < spin_.rows(); ++j)
         for (int i = j; i <= std::min(j + spin_.half_band(), spin_.rows() - 1); ++i)
             if (const double value = scale * spin_.lower(i, j); value != 0.0)
-                out.add(station[idx(i)], station[idx(j)], value);
+                out.add(station_[idx(i)], station_[idx(j)], value);
 }
 
 Eigen::VectorXd RodMass::times(const Eigen::VectorXd& v) const
 {
-    const RodLayout& layout = rod_.layout();
-    Eigen::VectorXd out(v.size()), in(place_.rows()), y;
-    for (int c = 0; c < 3; ++c)
-    {
-        for (std::size_t k = 0; k < rank_.size(); ++k)
-            in[rank_[k]] = v[layout.control[k] + c];
-        place_.multiply(in, y);
-        for (std::size_t k = 0; k < rank_.size(); ++k)
-            out[layout.control[k] + c] = y[rank_[k]];
-    }
-    in.resize(spin_.rows());
-    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
-        in[spin_rank_[k]] = v[layout.angle[k]];
-    spin_.multiply(in, y);
-    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
-        out[layout.angle[k]] = y[spin_rank_[k]];
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(v.size());
+    add_product<3>(place_, control_, v, out);
+    add_product<1>(spin_, station_, v, out);
     return out;
 }
 
 Eigen::VectorXd RodMass::solved(const Eigen::VectorXd& b) const
 {
-    const RodLayout& layout = rod_.layout();
     Eigen::VectorXd out(b.size()), x(spin_.rows());
     Eigen::MatrixX3d places(place_.rows(), 3);
-    for (std::size_t k = 0; k < rank_.size(); ++k)
-        for (int c = 0; c < 3; ++c)
-            places(rank_[k], c) = b[layout.control[k] + c];
+    for (int k = 0; k < place_.rows(); ++k)
+        places.row(k) = b.segment<3>(control_[idx(k)]);
     place_factor_.solve(places);
-    for (std::size_t k = 0; k < rank_.size(); ++k)
-        for (int c = 0; c < 3; ++c)
-            out[layout.control[k] + c] = places(rank_[k], c);
-    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
-        x[spin_rank_[k]] = b[layout.angle[k]];
+    for (int k = 0; k < place_.rows(); ++k)
+        out.segment<3>(control_[idx(k)]) = places.row(k);
+    for (int k = 0; k < spin_.rows(); ++k)
+        x[k] = b[station_[idx(k)]];
     spin_factor_.solve(x);
-    for (std::size_t k = 0; k < spin_rank_.size(); ++k)
-        out[layout.angle[k]] = x[spin_rank_[k]];
+    for (int k = 0; k < spin_.rows(); ++k)
+        out[station_[idx(k)]] = x[k];
     return out;
 }
 

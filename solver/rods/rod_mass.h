@@ -37,10 +37,9 @@ public:
 
 private:
     const Rod& rod_;
-    std::vector<int> rank_; ///< of control points in the band
+    std::vector<int> control_, station_; ///< first unknowns, in the order of the bands
     BandMatrix place_, spin_;
     BandFactor place_factor_, spin_factor_;
-    std::vector<int> spin_rank_;
     Eigen::VectorXd weights_;
 };
 

@@ -131,13 +131,24 @@ void RodModel::hessian(const RodState& state, RodHessian how, BandMatrix& out) c
     }
 }
 
+/// Constraints may be changed from outside at any time.
+const HeldBasis& RodModel::held(std::size_t k) const
+{
+    const RodConstraint& now = constraints[k];
+    while (held_.size() <= k)
+        held_.emplace_back(constraints[held_.size()], rod_->basis());
+    if (held_[k].s != now.s || held_[k].other != now.other)
+        held_[k] = HeldBasis(now, rod_->basis());
+    return held_[k];
+}
+
 RodModel::Rows RodModel::rows(const RodState& state) const
 {
     Rows out;
     std::vector<double> violations;
-    for (const RodConstraint& constraint : constraints)
+    for (std::size_t k = 0; k < constraints.size(); ++k)
     {
-        std::vector<ConstraintRow> rows = rows_of(constraint, state);
+        std::vector<ConstraintRow> rows = rows_of(constraints[k], state, held(k));
         out.groups.push_back(static_cast<int>(rows.size()));
         for (ConstraintRow& row : rows)
         {
@@ -157,8 +168,8 @@ Eigen::VectorXd RodModel::violations(const RodState& state) const
         count += num_rows(constraint.hold);
     Eigen::VectorXd out(count);
     Eigen::Index next = 0;
-    for (const RodConstraint& constraint : constraints)
-        for (const ConstraintRow& row : rows_of(constraint, state, false))
+    for (std::size_t k = 0; k < constraints.size(); ++k)
+        for (const ConstraintRow& row : rows_of(constraints[k], state, held(k), false))
             out[next++] = row.violation;
     return out;
 }

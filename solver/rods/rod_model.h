@@ -65,9 +65,11 @@ public:
 
 private:
     void add_constant_force(double scale, Eigen::VectorXd& out) const;
+    const HeldBasis& held(std::size_t constraint) const;
 
     const Rod* rod_;
     RodMass mass_;
+    mutable std::vector<HeldBasis> held_; ///< of constraints that were asked for
 };
 
 /// out += scale * L^T lambda

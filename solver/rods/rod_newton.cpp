@@ -98,8 +98,15 @@ private:
         return midpoint_ ? model_.violations(end_of(at)) : model_.violations(at);
     }
     RodState end_of(const RodState& at) const;
-    double value(const RodState& at) const;
-    double merit(const RodState& at, const Eigen::VectorXd& violation) const;
+    /// Phi at a place, and what makes it up.
+    struct Place
+    {
+        double value = 0.0;
+        Eigen::VectorXd way; ///< M (x - begin)
+        Eigen::VectorXd violation;
+    };
+    void look(const RodState& at, Place& place) const;
+    double merit(const RodState& at, const Place& place) const;
     bool keeps_constraints() const
     {
         return report_.violation <= kViolation * std::max(size_, 1.0);
@@ -118,6 +125,7 @@ private:
     const RodState* midpoint_; ///< the begin of a step whose middle the state is
     double size_;              ///< length at rest [m]
     double pull_ = 0.0;        ///< of the mass, in second derivatives [1/s^2]
+    Eigen::VectorXd momentum_; ///< M v / step [N]
     double floor_;             ///< what rounding of the places leaves of the forces [N]
     double lead_;              ///< how much a step moves what constraints are of
     double penalty_ = 0.0;     ///< of what constraints are violated by [N]
@@ -127,6 +135,7 @@ private:
 
     // Of this iteration.
     RodModel::Rows rows_;
+    Place here_, there_; ///< of the state, and of where it is to go
     Eigen::VectorXd gradient_, step_, next_lambda_, couples_;
     double reach_ = 1.0; ///< of the whole step that the cap on turns allows
     double turn_ = 0.0;  ///< largest of a tangent in the whole step [rad]
@@ -144,6 +153,7 @@ RodNewton::Run::Run(RodNewton& newton, RodState& state, const RodInertia* inerti
     {
         of_mass = 1.0 / (inertia->step * inertia->step);
         pull_ = inertia->viscosity / inertia->step + of_mass;
+        momentum_ = model_.mass().times(inertia->velocity) / inertia->step;
     }
     floor_ = 8.0 * kRounding * (newton.stiffness_of_spans_ + of_mass * newton.heaviest_) *
              std::max(size_, state.x().cwiseAbs().maxCoeff());
@@ -157,23 +167,23 @@ RodState RodNewton::Run::end_of(const RodState& at) const
     return end;
 }
 
-double RodNewton::Run::value(const RodState& at) const
+void RodNewton::Run::look(const RodState& at, Place& place) const
 {
-    double sum = model_.potential(at);
+    place.value = model_.potential(at);
+    place.violation = violations(at);
     if (inertia_)
     {
         const Eigen::VectorXd way = at.x() - inertia_->begin;
-        const Eigen::VectorXd M = model_.mass().times(way);
-        sum += 0.5 * pull_ * way.dot(M) - inertia_->velocity.dot(M) / inertia_->step;
+        place.way = model_.mass().times(way);
+        place.value += 0.5 * pull_ * way.dot(place.way) - momentum_.dot(way);
     }
-    return sum;
 }
 
 /// What a step must lower. Couples have no potential: their work on the way to a place is
 /// taken by the ends of the way.
-double RodNewton::Run::merit(const RodState& at, const Eigen::VectorXd& violation) const
+double RodNewton::Run::merit(const RodState& at, const Place& place) const
 {
-    const double sum = value(at) + penalty_ * violation.cwiseAbs().sum();
+    const double sum = place.value + penalty_ * place.violation.cwiseAbs().sum();
     return model_.has_couples()
                ? sum - 0.5 * (couples_ + model_.couples(at)).dot(at.x() - state_.x())
                : sum;
@@ -190,8 +200,7 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
     double at_work = gradient_.cwiseAbs().maxCoeff();
     if (inertia_)
     {
-        const Eigen::VectorXd held = model_.mass().times(
-            pull_ * (state_.x() - inertia_->begin) - inertia_->velocity / inertia_->step);
+        const Eigen::VectorXd held = pull_ * here_.way - momentum_;
         at_work = std::max(at_work, held.cwiseAbs().maxCoeff());
         gradient_ += held;
     }
@@ -299,7 +308,8 @@ bool RodNewton::Run::try_length(double length, RodState& trial)
 {
     const auto is_lower = [&]
     {
-        return merit(trial, violations(trial)) <=
+        look(trial, there_);
+        return merit(trial, there_) <=
                before_ + 1e-4 * length * std::min(slope_, 0.0) + noise_;
     };
     trial = state_;
@@ -322,7 +332,7 @@ bool RodNewton::Run::advance()
         penalty_ = std::max(penalty_, 1.5 * next_lambda_.cwiseAbs().maxCoeff());
     if (model_.has_couples())
         couples_ = model_.couples(state_);
-    before_ = merit(state_, rows_.violation);
+    before_ = merit(state_, here_);
     slope_ = gradient_.dot(step_) - penalty_ * reach_ * rows_.violation.cwiseAbs().sum();
     // What rounding makes of the sums.
     double sums = std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_;
@@ -344,6 +354,7 @@ bool RodNewton::Run::advance()
     }
     newton_.lambda_ = next_lambda_;
     state_ = std::move(trial);
+    std::swap(here_, there_);
     return true;
 }
 
@@ -351,6 +362,7 @@ RodNewtonReport RodNewton::Run::operator()(const RodNewtonOptions& options)
 {
     for (const std::unique_ptr<RodTerm>& term : model_.terms)
         term->predict(state_, nullptr);
+    look(state_, here_);
     for (; measure(options); ++report_.iterations)
     {
         if (!factorize())

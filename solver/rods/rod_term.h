@@ -7,17 +7,10 @@
 
 #include "solver/linear/band_matrix.h"
 #include "solver/rods/rod.h"
+#include "solver/rods/rod_hessian.h"
 
 namespace cellwarp
 {
-
-/// How much of the second derivatives.
-enum class RodHessian
-{
-    Exact,
-    Tensed,  ///< exact, but for stretch forces that push: they count as none
-    Definite ///< positive semi-definite: without what curves downwards
-};
 
 /// Vectors are of RodLayout. Derivatives are in steps from the state.
 class RodTerm

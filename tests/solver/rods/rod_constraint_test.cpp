@@ -74,7 +74,8 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
         {
             SCOPED_TRACE(testing::Message()
                          << static_cast<int>(constraint.hold) << " at " << s);
-            const std::vector<ConstraintRow> rows = rows_of(constraint, state);
+            const HeldBasis basis(constraint, rod.basis());
+            const std::vector<ConstraintRow> rows = rows_of(constraint, state, basis);
             ASSERT_EQ(static_cast<int>(rows.size()), num_rows(constraint.hold));
             if (constraint.hold == Hold::GeometricCurvature)
                 continue; // its directions are those of the state: see below
@@ -83,8 +84,8 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
                 RodState ahead = state, behind = state;
                 ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
                 behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
-                const auto after = rows_of(constraint, ahead),
-                           before = rows_of(constraint, behind);
+                const auto after = rows_of(constraint, ahead, basis),
+                           before = rows_of(constraint, behind, basis);
                 for (std::size_t k = 0; k < rows.size(); ++k)
                     EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
                                 entry(rows[k], i), 2e-8);
@@ -101,7 +102,7 @@ TEST(RodConstraint, a_curvature_is_that_of_the_circle_through_the_curve)
     c.hold = Hold::GeometricCurvature;
     c.s = 1.3;
     c.direction = {0, 0, 0.5}; // about z, 1 / radius
-    for (const ConstraintRow& row : rows_of(c, state))
+    for (const ConstraintRow& row : rows_of(c, state, HeldBasis(c, rod.basis())))
         EXPECT_NEAR(row.violation, 0.0, 1e-3);
 }
 

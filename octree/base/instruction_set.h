@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Which vector instructions this processor has. Inner loops are compiled for each set
-// (solver/field/CMakeLists.txt) and chosen at run time; all of them give the same bits.
+// (cellwarp_lanes in cmake/parts.cmake) and chosen at run time; all of them give the same
+// bits.
 #pragma once
 
 #include <span>

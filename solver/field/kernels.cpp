@@ -1,8 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "solver/field/instruction_set.h"
-
-#include <vector>
-
 #include "solver/field/blend_kernel.h"
 #include "solver/field/rbf_kernel.h"
 
@@ -26,22 +22,6 @@ BlendKernels blend_kernels();
 RbfKernels rbf_kernels();
 } // namespace avx512
 #endif
-
-std::span<const InstructionSet> instruction_sets()
-{
-    static const std::vector<InstructionSet> sets = []
-    {
-        std::vector<InstructionSet> found{InstructionSet::Plain};
-#ifdef __x86_64__
-        if (__builtin_cpu_supports("avx2"))
-            found.push_back(InstructionSet::Avx2);
-        if (__builtin_cpu_supports("avx512f"))
-            found.push_back(InstructionSet::Avx512);
-#endif
-        return found;
-    }();
-    return sets;
-}
 
 BlendKernels blend_kernels([[maybe_unused]] InstructionSet set)
 {
