@@ -131,10 +131,9 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         if (!report.is_converged)
         {
             is_converged = false;
-            std::string what =
-                fmt::format("frame {} did not converge ({})", frame, report.stop);
+            std::string what = fmt::format("frame {} ended with: {}", frame, report.stop);
             if (report.violation > 1e-9)
-                what += fmt::format(": constraints are violated by up to {:.3g} m",
+                what += fmt::format("; constraints are violated by up to {:.3g} m",
                                     report.violation);
             warnings.push_back(std::move(what));
         }

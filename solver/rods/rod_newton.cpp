@@ -15,11 +15,17 @@
 //  - where the pivots show that the matrix is not definite on what the constraints leave
 //    free, pushing stretch forces count as none, then all curvature is left out, then a
 //    share of the mass is added.
+//
+// Constraints that contradict are met in the sense of least squares: of the violations g
+// no step removes the part r with L^T r = 0, L their rows; what is solved for is g - r =
+// 0.
 #include "solver/rods/rod_newton.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include <Eigen/QR>
 
 namespace cellwarp
 {
@@ -36,9 +42,39 @@ constexpr double kCorrected = 1e-10;
 constexpr double kViolation = 1e-11;
 /// A residual that stays above this share of the last one no longer falls.
 constexpr double kStill = 0.9;
+/// Of constraints, of the rod's length: more of what contradicts is no rounding.
+constexpr double kContradiction = 1e-9;
 constexpr double kSmallTurn = 0.01; ///< [rad]
 constexpr int kHalvings = 30;
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
+
+/// The part of the violations that no step removes, to first order.
+Eigen::VectorXd contradiction(const RodModel::Rows& of)
+{
+    const Eigen::Index k = of.violation.size();
+    Eigen::MatrixXd S(k, k); // L L^T
+    for (Eigen::Index i = 0; i < k; ++i)
+        for (Eigen::Index j = 0; j <= i; ++j)
+        {
+            const SparseRow &a = of.rows[static_cast<std::size_t>(i)],
+                            &b = of.rows[static_cast<std::size_t>(j)];
+            double sum = 0.0;
+            for (auto p = a.begin(), q = b.begin(); p != a.end() && q != b.end();)
+            {
+                if (p->first == q->first)
+                    sum += p++->second * q++->second;
+                else if (p->first < q->first)
+                    ++p;
+                else
+                    ++q;
+            }
+            S(i, j) = S(j, i) = sum;
+        }
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+    decomposition.setThreshold(1e-10);
+    decomposition.compute(S);
+    return of.violation - S * decomposition.solve(of.violation);
+}
 
 } // namespace
 
@@ -50,6 +86,8 @@ const char* stop_name(RodStop stop)
         return "not run";
     case RodStop::Converged:
         return "converged";
+    case RodStop::Contradiction:
+        return "contradictory constraints";
     case RodStop::IterationLimit:
         return "iteration limit";
     case RodStop::NoDescent:
@@ -95,7 +133,9 @@ private:
     {
         if (model_.constraints.empty())
             return {};
-        return midpoint_ ? model_.violations(end_of(at)) : model_.violations(at);
+        const Eigen::VectorXd all =
+            midpoint_ ? model_.violations(end_of(at)) : model_.violations(at);
+        return has_contradiction_ ? all - contradiction_ : all;
     }
     RodState end_of(const RodState& at) const;
     /// Phi at a place, and what makes it up.
@@ -109,8 +149,19 @@ private:
     double merit(const RodState& at, const Place& place) const;
     bool keeps_constraints() const
     {
-        return report_.violation <= kViolation * std::max(size_, 1.0);
+        return largest(rows_.violation) <= kViolation * std::max(size_, 1.0);
     }
+    static double largest(const Eigen::VectorXd& violation)
+    {
+        return violation.size() > 0 ? violation.cwiseAbs().maxCoeff() : 0.0;
+    }
+    RodStop converged() const
+    {
+        return report_.violation > kContradiction * std::max(size_, 1.0)
+                   ? RodStop::Contradiction
+                   : RodStop::Converged;
+    }
+    void take_off_contradiction();
     bool measure(const RodNewtonOptions& options);
     bool factorize();
     double largest_turn() const;
@@ -130,7 +181,8 @@ private:
     double lead_;              ///< how much a step moves what constraints are of
     double penalty_ = 0.0;     ///< of what constraints are violated by [N]
     RodNewtonReport report_;
-    bool is_balanced_ = false;
+    bool is_balanced_ = false, has_contradiction_ = false;
+    Eigen::VectorXd contradiction_; ///< the part of violations that is not solved for
     double last_residual_ = std::numeric_limits<double>::infinity();
 
     // Of this iteration.
@@ -194,6 +246,9 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
 {
     Eigen::VectorXd& lambda = newton_.lambda_;
     rows_ = rows(state_);
+    report_.violation = largest(rows_.violation);
+    if (has_contradiction_)
+        take_off_contradiction();
     if (lambda.size() != rows_.violation.size())
         lambda = Eigen::VectorXd::Zero(rows_.violation.size());
     model_.gradient(state_, gradient_);
@@ -209,8 +264,6 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
     Eigen::VectorXd residual = gradient_;
     add_forces(rows_.rows, lambda, -1.0, residual);
     report_.residual = residual.cwiseAbs().maxCoeff();
-    report_.violation =
-        rows_.violation.size() > 0 ? rows_.violation.cwiseAbs().maxCoeff() : 0.0;
     // Down to the floor the residual may still fall: forces across a slender rod are
     // small beside what rounding does to those along it.
     const bool is_done = report_.residual <= options.tolerance * at_work;
@@ -221,10 +274,18 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
         report_.stop = RodStop::NotFinite;
     else if (report_.iterations > 0 && is_balanced_ && (is_done || !falls) &&
              keeps_constraints())
-        report_.stop = RodStop::Converged;
+        report_.stop = converged();
     else if (report_.iterations >= options.max_iterations)
         report_.stop = RodStop::IterationLimit;
     return report_.stop == RodStop::NotRun;
+}
+
+void RodNewton::Run::take_off_contradiction()
+{
+    has_contradiction_ = true;
+    contradiction_ = contradiction(rows_);
+    rows_.violation -= contradiction_;
+    here_.violation = rows_.violation;
 }
 
 /// False if it is not finite.
@@ -370,6 +431,8 @@ RodNewtonReport RodNewton::Run::operator()(const RodNewtonOptions& options)
             report_.stop = RodStop::NotFinite;
             break;
         }
+        if (report_.num_dropped > 0 && !has_contradiction_)
+            take_off_contradiction();
         step_ = -gradient_;
         next_lambda_ = rows_.violation / lead_;
         newton_.saddle_.solve(step_, next_lambda_);
@@ -380,8 +443,8 @@ RodNewtonReport RodNewton::Run::operator()(const RodNewtonOptions& options)
         }
         if (!advance())
         {
-            report_.stop = is_balanced_ && keeps_constraints() ? RodStop::Converged
-                                                               : RodStop::NoDescent;
+            report_.stop =
+                is_balanced_ && keeps_constraints() ? converged() : RodStop::NoDescent;
             break;
         }
     }

@@ -14,6 +14,7 @@ enum class RodStop
 {
     NotRun,
     Converged,
+    Contradiction, ///< converged; constraints that contradict are met as well as can be
     IterationLimit,
     NoDescent,
     NotFinite
@@ -21,6 +22,12 @@ enum class RodStop
 
 /// "converged", "iteration limit", ...
 const char* stop_name(RodStop stop);
+
+/// Whether a solve came to its end.
+inline bool is_solved(RodStop stop)
+{
+    return stop == RodStop::Converged || stop == RodStop::Contradiction;
+}
 
 /// What holds a rod back in a step of time: M (x - begin - step * velocity) / step^2, and
 /// for the viscosity gamma M (x - begin) / step.

@@ -56,6 +56,7 @@ RodResponse::RodResponse(const RodModel& model, const std::vector<SparseRow>& of
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
     decomposition.setThreshold(1e-10);
     decomposition.compute(S);
+    is_redundant = decomposition.rank() < k;
     inverse = decomposition.pseudoInverse();
 }
 
@@ -210,7 +211,7 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
         response(model_.rows(state).rows).project(velocity);
     report.violation = told.violation;
     stop = told.stop;
-    if (stop != RodStop::Converged)
+    if (!is_solved(stop))
         return false;
     // Work of couples, and of constraints that bring the rod to another place, comes in
     // from outside.
@@ -256,9 +257,9 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     state.move(back, -1.0);
     rows = model_.rows(state);
     report.violation = rows.violation.cwiseAbs().maxCoeff();
-    // What one projection leaves is of second order; more is a contradiction.
+    // What one projection leaves is of second order.
     if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
-        report.stop = RodStop::NoDescent;
+        report.stop = holds.is_redundant ? RodStop::Contradiction : RodStop::NoDescent;
     response(rows.rows).project(velocity);
 }
 

@@ -35,6 +35,7 @@ struct RodResponse
     std::vector<SparseRow> rows;
     Eigen::MatrixXd moved;   ///< M^-1 L^T, a column a row
     Eigen::MatrixXd inverse; ///< of L M^-1 L^T, of least norm where rows are redundant
+    bool is_redundant = false;
 
     RodResponse(const RodModel& model, const std::vector<SparseRow>& of);
     /// L v

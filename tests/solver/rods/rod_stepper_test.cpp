@@ -173,6 +173,35 @@ TEST(RodStepper, stays_stable_from_soft_to_stiff_at_small_and_large_steps)
         }
 }
 
+TEST(RodStepper, goes_on_between_holds_that_contradict)
+{
+    for (const Integrator rule :
+         {Integrator::ImplicitEuler, Integrator::Midpoint, Integrator::RungeKutta})
+    {
+        SCOPED_TRACE(static_cast<int>(rule));
+        const Rod rod =
+            support::straight_rod(1.0, 8, support::section_of(10, 0.01, 0.01));
+        RodModel model(rod);
+        model.terms.push_back(exact_elasticity(rod));
+        model.gravity = {0, -9.81, 0};
+        RodConstraint hold;
+        model.constraints.push_back(hold);
+        hold.point = {0, 0.1, 0}; // the same end, elsewhere
+        model.constraints.push_back(hold);
+        RodState state(rod);
+        Eigen::VectorXd velocity = Eigen::VectorXd::Zero(rod.layout().num_unknowns);
+        RodStepper stepper(model, rule);
+        RodStepReport report;
+        for (int k = 0; k < 300; ++k)
+            report = stepper.step(state, velocity, 1e-3);
+        EXPECT_EQ(report.stop, RodStop::Contradiction);
+        EXPECT_EQ(report.parts, 1);
+        EXPECT_NEAR(report.violation, 0.05, 1e-6);
+        EXPECT_NEAR(state.at(0.0).place.y(), 0.05, 1e-6);
+        EXPECT_LT(state.at(1.0).place.y(), -0.1); // it falls
+    }
+}
+
 TEST(RodStepper, what_constraints_bring_along_is_no_energy_of_the_step)
 {
     const Rod rod = rubber(8);
