@@ -209,6 +209,17 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
     reader.read("spline", OneOf{{"nonuniform", "uniform", "catmull-rom", "bezier"}},
                 rod.spline);
     reader.read("closed", rod.is_closed);
+    const auto ignore = [&](const char* key, bool is_idle, const char* why)
+    {
+        if (is_idle && reader.object().find(key))
+            scene.warnings.push_back(
+                at({scene.path, 0, prefix + key}, std::string(why) + ", ignored"));
+    };
+    ignore("spline", !rod.through.empty() && rod.spline != "nonuniform",
+           "is for points, not for through");
+    ignore("spans", !rod.points.empty(), "is for through, not for points");
+    ignore("degree", rod.spline == "bezier" || rod.spline == "catmull-rom",
+           "follows from the spline");
     if (const Json* radius = reader.object().find("radius"))
     {
         rod.radius.clear();

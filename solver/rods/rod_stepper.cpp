@@ -37,46 +37,60 @@ constexpr double kLeft = 1e-4;
 
 } // namespace
 
-RodResponse::RodResponse(const RodModel& model, const std::vector<SparseRow>& of)
-    : rows(of)
+RodResponse::RodResponse(const RodModel& model, const RodModel::Rows& of, int most_dense)
+    : rows_(of.rows), num_unknowns_(model.rod().layout().num_unknowns)
 {
-    const Eigen::Index k = static_cast<Eigen::Index>(rows.size());
-    const int n = model.rod().layout().num_unknowns;
-    moved.setZero(n, k);
+    const Eigen::Index k = static_cast<Eigen::Index>(rows_.size());
+    const RodLayout& layout = model.rod().layout();
+    if (k > most_dense)
+    {
+        BandMatrix M(layout.num_unknowns, layout.half_band);
+        model.mass().add_to(M, 1.0);
+        band_ = std::make_unique<SaddleSolver>();
+        is_redundant_ = band_->factorize(M, rows_, of.groups).num_dropped > 0;
+        return;
+    }
+    moved_.setZero(layout.num_unknowns, k);
     for (Eigen::Index r = 0; r < k; ++r)
     {
-        Eigen::VectorXd column = Eigen::VectorXd::Zero(n);
-        for (const auto& [unknown, value] : rows[idx(r)])
+        Eigen::VectorXd column = Eigen::VectorXd::Zero(layout.num_unknowns);
+        for (const auto& [unknown, value] : rows_[idx(r)])
             column[unknown] = value;
-        moved.col(r) = model.mass().solved(column);
+        moved_.col(r) = model.mass().solved(column);
     }
     Eigen::MatrixXd S(k, k);
     for (Eigen::Index c = 0; c < k; ++c)
-        S.col(c) = along(moved.col(c));
+        S.col(c) = along(moved_.col(c));
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
     decomposition.setThreshold(1e-10);
     decomposition.compute(S);
-    is_redundant = decomposition.rank() < k;
-    inverse = decomposition.pseudoInverse();
+    is_redundant_ = decomposition.rank() < k;
+    inverse_ = decomposition.pseudoInverse();
 }
 
 Eigen::VectorXd RodResponse::along(const Eigen::VectorXd& v) const
 {
-    Eigen::VectorXd out(static_cast<Eigen::Index>(rows.size()));
-    for (std::size_t r = 0; r < rows.size(); ++r)
+    Eigen::VectorXd out(static_cast<Eigen::Index>(rows_.size()));
+    for (std::size_t r = 0; r < rows_.size(); ++r)
     {
         double sum = 0.0;
-        for (const auto& [unknown, value] : rows[r])
+        for (const auto& [unknown, value] : rows_[r])
             sum += value * v[unknown];
         out[static_cast<Eigen::Index>(r)] = sum;
     }
     return out;
 }
 
-void RodResponse::project(Eigen::VectorXd& v) const
+Eigen::VectorXd RodResponse::change(const Eigen::VectorXd& wanted) const
 {
-    const Eigen::VectorXd speed = inverse * along(v);
-    v.noalias() -= moved * speed;
+    if (!band_)
+    {
+        const Eigen::VectorXd force = inverse_ * wanted;
+        return moved_ * force;
+    }
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(num_unknowns_), g = -wanted;
+    band_->solve(x, g);
+    return x;
 }
 
 RodStepper::RodStepper(RodModel& model, Integrator integrator)
@@ -85,9 +99,9 @@ RodStepper::RodStepper(RodModel& model, Integrator integrator)
 }
 
 /// Rows of places do not change from step to step, and the response with them.
-const RodResponse& RodStepper::response(const std::vector<SparseRow>& rows) const
+const RodResponse& RodStepper::response(const RodModel::Rows& rows) const
 {
-    if (!response_ || response_->rows != rows)
+    if (!response_ || !response_->is_for(rows.rows))
         response_.emplace(model_, rows);
     return *response_;
 }
@@ -208,7 +222,7 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
     }
     velocity = speed;
     if (is_midpoint && !model_.constraints.empty())
-        response(model_.rows(state).rows).project(velocity);
+        response(model_.rows(state)).project(velocity);
     report.violation = told.violation;
     stop = told.stop;
     if (!is_solved(stop))
@@ -233,7 +247,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
     if (model_.constraints.empty())
         return A;
     const RodModel::Rows rows = model_.rows(state);
-    const RodResponse& holds = response(rows.rows);
+    const RodResponse& holds = response(rows);
     const double D = 4.0 * step;
     Eigen::VectorXd wanted =
         -2.0 / D * holds.along(velocity) - rows.violation / (D * D) - holds.along(A);
@@ -241,9 +255,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
     for (const RodConstraint& constraint : model_.constraints)
         for (const double turning : convective(constraint, state, velocity))
             wanted[r++] -= turning;
-    wanted = holds.inverse * wanted;
-    A.noalias() += holds.moved * wanted;
-    return A;
+    return A + holds.change(wanted);
 }
 
 void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
@@ -252,15 +264,14 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     if (model_.constraints.empty())
         return;
     RodModel::Rows rows = model_.rows(state);
-    const RodResponse& holds = response(rows.rows);
-    const Eigen::VectorXd back = holds.moved * (holds.inverse * rows.violation);
-    state.move(back, -1.0);
+    const RodResponse& holds = response(rows);
+    state.move(holds.change(rows.violation), -1.0);
     rows = model_.rows(state);
     report.violation = rows.violation.cwiseAbs().maxCoeff();
     // What one projection leaves is of second order.
     if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
-        report.stop = holds.is_redundant ? RodStop::Contradiction : RodStop::NoDescent;
-    response(rows.rows).project(velocity);
+        report.stop = holds.is_redundant() ? RodStop::Contradiction : RodStop::NoDescent;
+    response(rows).project(velocity);
 }
 
 void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,

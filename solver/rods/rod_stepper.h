@@ -3,6 +3,7 @@
 // parts, by rules that know nothing of the clock: the same steps whatever is watched.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -29,19 +30,31 @@ struct RodStepReport
     int num_dropped = 0;
 };
 
-/// How a rod moves where forces act along rows of constraints.
-struct RodResponse
+/// How a rod moves where forces act along rows of constraints: by a dense system of as
+/// many unknowns as there are rows, and where they are many by rows in the band of the
+/// mass.
+class RodResponse
 {
-    std::vector<SparseRow> rows;
-    Eigen::MatrixXd moved;   ///< M^-1 L^T, a column a row
-    Eigen::MatrixXd inverse; ///< of L M^-1 L^T, of least norm where rows are redundant
-    bool is_redundant = false;
+public:
+    RodResponse(const RodModel& model, const RodModel::Rows& of, int most_dense = 100);
 
-    RodResponse(const RodModel& model, const std::vector<SparseRow>& of);
+    bool is_for(const std::vector<SparseRow>& rows) const { return rows_ == rows; }
+    /// Some rows say nothing new.
+    bool is_redundant() const { return is_redundant_; }
     /// L v
     Eigen::VectorXd along(const Eigen::VectorXd& v) const;
+    /// The least x in the mass with L x = \p wanted, or what is nearest to it.
+    Eigen::VectorXd change(const Eigen::VectorXd& wanted) const;
     /// Takes off v what L v is, by the least change in the mass.
-    void project(Eigen::VectorXd& v) const;
+    void project(Eigen::VectorXd& v) const { v -= change(along(v)); }
+
+private:
+    std::vector<SparseRow> rows_;
+    int num_unknowns_ = 0;
+    bool is_redundant_ = false;
+    Eigen::MatrixXd moved_;   ///< M^-1 L^T, a column a row
+    Eigen::MatrixXd inverse_; ///< of L M^-1 L^T, of least norm where rows are redundant
+    std::unique_ptr<SaddleSolver> band_;
 };
 
 class RodStepper
@@ -72,7 +85,7 @@ private:
                                  double step) const;
     void project(RodState& state, Eigen::VectorXd& velocity, RodStepReport& report) const;
 
-    const RodResponse& response(const std::vector<SparseRow>& rows) const;
+    const RodResponse& response(const RodModel::Rows& rows) const;
 
     RodModel& model_;
     Integrator integrator_;

@@ -112,4 +112,24 @@ TEST(RodScene, names_the_key_that_is_wrong)
               1u);
 }
 
+TEST(RodScene, warns_of_what_a_curve_has_no_use_for)
+{
+    const auto warnings = [](const std::string& rod)
+    { return parse_rod_scene("x.json", scene_of("{" + rod + "}")).warnings; };
+    const std::string through = R"("through": [[0,0,0],[1,0,0]])",
+                      points = R"("points": [[0,0,0],[1,0,0],[2,0,0],[3,0,0]])";
+    const auto one = [&](const std::string& rod, const std::string& words)
+    {
+        const std::vector<std::string> told = warnings(rod);
+        ASSERT_EQ(told.size(), 1u) << rod;
+        EXPECT_TRUE(contains(told[0], words)) << told[0];
+    };
+    one(through + R"(, "spline": "uniform")",
+        "rods[0].spline: is for points, not for through, ignored");
+    one(points + R"(, "spans": 3)", "rods[0].spans: is for through");
+    one(points + R"(, "spline": "bezier", "degree": 4)", "rods[0].degree: follows");
+    EXPECT_TRUE(warnings(through + R"(, "spline": "nonuniform", "spans": 3)").empty());
+    EXPECT_TRUE(warnings(points + R"(, "spline": "uniform", "degree": 3)").empty());
+}
+
 } // namespace cellwarp

@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include <map>
-#include <numbers>
 
 #include <gtest/gtest.h>
 

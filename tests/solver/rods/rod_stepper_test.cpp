@@ -202,6 +202,33 @@ TEST(RodStepper, goes_on_between_holds_that_contradict)
     }
 }
 
+TEST(RodResponse, is_the_same_by_a_dense_system_and_in_the_band)
+{
+    const Rod rod = support::straight_rod(1.0, 40, support::section_of(10, 0.01, 0.01));
+    RodModel model(rod);
+    for (int k = 0; k <= 12; ++k)
+    {
+        RodConstraint hold;
+        hold.s = rod.basis().end() * k / 12.0;
+        hold.hold = k % 2 == 0 ? Hold::Point : Hold::Tangent;
+        hold.direction = {1, 0, 0};
+        model.constraints.push_back(hold);
+    }
+    const RodState state(rod);
+    const RodModel::Rows rows = model.rows(state);
+    const RodResponse dense(model, rows), band(model, rows, 0);
+    std::mt19937 rng(3);
+    const Eigen::VectorXd v = support::random_step(rod.layout().num_unknowns, 1.0, rng),
+                          wanted = dense.along(v);
+    const Eigen::VectorXd by_dense = dense.change(wanted), by_band = band.change(wanted);
+    EXPECT_LT((dense.along(by_dense) - wanted).norm(), 1e-9 * wanted.norm());
+    EXPECT_LT((by_band - by_dense).norm(), 1e-8 * by_dense.norm());
+    Eigen::VectorXd still = v;
+    band.project(still);
+    EXPECT_LT(band.along(still).norm(), 1e-9 * wanted.norm());
+    EXPECT_LE(model.mass().kinetic_energy(still), model.mass().kinetic_energy(v));
+}
+
 TEST(RodStepper, what_constraints_bring_along_is_no_energy_of_the_step)
 {
     const Rod rod = rubber(8);
