@@ -390,7 +390,11 @@ bool RodNewton::Run::advance()
     reach_ = is_capped ? kTurn / turn_ : 1.0;
     step_ *= reach_;
     if (next_lambda_.size() > 0)
-        penalty_ = std::max(penalty_, 1.5 * next_lambda_.cwiseAbs().maxCoeff());
+    {
+        // It may fall again, slowly: where the first steps are wild it is huge.
+        const double enough = 1.5 * next_lambda_.cwiseAbs().maxCoeff();
+        penalty_ = std::max(enough, std::sqrt(penalty_ * enough));
+    }
     if (model_.has_couples())
         couples_ = model_.couples(state_);
     before_ = merit(state_, here_);
@@ -399,6 +403,8 @@ bool RodNewton::Run::advance()
     double sums = std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_;
     for (const std::unique_ptr<RodTerm>& term : model_.terms)
         sums += term->cancelled();
+    if (next_lambda_.size() > 0)
+        sums += penalty_ * std::max(size_, state_.x().cwiseAbs().maxCoeff());
     noise_ = 64.0 * kRounding * sums;
     RodState trial = state_;
     double length = 1.0;
