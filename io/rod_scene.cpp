@@ -279,6 +279,21 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
                     of.read("moment", load.moment);
                     of.object().warn_of_the_rest();
                 });
+    reader.each("springs",
+                [&](const Json& value, const std::string& key)
+                {
+                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodSpringTo& spring = rod.springs.emplace_back();
+                    of.read("at", 0.0, 1.0, spring.at);
+                    if (!of.object().find("point"))
+                        of.object().fail("point", "is missing");
+                    of.read("point", spring.point);
+                    of.read("stiffness", 0.0, kHuge, spring.stiffness);
+                    if (of.object().find("length"))
+                        of.read("length", 0.0, kHuge, spring.length.emplace(0.0));
+                    of.read("damping", 0.0, kHuge, spring.damping);
+                    of.object().warn_of_the_rest();
+                });
     for (const char* key : {"cut", "refine", "carries", "radius_of_contact"})
         reader.later(key);
     reader.object().warn_of_the_rest();

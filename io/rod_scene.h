@@ -50,6 +50,16 @@ struct RodPull
     Triple force{}, moment{}; ///< [N], [N m]
 };
 
+/// From a place of the rod to one of the world.
+struct RodSpringTo
+{
+    double at = 1.0;
+    Triple point{};
+    double stiffness = 0.0;       ///< [N/m]
+    std::optional<double> length; ///< [m]; as at the start
+    double damping = 0.0;         ///< of the place, in every direction [N s/m]
+};
+
 struct RodStatement
 {
     std::string name;
@@ -68,6 +78,7 @@ struct RodStatement
     std::vector<RodHold> holds;
     std::vector<RodOn> on;
     std::vector<RodPull> loads;
+    std::vector<RodSpringTo> springs;
 };
 
 struct RodScene

@@ -15,6 +15,7 @@
 #include "octree/base/index.h"
 #include "octree/base/rigid_motion.h"
 #include "solver/rods/elasticity.h"
+#include "solver/rods/point_springs.h"
 #include "solver/rods/rod_stepper.h"
 #include "solver/rods/springs.h"
 #include "solver/rods/tensor_stretch.h"
@@ -292,10 +293,25 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
         for (const RodPull& load : rod.loads)
             model.loads.push_back(
                 {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
-        if (is_static() && model.constraints.empty() && !is_balanced(model))
+        std::vector<PointSpring> springs;
+        for (const RodSpringTo& spring : rod.springs)
+        {
+            PointSpring to{parameter(spring.at), vector_of(spring.point) - origin_,
+                           spring.stiffness, 0.0};
+            to.length =
+                spring.length.value_or((body.state.at(to.s).place - to.point).norm());
+            if (spring.stiffness > 0.0)
+                springs.push_back(to);
+            if (spring.damping > 0.0)
+                model.drags.push_back({to.s, spring.damping});
+        }
+        const bool is_held = !model.constraints.empty() || !springs.empty();
+        if (!springs.empty())
+            model.terms.push_back(point_springs(body.rod, std::move(springs)));
+        if (is_static() && !is_held && !is_balanced(model))
             throw malformed({scene_.path, 0, where},
                             "nothing holds it against its weight and loads: there is no "
-                            "equilibrium (need fixed or on)");
+                            "equilibrium (need fixed, on or springs)");
         move_holds(body, 0.0, 1.0);
         if (!model.constraints.empty())
             body.violation = model.violations(body.state).cwiseAbs().maxCoeff();

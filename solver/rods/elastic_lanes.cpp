@@ -87,12 +87,6 @@ struct Mat
     Lanes m[3][3] = {}; ///< row, column
 };
 
-inline void operator+=(Mat& a, const Mat& b)
-{
-    for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < 3; ++c)
-            a.m[r][c] += b.m[r][c];
-}
 /// A += s x y^T
 inline void add_outer(Mat& a, const Lanes& s, const Vec& x, const Vec& y)
 {

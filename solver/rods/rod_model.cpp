@@ -131,6 +131,38 @@ void RodModel::hessian(const RodState& state, RodHessian how, BandMatrix& out) c
     }
 }
 
+void RodModel::add_drag_forces(const Eigen::VectorXd& velocity,
+                               Eigen::VectorXd& out) const
+{
+    for (const RodDrag& drag : drags)
+    {
+        const BasisValues values = rod_->basis().values(drag.s);
+        const auto unknown = [&](int j)
+        { return rod_->layout().control[idx(values.control[idx(j)])]; };
+        Eigen::Vector3d v = Eigen::Vector3d::Zero();
+        for (int j = 0; j < values.count; ++j)
+            v += values.value[0][idx(j)] * velocity.segment<3>(unknown(j));
+        for (int j = 0; j < values.count; ++j)
+            out.segment<3>(unknown(j)) += drag.damping * values.value[0][idx(j)] * v;
+    }
+}
+
+void RodModel::add_drags(double scale, BandMatrix& out) const
+{
+    for (const RodDrag& drag : drags)
+    {
+        const BasisValues values = rod_->basis().values(drag.s);
+        const auto unknown = [&](int j)
+        { return rod_->layout().control[idx(values.control[idx(j)])]; };
+        for (int i = 0; i < values.count; ++i)
+            for (int j = 0; j < values.count; ++j)
+                for (int c = 0; unknown(i) >= unknown(j) && c < 3; ++c)
+                    out.lower(unknown(i) + c, unknown(j) + c) += scale * drag.damping *
+                                                                 values.value[0][idx(i)] *
+                                                                 values.value[0][idx(j)];
+    }
+}
+
 /// Constraints may be changed from outside at any time.
 const HeldBasis& RodModel::held(std::size_t k) const
 {

@@ -23,6 +23,13 @@ struct RodLoad
     Eigen::Vector3d moment = Eigen::Vector3d::Zero(); ///< [N m]
 };
 
+/// What a place of the rod moves against: a force -damping P'.
+struct RodDrag
+{
+    double s = 0.0;
+    double damping = 0.0; ///< [N s/m]
+};
+
 class RodModel
 {
 public:
@@ -36,6 +43,7 @@ public:
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
     double viscosity = 0.0;                            ///< ambient, of the velocity [1/s]
     std::vector<RodLoad> loads;
+    std::vector<RodDrag> drags;
     std::vector<RodConstraint> constraints;
 
     double elastic_energy(const RodState& state) const;
@@ -51,6 +59,11 @@ public:
     void gradient(const RodState& state, Eigen::VectorXd& out) const;
     /// out = second derivatives.
     void hessian(const RodState& state, RodHessian how, BandMatrix& out) const;
+
+    /// out += D v of the drags
+    void add_drag_forces(const Eigen::VectorXd& velocity, Eigen::VectorXd& out) const;
+    /// out += scale * D
+    void add_drags(double scale, BandMatrix& out) const;
 
     /// Rows of all constraints, the violations, and how many rows each has.
     struct Rows

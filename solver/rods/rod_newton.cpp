@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is minimised is Phi(x) = U - F . x, in time with inertia
-//   1/2 c |x - begin|_M^2 - v . M (x - begin) / step,   c = 1 / step^2 + viscosity /
-//   step,
+// What is minimised is Phi(x) = U - F . x, in time with inertia, the viscosity gamma and
+// the drags D,
+//   1/2 (1 / step^2 + gamma / step) |x - begin|_M^2 + 1/2 |x - begin|_D^2 / step
+//   - v . M (x - begin) / step,
 // subject to g(x) = 0. A slender rod is millions of times stiffer along itself than
 // across. Plain Newton steps stretch it to second order, which a line search cannot
 // allow: it crawls. Hence
@@ -142,7 +143,7 @@ private:
     struct Place
     {
         double value = 0.0;
-        Eigen::VectorXd way; ///< M (x - begin)
+        Eigen::VectorXd held; ///< by inertia, viscosity and drags [N]
         Eigen::VectorXd violation;
     };
     void look(const RodState& at, Place& place) const;
@@ -204,7 +205,7 @@ RodNewton::Run::Run(RodNewton& newton, RodState& state, const RodInertia* inerti
     if (inertia)
     {
         of_mass = 1.0 / (inertia->step * inertia->step);
-        pull_ = inertia->viscosity / inertia->step + of_mass;
+        pull_ = model_.viscosity / inertia->step + of_mass;
         momentum_ = model_.mass().times(inertia->velocity) / inertia->step;
     }
     floor_ = 8.0 * kRounding * (newton.stiffness_of_spans_ + of_mass * newton.heaviest_) *
@@ -226,8 +227,9 @@ void RodNewton::Run::look(const RodState& at, Place& place) const
     if (inertia_)
     {
         const Eigen::VectorXd way = at.x() - inertia_->begin;
-        place.way = model_.mass().times(way);
-        place.value += 0.5 * pull_ * way.dot(place.way) - momentum_.dot(way);
+        place.held = pull_ * model_.mass().times(way);
+        model_.add_drag_forces(way / inertia_->step, place.held);
+        place.value += 0.5 * way.dot(place.held) - momentum_.dot(way);
     }
 }
 
@@ -255,7 +257,7 @@ bool RodNewton::Run::measure(const RodNewtonOptions& options)
     double at_work = gradient_.cwiseAbs().maxCoeff();
     if (inertia_)
     {
-        const Eigen::VectorXd held = pull_ * here_.way - momentum_;
+        const Eigen::VectorXd held = here_.held - momentum_;
         at_work = std::max(at_work, held.cwiseAbs().maxCoeff());
         gradient_ += held;
     }
@@ -306,7 +308,10 @@ bool RodNewton::Run::factorize()
     {
         model_.hessian(state_, how, matrix);
         if (inertia_)
+        {
             model_.mass().add_to(matrix, pull_);
+            model_.add_drags(1.0 / inertia_->step, matrix);
+        }
         if (is_done(is_finite))
             return is_finite;
     }

@@ -30,12 +30,11 @@ inline bool is_solved(RodStop stop)
 }
 
 /// What holds a rod back in a step of time: M (x - begin - step * velocity) / step^2, and
-/// for the viscosity gamma M (x - begin) / step.
+/// (gamma M + D) (x - begin) / step for the viscosity and the drags of the model.
 struct RodInertia
 {
     Eigen::VectorXd begin, velocity; ///< at the begin of the step
     double step = 0.0;               ///< [s]
-    double viscosity = 0.0;          ///< [1/s]
 };
 
 struct RodNewtonReport

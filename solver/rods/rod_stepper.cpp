@@ -4,7 +4,7 @@
 // constraints are of x, not of y (else multipliers alternate and grow); then v is brought
 // onto them.
 //
-// RK4: accelerations A = M^-1 (-grad U + loads + L^T lambda) - viscosity v, with
+// RK4: accelerations A = M^-1 (-grad U + loads - D v + L^T lambda) - viscosity v, with
 // L A = -L' v - (2 / D) g' - g / D^2 (Baumgarte), D = 4 steps; after the step places and
 // velocities are brought onto the constraints by the mass. [Lenoir04]
 #include "solver/rods/rod_stepper.h"
@@ -135,9 +135,18 @@ double RodStepper::largest_step(const RodState& state) const
     const double omega = std::sqrt(std::max(largest, 0.0));
     constexpr double kLimit = 2.785;
     double step = omega > 0.0 ? kLimit / omega : 1e300;
-    if (model_.viscosity > 0.0)
-        step = std::min(step, kLimit / model_.viscosity);
-    return step;
+    // How fast what is slowed comes to rest: of the drags no faster than by their sum.
+    double rate = model_.viscosity;
+    for (const RodDrag& drag : model_.drags)
+    {
+        v.setZero();
+        const BasisValues values = model_.rod().basis().values(drag.s);
+        for (int j = 0; j < values.count; ++j)
+            v[model_.rod().layout().control[idx(values.control[idx(j)])]] =
+                values.value[0][idx(j)];
+        rate += drag.damping * v.dot(model_.mass().solved(v));
+    }
+    return rate > 0.0 ? std::min(step, kLimit / rate) : step;
 }
 
 RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double step)
@@ -202,8 +211,7 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
 {
     const bool is_midpoint = integrator_ == Integrator::Midpoint;
     const RodState begin = state;
-    RodInertia inertia{begin.x(), velocity, is_midpoint ? 0.5 * step : step,
-                       model_.viscosity};
+    RodInertia inertia{begin.x(), velocity, is_midpoint ? 0.5 * step : step};
     RodNewtonOptions options;
     options.max_iterations = kIterations;
     const double before = energy(begin, velocity);
@@ -243,6 +251,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
 {
     Eigen::VectorXd force;
     model_.gradient(state, force);
+    model_.add_drag_forces(velocity, force);
     Eigen::VectorXd A = model_.mass().solved(-force) - model_.viscosity * velocity;
     if (model_.constraints.empty())
         return A;

@@ -168,6 +168,23 @@ TEST(Simulation, an_equilibrium_needs_something_to_hold_on_to)
     EXPECT_TRUE(without.report().is_converged);
 }
 
+TEST(Simulation, what_hangs_on_two_springs_sinks_by_half_its_weight_each)
+{
+    // Far from the origin, and longer by what the springs are at the start.
+    Simulation simulation(scene_of(
+        R"("through": [[100,0,0],[101,0,0]], "radius": 0.05, "E": 1e9, "springs": [
+        {"at": 0, "point": [100,2,0], "stiffness": 500, "damping": 3},
+        {"at": 1, "point": [101,2,0], "stiffness": 500}])",
+        R"({"integrator": "static"})"));
+    simulation.step();
+    const SimulationReport report = simulation.report();
+    EXPECT_TRUE(report.is_converged) << report.stop;
+    const double weight = std::numbers::pi * 0.05 * 0.05 * 1000.0 * 9.81;
+    const SimulatedRod rod = simulation.rods(3)[0];
+    EXPECT_NEAR(rod.curve[0].y(), -weight / 1000.0, 1e-6);
+    EXPECT_NEAR(rod.curve[2].y(), -weight / 1000.0, 1e-6);
+}
+
 TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)
 {
     std::map<std::string, Eigen::Vector3d> tips;
