@@ -90,14 +90,17 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     std::vector<Eigen::Matrix3d> second(cells.size(), Eigen::Matrix3d::Zero());
     for (int k = 0; k < block.width; ++k)
         for (int j = 0; j < block.width; ++j)
+        {
+            const std::size_t row =
+                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
             for (int i = 0; i < block.width; ++i)
             {
-                const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
-                const int piece = pieces.piece_of_voxel[grid.index(voxel)];
+                const int piece = pieces.piece_of_voxel[row + idx(i)];
                 // A crumb belongs to another leaf's piece.
                 if (piece < first_piece ||
                     piece >= first_piece + static_cast<int>(cells.size()))
                     continue;
+                const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
                 const std::size_t at = idx(piece - first_piece);
                 const Eigen::Vector3d size(grid.extent(0, voxel.x()),
                                            grid.extent(1, voxel.y()),
@@ -109,6 +112,7 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                 second[at] += volume * (x * x.transpose());
                 second[at].diagonal() += volume / 12.0 * size.cwiseAbs2();
             }
+        }
     for (std::size_t at = 0; at < cells.size(); ++at)
     {
         Cell& cell = cells[at];

@@ -8,17 +8,13 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/union_find.h"
 
 namespace cellwarp
 {
 
 namespace
 {
-
-VoxelRange range_of(const VoxelBlock& block)
-{
-    return {block.first, block.first.array() + (block.width - 1)};
-}
 
 /// The first voxels of the rows along x.
 std::vector<std::size_t> rows_of(const VoxelGrid& grid, const VoxelBlock& block)
@@ -31,57 +27,59 @@ std::vector<std::size_t> rows_of(const VoxelGrid& grid, const VoxelBlock& block)
     return rows;
 }
 
-/// Numbers the pieces of one leaf from 0 in piece_of_voxel; returns their count.
-int label_leaf(const VoxelGrid& grid, const VoxelBlock& block,
-               std::vector<std::int32_t>& piece_of_voxel)
+/// Voxels of material that follow each other in a row of a leaf, and their piece.
+struct Run
 {
-    const std::vector<std::uint8_t>& material = grid.material();
-    const Eigen::Vector3i end = (block.first.array() + block.width).matrix();
+    int row = 0, begin = 0, end = 0, piece = 0;
+};
+
+/// The runs of one leaf. Those of neighbouring rows that overlap are of one piece; pieces
+/// are numbered from 0 in the order of their first voxels.
+std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
+{
     const std::vector<std::size_t> rows = rows_of(grid, block);
-    if (std::all_of(rows.begin(), rows.end(),
-                    [&](std::size_t row)
-                    {
-                        return std::all_of(&material[row], &material[row] + block.width,
-                                           [](std::uint8_t m) { return m != 0; });
-                    }))
+    std::vector<Run> runs;
+    std::vector<std::size_t> first_run; // of each row, and the end
+    for (std::size_t row = 0; row < rows.size(); ++row)
     {
-        for (const std::size_t row : rows)
-            std::fill_n(&piece_of_voxel[row], block.width, 0);
-        return 1;
+        first_run.push_back(runs.size());
+        const std::uint8_t* const material = &grid.material()[rows[row]];
+        for (int x = 0; x < block.width; ++x)
+            if (material[x] != 0)
+            {
+                const int begin = x;
+                while (x < block.width && material[x] != 0)
+                    ++x;
+                runs.push_back({static_cast<int>(row), begin, x});
+            }
+    }
+    first_run.push_back(runs.size());
+    UnionFind joined(runs.size());
+    const auto join = [&](std::size_t row, std::size_t other)
+    {
+        std::size_t a = first_run[row], b = first_run[other];
+        while (a < first_run[row + 1] && b < first_run[other + 1])
+        {
+            if (runs[a].begin < runs[b].end && runs[b].begin < runs[a].end)
+                joined.join(static_cast<int>(a), static_cast<int>(b));
+            ++(runs[a].end < runs[b].end ? a : b);
+        }
+    };
+    const std::size_t width = idx(block.width);
+    for (std::size_t row = 0; row < rows.size(); ++row)
+    {
+        if (row % width != 0)
+            join(row, row - 1);
+        if (row >= width)
+            join(row, row - width);
     }
     int count = 0;
-    std::vector<Eigen::Vector3i> stack;
-    for (int k = block.first.z(); k < end.z(); ++k)
-        for (int j = block.first.y(); j < end.y(); ++j)
-            for (int i = block.first.x(); i < end.x(); ++i)
-            {
-                const std::size_t seed = grid.index(i, j, k);
-                if (!material[seed] || piece_of_voxel[seed] >= 0)
-                    continue;
-                piece_of_voxel[seed] = count;
-                stack.assign(1, {i, j, k});
-                while (!stack.empty())
-                {
-                    const Eigen::Vector3i voxel = stack.back();
-                    stack.pop_back();
-                    for (int axis = 0; axis < 3; ++axis)
-                        for (const int step : {-1, 1})
-                        {
-                            Eigen::Vector3i next = voxel;
-                            next[axis] += step;
-                            if (next[axis] < block.first[axis] || next[axis] >= end[axis])
-                                continue;
-                            const std::size_t at = grid.index(next);
-                            if (material[at] && piece_of_voxel[at] < 0)
-                            {
-                                piece_of_voxel[at] = count;
-                                stack.push_back(next);
-                            }
-                        }
-                }
-                ++count;
-            }
-    return count;
+    for (std::size_t k = 0; k < runs.size(); ++k)
+    {
+        const std::size_t root = idx(joined.first_of(static_cast<int>(k)));
+        runs[k].piece = root == k ? count++ : runs[root].piece;
+    }
+    return runs;
 }
 
 /// A piece below this share of its leaf, beside another one there, is a crumb: a notch
@@ -93,14 +91,11 @@ std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
                             const Pieces& pieces, std::int32_t first, std::size_t count)
 {
     std::vector<int> sizes(count, 0);
-    for_each_voxel(range_of(block),
-                   [&](const Eigen::Vector3i& voxel)
-                   {
-                       const std::int32_t piece =
-                           pieces.piece_of_voxel[grid.index(voxel)];
-                       if (piece >= 0)
-                           ++sizes[idx(piece - first)];
-                   });
+    for (const std::size_t row : rows_of(grid, block))
+        for (int x = 0; x < block.width; ++x)
+            if (const std::int32_t piece = pieces.piece_of_voxel[row + idx(x)];
+                piece >= 0)
+                ++sizes[idx(piece - first)];
     const double least = kCrumb * std::pow(block.width, 3);
     std::vector<bool> is_crumb;
     for (const int size : sizes)
@@ -116,24 +111,25 @@ touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
     const auto piece_at = [&](const Eigen::Vector3i& voxel)
     { return pieces.piece_of_voxel[grid.index(voxel)]; };
     std::map<std::int32_t, std::set<std::int32_t>> touches;
-    for_each_voxel(range_of(block),
-                   [&](const Eigen::Vector3i& voxel)
-                   {
-                       const std::int32_t piece = piece_at(voxel);
-                       if (piece < 0 || !is_crumb[idx(piece)])
-                           return;
-                       for (int axis = 0; axis < 3; ++axis)
-                           for (const int step : {-1, 1})
-                           {
-                               Eigen::Vector3i next = voxel;
-                               next[axis] += step;
-                               if (!grid.contains(next))
-                                   continue;
-                               const std::int32_t other = piece_at(next);
-                               if (other >= 0 && other != piece && !is_crumb[idx(other)])
-                                   touches[piece].insert(other);
-                           }
-                   });
+    const auto look_around = [&](std::int32_t piece, const Eigen::Vector3i& voxel)
+    {
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int step : {-1, 1})
+            {
+                Eigen::Vector3i next = voxel;
+                next[axis] += step;
+                if (!grid.contains(next))
+                    continue;
+                const std::int32_t other = piece_at(next);
+                if (other >= 0 && other != piece && !is_crumb[idx(other)])
+                    touches[piece].insert(other);
+            }
+    };
+    for (const std::size_t row : rows_of(grid, block))
+        for (int x = 0; x < block.width; ++x)
+            if (const std::int32_t piece = pieces.piece_of_voxel[row + idx(x)];
+                piece >= 0 && is_crumb[idx(piece)])
+                look_around(piece, grid.coordinates(row + idx(x)));
     return touches;
 }
 
@@ -146,18 +142,19 @@ std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
 {
     std::vector<std::int32_t> adopter(pieces.size(), -1);
     std::vector<bool> is_crumb(pieces.size(), false);
-    std::vector<std::size_t> shared; // leaves of several pieces
+    std::vector<std::size_t> crumbly; // leaves
     for (std::size_t leaf = 0; leaf + 1 < first.size(); ++leaf)
     {
         if (first[leaf + 1] - first[leaf] < 2)
             continue;
-        shared.push_back(leaf);
         const std::vector<bool> found =
             crumbs_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
                       first[leaf], idx(first[leaf + 1] - first[leaf]));
         std::copy(found.begin(), found.end(), is_crumb.begin() + first[leaf]);
+        if (std::find(found.begin(), found.end(), true) != found.end())
+            crumbly.push_back(leaf);
     }
-    for (const std::size_t leaf : shared)
+    for (const std::size_t leaf : crumbly)
         for (const auto& [piece, others] :
              touches_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
                         is_crumb))
@@ -173,38 +170,34 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     const std::vector<Leaf>& leaves = octree.leaves();
     Pieces pieces;
     pieces.piece_of_voxel.assign(grid.size(), -1);
-    std::vector<int> counts(leaves.size());
-    parallel_for(leaves.size(),
-                 [&](std::size_t i)
-                 {
-                     counts[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i]),
-                                            pieces.piece_of_voxel);
-                 });
+    std::vector<std::vector<Run>> runs(leaves.size());
+    parallel_for(leaves.size(), [&](std::size_t i)
+                 { runs[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i])); });
     std::vector<std::int32_t> first(leaves.size() + 1);
     for (std::size_t i = 0; i < leaves.size(); ++i)
     {
         first[i] = static_cast<std::int32_t>(pieces.size());
-        pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(), idx(counts[i]),
+        int count = 0;
+        for (const Run& run : runs[i])
+            count = std::max(count, run.piece + 1);
+        pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(), idx(count),
                                     static_cast<int>(i));
     }
     first.back() = static_cast<std::int32_t>(pieces.size());
-    const auto renumber = [&](auto&& number_of)
+    const auto write = [&](auto&& number_of)
     {
         parallel_for(leaves.size(),
                      [&](std::size_t i)
                      {
-                         const VoxelBlock block = voxel_block(grid.shape(), leaves[i]);
-                         for (const std::size_t row : rows_of(grid, block))
-                             for (int x = 0; x < block.width; ++x)
-                             {
-                                 std::int32_t& piece =
-                                     pieces.piece_of_voxel[row + idx(x)];
-                                 if (piece >= 0)
-                                     piece = number_of(i, piece);
-                             }
+                         const std::vector<std::size_t> rows =
+                             rows_of(grid, voxel_block(grid.shape(), leaves[i]));
+                         for (const Run& run : runs[i])
+                             std::fill_n(
+                                 &pieces.piece_of_voxel[rows[idx(run.row)]] + run.begin,
+                                 run.end - run.begin, number_of(first[i] + run.piece));
                      });
     };
-    renumber([&](std::size_t leaf, std::int32_t piece) { return first[leaf] + piece; });
+    write([](std::int32_t piece) { return piece; });
     const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);
     std::vector<std::int32_t> number(pieces.size());
     std::vector<int> leaf_of_kept;
@@ -216,8 +209,8 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     }
     if (leaf_of_kept.size() == pieces.size())
         return pieces;
-    renumber(
-        [&](std::size_t, std::int32_t piece)
+    write(
+        [&](std::int32_t piece)
         {
             const std::int32_t by = adopter[idx(piece)];
             return number[idx(by < 0 ? piece : by)];
