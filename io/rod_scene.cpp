@@ -200,6 +200,9 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
     std::optional<std::string> name;
     reader.object().read("name", name);
     rod.name = name.value_or("rod" + std::to_string(scene.rods.size()));
+    if (std::any_of(rod.name.begin(), rod.name.end(),
+                    [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
+        reader.object().fail("name", "has characters that are none of a line");
     reader.points("through", rod.through);
     reader.points("points", rod.points);
     if (rod.through.empty() == rod.points.empty())
@@ -292,6 +295,8 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
                     if (of.object().find("length"))
                         of.read("length", 0.0, kHuge, spring.length.emplace(0.0));
                     of.read("damping", 0.0, kHuge, spring.damping);
+                    if (!(spring.stiffness > 0.0) && !(spring.damping > 0.0))
+                        of.object().fail("stiffness", "is missing, or damping");
                     of.object().warn_of_the_rest();
                 });
     for (const char* key : {"cut", "refine", "carries", "radius_of_contact"})

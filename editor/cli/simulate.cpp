@@ -22,6 +22,7 @@ namespace
 
 constexpr int kPlaces = 33; ///< of each curve in --json
 constexpr int kNotConverged = 7;
+constexpr std::int64_t kMostTold = 10; ///< frames that did not converge
 
 struct SimulateFlags
 {
@@ -124,6 +125,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     Json frames = Json::array();
     double write_ms = 0.0;
     bool is_converged = true;
+    std::int64_t num_stopped = 0;
     const Clock::time_point begin = Clock::now();
     const auto end_frame = [&](std::int64_t frame, bool is_last)
     {
@@ -131,11 +133,14 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         if (!report.is_converged)
         {
             is_converged = false;
-            std::string what = fmt::format("frame {} ended with: {}", frame, report.stop);
+            std::string what =
+                fmt::format("frame {}, {}: {}", frame, report.stopped, report.stop);
             if (report.violation > 1e-9)
-                what += fmt::format("; constraints are violated by up to {:.3g} m",
-                                    report.violation);
-            warnings.push_back(std::move(what));
+                what +=
+                    fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
+                                report.violation);
+            if (++num_stopped <= kMostTold)
+                warnings.push_back(std::move(what));
         }
         if (common.is_json)
             frames.push_back(frame_json(frame, report, simulation));
@@ -160,6 +165,8 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         end_frame(frame++, simulation.steps_done() == steps);
     }
     progress.end();
+    if (num_stopped > kMostTold)
+        warnings.push_back(fmt::format("and {} frames more", num_stopped - kMostTold));
     const double simulate_ms = ms_since(begin) - write_ms;
     print_warnings(warnings, common);
     if (common.is_json)

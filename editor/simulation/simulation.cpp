@@ -134,6 +134,43 @@ Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
     return {R, about - R * about + vector_of(key.translate)};
 }
 
+/// Turns about one axis [degree].
+struct OneAxis
+{
+    Eigen::Vector3d axis;
+    double from = 0.0, to = 0.0;
+};
+
+/// Two keys that turn about the same axis, one way or the other; a key that does not turn
+/// does so about any.
+std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
+{
+    const auto axis_of = [](const RodKey& key)
+    { return Eigen::Vector3d(key.rotate[0], key.rotate[1], key.rotate[2]).normalized(); };
+    if (a.rotate[3] == 0.0)
+        return OneAxis{axis_of(b), 0.0, b.rotate[3]};
+    const double side = axis_of(a).dot(axis_of(b));
+    if (b.rotate[3] == 0.0 || std::abs(side) > 1.0 - 1e-12)
+        return OneAxis{axis_of(a), a.rotate[3], side < 0.0 ? -b.rotate[3] : b.rotate[3]};
+    return std::nullopt;
+}
+
+/// How far keys turn between two times, there and back added up [degree].
+double turned(const std::vector<RodKey>& keys, double begin, double end)
+{
+    double sum = 0.0;
+    for (std::size_t k = 0; k + 1 < keys.size(); ++k)
+    {
+        const RodKey &a = keys[k], &b = keys[k + 1];
+        const double within = std::min(end, b.time) - std::max(begin, a.time);
+        if (within <= 0.0)
+            continue;
+        const std::optional<OneAxis> one = one_axis(a, b);
+        sum += within / (b.time - a.time) * (one ? std::abs(one->to - one->from) : 180.0);
+    }
+    return sum;
+}
+
 /// Where keys have a place at a time: straight and evenly between two of them.
 Motion motion_at(const std::vector<RodKey>& keys, double time,
                  const Eigen::Vector3d& about)
@@ -151,13 +188,14 @@ Motion motion_at(const std::vector<RodKey>& keys, double time,
     RodKey between = a;
     for (std::size_t k = 0; k < 3; ++k)
         between.translate[k] += share * (b.translate[k] - a.translate[k]);
-    if (a.rotate[0] == b.rotate[0] && a.rotate[1] == b.rotate[1] &&
-        a.rotate[2] == b.rotate[2])
+    if (const std::optional<OneAxis> one = one_axis(a, b))
     {
-        between.rotate[3] += share * (b.rotate[3] - a.rotate[3]);
+        for (const std::size_t k : {0u, 1u, 2u})
+            between.rotate[k] = one->axis[static_cast<Eigen::Index>(k)];
+        between.rotate[3] = one->from + share * (one->to - one->from);
         return motion_of(between, about);
     }
-    // About one axis from the one to the other.
+    // About one axis from the one to the other, by less than half a turn.
     const Motion from = motion_of(a, about), to = motion_of(b, about);
     const Eigen::Vector3d turn = rotation_vector(to.R * from.R.transpose());
     const double angle = turn.norm();
@@ -257,7 +295,7 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
             const CurvePoint at = body.state.at(s);
             body.held.push_back({&hold, model.constraints.size(), 0, at.place,
                                  body.state.frame(s), at.second});
-            const auto add = [&](Hold kind)
+            const auto add = [&](HoldKind kind)
             {
                 RodConstraint constraint;
                 constraint.hold = kind;
@@ -266,22 +304,22 @@ Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of
                 ++body.held.back().count;
             };
             if (hold.has_point)
-                add(Hold::Point);
+                add(HoldKind::Point);
             if (hold.has_tangent)
-                add(Hold::Tangent);
+                add(HoldKind::Tangent);
             if (hold.has_twist)
-                add(Hold::TwistAngle);
+                add(HoldKind::TwistAngle);
             if (hold.has_curvature)
-                add(Hold::CurvatureVector);
+                add(HoldKind::CurvatureVector);
         }
         for (const RodOn& on : rod.on)
         {
             RodConstraint constraint;
             constraint.s = parameter(on.at);
             constraint.point = vector_of(on.point) - origin_;
-            constraint.hold = on.kind == RodOn::Kind::Point   ? Hold::Point
-                              : on.kind == RodOn::Kind::Plane ? Hold::Plane
-                                                              : Hold::Axis;
+            constraint.hold = on.kind == RodOn::Kind::Point   ? HoldKind::Point
+                              : on.kind == RodOn::Kind::Plane ? HoldKind::Plane
+                                                              : HoldKind::Axis;
             if (on.kind != RodOn::Kind::Point)
                 constraint.direction = vector_of(on.direction).normalized();
             if (on.kind == RodOn::Kind::Plane)
@@ -346,11 +384,11 @@ void Simulation::move_holds(Body& body, double time, double share)
         {
             RodConstraint& constraint = body.model.constraints[k];
             constraint.point = motion(held.place);
-            if (constraint.hold == Hold::Tangent)
+            if (constraint.hold == HoldKind::Tangent)
                 constraint.direction = motion.R * held.frame.col(2);
-            if (constraint.hold == Hold::TwistAngle)
+            if (constraint.hold == HoldKind::TwistAngle)
                 constraint.direction = motion.R * held.frame.col(0);
-            if (constraint.hold == Hold::CurvatureVector)
+            if (constraint.hold == HoldKind::CurvatureVector)
                 constraint.direction = motion.R * held.curvature;
         }
     }
@@ -396,42 +434,70 @@ std::int64_t Simulation::steps_done() const
 
 void Simulation::step()
 {
-    constexpr double kPart = 30.0; // [degree]
+    const double begin = static_cast<double>(done_) * scene_.dt;
+    for (const std::unique_ptr<Body>& body : bodies_)
+        is_static() ? settle(*body) : advance(*body, begin);
     ++done_;
-    for (const std::unique_ptr<Body>& each : bodies_)
+}
+
+/// Directions tell of turns below 90 degrees alone: larger ones go in parts.
+int Simulation::parts_of(double turn)
+{
+    constexpr double kPart = 30.0, kMost = 4096.0; // [degree]
+    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMost));
+}
+
+void Simulation::settle(Body& body)
+{
+    double largest = 0.0;
+    for (const Body::Held& held : body.held)
+        for (const RodKey& key : held.hold->keys)
+            largest = std::max(largest, std::abs(key.rotate[3]));
+    const int parts = parts_of(largest);
+    RodStop stop = RodStop::NotRun;
+    for (int part = 1; part <= parts; ++part)
     {
-        Body& body = *each;
-        RodStop stop = RodStop::NotRun;
-        if (is_static())
-        {
-            // Directions tell of turns below 90 degrees alone: larger ones go in parts.
-            double largest = 0.0;
-            for (const Body::Held& held : body.held)
-                for (const RodKey& key : held.hold->keys)
-                    largest = std::max(largest, std::abs(key.rotate[3]));
-            const int parts = std::max(1, static_cast<int>(std::ceil(largest / kPart)));
-            for (int part = 1; part <= parts; ++part)
-            {
-                move_holds(body, scene_.duration, static_cast<double>(part) / parts);
-                RodNewton newton(body.model);
-                const RodNewtonReport report = newton.solve(body.state, nullptr, {});
-                iterations_ += report.iterations;
-                body.violation = report.violation;
-                stop = report.stop;
-            }
-        }
-        else
-        {
-            move_holds(body, static_cast<double>(done_) * scene_.dt, 1.0);
-            const RodStepReport report =
-                body.stepper->step(body.state, body.velocity, scene_.dt);
-            iterations_ += report.iterations;
-            body.violation = report.violation;
-            stop = report.stop;
-        }
-        if (stop != RodStop::Converged)
-            stop_ = stop_name(stop);
+        move_holds(body, scene_.duration, static_cast<double>(part) / parts);
+        RodNewton newton(body.model);
+        const RodNewtonReport report = newton.solve(body.state, nullptr, {});
+        iterations_ += report.iterations;
+        body.violation = report.violation;
+        stop = report.stop;
     }
+    take_stop(body, stop);
+}
+
+void Simulation::advance(Body& body, double begin)
+{
+    double largest = 0.0;
+    for (const Body::Held& held : body.held)
+    {
+        const std::vector<RodKey>& keys = held.hold->keys;
+        double turn = turned(keys, begin, begin + scene_.dt);
+        if (done_ == 0 && !keys.empty()) // from rest to the first key at once
+            turn += std::abs(keys.front().rotate[3]);
+        largest = std::max(largest, turn);
+    }
+    const int parts = parts_of(largest);
+    for (int part = 1; part <= parts; ++part)
+    {
+        const double share = static_cast<double>(part) / parts;
+        move_holds(body, begin + share * scene_.dt, done_ == 0 ? share : 1.0);
+        const RodStepReport report =
+            body.stepper->step(body.state, body.velocity, scene_.dt / parts);
+        iterations_ += report.iterations;
+        body.violation = report.violation;
+        take_stop(body, report.stop);
+    }
+}
+
+void Simulation::take_stop(const Body& body, RodStop stop)
+{
+    if (stop == RodStop::Converged || stop_ != "converged")
+        return;
+    stop_ = stop_name(stop);
+    stopped_ = body.statement.name;
+    stopped_violation_ = body.violation;
 }
 
 SimulationReport Simulation::report()
@@ -454,6 +520,9 @@ SimulationReport Simulation::report()
     out.iterations = std::exchange(iterations_, 0);
     out.stop = std::exchange(stop_, "converged");
     out.is_converged = out.stop == "converged";
+    out.stopped = std::exchange(stopped_, "");
+    if (!out.is_converged)
+        out.violation = std::max(out.violation, stopped_violation_);
     return out;
 }
 

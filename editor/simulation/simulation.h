@@ -17,6 +17,8 @@
 namespace cellwarp
 {
 
+enum class RodStop;
+
 /// One rod as it is seen.
 struct SimulatedRod
 {
@@ -33,9 +35,10 @@ struct SimulationReport
     double kinetic = 0.0, elastic = 0.0, gravity = 0.0; ///< [J]
     Eigen::Vector3d momentum = Eigen::Vector3d::Zero(); ///< [kg m/s]
     Eigen::Vector3d turning = Eigen::Vector3d::Zero();  ///< angular momentum [kg m^2/s]
-    double violation = 0.0;         ///< largest of the constraints [m]
+    double violation = 0.0;         ///< largest of the constraints [m, rad]
     std::int64_t iterations = 0;    ///< since the last report
-    std::string stop = "converged"; ///< the last that was not, since the last report
+    std::string stop = "converged"; ///< the first that was not, since the last report
+    std::string stopped;            ///< the rod that did
     bool is_converged = true;
 };
 
@@ -72,6 +75,11 @@ private:
     struct Body;
     /// \p share: of what the keys say.
     static void move_holds(Body& body, double time, double share);
+    /// In how many parts holds turn by so much [degree].
+    static int parts_of(double turn);
+    void settle(Body& body);
+    void advance(Body& body, double begin);
+    void take_stop(const Body& body, RodStop stop);
     static void add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
                          Geometry& out);
 
@@ -79,7 +87,8 @@ private:
     const Eigen::Vector3d origin_; ///< what the rods' places count from
     std::vector<std::unique_ptr<Body>> bodies_;
     std::int64_t done_ = 0, iterations_ = 0;
-    std::string stop_ = "converged";
+    std::string stop_ = "converged", stopped_;
+    double stopped_violation_ = 0.0;
 };
 
 } // namespace cellwarp

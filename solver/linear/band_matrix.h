@@ -79,6 +79,8 @@ public:
     void solve(Eigen::MatrixX3d& b) const;
 
     int rows() const { return rows_; }
+    /// Whether row \p j was redundant, or nothing stood in it.
+    bool is_left_out(int j) const { return values_[idx(j) * idx(half_band_ + 1)] == 0.0; }
 
 private:
     int rows_ = 0, half_band_ = 0;

@@ -37,6 +37,14 @@ public:
         return sum;
     }
 
+    double stiffness() const override
+    {
+        double sum = 0.0;
+        for (const auto& [spring, values] : springs_)
+            sum += spring.stiffness;
+        return sum;
+    }
+
     void add_gradient(const RodState& state, Eigen::VectorXd& out) const override
     {
         for (const auto& [spring, values] : springs_)

@@ -190,18 +190,18 @@ std::array<Vector3d, 2> across(const Vector3d& n)
 
 } // namespace
 
-int num_rows(Hold hold)
+int num_rows(HoldKind hold)
 {
     switch (hold)
     {
-    case Hold::Plane:
-    case Hold::TwistAngle:
-    case Hold::Distance:
-    case Hold::DistanceOfTwo:
+    case HoldKind::Plane:
+    case HoldKind::TwistAngle:
+    case HoldKind::Distance:
+    case HoldKind::DistanceOfTwo:
         return 1;
-    case Hold::Axis:
-    case Hold::Tangent:
-    case Hold::GeometricCurvature:
+    case HoldKind::Axis:
+    case HoldKind::Tangent:
+    case HoldKind::GeometricCurvature:
         return 2;
     default:
         return 3;
@@ -239,27 +239,27 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     };
     switch (c.hold)
     {
-    case Hold::Point:
+    case HoldKind::Point:
         vector(0, at.place - c.point);
         break;
-    case Hold::Plane:
+    case HoldKind::Plane:
         linear(0, c.direction, c.direction.dot(at.place - c.point));
         break;
-    case Hold::Axis:
+    case HoldKind::Axis:
         for (const Vector3d& n : across(c.direction))
             linear(0, n, n.dot(at.place - c.point));
         break;
-    case Hold::Tangent:
+    case HoldKind::Tangent:
         for (const Vector3d& n : across(c.direction))
             linear(1, n, n.dot(at.first));
         break;
-    case Hold::TangentVector:
+    case HoldKind::TangentVector:
         vector(1, at.first - c.direction);
         break;
-    case Hold::CurvatureVector:
+    case HoldKind::CurvatureVector:
         vector(2, at.second - c.direction);
         break;
-    case Hold::GeometricCurvature:
+    case HoldKind::GeometricCurvature:
     {
         const double l = at.first.norm();
         const double sigma = state.rod().rest().combined(values).first.norm();
@@ -274,7 +274,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         }
         break;
     }
-    case Hold::TwistAngle:
+    case HoldKind::TwistAngle:
     {
         const Eigen::Matrix3d F = state.frame(c.s);
         const Vector3d wanted =
@@ -292,17 +292,17 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
         rows.push_back(form.row(-angle));
         break;
     }
-    case Hold::Frame:
+    case HoldKind::Frame:
         return frame_rows(state, basis, state.frame(c.s), false, c.frame, with_entries);
-    case Hold::Distance:
+    case HoldKind::Distance:
     {
         const Vector3d e = at.place - c.point;
         linear(0, e / c.distance,
                (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
         break;
     }
-    case Hold::DistanceOfTwo:
-    case Hold::RelativePlace:
+    case HoldKind::DistanceOfTwo:
+    case HoldKind::RelativePlace:
     {
         const BasisValues& there = basis.there;
         const Vector3d e = at.place - state.at(there).place;
@@ -313,7 +313,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
             form.add(state, there, 0, -n);
             rows.push_back(form.row(violation));
         };
-        if (c.hold == Hold::DistanceOfTwo)
+        if (c.hold == HoldKind::DistanceOfTwo)
             both(e / c.distance,
                  (e.squaredNorm() - c.distance * c.distance) / (2.0 * c.distance));
         else
@@ -321,7 +321,7 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
                 both(Vector3d::Unit(k), e[k] - c.point[k]);
         break;
     }
-    case Hold::RelativeFrame:
+    case HoldKind::RelativeFrame:
         return frame_rows(state, basis, state.frame(c.s) * c.frame, true,
                           state.frame(c.other), with_entries);
     }
@@ -334,13 +334,13 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
     std::vector<double> out(idx(num_rows(c.hold)), 0.0);
     switch (c.hold)
     {
-    case Hold::Point:
-    case Hold::Plane:
-    case Hold::Axis:
-    case Hold::Tangent:
-    case Hold::TangentVector:
-    case Hold::CurvatureVector:
-    case Hold::RelativePlace:
+    case HoldKind::Point:
+    case HoldKind::Plane:
+    case HoldKind::Axis:
+    case HoldKind::Tangent:
+    case HoldKind::TangentVector:
+    case HoldKind::CurvatureVector:
+    case HoldKind::RelativePlace:
         return out; // linear
     default:
         break;

@@ -13,7 +13,7 @@
 namespace cellwarp
 {
 
-enum class Hold
+enum class HoldKind
 {
     Point,              ///< P = point; 3 rows
     Plane,              ///< n . (P - point) = 0, n = direction
@@ -32,7 +32,7 @@ enum class Hold
 
 struct RodConstraint
 {
-    Hold hold = Hold::Point;
+    HoldKind hold = HoldKind::Point;
     double s = 0.0, other = 0.0; ///< parameters of the curve
     Eigen::Vector3d point = Eigen::Vector3d::Zero();
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
@@ -40,7 +40,7 @@ struct RodConstraint
     double distance = 0.0; ///< [m]
 };
 
-int num_rows(Hold hold);
+int num_rows(HoldKind hold);
 
 /// One row: how it changes with the unknowns, and by how much it is violated. Of places
 /// [m]; of directions without unit; of angles [rad].

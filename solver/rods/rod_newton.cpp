@@ -25,8 +25,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
 
-#include <Eigen/QR>
+#include <Eigen/Cholesky>
 
 namespace cellwarp
 {
@@ -49,32 +52,77 @@ constexpr double kSmallTurn = 0.01; ///< [rad]
 constexpr int kHalvings = 30;
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
-/// The part of the violations that no step removes, to first order.
+/// The part of the violations that no step removes, to first order. Each row that says
+/// nothing new is a sum of others, L_j = sum c_i L_i: what e_j - c takes of the
+/// violations stays. Rows are sorted along the rod, so that L L^T is a band.
 Eigen::VectorXd contradiction(const RodModel::Rows& of)
 {
-    const Eigen::Index k = of.violation.size();
-    Eigen::MatrixXd S(k, k); // L L^T
-    for (Eigen::Index i = 0; i < k; ++i)
-        for (Eigen::Index j = 0; j <= i; ++j)
+    const int k = static_cast<int>(of.rows.size());
+    Eigen::VectorXd r = of.violation;
+    if (!(r.cwiseAbs().maxCoeff() > 0.0))
+        return r;
+    std::vector<int> order(of.rows.size());
+    std::iota(order.begin(), order.end(), 0);
+    const auto first = [&](int row)
+    { return of.rows[idx(row)].empty() ? 0 : of.rows[idx(row)].front().first; };
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return first(a) < first(b); });
+    // Rows that share no unknown share no entry.
+    int half_band = 0;
+    for (int i = 0; i < k; ++i)
+    {
+        const SparseRow& row = of.rows[idx(order[idx(i)])];
+        int end = i;
+        while (!row.empty() && end + 1 < k &&
+               first(order[idx(end + 1)]) <= row.back().first)
+            ++end;
+        half_band = std::max(half_band, end - i);
+    }
+    BandMatrix S(k, half_band);
+    for (int j = 0; j < k; ++j)
+        for (int i = j; i <= std::min(j + half_band, k - 1); ++i)
         {
-            const SparseRow &a = of.rows[static_cast<std::size_t>(i)],
-                            &b = of.rows[static_cast<std::size_t>(j)];
-            double sum = 0.0;
+            const SparseRow &a = of.rows[idx(order[idx(i)])],
+                            &b = of.rows[idx(order[idx(j)])];
             for (auto p = a.begin(), q = b.begin(); p != a.end() && q != b.end();)
             {
                 if (p->first == q->first)
-                    sum += p++->second * q++->second;
+                    S.lower(i, j) += p++->second * q++->second;
                 else if (p->first < q->first)
                     ++p;
                 else
                     ++q;
             }
-            S(i, j) = S(j, i) = sum;
         }
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-    decomposition.setThreshold(1e-10);
-    decomposition.compute(S);
-    return of.violation - S * decomposition.solve(of.violation);
+    BandFactor factor;
+    factor.factorize(S, std::vector<char>(of.rows.size(), 1));
+    std::vector<Eigen::VectorXd> idle;
+    for (int j = 0; j < k; ++j)
+    {
+        if (!factor.is_left_out(j))
+            continue;
+        const Eigen::VectorXd one = Eigen::VectorXd::Unit(k, j);
+        Eigen::VectorXd entries, sum;
+        S.multiply(one, entries);
+        factor.solve(entries);
+        // Once more with what rounding has left.
+        S.multiply(one - entries, sum);
+        factor.solve(sum);
+        idle.push_back(one - entries - sum);
+    }
+    if (idle.empty())
+        return Eigen::VectorXd::Zero(k);
+    Eigen::VectorXd sorted(k);
+    for (int i = 0; i < k; ++i)
+        sorted[i] = r[order[idx(i)]];
+    const Eigen::Index m = static_cast<Eigen::Index>(idle.size());
+    Eigen::MatrixXd N(k, m);
+    for (Eigen::Index c = 0; c < m; ++c)
+        N.col(c) = idle[static_cast<std::size_t>(c)];
+    sorted = N * (N.transpose() * N).ldlt().solve(N.transpose() * sorted);
+    for (int i = 0; i < k; ++i)
+        r[order[idx(i)]] = sorted[i];
+    return r;
 }
 
 } // namespace
@@ -87,6 +135,8 @@ const char* stop_name(RodStop stop)
         return "not run";
     case RodStop::Converged:
         return "converged";
+    case RodStop::EnergyGrew:
+        return "energy grew";
     case RodStop::Contradiction:
         return "contradictory constraints";
     case RodStop::IterationLimit:
@@ -110,11 +160,13 @@ RodNewton::RodNewton(RodModel& model) : model_(model)
     {
         const Section section = model.rod().section_at(0.5 * (span.begin + span.end));
         const double L = span.length;
-        stiffness_of_spans_ =
-            std::max(stiffness_of_spans_,
+        stiffness_ =
+            std::max(stiffness_,
                      section.stretch / L +
                          std::max(section.bending[0], section.bending[1]) / (L * L * L));
     }
+    for (const std::unique_ptr<RodTerm>& term : model.terms)
+        stiffness_ += term->stiffness();
 }
 
 /// One solve.
@@ -208,7 +260,11 @@ RodNewton::Run::Run(RodNewton& newton, RodState& state, const RodInertia* inerti
         pull_ = model_.viscosity / inertia->step + of_mass;
         momentum_ = model_.mass().times(inertia->velocity) / inertia->step;
     }
-    floor_ = 8.0 * kRounding * (newton.stiffness_of_spans_ + of_mass * newton.heaviest_) *
+    double of_drags = 0.0;
+    for (const RodDrag& drag : model_.drags)
+        of_drags += inertia ? drag.damping / inertia->step : 0.0;
+    floor_ = 8.0 * kRounding *
+             (newton.stiffness_ + of_mass * newton.heaviest_ + of_drags) *
              std::max(size_, state.x().cwiseAbs().maxCoeff());
     report_.iterations = 0;
 }
@@ -405,12 +461,12 @@ bool RodNewton::Run::advance()
     before_ = merit(state_, here_);
     slope_ = gradient_.dot(step_) - penalty_ * reach_ * rows_.violation.cwiseAbs().sum();
     // What rounding makes of the sums.
-    double sums = std::abs(before_) + 1e-6 * newton_.stiffness_of_spans_ * size_ * size_;
+    double sums = std::abs(before_) + 1e-6 * newton_.stiffness_ * size_ * size_;
     for (const std::unique_ptr<RodTerm>& term : model_.terms)
         sums += term->cancelled();
     if (next_lambda_.size() > 0)
         sums += penalty_ * std::max(size_, state_.x().cwiseAbs().maxCoeff());
-    noise_ = 64.0 * kRounding * sums;
+    noise_ = newton_.rounding_ = 64.0 * kRounding * sums;
     RodState trial = state_;
     double length = 1.0;
     for (int halving = 0; !try_length(length, trial); length *= 0.5)

@@ -14,6 +14,7 @@ enum class RodStop
 {
     NotRun,
     Converged,
+    EnergyGrew,    ///< of the smallest part of a step
     Contradiction, ///< converged; constraints that contradict are met as well as can be
     IterationLimit,
     NoDescent,
@@ -67,6 +68,8 @@ public:
 
     /// Multipliers of the last solve, a row; as forces on the rod, L^T lambda.
     const Eigen::VectorXd& multipliers() const { return lambda_; }
+    /// What rounding makes of energies, as in the last solve [J].
+    double rounding() const { return rounding_; }
 
 private:
     class Run;
@@ -75,8 +78,9 @@ private:
     BandMatrix matrix_;
     SaddleSolver saddle_;
     Eigen::VectorXd lambda_;
-    double stiffness_of_spans_ = 0.0; ///< YA / L + YI / L^3 of the stiffest [N/m]
-    double heaviest_ = 0.0;           ///< entry of the mass [kg]
+    double stiffness_ = 0.0; ///< YA / L + YI / L^3 of the stiffest [N/m]
+    double heaviest_ = 0.0;  ///< entry of the mass [kg]
+    double rounding_ = 0.0;
 };
 
 } // namespace cellwarp

@@ -28,9 +28,11 @@ constexpr int kMostIterations = 1000, kFailedTry = 10;
 constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
 constexpr int kIterations = 40;
 
+/// Explicit steps of which the energy of one is watched.
+constexpr int kWatched = 8;
 /// A step may not add energy; this share of it is rounding, or what the midpoint rule
 /// lets it swing by.
-constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3;
+constexpr double kNoise = 1e-9, kMidpointNoise = 1e-3, kExplicitNoise = 1e-2;
 
 /// Of constraints after the projection of an explicit step, of the rod's length.
 constexpr double kLeft = 1e-4;
@@ -47,8 +49,10 @@ RodResponse::RodResponse(const RodModel& model, const RodModel::Rows& of, int mo
         BandMatrix M(layout.num_unknowns, layout.half_band);
         model.mass().add_to(M, 1.0);
         band_ = std::make_unique<SaddleSolver>();
-        is_redundant_ = band_->factorize(M, rows_, of.groups).num_dropped > 0;
-        return;
+        if (band_->factorize(M, rows_, of.groups).num_dropped == 0)
+            return;
+        // Rows that say nothing new are met by least squares together with the others.
+        band_.reset();
     }
     moved_.setZero(layout.num_unknowns, k);
     for (Eigen::Index r = 0; r < k; ++r)
@@ -183,6 +187,8 @@ RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, doubl
             ++report.parts;
             if (stop != RodStop::Converged)
                 report.stop = stop;
+            else if (!is_good)
+                report.stop = RodStop::EnergyGrew;
             num_good_ = is_good ? num_good_ + 1 : 0;
             if (num_good_ >= kGoodParts && parts_ > 1)
             {
@@ -242,7 +248,7 @@ bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double
     const double size = model_.mass().kinetic_energy(velocity) +
                         model_.elastic_energy(state) + std::abs(before);
     return energy(state, velocity) <=
-           before + (is_midpoint ? kMidpointNoise : kNoise) * size;
+           before + (is_midpoint ? kMidpointNoise : kNoise) * size + newton_.rounding();
 }
 
 Eigen::VectorXd RodStepper::acceleration(const RodState& state,
@@ -288,6 +294,11 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, doubl
 {
     const RodState begin = state;
     const Eigen::VectorXd v1 = velocity;
+    // The limit of the step is that of the rod as it was at first: what is squeezed has a
+    // lower one. What is unstable grows in every step; now and then is enough.
+    const bool is_watched = num_explicit_++ % kWatched == 0 && !model_.has_couples() &&
+                            keeps_constraints(begin);
+    const double before = is_watched ? energy(begin, v1) : 0.0;
     const auto at = [&](const Eigen::VectorXd& way)
     {
         RodState moved = begin;
@@ -305,9 +316,18 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, doubl
     velocity += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     report.parts = 1;
     if (!state.x().allFinite() || !velocity.allFinite())
+    {
         report.stop = RodStop::NotFinite;
-    else
-        project(state, velocity, report);
+        return;
+    }
+    project(state, velocity, report);
+    if (!is_watched)
+        return;
+    const double kinetic = model_.mass().kinetic_energy(velocity);
+    const double potential = model_.potential(state);
+    const double size = kinetic + std::abs(potential) + std::abs(before);
+    if (kinetic + potential > before + kExplicitNoise * size)
+        report.stop = RodStop::EnergyGrew;
 }
 
 } // namespace cellwarp

@@ -92,6 +92,7 @@ private:
     RodNewton newton_;
     mutable std::optional<RodResponse> response_; ///< to the rows asked for last
     int parts_ = 1;                               ///< of a step, as a power of 2
+    int num_explicit_ = 0;                        ///< steps
     int num_good_ = 0; ///< parts that went well since the last change
 };
 

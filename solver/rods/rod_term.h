@@ -19,6 +19,8 @@ public:
     virtual ~RodTerm() = default;
 
     virtual double value(const RodState& state) const = 0; ///< [J]
+    /// What a small step pulls back with, at the most, but for the rod's own [N/m].
+    virtual double stiffness() const { return 0.0; }
     /// Size of what cancels in value(): its rounding is a share of that [J].
     virtual double cancelled() const { return 0.0; }
     virtual void add_gradient(const RodState& state, Eigen::VectorXd& out) const = 0;

@@ -43,7 +43,7 @@ void Answers::print() const
     }
 }
 
-void RodCase::hold(Hold what, double s, const Eigen::Vector3d& direction)
+void RodCase::hold(HoldKind what, double s, const Eigen::Vector3d& direction)
 {
     RodConstraint constraint;
     constraint.hold = what;
@@ -56,9 +56,9 @@ void RodCase::hold(Hold what, double s, const Eigen::Vector3d& direction)
 void RodCase::clamp(double s)
 {
     const Eigen::Matrix3d frame = state.frame(s);
-    hold(Hold::Point, s, frame.col(2));
-    hold(Hold::Tangent, s, frame.col(2));
-    hold(Hold::TwistAngle, s, frame.col(0));
+    hold(HoldKind::Point, s, frame.col(2));
+    hold(HoldKind::Tangent, s, frame.col(2));
+    hold(HoldKind::TwistAngle, s, frame.col(0));
 }
 
 RodNewtonReport RodCase::settle()

@@ -57,7 +57,7 @@ struct RodCase
     {
         model.loads.push_back({end(), force, Eigen::Vector3d::Zero()});
     }
-    void hold(Hold what, double s, const Eigen::Vector3d& direction);
+    void hold(HoldKind what, double s, const Eigen::Vector3d& direction);
     /// Place, tangent and twist, as they are.
     void clamp(double s);
     /// Throws std::runtime_error where it does not converge.

@@ -58,7 +58,7 @@ void add_pendulum(Answers& answers)
                                 },
                                 {}));
                 rod.model.gravity = {0, -g, 0};
-                rod.hold(Hold::Point, rod.begin(), Vector3d::UnitZ());
+                rod.hold(HoldKind::Point, rod.begin(), Vector3d::UnitZ());
                 RodStepper stepper(rod.model, Integrator::Midpoint);
                 VectorXd velocity = VectorXd::Zero(rod.state.x().size());
                 const double h = 5e-4;

@@ -28,15 +28,15 @@ enum class End
 void hold_ends(RodCase& rod, End near, End far)
 {
     const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY();
-    rod.hold(Hold::Point, rod.begin(), x);
-    rod.hold(Hold::TwistAngle, rod.begin(), y);
+    rod.hold(HoldKind::Point, rod.begin(), x);
+    rod.hold(HoldKind::TwistAngle, rod.begin(), y);
     if (near == End::Clamped)
-        rod.hold(Hold::Tangent, rod.begin(), x);
+        rod.hold(HoldKind::Tangent, rod.begin(), x);
     if (far == End::Free)
         return;
-    rod.hold(Hold::Axis, rod.end(), x);
+    rod.hold(HoldKind::Axis, rod.end(), x);
     if (far == End::Clamped)
-        rod.hold(Hold::Tangent, rod.end(), x);
+        rod.hold(HoldKind::Tangent, rod.end(), x);
 }
 
 void add_columns(Answers& answers)
@@ -103,7 +103,7 @@ void add_columns(Answers& answers)
         RodCase rod(straight_case(length, points, slender_section(1.0, 0.77),
                                   {.rest_twist = -moment / 0.77}));
         hold_ends(rod, ends, ends);
-        rod.hold(Hold::TwistAngle, rod.end(), Vector3d::UnitY());
+        rod.hold(HoldKind::TwistAngle, rod.end(), Vector3d::UnitY());
         rod.pull({tension, 0, 0});
         rod.settle();
         return rod.is_stable();
@@ -132,7 +132,7 @@ bool ring_is_stable(int points, double ratio, double turns)
 {
     RodCase rod(ring_case(points, Section{1e6, {ratio, ratio}, 1.0, 1.0, 1e-6, 0.01},
                           {.rest = RodRest::Straight, .link = turns}));
-    rod.hold(Hold::Point, rod.begin(), Vector3d::UnitZ());
+    rod.hold(HoldKind::Point, rod.begin(), Vector3d::UnitZ());
     rod.settle();
     // Six rigid motions, and its spin, cost nothing: a little weight on the diagonal
     // brings them to the other side of 0.

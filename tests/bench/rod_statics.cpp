@@ -157,8 +157,8 @@ void add_cables(Answers& answers)
                         },
                         {.rest = RodRest::Straight}));
         rod.model.gravity = {0, -1, 0};
-        rod.hold(Hold::Point, rod.begin(), Vector3d::UnitZ());
-        rod.hold(Hold::Point, rod.end(), Vector3d::UnitZ());
+        rod.hold(HoldKind::Point, rod.begin(), Vector3d::UnitZ());
+        rod.hold(HoldKind::Point, rod.end(), Vector3d::UnitZ());
         RodNewton newton(rod.model);
         answers.add(fmt::format("{}: sag / span", row.length), row.sag, 63,
                     [&]

@@ -86,7 +86,7 @@ void add_beams(Answers& answers)
             rod.clamp(rod.begin());
         if (is_pinned)
             for (const double s : {rod.begin(), rod.end()})
-                rod.hold(Hold::Point, s, Vector3d::UnitZ());
+                rod.hold(HoldKind::Point, s, Vector3d::UnitZ());
         std::vector<double> k = frequencies(rod, {1}, false);
         for (double& value : k)
             value = std::sqrt(value);
@@ -145,7 +145,7 @@ void add_chain(Answers& answers)
                         RodCase rod(straight_case(
                             1.0, kPoints, {1e6, {1e-8, 1e-8}, 1e-8, 1.0, 1e-6, 0.01}));
                         rod.model.gravity = {1.0, 0, 0};
-                        rod.hold(Hold::Point, rod.begin(), Vector3d::UnitZ());
+                        rod.hold(HoldKind::Point, rod.begin(), Vector3d::UnitZ());
                         rod.settle();
                         return frequencies(rod, {1}, false)[k];
                     });

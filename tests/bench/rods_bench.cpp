@@ -164,7 +164,7 @@ void lenoir(benchmark::State& run, const Scene& scene, Integrator rule)
             for (const double share : {0.0, 0.5, 1.0})
             {
                 RodConstraint ring;
-                ring.hold = Hold::Axis;
+                ring.hold = HoldKind::Axis;
                 ring.s = rod.rod.arc_length().parameter(share);
                 ring.point = rod.state.at(ring.s).place;
                 ring.direction = Vector3d::UnitX();
@@ -172,11 +172,25 @@ void lenoir(benchmark::State& run, const Scene& scene, Integrator rule)
             }
         steppers.emplace_back(rod.model, rule);
     }
+    // A quarter of a second, again and again: later soft rods are crumpled, which none of
+    // the scenes is about.
+    constexpr int kAgain = 250;
+    const RodState begin = rods[0]->state;
+    const VectorXd velocity = rods[0]->velocity;
+    int steps = 0;
     for (auto _ : run)
         for (std::size_t r = 0; r < rods.size(); ++r)
+        {
+            if (r == 0 && ++steps % kAgain == 0)
+                for (const std::unique_ptr<Bench>& rod : rods)
+                {
+                    rod->state.move_to(begin.x());
+                    rod->velocity = velocity;
+                }
             if (steppers[r].step(rods[r]->state, rods[r]->velocity, 1e-3).stop !=
                 RodStop::Converged)
                 run.SkipWithError("a step did not converge");
+        }
     run.counters["published_ms"] = scene.published;
     run.counters["times_faster"] = benchmark::Counter(
         1e-3 * scene.published, benchmark::Counter::kIsIterationInvariantRate);
@@ -210,10 +224,10 @@ void ours(benchmark::State& run)
     const Eigen::Matrix3d frame = bench.state.frame(0.0);
     RodConstraint hold;
     bench.model.constraints.push_back(hold);
-    hold.hold = Hold::Tangent;
+    hold.hold = HoldKind::Tangent;
     hold.direction = frame.col(2);
     bench.model.constraints.push_back(hold);
-    hold.hold = Hold::TwistAngle;
+    hold.hold = HoldKind::TwistAngle;
     hold.direction = frame.col(0);
     bench.model.constraints.push_back(hold);
     RodStepper stepper(bench.model, Integrator::ImplicitEuler);

@@ -47,10 +47,10 @@ inline void clamp(RodModel& model, double s)
     hold.s = s;
     hold.point = rest.at(s).place;
     model.constraints.push_back(hold);
-    hold.hold = Hold::Tangent;
+    hold.hold = HoldKind::Tangent;
     hold.direction = frame.col(2);
     model.constraints.push_back(hold);
-    hold.hold = Hold::TwistAngle;
+    hold.hold = HoldKind::TwistAngle;
     hold.direction = frame.col(0);
     model.constraints.push_back(hold);
 }

@@ -185,6 +185,43 @@ TEST(Simulation, what_hangs_on_two_springs_sinks_by_half_its_weight_each)
     EXPECT_NEAR(rod.curve[2].y(), -weight / 1000.0, 1e-6);
 }
 
+TEST(Simulation, holds_that_turn_far_within_a_step_end_where_the_keys_say)
+{
+    // The end is bent by 150 degrees in one step.
+    Simulation simulation(
+        scene_of(kLine + R"(, "fixed": [{"at": 0, "what": ["point","tangent","twist"]},
+        {"at": 1, "what": ["tangent"], "keys": [{"time": 0}, {"time": 0.1, "rotate": [0,0,1,150]}]}])",
+                 R"({"dt": 0.1, "duration": 0.1, "gravity": [0,0,0]})"));
+    simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    const std::vector<Eigen::Vector3d> curve = simulation.rods(2001)[0].curve;
+    const Eigen::Vector3d end = (curve.back() - curve[curve.size() - 2]).normalized();
+    EXPECT_NEAR(end.x(), std::cos(150.0 * std::numbers::pi / 180.0), 1e-2);
+    EXPECT_NEAR(end.y(), 0.5, 1e-2);
+}
+
+TEST(Simulation, whole_turns_count_from_a_key_that_does_not_turn)
+{
+    const auto energy = [](const std::string& first, const std::string& rule)
+    {
+        Simulation simulation(scene_of(
+            kLine + R"(, "fixed": [{"at": 0, "what": ["point","tangent","twist"]},
+            {"at": 1, "what": ["point","tangent","twist"], "keys": [{"time": 0)" +
+                first + R"(}, {"time": 0.1, "rotate": [-2,0,0,-720]}]}])",
+            R"({"dt": 0.01, "duration": 0.1, "gravity": [0,0,0], "viscosity": 1,
+                "integrator": ")" +
+                rule + "\"}"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        return simulation.report().elastic;
+    };
+    const double wanted = energy("", "static");
+    EXPECT_GT(wanted, 0.0);
+    EXPECT_NEAR(energy("", "implicit-euler"), wanted, 0.1 * wanted);
+    EXPECT_NEAR(energy(R"(, "rotate": [1,0,0,0])", "implicit-euler"), wanted,
+                0.1 * wanted);
+}
+
 TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)
 {
     std::map<std::string, Eigen::Vector3d> tips;

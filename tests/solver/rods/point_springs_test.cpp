@@ -74,6 +74,34 @@ TEST(PointSprings, with_a_drag_they_swing_as_the_formula_says)
     }
 }
 
+TEST(PointSprings, however_stiff_end_in_an_equilibrium)
+{
+    for (const double stiffness : {1e3, 1e7, 1e12})
+    {
+        SCOPED_TRACE(stiffness);
+        const Rod rod = support::straight_rod(1.0, 8, support::section_of(1e4, 1, 1));
+        RodModel model(rod);
+        model.terms.push_back(exact_elasticity(rod));
+        model.terms.push_back(point_springs(rod, {{0.0, {0, 0.1, 0}, stiffness, 0.0}}));
+        model.gravity = {0, -9.81, 0};
+        model.viscosity = 1.0;
+        RodState state(rod);
+        Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+        RodStepper stepper(model, Integrator::ImplicitEuler);
+        int iterations = 0;
+        for (int n = 0; n < 20; ++n)
+        {
+            const RodStepReport report = stepper.step(state, velocity, 1e-2);
+            ASSERT_EQ(report.stop, RodStop::Converged);
+            iterations += report.iterations;
+        }
+        EXPECT_LT(iterations, 400);
+        const RodNewtonReport report = RodNewton(model).solve(state, nullptr, {});
+        EXPECT_EQ(report.stop, RodStop::Converged);
+        EXPECT_NEAR(state.at(0.0).place.y(), 0.1 - 9.81 / stiffness, 1e-9);
+    }
+}
+
 TEST(PointSprings, a_strong_drag_lowers_the_largest_explicit_step)
 {
     const Rod rod = support::straight_rod(1.0, 6, support::section_of(10, 0.1, 0.1));

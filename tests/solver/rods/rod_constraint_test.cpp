@@ -32,20 +32,20 @@ std::vector<RodConstraint> all_at(const RodState& state, double s)
     const Eigen::Matrix3d off =
         Eigen::AngleAxisd(0.3, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
     std::vector<RodConstraint> all;
-    for (int hold = 0; hold <= static_cast<int>(Hold::RelativeFrame); ++hold)
+    for (int hold = 0; hold <= static_cast<int>(HoldKind::RelativeFrame); ++hold)
     {
         RodConstraint c;
-        c.hold = static_cast<Hold>(hold);
+        c.hold = static_cast<HoldKind>(hold);
         c.s = s;
         c.other = 5.1;
         c.point = {0.1, 0.2, 0.3};
         c.direction = {0.5, 0.6, 0.9};
         c.distance = 0.7;
-        if (c.hold == Hold::TwistAngle)
+        if (c.hold == HoldKind::TwistAngle)
             c.direction = state.frame(s).col(0) + 0.4 * Eigen::Vector3d(0.3, -0.8, 0.5);
-        if (c.hold == Hold::Frame)
+        if (c.hold == HoldKind::Frame)
             c.frame = state.frame(s) * off;
-        if (c.hold == Hold::RelativeFrame)
+        if (c.hold == HoldKind::RelativeFrame)
             c.frame = state.frame(s).transpose() * state.frame(5.1) * off;
         all.push_back(c);
     }
@@ -77,7 +77,7 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
             const HeldBasis basis(constraint, rod.basis());
             const std::vector<ConstraintRow> rows = rows_of(constraint, state, basis);
             ASSERT_EQ(static_cast<int>(rows.size()), num_rows(constraint.hold));
-            if (constraint.hold == Hold::GeometricCurvature)
+            if (constraint.hold == HoldKind::GeometricCurvature)
                 continue; // its directions are those of the state: see below
             for (int i = 0; i < n; ++i)
             {
@@ -99,7 +99,7 @@ TEST(RodConstraint, a_curvature_is_that_of_the_circle_through_the_curve)
                   [](double) { return support::section_of(50.0, 1.0, 0.7); }, {});
     const RodState state(rod);
     RodConstraint c;
-    c.hold = Hold::GeometricCurvature;
+    c.hold = HoldKind::GeometricCurvature;
     c.s = 1.3;
     c.direction = {0, 0, 0.5}; // about z, 1 / radius
     for (const ConstraintRow& row : rows_of(c, state, HeldBasis(c, rod.basis())))
@@ -114,7 +114,7 @@ TEST(RodConstraint, what_turns_with_the_motion_is_the_second_derivative_along_it
     const int n = rod.layout().num_unknowns;
     const Eigen::VectorXd v = support::random_step(n, 1.0, rng);
     RodConstraint c;
-    c.hold = Hold::Distance;
+    c.hold = HoldKind::Distance;
     c.s = 2.0;
     c.distance = 0.7;
     const Eigen::Vector3d speed = [&]
@@ -124,7 +124,7 @@ TEST(RodConstraint, what_turns_with_the_motion_is_the_second_derivative_along_it
         return Eigen::Vector3d(ahead.at(c.s).place - state.at(c.s).place);
     }();
     EXPECT_NEAR(convective(c, state, v)[0], speed.squaredNorm() / c.distance, 1e-6);
-    c.hold = Hold::Point;
+    c.hold = HoldKind::Point;
     EXPECT_EQ(convective(c, state, v), std::vector<double>(3, 0.0));
 }
 

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "solver/rods/point_springs.h"
 #include "tests/support/rods.h"
 
 namespace cellwarp
@@ -202,6 +203,25 @@ TEST(RodStepper, goes_on_between_holds_that_contradict)
     }
 }
 
+TEST(RodStepper, tells_where_explicit_steps_gain_energy)
+{
+    // A strong spring squeezes and whips it: its vibrations are faster than at first.
+    const Rod rod =
+        support::straight_rod(1.0, 11, Section::round(0.01, 1e7, 0.3, 1000.0));
+    RodModel model(rod);
+    model.terms.push_back(exact_elasticity(rod));
+    model.terms.push_back(point_springs(rod, {{0.0, {0, 0.1, 0}, 1e6, 0.0}}));
+    RodState state(rod);
+    Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+    RodStepper stepper(model, Integrator::RungeKutta);
+    const double step = 1e-5;
+    ASSERT_LT(step, stepper.largest_step(state));
+    RodStop stop = RodStop::Converged;
+    for (int n = 0; n < 2000 && stop == RodStop::Converged; ++n)
+        stop = stepper.step(state, velocity, step).stop;
+    EXPECT_EQ(stop, RodStop::EnergyGrew);
+}
+
 TEST(RodResponse, is_the_same_by_a_dense_system_and_in_the_band)
 {
     const Rod rod = support::straight_rod(1.0, 40, support::section_of(10, 0.01, 0.01));
@@ -210,13 +230,21 @@ TEST(RodResponse, is_the_same_by_a_dense_system_and_in_the_band)
     {
         RodConstraint hold;
         hold.s = rod.basis().end() * k / 12.0;
-        hold.hold = k % 2 == 0 ? Hold::Point : Hold::Tangent;
+        hold.hold = k % 2 == 0 ? HoldKind::Point : HoldKind::Tangent;
         hold.direction = {1, 0, 0};
         model.constraints.push_back(hold);
     }
     const RodState state(rod);
     const RodModel::Rows rows = model.rows(state);
     const RodResponse dense(model, rows), band(model, rows, 0);
+    EXPECT_FALSE(dense.is_redundant());
+    EXPECT_FALSE(band.is_redundant());
+    // What is said twice is left to least squares.
+    RodModel::Rows twice = rows;
+    twice.rows.insert(twice.rows.end(), rows.rows.begin(), rows.rows.end());
+    twice.groups.insert(twice.groups.end(), rows.groups.begin(), rows.groups.end());
+    const RodResponse redundant(model, twice, 0);
+    EXPECT_TRUE(redundant.is_redundant());
     std::mt19937 rng(3);
     const Eigen::VectorXd v = support::random_step(rod.layout().num_unknowns, 1.0, rng),
                           wanted = dense.along(v);
