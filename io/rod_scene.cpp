@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/rod_scene.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <set>
 #include <utility>
 
@@ -116,8 +118,33 @@ private:
     JsonObject object_;
 };
 
-void read_hold(Reader& reader, const RodScene& scene, const std::string& prefix,
-               std::vector<std::string>& warnings, RodHold& hold)
+void read_turn(Reader& reader, std::array<double, 4>& turn)
+{
+    reader.read("rotate", turn);
+    if (turn[0] == 0 && turn[1] == 0 && turn[2] == 0)
+        reader.object().fail("rotate", "its axis has no length");
+}
+
+void read_keys(Reader& reader, RodScene& scene, const std::string& prefix,
+               std::vector<RodKey>& keys)
+{
+    double last = -1.0;
+    reader.each("keys",
+                [&](const Json& value, const std::string& name)
+                {
+                    Reader key(value, scene, prefix + name + ".", scene.warnings);
+                    RodKey& out = keys.emplace_back();
+                    key.read("time", 0.0, kHuge, out.time);
+                    key.read("translate", out.translate);
+                    read_turn(key, out.rotate);
+                    if (!(out.time > last))
+                        key.object().fail("time", "need times that rise");
+                    last = out.time;
+                    key.object().warn_of_the_rest();
+                });
+}
+
+void read_hold(Reader& reader, RodScene& scene, const std::string& prefix, RodHold& hold)
 {
     reader.read("at", 0.0, 1.0, hold.at);
     bool has_any = false;
@@ -138,30 +165,59 @@ void read_hold(Reader& reader, const RodScene& scene, const std::string& prefix,
                 });
     if (!has_any)
         hold.has_point = true;
-    double last = -1.0;
-    reader.each("keys",
-                [&](const Json& value, const std::string& name)
-                {
-                    Reader key(value, scene, prefix + name + ".", warnings);
-                    RodKey& out = hold.keys.emplace_back();
-                    key.read("time", 0.0, kHuge, out.time);
-                    key.read("translate", out.translate);
-                    key.read("rotate", out.rotate);
-                    if (!(out.time > last))
-                        key.object().fail("time", "need times that rise");
-                    if (out.rotate[0] == 0 && out.rotate[1] == 0 && out.rotate[2] == 0)
-                        key.object().fail("rotate", "its axis has no length");
-                    last = out.time;
-                    key.object().warn_of_the_rest();
-                });
+    read_keys(reader, scene, prefix, hold.keys);
     reader.object().warn_of_the_rest();
 }
 
-void read_on(Reader& reader, RodOn& on)
+void read_slide(Reader& reader, SlideStatement& slide)
 {
-    if (const Json* at = reader.object().find("at"); at && at->is_string())
-        reader.object().fail("at", "sliding is not supported by this version");
-    reader.read("at", 0.0, 1.0, on.at);
+    if (reader.object().find("start"))
+        reader.read("start", 0.0, 1.0, slide.start.emplace(0.0));
+    reader.read("range", slide.range);
+    if (!(0.0 <= slide.range[0] && slide.range[0] < slide.range[1] &&
+          slide.range[1] <= 1.0))
+        reader.object().fail("range", "need two shares that rise within 0 and 1");
+    if (slide.start &&
+        !(slide.range[0] <= *slide.start && *slide.start <= slide.range[1]))
+        reader.object().fail("start", "is not within range");
+    std::string end = "stop";
+    reader.read("end", OneOf{{"stop", "release"}}, end);
+    slide.leaves = end == "release";
+    const Json* const friction = reader.object().find("friction");
+    if (friction && friction->is_array())
+        reader.read("friction", slide.friction);
+    else if (friction)
+    {
+        reader.read("friction", 0.0, kHuge, slide.friction[0]);
+        slide.friction[1] = slide.friction[0];
+    }
+    if (!(slide.friction[0] >= slide.friction[1] && slide.friction[1] >= 0.0))
+        reader.object().fail("friction",
+                             "need one at rest, and one in motion that is not larger");
+    reader.read("inertia", -kHuge, kHuge, slide.inertia);
+    if (reader.object().find("apart"))
+        reader.read("apart", 0.0, kHuge, slide.apart.emplace(0.0));
+}
+
+/// A share of the rest length, or "sliding": true.
+bool read_share(Reader& reader, const char* key, double& share)
+{
+    const Json* const value = reader.object().find(key);
+    if (!value || !value->is_string())
+    {
+        reader.read(key, 0.0, 1.0, share);
+        return false;
+    }
+    if (*value != "sliding")
+        reader.object().fail(key, "need a share of the rest length, or \"sliding\"");
+    return true;
+}
+
+void read_on(Reader& reader, RodScene& scene, const std::string& prefix, RodOn& on,
+             std::string& rod)
+{
+    if (read_share(reader, "at", on.at))
+        read_slide(reader, on.slide.emplace());
     std::array<double, 4> plane;
     std::array<double, 6> axis;
     int count = 0;
@@ -184,25 +240,250 @@ void read_on(Reader& reader, RodOn& on)
         on.direction = {axis[3], axis[4], axis[5]};
         ++count;
     }
-    reader.later("rod");
+    if (std::optional<std::string> other; reader.object().read("rod", other), other)
+    {
+        on.kind = RodOn::Kind::Rod;
+        rod = *other;
+        if (read_share(reader, "other", on.other))
+        {
+            on.other_slide.emplace();
+            if (reader.object().find("other_start"))
+                reader.read("other_start", 0.0, 1.0, on.other_slide->start.emplace(0.0));
+        }
+        ++count;
+    }
     if (count != 1)
-        reader.object().fail("", "needs one of point, plane and axis");
-    if (on.kind != RodOn::Kind::Point && on.direction == Triple{})
+        reader.object().fail("", "needs one of point, plane, axis and rod");
+    if ((on.kind == RodOn::Kind::Plane || on.kind == RodOn::Kind::Axis) &&
+        on.direction == Triple{})
         reader.object().fail(on.kind == RodOn::Kind::Plane ? "plane" : "axis",
                              "its direction has no length");
+    if (on.kind != RodOn::Kind::Rod)
+        read_keys(reader, scene, prefix, on.keys);
     reader.object().warn_of_the_rest();
 }
 
-void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
+std::string read_name(Reader& reader, const std::string& otherwise)
+{
+    std::optional<std::string> name;
+    reader.object().read("name", name);
+    const std::string out = name.value_or(otherwise);
+    if (std::any_of(out.begin(), out.end(),
+                    [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
+        reader.object().fail("name", "has characters that are none of a line");
+    return out;
+}
+
+void read_body(const Json& json, const std::string& prefix, RodScene& scene)
+{
+    BodyStatement& body = scene.bodies.emplace_back();
+    Reader reader(json, scene, prefix, scene.warnings);
+    body.name = read_name(reader, "body" + std::to_string(scene.bodies.size()));
+    reader.read("mass", kTiny, kHuge, body.mass);
+    if (reader.object().find("inertia"))
+        reader.read("inertia", body.inertia);
+    else
+    {
+        // A ball as dense as water.
+        constexpr double kWater = 1000.0;
+        const double radius =
+            std::cbrt(3.0 * body.mass / (4.0 * std::numbers::pi * kWater));
+        body.inertia.fill(0.4 * body.mass * radius * radius);
+    }
+    const double half = 0.5 * (body.inertia[0] + body.inertia[1] + body.inertia[2]);
+    for (const double one : body.inertia)
+        if (!(one > 0.0) || one > half * (1.0 + 1e-12))
+            reader.object().fail("inertia", "no body has it: each must be above 0 and at "
+                                            "most the sum of the other two");
+    reader.read("at", body.at);
+    read_turn(reader, body.rotate);
+    reader.read("velocity", body.velocity);
+    reader.read("spin", body.spin);
+    read_keys(reader, scene, prefix, body.keys);
+    reader.object().warn_of_the_rest();
+}
+
+std::size_t index_of(Reader& reader, const std::string& key, const Json& value,
+                     std::size_t count)
+{
+    if (!value.is_number_integer() || value.get<std::int64_t>() < 0 ||
+        value.get<std::int64_t>() >= static_cast<std::int64_t>(count))
+        reader.object().fail(key, "need the number of a point, from 0 to " +
+                                      std::to_string(count - 1));
+    return value.get<std::size_t>();
+}
+
+void read_net(const Json& json, const std::string& prefix, RodScene& scene)
+{
+    NetStatement& net = scene.nets.emplace_back();
+    Reader reader(json, scene, prefix, scene.warnings);
+    net.name = read_name(reader, "net" + std::to_string(scene.nets.size()));
+    reader.points("points", net.points);
+    if (net.points.empty())
+        reader.object().fail("points", "is missing");
+    reader.each(
+        "springs",
+        [&](const Json& value, const std::string& name)
+        {
+            if (!value.is_array() || value.size() != 3 || !value[2].is_number() ||
+                !(value[2].get<double>() > 0.0) || !(value[2].get<double>() < kHuge))
+                reader.object().fail(name,
+                                     "need two points and a stiffness above 0 [N/m]");
+            NetStatement::Spring& spring = net.springs.emplace_back();
+            for (const std::size_t k : {0u, 1u})
+                spring.node[k] = index_of(reader, name, value[k], net.points.size());
+            if (spring.node[0] == spring.node[1])
+                reader.object().fail(name, "need two points, not one");
+            spring.stiffness = value[2].get<double>();
+        });
+    const Json* const mass = reader.object().find("mass");
+    if (mass && mass->is_array())
+    {
+        for (const Json& one : *mass)
+            net.masses.push_back(one.is_number() ? one.get<double>() : 0.0);
+    }
+    else
+    {
+        double all = 1.0;
+        reader.read("mass", kTiny, kHuge, all);
+        net.masses.assign(net.points.size(), all / double(net.points.size()));
+    }
+    if (net.masses.size() != net.points.size() ||
+        !std::all_of(net.masses.begin(), net.masses.end(),
+                     [](double one) { return one > kTiny && one < kHuge; }))
+        reader.object().fail("mass", "need that of all points together [kg], or a list "
+                                     "with that of each, above 0");
+    reader.each("fixed",
+                [&](const Json& value, const std::string& name) {
+                    net.fixed.push_back(index_of(reader, name, value, net.points.size()));
+                });
+    reader.object().warn_of_the_rest();
+}
+
+/// Number of what is called so; throws by \p reader.
+template <class Statement>
+std::size_t number_of(Reader& reader, const std::string& key,
+                      const std::vector<Statement>& all, const std::string& name,
+                      const std::string& kind)
+{
+    for (std::size_t k = 0; k < all.size(); ++k)
+        if (all[k].name == name)
+            return k;
+    reader.object().fail(key, "there is no " + kind + " called " + in_quotes(name));
+}
+
+/// "rod spine 0.5", "rod spine sliding", "body seat 0 0 0.1", "net cloth 7"
+JointEnd read_end(Reader& reader, const char* key, const RodScene& scene)
+{
+    std::optional<std::string> text;
+    reader.object().read(key, text);
+    if (!text)
+        reader.object().fail(key, "is missing");
+    std::vector<std::string> words;
+    for (std::size_t at = 0; at < text->size();)
+    {
+        const std::size_t end = std::min(text->find(' ', at), text->size());
+        if (end > at)
+            words.push_back(text->substr(at, end - at));
+        at = end + 1;
+    }
+    const auto bad = [&](const std::string& why)
+    {
+        reader.object().fail(key, why +
+                                      ": need \"rod NAME SHARE\", \"rod NAME "
+                                      "sliding\", \"body NAME X Y Z\" or \"net NAME "
+                                      "POINT\", got " +
+                                      in_quotes(*text));
+    };
+    const std::string kind = words.empty() ? "" : words.front();
+    const std::size_t numbers = kind == "body" ? 3 : 1;
+    if ((kind != "rod" && kind != "body" && kind != "net") || words.size() < numbers + 2)
+        bad("names no place");
+    std::string name;
+    for (std::size_t k = 1; k + numbers < words.size(); ++k)
+        name += (k > 1 ? " " : "") + words[k];
+    JointEnd end;
+    const auto number = [&](std::size_t k)
+    {
+        const std::optional<double> value =
+            parse_double(words[words.size() - numbers + k]);
+        if (!value || !std::isfinite(*value) || std::abs(*value) > kHuge)
+            bad("what follows the name is no number");
+        return *value;
+    };
+    if (kind == "rod")
+    {
+        end.index = number_of(reader, key, scene.rods, name, kind);
+        end.slides = words.back() == "sliding";
+        end.at = end.slides ? 0.0 : number(0);
+        if (!(end.at >= 0.0 && end.at <= 1.0))
+            bad("the share is not within 0 and 1");
+    }
+    else if (kind == "body")
+    {
+        end.kind = JointEnd::Kind::Body;
+        end.index = number_of(reader, key, scene.bodies, name, kind);
+        for (const std::size_t k : {0u, 1u, 2u})
+            end.point[k] = number(k);
+    }
+    else
+    {
+        end.kind = JointEnd::Kind::Net;
+        end.index = number_of(reader, key, scene.nets, name, kind);
+        const double point = number(0);
+        if (!(point >= 0.0 && point < double(scene.nets[end.index].points.size())) ||
+            point != std::floor(point))
+            bad("the net has no such point");
+        end.node = static_cast<std::size_t>(point);
+    }
+    return end;
+}
+
+void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
+{
+    JointStatement& joint = scene.joints.emplace_back();
+    Reader reader(json, scene, prefix, scene.warnings);
+    joint.ends = {read_end(reader, "a", scene), read_end(reader, "b", scene)};
+    const bool is_of_net = joint.ends[0].kind == JointEnd::Kind::Net ||
+                           joint.ends[1].kind == JointEnd::Kind::Net;
+    const bool slides = joint.ends[0].slides || joint.ends[1].slides;
+    reader.each("what",
+                [&](const Json& value, const std::string& name)
+                {
+                    const std::string what =
+                        value.is_string() ? value.get<std::string>() : "";
+                    bool* const flag = what == "point"      ? &joint.has_point
+                                       : what == "frame"    ? &joint.has_frame
+                                       : what == "distance" ? &joint.has_distance
+                                                            : nullptr;
+                    if (!flag)
+                        reader.object().fail(name, "need one of point, frame, distance");
+                    *flag = true;
+                });
+    if (!joint.has_point && !joint.has_frame && !joint.has_distance)
+        joint.has_point = true;
+    if (joint.has_frame && is_of_net)
+        reader.object().fail("what", "a point of a net has no frame");
+    if (slides && (joint.has_frame || joint.has_distance))
+        reader.object().fail("what", "what slides is joined by point alone");
+    if (slides)
+        read_slide(reader, joint.slide);
+    reader.object().warn_of_the_rest();
+}
+
+/// A rod's place on another, which may stand behind it in the scene.
+struct OtherRod
+{
+    std::size_t rod, on;
+    std::string key, name;
+};
+
+void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
+              std::vector<OtherRod>& others)
 {
     RodStatement& rod = scene.rods.emplace_back();
     Reader reader(json, scene, prefix, scene.warnings);
-    std::optional<std::string> name;
-    reader.object().read("name", name);
-    rod.name = name.value_or("rod" + std::to_string(scene.rods.size()));
-    if (std::any_of(rod.name.begin(), rod.name.end(),
-                    [](char c) { return static_cast<unsigned char>(c) < 0x20; }))
-        reader.object().fail("name", "has characters that are none of a line");
+    rod.name = read_name(reader, "rod" + std::to_string(scene.rods.size()));
     reader.points("through", rod.through);
     reader.points("points", rod.points);
     if (rod.through.empty() == rod.points.empty())
@@ -263,14 +544,16 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene)
                 [&](const Json& value, const std::string& key)
                 {
                     Reader of(value, scene, prefix + key + ".", scene.warnings);
-                    read_hold(of, scene, prefix + key + ".", scene.warnings,
-                              rod.holds.emplace_back());
+                    read_hold(of, scene, prefix + key + ".", rod.holds.emplace_back());
                 });
     reader.each("on",
                 [&](const Json& value, const std::string& key)
                 {
                     Reader of(value, scene, prefix + key + ".", scene.warnings);
-                    read_on(of, rod.on.emplace_back());
+                    std::string other;
+                    read_on(of, scene, prefix + key + ".", rod.on.emplace_back(), other);
+                    others.push_back({scene.rods.size() - 1, rod.on.size() - 1,
+                                      prefix + key + ".rod", other});
                 });
     reader.each("loads",
                 [&](const Json& value, const std::string& key)
@@ -332,17 +615,37 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     root.read("cellwarp", std::int64_t(1), std::int64_t(1), version);
     for (const char* other : {"model", "handles", "save", "energy", "cells", "field"})
         root.object().find(other);
+    std::vector<OtherRod> others;
     root.each("rods", [&](const Json& value, const std::string& key)
-              { read_rod(value, key + ".", scene); });
+              { read_rod(value, key + ".", scene, others); });
+    root.each("bodies", [&](const Json& value, const std::string& key)
+              { read_body(value, key + ".", scene); });
+    root.each("nets", [&](const Json& value, const std::string& key)
+              { read_net(value, key + ".", scene); });
     if (scene.rods.empty())
         root.object().fail("rods", "is missing: there is nothing to simulate");
-    std::set<std::string> names;
-    for (const RodStatement& rod : scene.rods)
-        if (!names.insert(rod.name).second)
-            root.object().fail("rods", "two are called " + in_quotes(rod.name));
+    const auto need_names = [&](const char* key, const auto& all)
+    {
+        std::set<std::string> names;
+        for (const auto& one : all)
+            if (!names.insert(one.name).second)
+                root.object().fail(key, "two are called " + in_quotes(one.name));
+    };
+    need_names("rods", scene.rods);
+    need_names("bodies", scene.bodies);
+    need_names("nets", scene.nets);
+    for (const OtherRod& other : others)
+        if (RodOn& on = scene.rods[other.rod].on[other.on]; on.kind == RodOn::Kind::Rod)
+        {
+            on.rod = number_of(root, other.key, scene.rods, other.name, "rod");
+            if (on.rod == other.rod && !on.slide && !on.other_slide && on.at == on.other)
+                root.object().fail(other.key, "a place on itself");
+        }
+    root.each("joints", [&](const Json& value, const std::string& key)
+              { read_joint(value, key + ".", scene); });
     if (const Json* unit = root.object().find("unit"); unit && *unit != 1)
         root.object().fail("unit", "only metres are supported by this version");
-    for (const char* key : {"bodies", "nets", "joints", "obstacles", "skeleton"})
+    for (const char* key : {"obstacles", "skeleton"})
         root.later(key);
     if (const Json* value = root.object().find("simulate"))
     {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -29,19 +30,38 @@ struct RodHold
     std::vector<RodKey> keys;
 };
 
-/// A place that stays on something.
+/// How a place slides that is unknown in advance.
+struct SlideStatement
+{
+    std::optional<double> start;              ///< share of the rest length; the nearest
+    std::array<double, 2> range = {0.0, 1.0}; ///< shares it may slide between
+    bool leaves = false;                      ///< where it arrives at an end of it
+    std::array<double, 2> friction = {};      ///< at rest, in motion
+    double inertia = 0.0;                     ///< of the sliding itself [kg]
+    /// Stays at least so far along the rod from the next that slides, in the order in
+    /// which they stand in the scene [m].
+    std::optional<double> apart;
+};
+
+/// A place of a rod that stays on something.
 struct RodOn
 {
-    double at = 0.0;
+    double at = 0.0;                     ///< share of the rest length
+    std::optional<SlideStatement> slide; ///< the place is not `at` but slides
     enum class Kind
     {
         Point,
         Plane,
-        Axis
+        Axis,
+        Rod
     } kind = Kind::Point;
-    Triple point{};      ///< [m]; of an axis, one of its points
-    Triple direction{};  ///< of a plane its normal, of an axis its direction
-    double offset = 0.0; ///< of a plane: normal . x = offset
+    Triple point{};           ///< [m]; of an axis, one of its points
+    Triple direction{};       ///< of a plane its normal, of an axis its direction
+    double offset = 0.0;      ///< of a plane: normal . x = offset
+    std::vector<RodKey> keys; ///< of a point, plane or axis that moves
+    std::size_t rod = 0;      ///< of the scene
+    double other = 0.0;       ///< share of that rod's rest length
+    std::optional<SlideStatement> other_slide;
 };
 
 struct RodPull
@@ -81,10 +101,62 @@ struct RodStatement
     std::vector<RodSpringTo> springs;
 };
 
+/// A rigid body.
+struct BodyStatement
+{
+    std::string name;
+    double mass = 1.0; ///< [kg]
+    Triple inertia{};  ///< about the centre, along its axes [kg m^2]
+    Triple at{};       ///< its centre [m]
+    std::array<double, 4> rotate{0, 0, 1, 0}; ///< axis, [degree]
+    Triple velocity{}, spin{};                ///< [m/s], [rad/s]
+    std::vector<RodKey> keys; ///< it goes where they say, if there are any
+};
+
+/// Points with mass, and springs.
+struct NetStatement
+{
+    struct Spring
+    {
+        std::array<std::size_t, 2> node{};
+        double stiffness = 0.0; ///< [N/m]
+    };
+    std::string name;
+    std::vector<Triple> points; ///< [m]
+    std::vector<double> masses; ///< of each [kg]
+    std::vector<Spring> springs;
+    std::vector<std::size_t> fixed; ///< points that stay
+};
+
+struct JointEnd
+{
+    enum class Kind
+    {
+        Rod,
+        Body,
+        Net
+    } kind = Kind::Rod;
+    std::size_t index = 0; ///< of the scene's rods, bodies or nets
+    double at = 0.0;       ///< of a rod: share of the rest length
+    bool slides = false;   ///< of a rod: as the joint says
+    Triple point{};        ///< of a body, in its axes [m]
+    std::size_t node = 0;  ///< of a net
+};
+
+struct JointStatement
+{
+    std::array<JointEnd, 2> ends;
+    bool has_point = false, has_frame = false, has_distance = false;
+    SlideStatement slide; ///< of ends that slide
+};
+
 struct RodScene
 {
     std::string path;
     std::vector<RodStatement> rods;
+    std::vector<BodyStatement> bodies;
+    std::vector<NetStatement> nets;
+    std::vector<JointStatement> joints;
     double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
     std::string integrator = "implicit-euler";
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]

@@ -66,6 +66,14 @@ strip free 6 200x220
 strip four 6 200x200 25
 strip short 6 200x200 25
 strip bundle 6 200x240 25
+strip hole 6 200x260 30
+strip thread 6 200x160
+strip lace 6 200x260
+strip suture 6 200x180 25
+strip slipknot 6 200x160
+strip swing 6 200x240 30
+strip net 6 200x220 25
+strip necklace 6 200x200 15
 
 # A palette is enough for them, in a third of the bytes.
 pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

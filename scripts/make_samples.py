@@ -17,7 +17,7 @@ chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
-          four, short, bundle
+          four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace
 """
 import json
 import math
@@ -603,9 +603,25 @@ move hand rotate 0 0 1 50  translate -0.15 0.6 0.1
 """)
 
 
-def rod_scene(folder, name, rods, simulate):
+def rod_scene(folder, name, rods, simulate, **more):
     write(folder, name + ".json",
-          json.dumps({"cellwarp": 1, "rods": rods, "simulate": simulate}, indent=1) + "\n")
+          json.dumps({"cellwarp": 1, "rods": rods, **more, "simulate": simulate}, indent=1) +
+          "\n")
+
+
+def square_net(points, columns, stiffness):
+    """Springs between neighbours in a grid, half as stiff along its diagonals."""
+    springs = []
+    for a in range(len(points)):
+        across = a % columns + 1 < columns
+        if across:
+            springs.append([a, a + 1, stiffness])
+        if a + columns < len(points):
+            springs.append([a, a + columns, stiffness])
+            if across:
+                springs += [[a, a + columns + 1, stiffness / 2],
+                            [a + 1, a + columns, stiffness / 2]]
+    return springs
 
 
 def rods(folder):
@@ -673,6 +689,145 @@ def rods(folder):
          "spans": 12, "radius": 0.008, "E": 3e5, "energy": "discrete",
          "fixed": [{"at": 0, "what": clamp}]} for k in range(11)],
         {"dt": 0.002, "duration": 0.9, "every": 0.15})
+    # Two ropes through holes off their middles: one sticks, one runs off and falls.
+    rod_scene(folder, "hole", [
+        {"name": name, "through": [[-0.6, 0, z], [0.6, 0, z]], "spans": 44, "radius": 0.01,
+         "E": 1e6,
+         "on": [{"at": "sliding", "point": [0.08, 0, z], "end": "release",
+                 "friction": friction}]}
+        for name, z, friction in (("rough", 0, [0.5, 0.4]), ("smooth", 0.3, 0))],
+        {"dt": 0.002, "duration": 1.25, "every": 0.25, "viscosity": 0.6})
+    joined_rods(folder)
+
+
+def joined_rods(folder):
+    def rounded(value):
+        return round(value, 6)
+
+    # Rubber pulled through a hole: it sticks, stretches, slips.
+    rod_scene(folder, "thread", [
+        {"name": "thread", "through": [[-0.7, 0, 0], [0, 0, 0], [0, -0.9, 0]], "spans": 20,
+         "radius": 0.01, "E": 5e4, "rest": "straight",
+         "on": [{"at": "sliding", "point": [0, 0, 0], "friction": [0.6, 0.1]}],
+         "fixed": [{"at": 0, "keys": [{"time": 0}, {"time": 2, "translate": [-0.7, 0, 0]}]}],
+         "loads": [{"at": 1, "force": [0, -1.5, 0]}]}],
+        {"dt": 0.002, "duration": 2.0, "every": 0.4, "viscosity": 0.3})
+    # A shoelace through twelve eyelets of two flaps, pulled tight.
+    middle = {"left": -0.055, "right": 0.055}
+    down = [("right" if (5 - k) % 2 else "left", k) for k in range(5, -1, -1)]
+    eyelets = down + [("left" if side == "right" else "right", k) for side, k in down[::-1]]
+    points, at = [[-0.1, 0.24, 0.03]], None
+    for side, k in eyelets:
+        last, at = at, [0.04 if side == "right" else -0.04, rounded(0.03 * k), 0]
+        if last:
+            points.append([rounded((a + b) / 2) for a, b in zip(last, at)][:2] + [0.008])
+        points.append(at)
+    points.append([0.1, 0.24, 0.03])
+    joints = [{"a": "rod lace sliding", "friction": 0.05,
+               "b": "body %s %g %g 0" % (side, (0.04 if side == "right" else -0.04) -
+                                         middle[side], 0.03 * k - 0.075)}
+              for side, k in eyelets]
+    joints += [{"a": "rod sole %d" % end, "b": "body %s 0 -0.09 0" % side,
+                "what": ["point", "frame"]} for end, side in enumerate(middle)]
+    mass, a, b, c = 0.05, 0.03, 0.18, 0.006
+    inertia = [rounded(mass / 12 * (p * p + q * q)) for p, q in ((b, c), (a, c), (a, b))]
+    inertia[2] = inertia[0] + inertia[1] - 3e-7
+    rod_scene(folder, "lace", [
+        {"name": "lace", "through": points, "spans": 1, "radius": 0.002, "E": 3e6,
+         "loads": [{"at": 0, "force": [-0.5, 1.2, 0]}, {"at": 1, "force": [0.5, 1.2, 0]}]},
+        {"name": "sole", "through": [[-0.055, -0.015, 0], [0.055, -0.015, 0]], "spans": 6,
+         "radius": 0.004, "E": 4e6,
+         "fixed": [{"at": 0.5, "what": ["point", "tangent", "twist"]}]}],
+        {"dt": 0.001, "duration": 0.3, "every": 0.05, "gravity": [0, 0, 0],
+         "viscosity": 0.3},
+        bodies=[{"name": side, "mass": mass, "inertia": inertia,
+                 "at": [middle[side], 0.075, 0]} for side in middle], joints=joints)
+    # A thread through the edges of two nets, pulled by its needle.
+    nets = []
+    for name, side in (("left", -1), ("right", 1)):
+        grid = [[rounded(side * (0.06 + 0.1 * i)), rounded(0.1 * j), 0]
+                for j in range(5) for i in range(4)]
+        nets.append({"name": name, "points": grid, "springs": square_net(grid, 4, 60),
+                     "mass": 0.1, "fixed": [4 * j + 3 for j in range(5)]})
+    holes = [(name, j) for j in range(5) for name in ("left", "right")]
+    points = []
+    for i, (name, j) in enumerate(holes):
+        at = [-0.06 if name == "left" else 0.06, rounded(0.1 * j), 0]
+        if i:
+            points.append([rounded((points[-1][k] + at[k]) / 2) for k in (0, 1)] +
+                          [0.03 if i % 2 else -0.03])
+        points.append(at)
+    points += [[0.05, 0.43, 0.1], [0.04, 0.44, 0.25], [0.04, 0.44, 0.4]]
+    rod_scene(folder, "suture", [
+        {"name": "thread", "through": points, "spans": 1, "radius": 0.004, "E": 2e7,
+         "fixed": [{"at": 1, "keys": [{"time": 0},
+                                      {"time": 1.2, "translate": [0, 0, 0.55]}]}]}],
+        {"dt": 0.002, "duration": 1.2, "every": 0.24, "gravity": [0, 0, 0],
+         "viscosity": 0.2}, nets=nets,
+        joints=[{"a": "rod thread 0", "b": "net left 0"}] +
+               [{"a": "rod thread sliding", "b": "net %s %d" % (name, 4 * j)}
+                for name, j in holes[1:]])
+    # A rope's end on the rope itself, its noose round something that holds it.
+    points = [[rounded(-0.6 + 0.2 * k), 0, 0] for k in range(4)]
+    for k in range(1, 9):
+        turn = math.pi * (2 * k / 9 - 0.5)
+        points.append([rounded(0.22 * math.cos(turn) + 0.02),
+                       rounded(0.22 + 0.22 * math.sin(turn)),
+                       rounded(0.02 * math.sin(turn))])
+    points.append([-0.05, 0, 0])
+    rod_scene(folder, "slipknot", [
+        {"name": "rope", "through": points, "spans": 2, "radius": 0.012, "E": 4e5,
+         "fixed": [{"at": 0, "keys": [{"time": 0}, {"time": 1.5,
+                                                    "translate": [-0.75, 0, 0]}]},
+                   {"at": 0.62}],
+         "on": [{"at": 1, "rod": "rope", "other": "sliding"}]}],
+        {"dt": 0.002, "duration": 1.5, "every": 0.3, "gravity": [0, 0, 0], "viscosity": 2})
+    # A swing: two ropes and a seat that stays straight.
+    ropes = [{"name": "rope%d" % k, "through": [[x, 0, 0], [x, -1.5, 0]], "spans": 7,
+              "radius": 0.01, "E": 2e7, "fixed": [{"at": 0}]} for k, x in ((0, -0.3), (1, 0.3))]
+    seat = {"name": "seat", "through": [[-0.3, -1.5, 0], [0.3, -1.5, 0]], "spans": 7,
+            "radius": 0.02, "E": 1e7, "velocity": [0, 0, 3],
+            "fixed": [{"at": rounded(k / 7), "what": ["curvature"]} for k in range(8)]}
+    rod_scene(folder, "swing", ropes + [seat], {"dt": 0.002, "duration": 1.6, "every": 0.32},
+              joints=[{"a": "rod rope%d 1" % k, "b": "rod seat %d" % k,
+                       "what": ["point", "frame"]} for k in (0, 1)])
+    # Four ropes hold a net, on which a plate lies.
+    grid = [[rounded(0.15 * (i - 2)), 0, rounded(0.15 * (j - 2))]
+            for j in range(5) for i in range(5)]
+    corners = (0, 4, 20, 24)
+    ropes = [{"name": "rope%d" % k, "through": [[rounded(1.4 * grid[c][0]), 0.9,
+                                                 rounded(1.4 * grid[c][2])], grid[c]],
+              "spans": 5, "radius": 0.006, "E": 1e7, "fixed": [{"at": 0}]}
+             for k, c in enumerate(corners)]
+    below = (2, 6, 7, 8, 11, 12, 13, 16, 17, 18)
+    rod_scene(folder, "net", ropes, {"dt": 0.002, "duration": 1.2, "every": 0.24},
+              bodies=[{"name": "plate", "mass": 0.6, "inertia": [0.0055, 0.0105, 0.0055]}],
+              nets=[{"name": "net", "points": grid, "springs": square_net(grid, 5, 400),
+                     "mass": 0.4}],
+              joints=[{"a": "rod rope%d 1" % k, "b": "net net %d" % c}
+                      for k, c in enumerate(corners)] +
+                     [{"a": "body plate %g 0 %g" % (grid[q][0], grid[q][2]),
+                       "b": "net net %d" % q} for q in below])
+    # Beads on a closed thread, all of them on a ball, slide off it.
+    ball, bead, mass, height = 0.5, 0.03, 0.01, 0.3
+    ring = math.sqrt(ball ** 2 - height ** 2)
+    on_ring = lambda turn: [rounded(ring * math.cos(turn)), height,
+                            rounded(ring * math.sin(turn))]
+    bodies = [{"name": "ball", "inertia": [rounded(0.4 * (ball - bead) ** 2)] * 3,
+               "keys": [{"time": 0}]}]
+    joints = []
+    for k in range(14):
+        name = "bead%d" % k
+        bodies.append({"name": name, "mass": mass, "inertia": [0.4 * mass * bead ** 2] * 3,
+                       "at": on_ring(2 * math.pi * (k + 0.5 + 0.3 * math.sin(2.5 * k)) / 14)})
+        joints += [{"a": "rod thread sliding", "b": "body %s 0 0 0" % name, "apart": 0.062},
+                   {"a": "body ball 0 0 0", "b": "body %s 0 0 0" % name,
+                    "what": ["distance"]}]
+    rod_scene(folder, "necklace", [
+        {"name": "thread", "through": [on_ring(2 * math.pi * k / 28) for k in range(28)],
+         "closed": True, "spans": 1, "radius": 0.006, "E": 2e6}],
+        {"dt": 0.002, "duration": 0.75, "every": 0.15, "viscosity": 0.05,
+         "gravity": [2, -9.6, 0]}, bodies=bodies, joints=joints)
 
 
 def main():

@@ -49,7 +49,24 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
                         {"length", rod.length},
                         {"curve", std::move(curve)},
                         {"knots", rod.knots},
-                        {"sliding", Json::array()}});
+                        {"sliding", rod.sliding}});
+    }
+    Json bodies = Json::array();
+    for (const SimulatedBody& body : simulation.bodies())
+    {
+        Json axes = Json::array();
+        for (Eigen::Index k = 0; k < 3; ++k)
+            axes.push_back(numbers(body.R.col(k)));
+        bodies.push_back(
+            {{"name", body.name}, {"at", numbers(body.at)}, {"axes", std::move(axes)}});
+    }
+    Json nets = Json::array();
+    for (const SimulatedNet& net : simulation.nets())
+    {
+        Json points = Json::array();
+        for (const Eigen::Vector3d& p : net.points)
+            points.push_back(numbers(p));
+        nets.push_back({{"name", net.name}, {"points", std::move(points)}});
     }
     return {{"frame", frame},
             {"time", report.time},
@@ -62,7 +79,9 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
             {"constraint", report.violation},
             {"iterations", report.iterations},
             {"stop", report.stop},
-            {"rods", std::move(rods)}};
+            {"rods", std::move(rods)},
+            {"bodies", std::move(bodies)},
+            {"nets", std::move(nets)}};
 }
 
 /// The rods' middles as an OBJ of lines.
@@ -122,6 +141,8 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
 
     Progress progress(common);
     std::vector<std::string> warnings = scene.warnings;
+    warnings.insert(warnings.end(), simulation.warnings().begin(),
+                    simulation.warnings().end());
     Json frames = Json::array();
     double write_ms = 0.0;
     bool is_converged = true;

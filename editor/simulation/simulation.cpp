@@ -2,23 +2,27 @@
 #include "editor/simulation/simulation.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numbers>
+#include <limits>
+#include <map>
+#include <numeric>
 #include <optional>
-#include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "editor/simulation/key_motion.h"
+#include "editor/simulation/rod_part.h"
+#include "editor/simulation/solid_shapes.h"
 #include "io/error.h"
 #include "octree/base/index.h"
-#include "octree/base/rigid_motion.h"
-#include "solver/rods/elasticity.h"
-#include "solver/rods/point_springs.h"
+#include "solver/dynamics/implicit_stepper.h"
+#include "solver/dynamics/rigid_body.h"
+#include "solver/dynamics/spring_net.h"
+#include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
-#include "solver/rods/springs.h"
-#include "solver/rods/tensor_stretch.h"
 
 namespace cellwarp
 {
@@ -26,372 +30,413 @@ namespace cellwarp
 namespace
 {
 
-Eigen::Vector3d vector_of(const Triple& t)
-{
-    return {t[0], t[1], t[2]};
-}
-
-/// Seen from \p origin.
-std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
-                                        const Eigen::Vector3d& origin)
-{
-    std::vector<Eigen::Vector3d> out;
-    for (const Triple& t : triples)
-        out.push_back(vector_of(t) - origin);
-    return out;
-}
+using Eigen::Vector3d;
 
 /// Steps and forces are small beside the places of a scene far from the origin, and drown
 /// in their rounding: everything is seen from one of its points.
-Eigen::Vector3d origin_of(const RodScene& scene)
+Vector3d origin_of(const RodScene& scene)
 {
     if (scene.rods.empty())
-        return Eigen::Vector3d::Zero();
+        return Vector3d::Zero();
     const RodStatement& rod = scene.rods.front();
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
-/// Both sides of a tube, so that its twist is seen.
-constexpr std::array<std::uint8_t, 3> kFront = {236, 145, 60}, kBack = {205, 208, 214};
-
-/// Neighbours at the same place are one point.
-std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
+/// Directions tell of turns below 90 degrees alone: larger ones go in parts [degree].
+int parts_of(double turn)
 {
-    points.erase(std::unique(points.begin(), points.end()), points.end());
-    if (is_closed && points.size() > 1 && points.front() == points.back())
-        points.pop_back();
-    return points;
-}
-
-/// By its control points, with the knots that the statement asks for.
-Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
-{
-    const int n = static_cast<int>(points.size()), degree = static_cast<int>(rod.degree);
-    const auto made = [&](SplineBasis basis) -> Spline {
-        return {std::move(basis), std::move(points)};
-    };
-    if (rod.spline == "catmull-rom")
-        return made(SplineBasis::catmull_rom(n, rod.is_closed));
-    if (rod.spline == "bezier")
-    {
-        if (rod.is_closed || (n % 3 != 1 && n > kMaxOrder) || n < 3)
-            throw std::invalid_argument("Bezier pieces need 4, 7, 10, ... control "
-                                        "points, or 3 to 8 of one piece, "
-                                        "open");
-        return made(
-            SplineBasis::open(n % 3 == 1 ? 3 : n - 1, SplineBasis::bezier_knots(n)));
-    }
-    if (n < degree + 1)
-        throw std::invalid_argument("needs at least degree + 1 = " +
-                                    std::to_string(degree + 1) + " control points");
-    if (rod.is_closed || rod.spline == "uniform")
-    {
-        if (!rod.is_closed)
-            return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
-        std::vector<double> turn;
-        for (int i = 0; i <= n; ++i)
-            turn.push_back(i);
-        return made(SplineBasis::closed(degree, turn));
-    }
-    // Mean parameters of the control points' own chord.
-    std::vector<double> s = {0.0};
-    for (int i = 1; i < n; ++i)
-        s.push_back(s.back() + (points[idx(i)] - points[idx(i - 1)]).norm());
-    return made(SplineBasis::open(degree, averaged_knots(s, degree)));
-}
-
-Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)
-{
-    if (!rod.points.empty())
-        return by_controls(rod, merged(vectors_of(rod.points, origin), false));
-    return spline_through(merged(vectors_of(rod.through, origin), rod.is_closed),
-                          rod.is_closed, static_cast<int>(rod.spans),
-                          static_cast<int>(rod.degree));
-}
-
-Section section_of(const RodStatement& rod, double share)
-{
-    const double at = share * static_cast<double>(rod.radius.size() - 1);
-    const std::size_t k =
-        std::min(idx(static_cast<int>(at)),
-                 rod.radius.size() - std::min<std::size_t>(2, rod.radius.size()));
-    const double next = k + 1 < rod.radius.size() ? rod.radius[k + 1] : rod.radius[k];
-    const double radius =
-        rod.radius[k] + (at - static_cast<double>(k)) * (next - rod.radius[k]);
-    Section section = Section::round(radius, rod.young, rod.poisson, rod.density);
-    if (rod.bending)
-        section.bending = *rod.bending;
-    if (rod.twisting)
-        section.twist = *rod.twisting;
-    return section;
-}
-
-Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
-{
-    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
-    const Eigen::Matrix3d R =
-        rotation_about(axis.normalized(), key.rotate[3] * std::numbers::pi / 180.0);
-    return {R, about - R * about + vector_of(key.translate)};
-}
-
-/// Turns about one axis [degree].
-struct OneAxis
-{
-    Eigen::Vector3d axis;
-    double from = 0.0, to = 0.0;
-};
-
-/// Two keys that turn about the same axis, one way or the other; a key that does not turn
-/// does so about any.
-std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
-{
-    const auto axis_of = [](const RodKey& key)
-    { return Eigen::Vector3d(key.rotate[0], key.rotate[1], key.rotate[2]).normalized(); };
-    if (a.rotate[3] == 0.0)
-        return OneAxis{axis_of(b), 0.0, b.rotate[3]};
-    const double side = axis_of(a).dot(axis_of(b));
-    if (b.rotate[3] == 0.0 || std::abs(side) > 1.0 - 1e-12)
-        return OneAxis{axis_of(a), a.rotate[3], side < 0.0 ? -b.rotate[3] : b.rotate[3]};
-    return std::nullopt;
-}
-
-/// How far keys turn between two times, there and back added up [degree].
-double turned(const std::vector<RodKey>& keys, double begin, double end)
-{
-    double sum = 0.0;
-    for (std::size_t k = 0; k + 1 < keys.size(); ++k)
-    {
-        const RodKey &a = keys[k], &b = keys[k + 1];
-        const double within = std::min(end, b.time) - std::max(begin, a.time);
-        if (within <= 0.0)
-            continue;
-        const std::optional<OneAxis> one = one_axis(a, b);
-        sum += within / (b.time - a.time) * (one ? std::abs(one->to - one->from) : 180.0);
-    }
-    return sum;
-}
-
-/// Where keys have a place at a time: straight and evenly between two of them.
-Motion motion_at(const std::vector<RodKey>& keys, double time,
-                 const Eigen::Vector3d& about)
-{
-    if (keys.empty())
-        return {};
-    const auto next = std::find_if(keys.begin(), keys.end(),
-                                   [&](const RodKey& key) { return key.time > time; });
-    if (next == keys.begin())
-        return motion_of(keys.front(), about);
-    if (next == keys.end())
-        return motion_of(keys.back(), about);
-    const RodKey &a = *(next - 1), &b = *next;
-    const double share = (time - a.time) / (b.time - a.time);
-    RodKey between = a;
-    for (std::size_t k = 0; k < 3; ++k)
-        between.translate[k] += share * (b.translate[k] - a.translate[k]);
-    if (const std::optional<OneAxis> one = one_axis(a, b))
-    {
-        for (const std::size_t k : {0u, 1u, 2u})
-            between.rotate[k] = one->axis[static_cast<Eigen::Index>(k)];
-        between.rotate[3] = one->from + share * (one->to - one->from);
-        return motion_of(between, about);
-    }
-    // About one axis from the one to the other, by less than half a turn.
-    const Motion from = motion_of(a, about), to = motion_of(b, about);
-    const Eigen::Vector3d turn = rotation_vector(to.R * from.R.transpose());
-    const double angle = turn.norm();
-    const Eigen::Matrix3d R =
-        angle > 0.0
-            ? Eigen::Matrix3d(rotation_about(turn / angle, share * angle) * from.R)
-            : from.R;
-    return {R, about - R * about + vector_of(between.translate)};
-}
-
-/// Whether weight and loads cancel.
-bool is_balanced(const RodModel& model)
-{
-    Eigen::Vector3d sum = model.mass().total() * model.gravity;
-    double largest = sum.norm();
-    for (const RodLoad& load : model.loads)
-    {
-        sum += load.force;
-        largest = std::max(largest, load.force.norm());
-    }
-    return sum.norm() <= 1e-12 * largest;
+    constexpr double kPart = 30.0, kMost = 4096.0;
+    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMost));
 }
 
 } // namespace
 
-struct Simulation::Body
+/// All that moves, in the order of the scene.
+struct Simulation::Parts
 {
-    const RodStatement& statement;
-    Rod rod;
-    RodModel model;
-    RodState state;
-    Eigen::VectorXd velocity;
-    /// Of each hold its first constraint, its rest place and frame.
-    struct Held
+    std::vector<std::unique_ptr<RodPart>> rods;
+    struct Body
     {
-        const RodHold* hold;
-        std::size_t first, count;
-        Eigen::Vector3d place;
-        Eigen::Matrix3d frame;
-        Eigen::Vector3d curvature;
+        const BodyStatement* statement;
+        RigidBody body;
+        Motion rest; ///< of what keys move
     };
-    std::vector<Held> held;
-    std::optional<RodStepper> stepper;
-    double violation = 0.0;
+    std::vector<Body> bodies;
+    std::vector<SpringNet> nets;
+    /// Rods as objects of joints, those that have some.
+    std::map<std::size_t, RodObject> objects;
+    std::vector<Joint> joints; ///< of objects numbered through: rods, bodies, nets
 
-    Body(const RodStatement& of, const Eigen::Vector3d& origin)
-        : statement(of),
-          rod(curve_of(of, origin), [&of](double share) { return section_of(of, share); },
-              {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given, of.rest_twist,
-               of.link, of.energy == "discrete" ? 2 : 1}),
-          model(rod), state(rod),
-          velocity(Eigen::VectorXd::Zero(rod.layout().num_unknowns))
+    std::size_t count() const { return rods.size() + bodies.size() + nets.size(); }
+    RodObject& object_of(std::size_t rod)
     {
-        const bool is_exact = of.energy == "exact", is_discrete = of.energy == "discrete";
-        model.terms.push_back(
-            exact_elasticity(rod, {.has_stretch = is_exact,
-                                   .has_bending = !(is_discrete && springs_bend(rod))}));
-        if (is_discrete)
-            model.terms.push_back(spring_elasticity(rod));
-        else if (!is_exact)
-            model.terms.push_back(tensor_stretch(rod));
+        return objects.try_emplace(rod, rods[rod]->model).first->second;
     }
+    ArticulableObject* object(std::size_t k)
+    {
+        if (k < rods.size())
+            return &object_of(k);
+        k -= rods.size();
+        return k < bodies.size() ? static_cast<ArticulableObject*>(&bodies[k].body)
+                                 : &nets[k - bodies.size()];
+    }
+    const std::string& name(const RodScene& scene, std::size_t k) const
+    {
+        if (k < rods.size())
+            return rods[k]->name();
+        k -= rods.size();
+        return k < bodies.size() ? bodies[k].statement->name
+                                 : scene.nets[k - bodies.size()].name;
+    }
+};
+
+/// What is joined.
+struct Simulation::Group
+{
+    std::vector<RodPart*> rods;
+    std::vector<Parts::Body*> bodies;
+    std::string name;
+    double violation = 0.0;
+    std::optional<RodStepper> alone;       ///< of one rod
+    std::optional<ImplicitStepper> joined; ///< of all else
 };
 
 Simulation::~Simulation() = default;
 
-Simulation::Simulation(const RodScene& scene) : scene_(scene), origin_(origin_of(scene))
+Simulation::Simulation(const RodScene& scene)
+    : scene_(scene), origin_(origin_of(scene)), parts_(std::make_unique<Parts>())
 {
     for (std::size_t r = 0; r < scene_.rods.size(); ++r)
+        parts_->rods.push_back(std::make_unique<RodPart>(scene_, r, origin_));
+    for (const BodyStatement& of : scene_.bodies)
     {
-        const RodStatement& rod = scene_.rods[r];
-        const std::string where = "rods[" + std::to_string(r) + "]";
-        if (rod.energy == "discrete" &&
-            (rod.degree != 3 || rod.spline == "bezier" || rod.spline == "catmull-rom"))
-            throw malformed({scene_.path, 0, where + ".energy"},
-                            "springs need a cubic spline, uniform or nonuniform");
-        try
+        RodKey turn;
+        turn.rotate = of.rotate;
+        RigidBody body(of.mass, vector_of(of.inertia));
+        body.gravity = vector_of(scene_.gravity);
+        body.state.p = vector_of(of.at) - origin_;
+        body.state.R = motion_of(turn, Vector3d::Zero()).R;
+        body.state.velocity = vector_of(of.velocity);
+        body.spin(vector_of(of.spin));
+        parts_->bodies.push_back({&of, body, {body.state.R, body.state.p}});
+    }
+    for (const NetStatement& of : scene_.nets)
+    {
+        std::vector<Vector3d> points;
+        for (const Triple& point : of.points)
+            points.push_back(vector_of(point) - origin_);
+        std::vector<NetSpring> springs;
+        for (const NetStatement::Spring& spring : of.springs)
+            springs.push_back(
+                {{static_cast<int>(spring.node[0]), static_cast<int>(spring.node[1])},
+                 spring.stiffness,
+                 0.0});
+        SpringNet& net = parts_->nets.emplace_back(
+            std::move(points),
+            Eigen::Map<const Eigen::VectorXd>(
+                of.masses.data(), static_cast<Eigen::Index>(of.masses.size())),
+            std::move(springs));
+        net.gravity = vector_of(scene_.gravity);
+        for (const std::size_t point : of.fixed)
+            net.hold(static_cast<int>(point));
+    }
+    join();
+    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
+    {
+        rod->close_gaps();
+        warnings_.insert(warnings_.end(), rod->warnings.begin(), rod->warnings.end());
+    }
+    group();
+}
+
+Vector3d Simulation::place_of(const JointEnd& end) const
+{
+    if (end.kind == JointEnd::Kind::Rod)
+    {
+        const RodPart& rod = *parts_->rods[end.index];
+        return rod.state.at(rod.parameter(end.at)).place;
+    }
+    if (end.kind == JointEnd::Kind::Net)
+        return parts_->nets[end.index].point(static_cast<int>(end.node));
+    const RigidBodyState& body = parts_->bodies[end.index].body.state;
+    return body.p + body.R * vector_of(end.point);
+}
+
+/// An end of a joint: number of the object, and of its place.
+struct Simulation::End
+{
+    int object, place;
+};
+
+/// \p other: where the other end is.
+Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& slide,
+                                   const std::string& where, const Vector3d& other)
+{
+    const std::size_t rods = parts_->rods.size(), bodies = parts_->bodies.size();
+    if (end.kind == JointEnd::Kind::Body)
+        return {static_cast<int>(rods + end.index),
+                parts_->bodies[end.index].body.add_place(vector_of(end.point))};
+    if (end.kind == JointEnd::Kind::Net)
+        return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node)};
+    RodPart& rod = *parts_->rods[end.index];
+    RodObject& object = parts_->object_of(end.index);
+    return {static_cast<int>(end.index),
+            end.slides ? object.add_sliding_place(rod.add_slide(
+                             slide, Eigen::Matrix3d::Identity(), other, where))
+                       : object.add_place(rod.parameter(end.at))};
+}
+
+/// A place that slides towards another of the same rod would end on it: it stays on its
+/// side, a little way off, and starts where the curve is nearest.
+void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const
+{
+    constexpr double kOff = 0.02; // of the length
+    constexpr int kPlaces = 1000;
+    const RodPart& part = *parts_->rods[rod];
+    const auto place = [&](double share)
+    { return part.state.at(part.parameter(share)).place; };
+    if (!slide.start)
+    {
+        double least = std::numeric_limits<double>::infinity();
+        for (int k = 0; k <= kPlaces; ++k)
         {
-            bodies_.push_back(std::make_unique<Body>(rod, origin_));
-        }
-        catch (const std::invalid_argument& error)
-        {
-            throw malformed({scene_.path, 0, where}, error.what());
-        }
-        Body& body = *bodies_.back();
-        RodModel& model = body.model;
-        model.gravity = vector_of(scene_.gravity);
-        model.viscosity = scene_.viscosity / body.rod.section(0.5).mass;
-        for (int k = 0; k < body.rod.num_controls(); ++k)
-            body.velocity.segment<3>(body.rod.layout().control[idx(k)]) =
-                vector_of(rod.velocity);
-        const auto parameter = [&](double share)
-        { return body.rod.arc_length().parameter(share); };
-        for (const RodHold& hold : rod.holds)
-        {
-            const double s = parameter(hold.at);
-            const CurvePoint at = body.state.at(s);
-            body.held.push_back({&hold, model.constraints.size(), 0, at.place,
-                                 body.state.frame(s), at.second});
-            const auto add = [&](HoldKind kind)
+            const double share = double(k) / kPlaces;
+            if (std::abs(share - at) < 0.1 || share < slide.range[0] ||
+                share > slide.range[1])
+                continue;
+            if (const double away = (place(share) - place(at)).norm(); away < least)
             {
-                RodConstraint constraint;
-                constraint.hold = kind;
-                constraint.s = s;
-                model.constraints.push_back(constraint);
-                ++body.held.back().count;
-            };
-            if (hold.has_point)
-                add(HoldKind::Point);
-            if (hold.has_tangent)
-                add(HoldKind::Tangent);
-            if (hold.has_twist)
-                add(HoldKind::TwistAngle);
-            if (hold.has_curvature)
-                add(HoldKind::CurvatureVector);
+                least = away;
+                slide.start = share;
+            }
         }
-        for (const RodOn& on : rod.on)
+    }
+    if (!slide.start)
+        return;
+    if (*slide.start < at)
+        slide.range[1] = std::min(slide.range[1], std::max(at - kOff, *slide.start));
+    else
+        slide.range[0] = std::max(slide.range[0], std::min(at + kOff, *slide.start));
+}
+
+void Simulation::join()
+{
+    struct Both
+    {
+        JointEnd a, b;
+        SlideStatement of_a, of_b;
+        std::string where;
+        bool has_point, has_frame, has_distance;
+    };
+    std::vector<Both> all;
+    for (std::size_t r = 0; r < scene_.rods.size(); ++r)
+        for (std::size_t k = 0; k < scene_.rods[r].on.size(); ++k)
         {
-            RodConstraint constraint;
-            constraint.s = parameter(on.at);
-            constraint.point = vector_of(on.point) - origin_;
-            constraint.hold = on.kind == RodOn::Kind::Point   ? HoldKind::Point
-                              : on.kind == RodOn::Kind::Plane ? HoldKind::Plane
-                                                              : HoldKind::Axis;
-            if (on.kind != RodOn::Kind::Point)
-                constraint.direction = vector_of(on.direction).normalized();
-            if (on.kind == RodOn::Kind::Plane)
-                constraint.point =
-                    constraint.direction * (on.offset / vector_of(on.direction).norm()) -
-                    origin_;
-            model.constraints.push_back(constraint);
+            const RodOn& on = scene_.rods[r].on[k];
+            if (on.kind != RodOn::Kind::Rod)
+                continue;
+            Both both{};
+            both.a.index = r;
+            both.a.at = on.at;
+            both.a.slides = on.slide.has_value();
+            both.of_a = on.slide.value_or(SlideStatement());
+            both.b.index = on.rod;
+            both.b.at = on.other;
+            both.b.slides = on.other_slide.has_value();
+            both.of_b = on.other_slide.value_or(SlideStatement());
+            both.where = fmt::format("rods[{}].on[{}]", r, k);
+            both.has_point = true;
+            all.push_back(both);
         }
-        for (const RodPull& load : rod.loads)
-            model.loads.push_back(
-                {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
-        std::vector<PointSpring> springs;
-        for (const RodSpringTo& spring : rod.springs)
+    for (std::size_t k = 0; k < scene_.joints.size(); ++k)
+    {
+        const JointStatement& joint = scene_.joints[k];
+        all.push_back({joint.ends[0], joint.ends[1], joint.slide, joint.slide,
+                       fmt::format("joints[{}]", k), joint.has_point, joint.has_frame,
+                       joint.has_distance});
+    }
+    for (Both& both : all)
+    {
+        // Two places that both slide start where the curves are nearest.
+        if (both.a.slides && both.b.slides && !both.of_a.start && !both.of_b.start)
         {
-            PointSpring to{parameter(spring.at), vector_of(spring.point) - origin_,
-                           spring.stiffness, 0.0};
-            to.length =
-                spring.length.value_or((body.state.at(to.s).place - to.point).norm());
-            if (spring.stiffness > 0.0)
-                springs.push_back(to);
-            if (spring.damping > 0.0)
-                model.drags.push_back({to.s, spring.damping});
+            constexpr int kPlaces = 300;
+            double least = std::numeric_limits<double>::infinity();
+            const RodPart &a = *parts_->rods[both.a.index],
+                          &b = *parts_->rods[both.b.index];
+            for (int i = 0; i <= kPlaces; ++i)
+                for (int j = 0; j <= kPlaces; ++j)
+                {
+                    // Of a rod on itself not its neighbours.
+                    if (&a == &b && std::abs(i - j) < kPlaces / 10)
+                        continue;
+                    const double s = double(i) / kPlaces, t = double(j) / kPlaces;
+                    const double away = (a.state.at(a.parameter(s)).place -
+                                         b.state.at(b.parameter(t)).place)
+                                            .norm();
+                    if (away < least)
+                    {
+                        least = away;
+                        both.of_a.start = s;
+                        both.of_b.start = t;
+                    }
+                }
         }
-        const bool is_held = !model.constraints.empty() || !springs.empty();
-        if (!springs.empty())
-            model.terms.push_back(point_springs(body.rod, std::move(springs)));
-        if (is_static() && !is_held && !is_balanced(model))
-            throw malformed({scene_.path, 0, where},
-                            "nothing holds it against its weight and loads: there is no "
-                            "equilibrium (need fixed, on or springs)");
-        move_holds(body, 0.0, 1.0);
-        if (!model.constraints.empty())
-            body.violation = model.violations(body.state).cwiseAbs().maxCoeff();
-        const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
-                                : scene_.integrator == "rk4"    ? Integrator::RungeKutta
-                                                             : Integrator::ImplicitEuler;
-        body.stepper.emplace(model, rule);
-        if (rule != Integrator::RungeKutta)
-            continue;
-        if (const double limit = body.stepper->largest_step(body.state);
-            scene_.dt > limit)
-            throw malformed({scene_.path, 0, "simulate.dt"},
-                            fmt::format("got {} s, rk4 is stable up to {:.4g} s with {} "
-                                        "(implicit-euler and midpoint at any step)",
-                                        scene_.dt, limit, rod.name));
+        if (both.a.index == both.b.index && both.a.kind == JointEnd::Kind::Rod &&
+            both.b.kind == JointEnd::Kind::Rod && both.a.slides != both.b.slides)
+            keep_off_itself(both.a.slides ? both.a.index : both.b.index,
+                            both.a.slides ? both.b.at : both.a.at,
+                            both.a.slides ? both.of_a : both.of_b);
+        const auto start_of = [&](JointEnd end, const SlideStatement& slide)
+        {
+            end.at = end.slides ? slide.start.value_or(0.0) : end.at;
+            return place_of(end);
+        };
+        const Vector3d of_a = start_of(both.a, both.of_a),
+                       of_b = start_of(both.b, both.of_b);
+        const End a = end_of(both.a, both.of_a, both.where, of_b),
+                  b = end_of(both.b, both.of_b, both.where, of_a);
+        if (a.object == b.object && a.object >= static_cast<int>(parts_->rods.size()))
+            throw malformed({scene_.path, 0, both.where},
+                            "joins " + parts_->name(scene_, idx(a.object)) +
+                                " to itself");
+        Joint joint;
+        joint.object = {a.object, b.object};
+        joint.place = {a.place, b.place};
+        // Where they are now; rods are bound to their states.
+        for (const int k : {a.object, b.object})
+            if (k < static_cast<int>(parts_->rods.size()))
+            {
+                RodPart& rod = *parts_->rods[idx(k)];
+                parts_->object_of(idx(k)).bind(rod.state, rod.velocity);
+            }
+        const ArticulableObject &first = *parts_->object(idx(a.object)),
+                                &second = *parts_->object(idx(b.object));
+        const double apart =
+            (first.place(a.place, false) - second.place(b.place, false)).norm();
+        if (both.has_point)
+        {
+            if (!both.a.slides && !both.b.slides &&
+                apart > 1e-2 * std::max(first.size(), second.size()))
+                warnings_.push_back(
+                    at({scene_.path, 0, both.where},
+                       fmt::format("starts {:.3g} m apart, the first step "
+                                   "pulls it together",
+                                   apart)));
+            joint.kind = Joint::Kind::Point;
+            parts_->joints.push_back(joint);
+        }
+        if (both.has_frame)
+        {
+            joint.kind = Joint::Kind::Frame;
+            joint.frame =
+                first.frame(a.place, false).transpose() * second.frame(b.place, false);
+            parts_->joints.push_back(joint);
+        }
+        if (both.has_distance)
+        {
+            if (!(apart > 0.0))
+                throw malformed({scene_.path, 0, both.where + ".what"},
+                                "a distance of 0 has no direction: need point");
+            joint.kind = Joint::Kind::Distance;
+            joint.distance = apart;
+            parts_->joints.push_back(joint);
+        }
     }
 }
 
-void Simulation::move_holds(Body& body, double time, double share)
+void Simulation::group()
 {
-    for (const Body::Held& held : body.held)
+    const std::size_t count = parts_->count();
+    std::vector<std::size_t> group_of(count);
+    std::iota(group_of.begin(), group_of.end(), std::size_t(0));
+    for (bool changes = true; changes;)
     {
-        std::vector<RodKey> keys = held.hold->keys;
-        for (RodKey& key : keys)
+        changes = false;
+        for (const Joint& joint : parts_->joints)
         {
-            for (double& x : key.translate)
-                x *= share;
-            key.rotate[3] *= share;
-        }
-        const Motion motion = motion_at(keys, time, held.place);
-        for (std::size_t k = held.first; k < held.first + held.count; ++k)
-        {
-            RodConstraint& constraint = body.model.constraints[k];
-            constraint.point = motion(held.place);
-            if (constraint.hold == HoldKind::Tangent)
-                constraint.direction = motion.R * held.frame.col(2);
-            if (constraint.hold == HoldKind::TwistAngle)
-                constraint.direction = motion.R * held.frame.col(0);
-            if (constraint.hold == HoldKind::CurvatureVector)
-                constraint.direction = motion.R * held.curvature;
+            std::size_t &a = group_of[idx(joint.object[0])],
+                        &b = group_of[idx(joint.object[1])];
+            changes = changes || a != b;
+            a = b = std::min(a, b);
         }
     }
+    for (std::size_t first = 0; first < count; ++first)
+    {
+        if (group_of[first] != first)
+            continue;
+        Group& group = *groups_.emplace_back(std::make_unique<Group>());
+        group.name = parts_->name(scene_, first);
+        std::vector<std::size_t> members;
+        std::map<int, int> number;
+        for (std::size_t k = first; k < count; ++k)
+            if (group_of[k] == first)
+            {
+                number[static_cast<int>(k)] = static_cast<int>(members.size());
+                members.push_back(k);
+                if (k < parts_->rods.size())
+                    group.rods.push_back(parts_->rods[k].get());
+                else if (k < parts_->rods.size() + parts_->bodies.size())
+                    group.bodies.push_back(&parts_->bodies[k - parts_->rods.size()]);
+            }
+        std::vector<Joint> joints;
+        for (Joint joint : parts_->joints)
+            if (number.contains(joint.object[0]))
+            {
+                for (int& object : joint.object)
+                    object = number[object];
+                joints.push_back(joint);
+            }
+        if (members.size() == 1 && joints.empty() && !group.rods.empty())
+        {
+            start_alone(group);
+            continue;
+        }
+        if (scene_.integrator != "implicit-euler" && !is_static())
+            throw malformed({scene_.path, 0, "simulate.integrator"},
+                            "bodies, nets and what is joined need implicit-euler or "
+                            "static");
+        std::vector<ArticulableObject*> objects;
+        for (const std::size_t k : members)
+            objects.push_back(parts_->object(k));
+        for (RodPart* const rod : group.rods)
+            for (std::size_t k = 0; k < parts_->rods.size(); ++k)
+                if (parts_->rods[k].get() == rod)
+                    parts_->object_of(k).bind(rod->state, rod->velocity);
+        group.joined.emplace(std::move(objects), std::move(joints));
+        lead_bodies(group, 0.0, 1.0);
+        for (Parts::Body* const body : group.bodies)
+            if (!body->statement->keys.empty())
+                body->body.start(scene_.dt); // to where its first key is
+    }
+}
+
+void Simulation::start_alone(Group& group)
+{
+    RodPart& rod = *group.rods.front();
+    std::size_t index = 0;
+    while (parts_->rods[index].get() != &rod)
+        ++index;
+    if (is_static() && !rod.has_equilibrium())
+        throw malformed({scene_.path, 0, fmt::format("rods[{}]", index)},
+                        "nothing holds it against its weight and loads: there is no "
+                        "equilibrium (need fixed, on or springs)");
+    if (const Eigen::VectorXd off = rod.model.violations(rod.state); off.size() > 0)
+        group.violation = off.cwiseAbs().maxCoeff();
+    const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
+                            : scene_.integrator == "rk4"    ? Integrator::RungeKutta
+                                                            : Integrator::ImplicitEuler;
+    if (!rod.model.slides.empty() && rule != Integrator::ImplicitEuler)
+        throw malformed({scene_.path, 0, "simulate.integrator"},
+                        "what slides needs implicit-euler or static");
+    group.alone.emplace(rod.model, rule);
+    if (rule != Integrator::RungeKutta)
+        return;
+    if (const double limit = group.alone->largest_step(rod.state); scene_.dt > limit)
+        throw malformed({scene_.path, 0, "simulate.dt"},
+                        fmt::format("got {} s, rk4 is stable up to {:.4g} s with {} "
+                                    "(implicit-euler and midpoint at any step)",
+                                    scene_.dt, limit, rod.name()));
 }
 
 bool Simulation::is_static() const
@@ -435,88 +480,146 @@ std::int64_t Simulation::steps_done() const
 void Simulation::step()
 {
     const double begin = static_cast<double>(done_) * scene_.dt;
-    for (const std::unique_ptr<Body>& body : bodies_)
-        is_static() ? settle(*body) : advance(*body, begin);
+    for (const std::unique_ptr<Group>& group : groups_)
+        is_static() ? settle(*group) : advance(*group, begin);
     ++done_;
 }
 
-/// Directions tell of turns below 90 degrees alone: larger ones go in parts.
-int Simulation::parts_of(double turn)
+void Simulation::lead_bodies(const Group& group, double time, double share)
 {
-    constexpr double kPart = 30.0, kMost = 4096.0; // [degree]
-    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMost));
+    for (Parts::Body* const body : group.bodies)
+    {
+        std::vector<RodKey> keys = body->statement->keys;
+        if (keys.empty())
+            continue;
+        for (RodKey& key : keys)
+        {
+            for (double& x : key.translate)
+                x *= share;
+            key.rotate[3] *= share;
+        }
+        const Motion motion = motion_at(keys, time, body->rest.t);
+        body->body.lead(motion.R * body->rest.R, motion(body->rest.t));
+    }
 }
 
-void Simulation::settle(Body& body)
+void Simulation::settle(Group& group)
 {
     double largest = 0.0;
-    for (const Body::Held& held : body.held)
-        for (const RodKey& key : held.hold->keys)
+    for (const RodPart* const rod : group.rods)
+        largest = std::max(largest, rod->largest_turn());
+    for (const Parts::Body* const body : group.bodies)
+        for (const RodKey& key : body->statement->keys)
             largest = std::max(largest, std::abs(key.rotate[3]));
     const int parts = parts_of(largest);
-    RodStop stop = RodStop::NotRun;
+    StepReport last;
     for (int part = 1; part <= parts; ++part)
     {
-        move_holds(body, scene_.duration, static_cast<double>(part) / parts);
-        RodNewton newton(body.model);
-        const RodNewtonReport report = newton.solve(body.state, nullptr, {});
-        iterations_ += report.iterations;
-        body.violation = report.violation;
-        stop = report.stop;
+        const double share = static_cast<double>(part) / parts;
+        for (RodPart* const rod : group.rods)
+            rod->hold_at(scene_.duration, share);
+        lead_bodies(group, scene_.duration, share);
+        if (group.alone)
+        {
+            RodPart& rod = *group.rods.front();
+            const MotionReport report = RodNewton(rod.model).solve(rod.state);
+            last.stop = report.stop;
+            last.iterations = report.iterations;
+            last.violation = report.violation;
+            if (!is_solved(report.stop) && !rod.model.slides.empty())
+            {
+                // What slides may have far to go, and may stop on the way.
+                RodObject object(rod.model);
+                object.bind(rod.state, rod.velocity);
+                last = ImplicitStepper({&object}).settle();
+                last.iterations += report.iterations;
+            }
+        }
+        else
+            last = group.joined->settle();
+        iterations_ += last.iterations;
     }
-    take_stop(body, stop);
+    take(group, last);
 }
 
-void Simulation::advance(Body& body, double begin)
+void Simulation::advance(Group& group, double begin)
 {
+    const double dt = scene_.dt;
     double largest = 0.0;
-    for (const Body::Held& held : body.held)
-    {
-        const std::vector<RodKey>& keys = held.hold->keys;
-        double turn = turned(keys, begin, begin + scene_.dt);
-        if (done_ == 0 && !keys.empty()) // from rest to the first key at once
-            turn += std::abs(keys.front().rotate[3]);
-        largest = std::max(largest, turn);
-    }
+    // From rest to the first key at once.
+    for (const RodPart* const rod : group.rods)
+        largest = std::max(largest, rod->turned(begin, begin + dt) +
+                                        (done_ == 0 ? rod->first_turn() : 0.0));
+    for (const Parts::Body* const body : group.bodies)
+        largest = std::max(largest, turned(body->statement->keys, begin, begin + dt));
     const int parts = parts_of(largest);
     for (int part = 1; part <= parts; ++part)
     {
         const double share = static_cast<double>(part) / parts;
-        move_holds(body, begin + share * scene_.dt, done_ == 0 ? share : 1.0);
-        const RodStepReport report =
-            body.stepper->step(body.state, body.velocity, scene_.dt / parts);
+        for (RodPart* const rod : group.rods)
+            rod->hold_at(begin + share * dt, done_ == 0 ? share : 1.0);
+        lead_bodies(group, begin + share * dt, 1.0);
+        RodPart* const rod = group.rods.empty() ? nullptr : group.rods.front();
+        const StepReport report =
+            group.alone ? group.alone->step(rod->state, rod->velocity, dt / parts)
+                        : group.joined->step(dt / parts);
         iterations_ += report.iterations;
-        body.violation = report.violation;
-        take_stop(body, report.stop);
+        take(group, report);
     }
 }
 
-void Simulation::take_stop(const Body& body, RodStop stop)
+void Simulation::take(Group& group, const StepReport& report)
 {
-    if (stop == RodStop::Converged || stop_ != "converged")
+    group.violation = report.violation;
+    if (report.stop == MotionStop::Converged || stop_ != "converged")
         return;
-    stop_ = stop_name(stop);
-    stopped_ = body.statement.name;
-    stopped_violation_ = body.violation;
+    stop_ = stop_name(report.stop);
+    stopped_ = group.name;
+    stopped_violation_ = group.violation;
 }
 
 SimulationReport Simulation::report()
 {
     SimulationReport out;
     out.time = is_static() ? 0.0 : static_cast<double>(done_) * scene_.dt;
-    for (const std::unique_ptr<Body>& body : bodies_)
+    const Vector3d gravity = vector_of(scene_.gravity);
+    const auto add = [&](double mass, const Vector3d& momentum, const Vector3d& turning)
     {
-        const RodModel& model = body->model;
-        out.kinetic += model.mass().kinetic_energy(body->velocity);
-        out.elastic += model.elastic_energy(body->state);
-        const Eigen::Vector3d momentum = model.mass().momentum(body->velocity);
-        out.gravity += model.gravity_energy(body->state) -
-                       model.mass().total() * model.gravity.dot(origin_);
+        out.gravity -= mass * gravity.dot(origin_);
         out.momentum += momentum;
-        out.turning += model.mass().angular_momentum(body->state, body->velocity) +
-                       origin_.cross(momentum);
-        out.violation = std::max(out.violation, body->violation);
+        out.turning += turning + origin_.cross(momentum);
+    };
+    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
+    {
+        const RodModel& model = rod->model;
+        out.kinetic += model.mass().kinetic_energy(rod->velocity);
+        out.elastic += model.elastic_energy(rod->state);
+        out.gravity += model.gravity_energy(rod->state);
+        add(model.mass().total(), model.mass().momentum(rod->velocity),
+            model.mass().angular_momentum(rod->state, rod->velocity));
     }
+    for (const Parts::Body& one : parts_->bodies)
+    {
+        const RigidBody& body = one.body;
+        if (!one.statement->keys.empty())
+            continue;
+        out.kinetic += body.kinetic();
+        out.gravity -= body.mass() * gravity.dot(body.state.p);
+        add(body.mass(), body.mass() * body.state.velocity, body.angular_momentum());
+    }
+    for (const SpringNet& net : parts_->nets)
+    {
+        out.kinetic += net.kinetic();
+        out.elastic += net.elastic();
+        for (int k = 0; k < net.num_points(); ++k)
+        {
+            const Vector3d momentum = net.mass(k) * net.velocity.segment<3>(3 * k);
+            out.gravity -= net.mass(k) * gravity.dot(net.point(k));
+            add(net.mass(k), momentum, net.point(k).cross(momentum));
+        }
+    }
+    for (const std::unique_ptr<Group>& group : groups_)
+        out.violation = std::max(out.violation, group->violation);
     out.iterations = std::exchange(iterations_, 0);
     out.stop = std::exchange(stop_, "converged");
     out.is_converged = out.stop == "converged";
@@ -529,79 +632,56 @@ SimulationReport Simulation::report()
 std::vector<SimulatedRod> Simulation::rods(int places) const
 {
     std::vector<SimulatedRod> out;
-    for (const std::unique_ptr<Body>& body : bodies_)
+    for (const std::unique_ptr<RodPart>& part : parts_->rods)
     {
         SimulatedRod rod;
-        rod.name = body->statement.name;
-        rod.length = ArcLength(body->state.curve()).total();
-        rod.knots = static_cast<int>(body->rod.spans().size()) + 1;
+        rod.name = part->name();
+        rod.length = ArcLength(part->state.curve()).total();
+        rod.knots = static_cast<int>(part->rod.spans().size()) + 1;
+        rod.sliding = part->sliding();
         for (int k = 0; k < places; ++k)
-            rod.curve.push_back(origin_ + body->state
-                                              .at(body->rod.arc_length().parameter(
-                                                  static_cast<double>(k) / (places - 1)))
-                                              .place);
+            rod.curve.push_back(
+                origin_ +
+                part->state.at(part->parameter(static_cast<double>(k) / (places - 1)))
+                    .place);
         out.push_back(std::move(rod));
     }
     return out;
 }
 
-void Simulation::add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
-                          Geometry& out)
+std::vector<SimulatedBody> Simulation::bodies() const
 {
-    constexpr int kRings = 4; // a span
-    const std::span<const RodSpan> spans = body.rod.spans();
-    const bool is_closed = body.rod.basis().is_closed();
-    const auto first = static_cast<std::uint32_t>(out.samples.size());
-    out.groups.push_back({body.statement.name, out.num_faces(), 0});
-    std::uint32_t rings = 0;
-    const auto add_ring = [&](double s)
+    std::vector<SimulatedBody> out;
+    for (const Parts::Body& one : parts_->bodies)
+        out.push_back(
+            {one.statement->name, origin_ + one.body.state.p, one.body.state.R});
+    return out;
+}
+
+std::vector<SimulatedNet> Simulation::nets() const
+{
+    std::vector<SimulatedNet> out;
+    for (std::size_t n = 0; n < parts_->nets.size(); ++n)
     {
-        const Eigen::Matrix3d F = body.state.frame(s);
-        const Eigen::Vector3d middle = origin + body.state.at(s).place;
-        const double radius = body.rod.section_at(s).radius;
-        for (int k = 0; k < around; ++k)
-        {
-            const double a = 2.0 * std::numbers::pi * k / around;
-            const Eigen::Vector3d out_of =
-                std::cos(a) * F.col(0) + std::sin(a) * F.col(1);
-            out.samples.push_back(middle + radius * out_of);
-            out.colours.push_back(std::cos(a) > 0.0 ? kFront : kBack);
-        }
-        ++rings;
-    };
-    for (const RodSpan& span : spans)
-        for (int k = 0; k < kRings; ++k)
-            add_ring(span.begin + (span.end - span.begin) * k / kRings);
-    if (!is_closed)
-        add_ring(spans.back().end);
-    const auto count = static_cast<std::uint32_t>(around);
-    const auto corner = [&](std::uint32_t ring, std::uint32_t k)
-    { return first + ring % rings * count + k % count; };
-    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
-    for (std::uint32_t i = 0; i + (is_closed ? 0 : 1) < rings; ++i)
-        for (std::uint32_t k = 0; k < count; ++k)
-        {
-            out.corners.insert(
-                out.corners.end(),
-                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
-            end_face();
-        }
-    for (const bool is_begin : {true, false})
-    {
-        if (is_closed)
-            break;
-        for (std::uint32_t k = 0; k < count; ++k)
-            out.corners.push_back(is_begin ? corner(0, count - k) : corner(rings - 1, k));
-        end_face();
+        SimulatedNet& net = out.emplace_back();
+        net.name = scene_.nets[n].name;
+        for (int k = 0; k < parts_->nets[n].num_points(); ++k)
+            net.points.push_back(origin_ + parts_->nets[n].point(k));
     }
-    out.groups.back().end_face = out.num_faces();
+    return out;
 }
 
 Geometry Simulation::surface(int around) const
 {
     Geometry out;
-    for (const std::unique_ptr<Body>& body : bodies_)
-        add_tube(*body, origin_, around, out);
+    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
+        rod->add_tube(around, out);
+    for (const Parts::Body& one : parts_->bodies)
+        add_body(*one.statement, {one.body.state.R, origin_ + one.body.state.p}, around,
+                 out);
+    const std::vector<SimulatedNet> nets = this->nets();
+    for (std::size_t n = 0; n < nets.size(); ++n)
+        add_net(scene_.nets[n], nets[n].points, around, out);
     return out;
 }
 

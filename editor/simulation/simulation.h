@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A scene in time: rods, a state, steps of a fixed length. The same bits whatever is
-// watched, and for any number of threads.
+// A scene in time: rods, bodies, nets and their joints, steps of a fixed length. The same
+// bits whatever is watched, and for any number of threads.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -17,7 +18,7 @@
 namespace cellwarp
 {
 
-enum class RodStop;
+struct StepReport;
 
 /// One rod as it is seen.
 struct SimulatedRod
@@ -26,6 +27,20 @@ struct SimulatedRod
     double length = 0.0;                ///< now [m]
     std::vector<Eigen::Vector3d> curve; ///< at equal shares of the rest length
     int knots = 0;
+    std::vector<double> sliding; ///< of what slides, shares of the rest length
+};
+
+struct SimulatedBody
+{
+    std::string name;
+    Eigen::Vector3d at; ///< centre [m]
+    Eigen::Matrix3d R;  ///< from its own axes
+};
+
+struct SimulatedNet
+{
+    std::string name;
+    std::vector<Eigen::Vector3d> points; ///< [m]
 };
 
 /// What a moment of the simulation measures.
@@ -38,18 +53,20 @@ struct SimulationReport
     double violation = 0.0;         ///< largest of the constraints [m, rad]
     std::int64_t iterations = 0;    ///< since the last report
     std::string stop = "converged"; ///< the first that was not, since the last report
-    std::string stopped;            ///< the rod that did
+    std::string stopped;            ///< what did: the first rod of what is joined
     bool is_converged = true;
 };
 
 class Simulation
 {
 public:
-    /// Builds all rods. Throws Fault::Malformed with the key that cannot be, such as a
-    /// step beyond what `rk4` is stable with.
+    /// Builds all that moves. Throws Fault::Malformed with the key that cannot be, such
+    /// as a step beyond what `rk4` is stable with.
     explicit Simulation(const RodScene& scene);
     ~Simulation();
 
+    /// What a user may not expect of the start.
+    const std::vector<std::string>& warnings() const { return warnings_; }
     bool is_static() const;
     /// Of the whole simulation; of equilibria 1.
     std::int64_t num_steps() const;
@@ -62,8 +79,10 @@ public:
     SimulationReport report();
     /// \p places of each rod at equal shares of its rest length, both ends included.
     std::vector<SimulatedRod> rods(int places) const;
-    /// The rods as tubes, each a group: \p around corners on each ring, coloured by which
-    /// side of the material they are on.
+    std::vector<SimulatedBody> bodies() const;
+    std::vector<SimulatedNet> nets() const;
+    /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
+    /// each a group: \p around corners on each ring.
     Geometry surface(int around) const;
     /// Frames behind the first; of equilibria the rest comes first.
     std::int64_t last_frame() const;
@@ -72,20 +91,26 @@ public:
     void next_frame(const std::function<void()>& watch = {});
 
 private:
-    struct Body;
-    /// \p share: of what the keys say.
-    static void move_holds(Body& body, double time, double share);
-    /// In how many parts holds turn by so much [degree].
-    static int parts_of(double turn);
-    void settle(Body& body);
-    void advance(Body& body, double begin);
-    void take_stop(const Body& body, RodStop stop);
-    static void add_tube(const Body& body, const Eigen::Vector3d& origin, int around,
-                         Geometry& out);
+    struct Group;
+    struct Parts;
+    struct End;
+    void join();
+    End end_of(const JointEnd& end, const SlideStatement& slide, const std::string& where,
+               const Eigen::Vector3d& other);
+    Eigen::Vector3d place_of(const JointEnd& end) const;
+    void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
+    void group();
+    void start_alone(Group& group);
+    void lead_bodies(const Group& group, double time, double share);
+    void advance(Group& group, double begin);
+    void settle(Group& group);
+    void take(Group& group, const StepReport& report);
 
     const RodScene scene_;
-    const Eigen::Vector3d origin_; ///< what the rods' places count from
-    std::vector<std::unique_ptr<Body>> bodies_;
+    const Eigen::Vector3d origin_; ///< what all places count from
+    std::unique_ptr<Parts> parts_;
+    std::vector<std::unique_ptr<Group>> groups_; ///< what is joined goes together
+    std::vector<std::string> warnings_;
     std::int64_t done_ = 0, iterations_ = 0;
     std::string stop_ = "converged", stopped_;
     double stopped_violation_ = 0.0;

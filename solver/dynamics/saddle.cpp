@@ -18,27 +18,42 @@ constexpr int kFar = 3;
 } // namespace
 
 void SaddleSolver::arrange(const BandMatrix& A, std::span<const SparseRow> rows,
-                           std::span<const int> groups)
+                           std::span<const int> groups,
+                           std::span<const SingleUnknown> singles)
 {
+    const int in_band = A.rows();
     far_rows_.clear();
-    // Behind which unknown each row stands.
-    std::vector<std::pair<int, int>> behind;
+    // Behind which unknown of the band each single unknown and each row stands, the
+    // unknowns first.
+    struct Behind
+    {
+        int unknown;
+        bool is_row;
+        int number;
+        auto operator<=>(const Behind&) const = default;
+    };
+    std::vector<Behind> behind;
+    for (std::size_t k = 0; k < singles.size(); ++k)
+        behind.push_back({singles[k].behind, false, in_band + static_cast<int>(k)});
     std::size_t first = 0;
     for (const int count : groups)
     {
         int low = num_unknowns_, high = 0;
         for (std::size_t r = first; r < first + idx(count); ++r)
-            if (!rows[r].empty())
+            for (const auto& [unknown, value] : rows[r])
             {
-                low = std::min(low, rows[r].front().first);
-                high = std::max(high, rows[r].back().first);
+                const bool is_single = unknown >= in_band;
+                low = std::min(low, is_single ? singles[idx(unknown - in_band)].from
+                                              : unknown);
+                high = std::max(high, is_single ? singles[idx(unknown - in_band)].behind
+                                                : unknown);
             }
         for (std::size_t r = first; r < first + idx(count); ++r)
         {
             if (rows[r].empty() || high - low > kFar * A.half_band())
                 far_rows_.push_back(static_cast<int>(r));
             else
-                behind.emplace_back(high, static_cast<int>(r));
+                behind.push_back({high, true, static_cast<int>(r)});
         }
         first += idx(count);
     }
@@ -46,27 +61,32 @@ void SaddleSolver::arrange(const BandMatrix& A, std::span<const SparseRow> rows,
     place_of_unknown_.resize(idx(num_unknowns_));
     is_row_.clear();
     std::size_t next = 0;
-    for (int u = 0; u < num_unknowns_; ++u)
+    for (int u = 0; u < in_band; ++u)
     {
         place_of_unknown_[idx(u)] = static_cast<int>(is_row_.size());
         is_row_.push_back(0);
-        for (; next < behind.size() && behind[next].first == u; ++next)
+        for (; next < behind.size() && behind[next].unknown == u; ++next)
         {
-            place_of_row_[idx(behind[next].second)] = static_cast<int>(is_row_.size());
-            is_row_.push_back(1);
+            const auto& [unknown, is_row, number] = behind[next];
+            (is_row ? place_of_row_ : place_of_unknown_)[idx(number)] =
+                static_cast<int>(is_row_.size());
+            is_row_.push_back(is_row);
         }
     }
     int half_band = 0;
-    for (int u = 0; u < num_unknowns_; ++u)
-        half_band = std::max(
-            half_band,
-            place_of_unknown_[idx(std::min(u + A.half_band(), num_unknowns_ - 1))] -
-                place_of_unknown_[idx(u)]);
+    const auto reach = [&](int place, int other)
+    { half_band = std::max(half_band, std::abs(place - other)); };
+    for (int u = 0; u < in_band; ++u)
+        reach(place_of_unknown_[idx(u)],
+              place_of_unknown_[idx(std::min(u + A.half_band(), in_band - 1))]);
+    for (std::size_t k = 0; k < singles.size(); ++k)
+        for (const auto& [unknown, value] : singles[k].column)
+            reach(place_of_unknown_[idx(in_band) + k], place_of_unknown_[idx(unknown)]);
+    // A row couples what it touches, too.
     for (std::size_t r = 0; r < rows.size(); ++r)
         if (place_of_row_[r] >= 0)
-            half_band =
-                std::max(half_band, place_of_row_[r] -
-                                        place_of_unknown_[idx(rows[r].front().first)]);
+            for (const auto& [unknown, value] : rows[r])
+                reach(place_of_row_[r], place_of_unknown_[idx(unknown)]);
     const int count = static_cast<int>(is_row_.size());
     if (matrix_.rows() != count || matrix_.half_band() != half_band)
         matrix_ = BandMatrix(count, half_band);
@@ -76,24 +96,34 @@ void SaddleSolver::arrange(const BandMatrix& A, std::span<const SparseRow> rows,
 
 SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
                                              std::span<const SparseRow> rows,
-                                             std::span<const int> groups)
+                                             std::span<const int> groups,
+                                             std::span<const SingleUnknown> singles)
 {
+    const int in_band = A.rows();
     place_of_row_.assign(rows.size(), -1);
     far_.clear();
-    num_unknowns_ = A.rows();
-    if (rows.empty())
+    num_unknowns_ = in_band + static_cast<int>(singles.size());
+    is_plain_ = rows.empty() && singles.empty();
+    if (is_plain_)
     {
         const BandFactor::Report told = factor_.factorize(A);
         return {told.is_finite, told.num_negative, told.num_dropped};
     }
-    arrange(A, rows, groups);
-    for (int j = 0; j < num_unknowns_; ++j)
+    arrange(A, rows, groups, singles);
+    for (int j = 0; j < in_band; ++j)
     {
         const std::span<const double> column = A.column(j);
         const int at = place_of_unknown_[idx(j)];
-        const int count = std::min(A.half_band(), num_unknowns_ - 1 - j);
+        const int count = std::min(A.half_band(), in_band - 1 - j);
         for (int i = 0; i <= count; ++i)
             matrix_.lower(place_of_unknown_[idx(j + i)], at) = column[idx(i)];
+    }
+    for (std::size_t k = 0; k < singles.size(); ++k)
+    {
+        const int at = place_of_unknown_[idx(in_band) + k];
+        matrix_.lower(at, at) = singles[k].diagonal;
+        for (const auto& [unknown, value] : singles[k].column)
+            matrix_.add(at, place_of_unknown_[idx(unknown)], value);
     }
     near_.assign(rows.size(), {});
     rho_.assign(rows.size(), 0.0);
@@ -106,6 +136,8 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
         {
             near_[r].emplace_back(place_of_unknown_[idx(unknown)], value);
             matrix_.add(place_of_row_[r], near_[r].back().first, -value);
+            if (unknown >= in_band)
+                continue;
             stiffness = std::max(stiffness, std::abs(A.lower(unknown, unknown)));
             largest = std::max(largest, std::abs(value));
         }
@@ -114,8 +146,8 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
     for (std::size_t r = 0; r < rows.size(); ++r)
         for (std::size_t i = 0; i < near_[r].size(); ++i)
             for (std::size_t j = 0; j <= i; ++j)
-                matrix_.lower(near_[r][i].first, near_[r][j].first) +=
-                    rho_[r] * near_[r][i].second * near_[r][j].second;
+                matrix_.add(near_[r][i].first, near_[r][j].first,
+                            rho_[r] * near_[r][i].second * near_[r][j].second);
     const BandFactor::Report told = factor_.factorize(matrix_, is_row_);
     Report report{told.is_finite, told.num_negative, told.num_dropped};
     if (far_rows_.empty() || !report.is_finite)
@@ -154,7 +186,7 @@ SaddleSolver::Report SaddleSolver::factorize(const BandMatrix& A,
 
 void SaddleSolver::solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const
 {
-    if (place_of_row_.empty())
+    if (is_plain_)
     {
         factor_.solve(r);
         return;

@@ -11,6 +11,9 @@
 // and what follows is lost in it. So A + rho L^T L, r - rho L^T g take the places of A
 // and r, with rho L_u^2 as large as the A_uu that the row touches: the solution is the
 // same.
+//
+// Single unknowns beside the band, such as the parameter at which a rod slides, join it
+// right behind the last of the others that they are coupled to.
 #pragma once
 
 #include <span>
@@ -27,6 +30,14 @@ namespace cellwarp
 /// A row of L: (unknown, value), ascending.
 using SparseRow = std::vector<std::pair<int, double>>;
 
+/// An unknown beside those of a band; number k of them is unknown rows + k.
+struct SingleUnknown
+{
+    int from = 0, behind = 0; ///< the first and last unknowns that it may be coupled to
+    SparseRow column;         ///< what couples it, ascending, between the two
+    double diagonal = 1.0;
+};
+
 class SaddleSolver
 {
 public:
@@ -41,15 +52,17 @@ public:
     /// \p rows are looked at group by group, \p groups of successive ones: those of one
     /// group stand side by side.
     Report factorize(const BandMatrix& A, std::span<const SparseRow> rows,
-                     std::span<const int> groups);
+                     std::span<const int> groups,
+                     std::span<const SingleUnknown> singles = {});
     /// r becomes x; \p g becomes lambda.
     void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const;
 
 private:
     void arrange(const BandMatrix& A, std::span<const SparseRow> rows,
-                 std::span<const int> groups);
+                 std::span<const int> groups, std::span<const SingleUnknown> singles);
 
-    int num_unknowns_ = 0;
+    int num_unknowns_ = 0;                             ///< with the single ones
+    bool is_plain_ = true;                             ///< the band alone
     std::vector<int> place_of_unknown_, place_of_row_; ///< in the band; -1: a far row
     std::vector<char> is_row_;
     std::vector<SparseRow> near_; ///< in places of the band; empty: a far row

@@ -313,7 +313,9 @@ void RodState::find_windings()
 
 void RodState::move(const Eigen::VectorXd& step, double length)
 {
-    x_ += length * step;
+    x_ += length * step.head(x_.size());
+    for (Eigen::Index k = x_.size(); k < step.size(); ++k)
+        sliding[static_cast<std::size_t>(k - x_.size())].s += length * step[k];
     find_velocities();
     const std::span<const RodSpan> spans = rod_->spans();
     const int last = rod_->num_places() - 1;

@@ -144,10 +144,33 @@ private:
     RodLayout layout_;
 };
 
+/// Where a place that slides (slide.h) is, and what it does.
+struct Sliding
+{
+    enum class Mode
+    {
+        Slips,
+        Sticks,
+        AtBegin, ///< stopped at an end of its range
+        AtEnd,
+        Gone ///< released there
+    };
+    double s = 0.0;     ///< parameter of the curve
+    double speed = 0.0; ///< ds/dt
+    Mode mode = Mode::Slips;
+    double drive = 0.0; ///< tau: friction against s while a step is solved for [N by ds]
+    double weight = 0.0, from = 0.0; ///< inertia of the step, and where it leads to alone
+
+    bool is_free() const { return mode == Mode::Slips; }
+};
+
 /// Where a rod is: control points and angles, the unit vectors of its stations.
 class RodState
 {
 public:
+    std::vector<Sliding> sliding; ///< of the slides of its model
+    std::vector<char> touches;    ///< gaps of its model that are closed
+
     /// At rest; turns put into a closed rod are spread evenly. The rod must outlive it.
     explicit RodState(const Rod& rod);
 
@@ -169,7 +192,8 @@ public:
     /// Delta_e: how far the material of a span is twisted [rad].
     double twist(std::size_t span) const;
 
-    /// x += length * step. Vectors of the stations go along without spinning.
+    /// x += length * step, and what follows in \p step moves what slides. Vectors of the
+    /// stations go along without spinning.
     void move(const Eigen::VectorXd& step, double length = 1.0);
     /// To other places, by the shortest turn of each station.
     void move_to(const Eigen::VectorXd& x);

@@ -190,6 +190,22 @@ std::array<Vector3d, 2> across(const Vector3d& n)
 
 } // namespace
 
+std::vector<Vector3d> held_directions(const RodConstraint& c)
+{
+    switch (c.hold)
+    {
+    case HoldKind::Plane:
+        return {c.direction};
+    case HoldKind::Axis:
+    {
+        const std::array<Vector3d, 2> both = across(c.direction);
+        return {both[0], both[1]};
+    }
+    default:
+        return {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
+    }
+}
+
 int num_rows(HoldKind hold)
 {
     switch (hold)
@@ -213,6 +229,14 @@ std::vector<std::pair<int, double>> spin_at(const RodState& state, double s)
     return spin_form(state, s, true).row(0.0).entries;
 }
 
+std::vector<std::pair<int, double>> turn_at(const RodState& state, double s,
+                                            const Vector3d& axis)
+{
+    return turn_form(state, s, state.rod().basis().values(s), axis, true)
+        .row(0.0)
+        .entries;
+}
+
 HeldBasis::HeldBasis(const RodConstraint& constraint, const SplineBasis& basis)
     : s(constraint.s), other(constraint.other), at(basis.values(s)),
       there(basis.values(other))
@@ -226,10 +250,15 @@ std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state
     const CurvePoint at = state.at(values);
     std::vector<ConstraintRow> rows;
     rows.reserve(3);
+    const Sliding* const sliding = c.slide < 0 ? nullptr : &state.sliding[idx(c.slide)];
+    if (sliding && sliding->mode == Sliding::Mode::Gone)
+        return rows;
     const auto linear = [&](int order, const Vector3d& n, double violation)
     {
         Form form(with_entries);
         form.add(state, values, order, n);
+        if (sliding && sliding->is_free())
+            form.add(state.rod().layout().num_unknowns + c.slide, n.dot(at.first));
         rows.push_back(form.row(violation));
     };
     const auto vector = [&](int order, const Vector3d& violation)

@@ -38,7 +38,13 @@ struct RodConstraint
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
     double distance = 0.0; ///< [m]
+    /// The slide of the model (slide.h) whose place takes that of `s`; -1: none. Of
+    /// Point, Plane and Axis.
+    int slide = -1;
 };
+
+/// Directions in which a constraint on a place holds it: of Point, Plane and Axis.
+std::vector<Eigen::Vector3d> held_directions(const RodConstraint& constraint);
 
 int num_rows(HoldKind hold);
 
@@ -57,11 +63,14 @@ struct HeldBasis
     BasisValues at, there;
 
     HeldBasis(const RodConstraint& constraint, const SplineBasis& basis);
+    /// Of what slides.
+    explicit HeldBasis(const BasisValues& values) : at(values), there(values) {}
 };
 
 /// The rows of a constraint at a state; without entries the violations alone. What a
 /// tangent or a frame differs by must be below 90 degrees. \p basis is of the
-/// constraint's places.
+/// constraint's places. What slides freely has its unknown behind those of the rod; what
+/// was released has no rows.
 std::vector<ConstraintRow> rows_of(const RodConstraint& constraint, const RodState& state,
                                    const HeldBasis& basis, bool with_entries = true);
 
@@ -71,5 +80,9 @@ std::vector<double> convective(const RodConstraint& constraint, const RodState& 
 
 /// How the material at \p s spins about its tangent with the unknowns: dphi.
 std::vector<std::pair<int, double>> spin_at(const RodState& state, double s);
+
+/// axis . (turn of the material frame at \p s), by the unknowns.
+std::vector<std::pair<int, double>> turn_at(const RodState& state, double s,
+                                            const Eigen::Vector3d& axis);
 
 } // namespace cellwarp

@@ -6,6 +6,7 @@
 #include "solver/rods/rod_model.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <Eigen/Geometry>
 
@@ -174,13 +175,24 @@ const HeldBasis& RodModel::held(std::size_t k) const
     return held_[k];
 }
 
+std::vector<ConstraintRow> RodModel::rows_of_constraint(std::size_t k,
+                                                        const RodState& state,
+                                                        bool with_entries) const
+{
+    const RodConstraint& now = constraints[k];
+    if (now.slide < 0)
+        return rows_of(now, state, held(k), with_entries);
+    const HeldBasis basis(sliding_values(rod_->basis(), state.sliding[idx(now.slide)].s));
+    return rows_of(now, state, basis, with_entries);
+}
+
 RodModel::Rows RodModel::rows(const RodState& state) const
 {
     Rows out;
     std::vector<double> violations;
     for (std::size_t k = 0; k < constraints.size(); ++k)
     {
-        std::vector<ConstraintRow> rows = rows_of(constraints[k], state, held(k));
+        std::vector<ConstraintRow> rows = rows_of_constraint(k, state, true);
         out.groups.push_back(static_cast<int>(rows.size()));
         for (ConstraintRow& row : rows)
         {
@@ -188,21 +200,94 @@ RodModel::Rows RodModel::rows(const RodState& state) const
             violations.push_back(row.violation);
         }
     }
+    for (std::size_t k = 0; k < gaps.size(); ++k)
+    {
+        if (!state.touches[k])
+            continue;
+        SparseRow row;
+        for (const int slide : {gaps[k].first, gaps[k].second})
+            if (const Sliding& now = state.sliding[idx(slide)]; now.is_free())
+            {
+                const double speed = rod_->rest()
+                                         .combined(sliding_values(rod_->basis(), now.s))
+                                         .first.norm();
+                row.emplace_back(rod_->layout().num_unknowns + slide,
+                                 slide == gaps[k].first ? -speed : speed);
+            }
+        std::sort(row.begin(), row.end());
+        out.rows.push_back(std::move(row));
+        out.groups.push_back(1);
+        violations.push_back(room(state, gaps[k]));
+    }
     out.violation = Eigen::Map<const Eigen::VectorXd>(
         violations.data(), static_cast<Eigen::Index>(violations.size()));
     return out;
 }
 
+int RodModel::rows_now(const RodConstraint& constraint, const RodState& state) const
+{
+    const bool is_gone = constraint.slide >= 0 &&
+                         state.sliding[idx(constraint.slide)].mode == Sliding::Mode::Gone;
+    return is_gone ? 0 : num_rows(constraint.hold);
+}
+
 Eigen::VectorXd RodModel::violations(const RodState& state) const
 {
-    int count = 0;
+    int count =
+        static_cast<int>(std::count(state.touches.begin(), state.touches.end(), char(1)));
     for (const RodConstraint& constraint : constraints)
-        count += num_rows(constraint.hold);
+        count += rows_now(constraint, state);
     Eigen::VectorXd out(count);
     Eigen::Index next = 0;
     for (std::size_t k = 0; k < constraints.size(); ++k)
-        for (const ConstraintRow& row : rows_of(constraints[k], state, held(k), false))
+        for (const ConstraintRow& row : rows_of_constraint(k, state, false))
             out[next++] = row.violation;
+    for (std::size_t k = 0; k < gaps.size(); ++k)
+        if (state.touches[k])
+            out[next++] = room(state, gaps[k]);
+    return out;
+}
+
+double RodModel::room(const RodState& state, const RodGap& gap) const
+{
+    const ArcLength& length = rod_->arc_length();
+    const SplineBasis& basis = rod_->basis();
+    const auto along = [&](int slide)
+    {
+        const double s = state.sliding[idx(slide)].s;
+        const double period = basis.end() - basis.begin();
+        const double turns =
+            basis.is_closed() ? std::floor((s - basis.begin()) / period) : 0.0;
+        return turns * length.total() + length.at(basis.wrapped(s));
+    };
+    return along(gap.second) - along(gap.first) - gap.least +
+           (gap.is_around ? length.total() : 0.0);
+}
+
+double RodModel::sliding_energy(const RodState& state) const
+{
+    double sum = 0.0;
+    for (const Sliding& sliding : state.sliding)
+        sum += cellwarp::sliding_energy(sliding);
+    return sum;
+}
+
+std::vector<Eigen::Vector3d> RodModel::pressed(const RodState& state,
+                                               const Eigen::VectorXd& multipliers) const
+{
+    std::vector<Eigen::Vector3d> out(slides.size(), Eigen::Vector3d::Zero());
+    Eigen::Index next = 0;
+    for (const RodConstraint& constraint : constraints)
+    {
+        const int count = rows_now(constraint, state);
+        if (constraint.slide >= 0 && count > 0)
+        {
+            const std::vector<Eigen::Vector3d> n = held_directions(constraint);
+            for (int k = 0; k < count; ++k)
+                out[idx(constraint.slide)] += multipliers[next + k] * n[idx(k)];
+        }
+        next += count;
+    }
     return out;
 }
 

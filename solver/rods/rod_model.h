@@ -11,6 +11,7 @@
 #include "solver/rods/rod_constraint.h"
 #include "solver/rods/rod_mass.h"
 #include "solver/rods/rod_term.h"
+#include "solver/rods/slide.h"
 
 namespace cellwarp
 {
@@ -30,6 +31,14 @@ struct RodDrag
     double damping = 0.0; ///< [N s/m]
 };
 
+/// Two slides that stay at least so far apart along the rod, such as beads in a row.
+struct RodGap
+{
+    int first = 0, second = 0; ///< slides; the second is ahead
+    double least = 0.0;        ///< [m] of the rod at rest
+    bool is_around = false;    ///< the second is ahead by the seam of a closed rod
+};
+
 class RodModel
 {
 public:
@@ -45,7 +54,16 @@ public:
     std::vector<RodLoad> loads;
     std::vector<RodDrag> drags;
     std::vector<RodConstraint> constraints;
+    std::vector<RodSlide> slides; ///< RodState::sliding has one each, by begun()
 
+    std::vector<RodGap> gaps; ///< RodState::touches has one each
+
+    bool is_free() const { return constraints.empty() && gaps.empty(); }
+    /// Those of the rod, and the parameter of each slide.
+    int num_unknowns() const
+    {
+        return rod_->layout().num_unknowns + static_cast<int>(slides.size());
+    }
     double elastic_energy(const RodState& state) const;
     /// -(weight . x), zero at the origin.
     double gravity_energy(const RodState& state) const;
@@ -65,7 +83,8 @@ public:
     /// out += scale * D
     void add_drags(double scale, BandMatrix& out) const;
 
-    /// Rows of all constraints, the violations, and how many rows each has.
+    /// Rows of all constraints, then of the gaps that are closed, the violations, and how
+    /// many rows each has.
     struct Rows
     {
         std::vector<SparseRow> rows;
@@ -73,12 +92,22 @@ public:
         std::vector<int> groups;
     };
     Rows rows(const RodState& state) const;
+    /// How much room a gap has left; below 0 it is passed [m].
+    double room(const RodState& state, const RodGap& gap) const;
+    /// What friction and inertia of sliding hold [J].
+    double sliding_energy(const RodState& state) const;
+    /// What the \p multipliers of rows() press each slide with [N].
+    std::vector<Eigen::Vector3d> pressed(const RodState& state,
+                                         const Eigen::VectorXd& multipliers) const;
     /// Those of rows() alone.
     Eigen::VectorXd violations(const RodState& state) const;
 
 private:
     void add_constant_force(double scale, Eigen::VectorXd& out) const;
     const HeldBasis& held(std::size_t constraint) const;
+    std::vector<ConstraintRow> rows_of_constraint(std::size_t k, const RodState& state,
+                                                  bool with_entries) const;
+    int rows_now(const RodConstraint& constraint, const RodState& state) const;
 
     const Rod* rod_;
     RodMass mass_;

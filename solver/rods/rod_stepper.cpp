@@ -12,21 +12,13 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
-
-#include <Eigen/QR>
+#include <stdexcept>
 
 namespace cellwarp
 {
 
 namespace
 {
-
-constexpr int kMostParts = 1 << 8;
-/// Iterations of Newton's method in a step, a try that fails counted as ten of them; then
-/// the rest of it is taken at once, as it comes out.
-constexpr int kMostIterations = 1000, kFailedTry = 10;
-constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
-constexpr int kIterations = 40;
 
 /// Explicit steps of which the energy of one is watched.
 constexpr int kWatched = 8;
@@ -39,67 +31,13 @@ constexpr double kLeft = 1e-4;
 
 } // namespace
 
-RodResponse::RodResponse(const RodModel& model, const RodModel::Rows& of, int most_dense)
-    : rows_(of.rows), num_unknowns_(model.rod().layout().num_unknowns)
-{
-    const Eigen::Index k = static_cast<Eigen::Index>(rows_.size());
-    const RodLayout& layout = model.rod().layout();
-    if (k > most_dense)
-    {
-        BandMatrix M(layout.num_unknowns, layout.half_band);
-        model.mass().add_to(M, 1.0);
-        band_ = std::make_unique<SaddleSolver>();
-        if (band_->factorize(M, rows_, of.groups).num_dropped == 0)
-            return;
-        // Rows that say nothing new are met by least squares together with the others.
-        band_.reset();
-    }
-    moved_.setZero(layout.num_unknowns, k);
-    for (Eigen::Index r = 0; r < k; ++r)
-    {
-        Eigen::VectorXd column = Eigen::VectorXd::Zero(layout.num_unknowns);
-        for (const auto& [unknown, value] : rows_[idx(r)])
-            column[unknown] = value;
-        moved_.col(r) = model.mass().solved(column);
-    }
-    Eigen::MatrixXd S(k, k);
-    for (Eigen::Index c = 0; c < k; ++c)
-        S.col(c) = along(moved_.col(c));
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-    decomposition.setThreshold(1e-10);
-    decomposition.compute(S);
-    is_redundant_ = decomposition.rank() < k;
-    inverse_ = decomposition.pseudoInverse();
-}
-
-Eigen::VectorXd RodResponse::along(const Eigen::VectorXd& v) const
-{
-    Eigen::VectorXd out(static_cast<Eigen::Index>(rows_.size()));
-    for (std::size_t r = 0; r < rows_.size(); ++r)
-    {
-        double sum = 0.0;
-        for (const auto& [unknown, value] : rows_[r])
-            sum += value * v[unknown];
-        out[static_cast<Eigen::Index>(r)] = sum;
-    }
-    return out;
-}
-
-Eigen::VectorXd RodResponse::change(const Eigen::VectorXd& wanted) const
-{
-    if (!band_)
-    {
-        const Eigen::VectorXd force = inverse_ * wanted;
-        return moved_ * force;
-    }
-    Eigen::VectorXd x = Eigen::VectorXd::Zero(num_unknowns_), g = -wanted;
-    band_->solve(x, g);
-    return x;
-}
-
 RodStepper::RodStepper(RodModel& model, Integrator integrator)
-    : model_(model), integrator_(integrator), newton_(model)
+    : model_(model), integrator_(integrator), object_(model),
+      implicit_({&object_}, {},
+                integrator == Integrator::Midpoint ? kMidpointNoise : kNoise)
 {
+    if (integrator == Integrator::Midpoint)
+        object_.step_by_midpoint();
 }
 
 /// Rows of places do not change from step to step, and the response with them.
@@ -112,7 +50,11 @@ const RodResponse& RodStepper::response(const RodModel::Rows& rows) const
 
 double RodStepper::energy(const RodState& state, const Eigen::VectorXd& velocity) const
 {
-    return model_.mass().kinetic_energy(velocity) + model_.potential(state);
+    double sum = model_.mass().kinetic_energy(velocity) + model_.potential(state);
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+        sum += 0.5 * model_.slides[k].inertia * state.sliding[k].speed *
+               state.sliding[k].speed;
+    return sum;
 }
 
 double RodStepper::largest_step(const RodState& state) const
@@ -153,54 +95,19 @@ double RodStepper::largest_step(const RodState& state) const
     return rate > 0.0 ? std::min(step, kLimit / rate) : step;
 }
 
-RodStepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double step)
+StepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double step)
 {
-    RodStepReport report;
-    report.stop = RodStop::Converged;
+    if (!model_.slides.empty() && integrator_ != Integrator::ImplicitEuler)
+        throw std::invalid_argument("what slides needs implicit Euler");
+    StepReport report;
+    report.stop = MotionStop::Converged;
     if (integrator_ == Integrator::RungeKutta)
     {
         step_explicit(state, velocity, step, report);
         return report;
     }
-    // Counted in the smallest parts, so that they add up to the whole step.
-    int done = 0, work = 0;
-    while (done < kMostParts)
-    {
-        int length = kMostParts / parts_;
-        while (done % length != 0)
-            length /= 2;
-        const bool is_given_up = work >= kMostIterations;
-        if (is_given_up)
-            length = kMostParts - done;
-        RodState next = state;
-        Eigen::VectorXd next_velocity = velocity;
-        const double part = step * length / kMostParts;
-        RodStop stop = RodStop::NotRun;
-        const int before = report.iterations;
-        const bool is_good = try_implicit(next, next_velocity, part, stop, report);
-        work += report.iterations - before + (is_good ? 1 : kFailedTry);
-        if (is_good || length == 1 || is_given_up)
-        {
-            state = std::move(next);
-            velocity = std::move(next_velocity);
-            done += length;
-            ++report.parts;
-            if (stop != RodStop::Converged)
-                report.stop = stop;
-            else if (!is_good)
-                report.stop = RodStop::EnergyGrew;
-            num_good_ = is_good ? num_good_ + 1 : 0;
-            if (num_good_ >= kGoodParts && parts_ > 1)
-            {
-                parts_ /= 2;
-                num_good_ = 0;
-            }
-            continue;
-        }
-        parts_ = std::min(2 * (kMostParts / length), kMostParts);
-        num_good_ = 0;
-    }
-    return report;
+    object_.bind(state, velocity);
+    return implicit_.step(step);
 }
 
 bool RodStepper::keeps_constraints(const RodState& state) const
@@ -210,45 +117,6 @@ bool RodStepper::keeps_constraints(const RodState& state) const
     return violation.size() == 0 ||
            violation.cwiseAbs().maxCoeff() <=
                kKept * std::max(1.0, model_.rod().arc_length().total());
-}
-
-bool RodStepper::try_implicit(RodState& state, Eigen::VectorXd& velocity, double step,
-                              RodStop& stop, RodStepReport& report)
-{
-    const bool is_midpoint = integrator_ == Integrator::Midpoint;
-    const RodState begin = state;
-    RodInertia inertia{begin.x(), velocity, is_midpoint ? 0.5 * step : step};
-    RodNewtonOptions options;
-    options.max_iterations = kIterations;
-    const double before = energy(begin, velocity);
-    const bool is_pulled = !keeps_constraints(begin);
-    const RodNewtonReport told =
-        newton_.solve(state, &inertia, options, is_midpoint ? &begin : nullptr);
-    report.iterations += told.iterations;
-    report.num_dropped = std::max(report.num_dropped, told.num_dropped);
-    Eigen::VectorXd speed = (state.x() - begin.x()) / inertia.step;
-    if (is_midpoint)
-    {
-        const Eigen::VectorXd end = 2.0 * state.x() - begin.x();
-        state = begin;
-        state.move_to(end);
-        speed = 2.0 * speed - velocity;
-    }
-    velocity = speed;
-    if (is_midpoint && !model_.constraints.empty())
-        response(model_.rows(state)).project(velocity);
-    report.violation = told.violation;
-    stop = told.stop;
-    if (!is_solved(stop))
-        return false;
-    // Work of couples, and of constraints that bring the rod to another place, comes in
-    // from outside.
-    if (is_pulled || model_.has_couples())
-        return true;
-    const double size = model_.mass().kinetic_energy(velocity) +
-                        model_.elastic_energy(state) + std::abs(before);
-    return energy(state, velocity) <=
-           before + (is_midpoint ? kMidpointNoise : kNoise) * size + newton_.rounding();
 }
 
 Eigen::VectorXd RodStepper::acceleration(const RodState& state,
@@ -274,7 +142,7 @@ Eigen::VectorXd RodStepper::acceleration(const RodState& state,
 }
 
 void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
-                         RodStepReport& report) const
+                         StepReport& report) const
 {
     if (model_.constraints.empty())
         return;
@@ -285,12 +153,13 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
     report.violation = rows.violation.cwiseAbs().maxCoeff();
     // What one projection leaves is of second order.
     if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
-        report.stop = holds.is_redundant() ? RodStop::Contradiction : RodStop::NoDescent;
+        report.stop =
+            holds.is_redundant() ? MotionStop::Contradiction : MotionStop::NoDescent;
     response(rows).project(velocity);
 }
 
 void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
-                               RodStepReport& report)
+                               StepReport& report)
 {
     const RodState begin = state;
     const Eigen::VectorXd v1 = velocity;
@@ -317,7 +186,7 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, doubl
     report.parts = 1;
     if (!state.x().allFinite() || !velocity.allFinite())
     {
-        report.stop = RodStop::NotFinite;
+        report.stop = MotionStop::NotFinite;
         return;
     }
     project(state, velocity, report);
@@ -327,7 +196,7 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, doubl
     const double potential = model_.potential(state);
     const double size = kinetic + std::abs(potential) + std::abs(before);
     if (kinetic + potential > before + kExplicitNoise * size)
-        report.stop = RodStop::EnergyGrew;
+        report.stop = MotionStop::EnergyGrew;
 }
 
 } // namespace cellwarp

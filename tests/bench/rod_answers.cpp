@@ -61,11 +61,11 @@ void RodCase::clamp(double s)
     hold(HoldKind::TwistAngle, s, frame.col(0));
 }
 
-RodNewtonReport RodCase::settle()
+MotionReport RodCase::settle()
 {
     RodNewton newton(model);
-    const RodNewtonReport report = newton.solve(state, nullptr, {});
-    if (report.stop != RodStop::Converged)
+    const MotionReport report = newton.solve(state);
+    if (report.stop != MotionStop::Converged)
         throw std::runtime_error(std::string("an equilibrium was not found: ") +
                                  stop_name(report.stop));
     return report;

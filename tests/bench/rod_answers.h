@@ -61,7 +61,7 @@ struct RodCase
     /// Place, tangent and twist, as they are.
     void clamp(double s);
     /// Throws std::runtime_error where it does not converge.
-    RodNewtonReport settle();
+    MotionReport settle();
     /// Whether no step that the holds leave free lowers the energy.
     bool is_stable();
 };

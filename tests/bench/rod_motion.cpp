@@ -273,10 +273,11 @@ void add_stiffness(Answers& answers)
                     int bad = 0;
                     for (int k = 0; k < 100; ++k)
                     {
-                        const RodStop stop =
+                        const MotionStop stop =
                             stepper.step(rod.state, thrown.velocity, h).stop;
                         const double now = stepper.energy(rod.state, thrown.velocity);
-                        bad += now > energy * (1.0 + 1e-7) || stop != RodStop::Converged;
+                        bad +=
+                            now > energy * (1.0 + 1e-7) || stop != MotionStop::Converged;
                         energy = now;
                     }
                     return static_cast<double>(bad);

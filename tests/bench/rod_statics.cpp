@@ -163,7 +163,7 @@ void add_cables(Answers& answers)
         answers.add(fmt::format("{}: sag / span", row.length), row.sag, 63,
                     [&]
                     {
-                        newton.solve(rod.state, nullptr, {});
+                        newton.solve(rod.state);
                         return -rod.state.at(0.5 * rod.end()).place.y();
                     });
         answers.add(fmt::format("{}: pull / (weight of a span)", row.length), row.pull,

@@ -13,6 +13,7 @@
 #include <benchmark/benchmark.h>
 
 #include "solver/rods/elasticity.h"
+#include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
 #include "solver/rods/springs.h"
 #include "solver/rods/tensor_stretch.h"
@@ -188,7 +189,7 @@ void lenoir(benchmark::State& run, const Scene& scene, Integrator rule)
                     rod->velocity = velocity;
                 }
             if (steppers[r].step(rods[r]->state, rods[r]->velocity, 1e-3).stop !=
-                RodStop::Converged)
+                MotionStop::Converged)
                 run.SkipWithError("a step did not converge");
         }
     run.counters["published_ms"] = scene.published;
@@ -233,7 +234,7 @@ void ours(benchmark::State& run)
     RodStepper stepper(bench.model, Integrator::ImplicitEuler);
     for (auto _ : run)
         stepper.step(bench.state, bench.velocity, kStep);
-    RodNewton(bench.model).solve(bench.state, nullptr, {});
+    RodNewton(bench.model).solve(bench.state);
     run.counters["static_error"] =
         std::abs(-bench.state.at(bench.rod.basis().end()).place.y() / kSunk - 1.0);
 }

@@ -89,11 +89,31 @@ TEST(RodScene, names_the_key_that_is_wrong)
            "rods[0].fixed[0].keys[1].time: need times that rise"},
           {"{" + line + R"(, "fixed": [{"keys": [{"rotate": [0,0,0,9]}]}]})",
            "rods[0].fixed[0].keys[0].rotate: its axis has no length"},
-          {"{" + line + R"(, "on": [{"at": "sliding", "point": [0,0,0]}]})",
-           "rods[0].on[0].at: sliding is not supported"},
-          {"{" + line + R"(, "on": [{"at": 0}]})", "needs one of point, plane and axis"},
+          {"{" + line + R"(, "on": [{"at": "slides", "point": [0,0,0]}]})",
+           "rods[0].on[0].at: need a share"},
+          {"{" + line + R"(, "on": [{"at": "sliding", "range": [0.5, 0.2]}]})",
+           "rods[0].on[0].range: need two shares"},
+          {"{" + line +
+               R"(, "on": [{"at": "sliding", "start": 0.9, "range": [0, 0.5]}]})",
+           "rods[0].on[0].start: is not within range"},
+          {"{" + line + R"(, "on": [{"at": "sliding", "end": "fall"}]})",
+           "rods[0].on[0].end"},
+          {"{" + line + R"(, "on": [{"at": "sliding", "friction": [0.2, 0.3]}]})",
+           "rods[0].on[0].friction: need one at rest"},
+          {"{" + line + R"(, "on": [{"at": 0}]})",
+           "needs one of point, plane, axis and rod"},
           {"{" + line + R"(, "on": [{"plane": [0,0,0,1]}]})",
            "rods[0].on[0].plane: its direction has no length"},
+          {"{" + line + R"(, "on": [{"rod": "none"}]})",
+           "rods[0].on[0].rod: there is no rod called 'none'"},
+          {"{" + line + R"(, "on": [{"at": 0.5, "rod": "rod1", "other": 0.5}]})",
+           "rods[0].on[0].rod: a place on itself"},
+          {"{" + line + R"(, "on": [{"at": 0.5, "rod": "rod1", "other": "slides"}]})",
+           "rods[0].on[0].other: need a share"},
+          {"{" + line + R"(, "on": [{"at": "sliding", "point": [0,0,0], "apart": -1}]})",
+           "rods[0].on[0].apart"},
+          {"{" + line + R"(, "on": [{"point": [0,0,0], "keys": [{"time": -1}]}]})",
+           "rods[0].on[0].keys[0].time"},
           {"{" + line + "}, {" + line + R"(, "name": "rod1"})", "two are called 'rod1'"}})
     {
         SCOPED_TRACE(rod);
@@ -108,8 +128,10 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {scene_of("{" + line + "}", R"({"dt": 0})"), "simulate.dt"},
           {scene_of("{" + line + "}", R"({"dt": 1e-12, "duration": 1e9})"),
            "simulate.duration: takes more than 1e9 steps"},
-          {R"({"cellwarp": 1, "bodies": [{}], "rods": [{)" + line + "}]}",
-           "bodies: is not supported"}})
+          {R"({"cellwarp": 1, "obstacles": [{}], "rods": [{)" + line + "}]}",
+           "obstacles: is not supported"},
+          {R"({"cellwarp": 1, "unit": 0.01, "rods": [{)" + line + "}]}",
+           "unit: only metres are supported"}})
         EXPECT_TRUE(contains(error_of(Fault::Malformed,
                                       [&, &of = text] { parse_rod_scene("s.json", of); }),
                              words))
@@ -117,6 +139,100 @@ TEST(RodScene, names_the_key_that_is_wrong)
     EXPECT_EQ(parse_rod_scene("s.json", scene_of("{" + line + R"(, "colour": 1})"))
                   .warnings.size(),
               1u);
+}
+
+TEST(RodScene, reads_bodies_nets_and_joints)
+{
+    const RodScene scene = parse_rod_scene("s.json", R"({"cellwarp": 1,
+        "rods": [{"name": "long rope", "through": [[0,0,0],[1,0,0]],
+                  "on": [{"at": 1, "rod": "long rope", "other": "sliding",
+                          "other_start": 0.25}]}],
+        "bodies": [{"name": "seat", "mass": 2, "inertia": [1,2,2.5], "at": [0,-1,0],
+                    "rotate": [0,1,0,30], "velocity": [1,0,0], "spin": [0,0,3],
+                    "keys": [{"time": 1, "translate": [0,1,0]}]}, {}],
+        "nets": [{"name": "cloth", "points": [[0,0,0],[1,0,0],[1,1,0]],
+                  "springs": [[0,1,50],[1,2,60]], "mass": 3, "fixed": [2]},
+                 {"points": [[0,0,0],[1,0,0]], "mass": [1,2]}],
+        "joints": [{"a": "rod long rope 0.5", "b": "body seat 0 0 0.1",
+                    "what": ["point", "frame"]},
+                   {"a": "rod long rope sliding", "b": "net cloth 2", "friction": [0.3, 0.2],
+                    "range": [0.2, 0.8], "end": "release", "inertia": 0.5, "apart": 0.1}]})");
+    EXPECT_TRUE(scene.warnings.empty());
+    EXPECT_EQ(scene.rods[0].on[0].kind, RodOn::Kind::Rod);
+    EXPECT_EQ(scene.rods[0].on[0].rod, 0u);
+    EXPECT_EQ(scene.rods[0].on[0].other_slide->start, 0.25);
+    EXPECT_EQ(scene.bodies[0].inertia[2], 2.5);
+    EXPECT_EQ(scene.bodies[0].keys.size(), 1u);
+    EXPECT_EQ(scene.bodies[0].spin[2], 3.0);
+    EXPECT_EQ(scene.bodies[1].name, "body2");
+    EXPECT_GT(scene.bodies[1].inertia[0], 0.0);
+    EXPECT_EQ(scene.nets[0].masses, (std::vector<double>{1, 1, 1}));
+    EXPECT_EQ(scene.nets[0].springs[1].node[1], 2u);
+    EXPECT_EQ(scene.nets[0].fixed, (std::vector<std::size_t>{2}));
+    EXPECT_EQ(scene.nets[1].masses[1], 2.0);
+    const JointStatement &fast = scene.joints[0], &loose = scene.joints[1];
+    EXPECT_EQ(fast.ends[0].at, 0.5);
+    EXPECT_EQ(fast.ends[1].point[2], 0.1);
+    EXPECT_TRUE(fast.has_point && fast.has_frame && !fast.has_distance);
+    EXPECT_TRUE(loose.ends[0].slides && loose.has_point && loose.slide.leaves);
+    EXPECT_EQ(loose.ends[1].node, 2u);
+    EXPECT_EQ(loose.slide.friction[1], 0.2);
+    EXPECT_EQ(loose.slide.inertia, 0.5);
+    EXPECT_EQ(loose.slide.apart, 0.1);
+}
+
+TEST(RodScene, names_what_is_wrong_with_bodies_nets_and_joints)
+{
+    for (const auto& [more, words] :
+         {std::pair<std::string, std::string>{R"("bodies": [{"inertia": [1,1,3]}])",
+                                              "bodies[0].inertia: no body has it"},
+          {R"("bodies": [{"mass": 0}])", "bodies[0].mass"},
+          {R"("bodies": [{"rotate": [0,0,0,1]}])", "bodies[0].rotate: its axis"},
+          {R"("bodies": [{"name": "a"}, {"name": "a"}])", "bodies: two are called 'a'"},
+          {R"("nets": [{}])", "nets[0].points: is missing"},
+          {R"("nets": [{"points": [[0,0,0]], "springs": [[0,1,5]]}])",
+           "nets[0].springs[0]: need the number of a point, from 0 to 0"},
+          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,0,5]]}])",
+           "nets[0].springs[0]: need two points, not one"},
+          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "springs": [[0,1,-5]]}])",
+           "nets[0].springs[0]: need two points and a stiffness"},
+          {R"("nets": [{"points": [[0,0,0],[1,0,0]], "mass": [1]}])",
+           "nets[0].mass: need"},
+          {R"("nets": [{"points": [[0,0,0]], "fixed": [0.5]}])",
+           "nets[0].fixed[0]: need"},
+          {R"("joints": [{"a": "rod r 0"}])", "joints[0].b: is missing"},
+          {R"("joints": [{"a": "rod r", "b": "rod r 1"}])",
+           "joints[0].a: names no place"},
+          {R"("joints": [{"a": "stick r 0", "b": "rod r 1"}])",
+           "joints[0].a: names no place: need \"rod NAME SHARE\""},
+          {R"("joints": [{"a": "rod x 0", "b": "rod r 1"}])",
+           "joints[0].a: there is no rod called 'x'"},
+          {R"("joints": [{"a": "rod r 2", "b": "rod r 1"}])",
+           "joints[0].a: the share is not within 0 and 1"},
+          {R"("joints": [{"a": "rod r x", "b": "rod r 1"}])",
+           "joints[0].a: what follows the name is no number"},
+          {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
+              "joints": [{"a": "net n 1", "b": "rod r 1"}])",
+           "joints[0].a: the net has no such point"},
+          {R"("nets": [{"name": "n", "points": [[0,0,0]]}],
+              "joints": [{"a": "net n 0", "b": "rod r 1", "what": ["frame"]}])",
+           "joints[0].what: a point of a net has no frame"},
+          {R"("joints": [{"a": "rod r sliding", "b": "rod r 1", "what": ["distance"]}])",
+           "joints[0].what: what slides is joined by point alone"},
+          {R"("joints": [{"a": "rod r 0", "b": "rod r 1", "what": ["glue"]}])",
+           "joints[0].what[0]: need one of point, frame, distance"}})
+    {
+        SCOPED_TRACE(more);
+        const std::string text = error_of(
+            Fault::Malformed,
+            [&, &of = more]
+            {
+                parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [{"name": "r",
+                             "through": [[0,0,0],[1,0,0]]}], )" +
+                                              of + "}");
+            });
+        EXPECT_TRUE(contains(text, words)) << text;
+    }
 }
 
 TEST(RodScene, warns_of_what_a_curve_has_no_use_for)

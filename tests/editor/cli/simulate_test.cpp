@@ -93,4 +93,23 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     EXPECT_FALSE(std::filesystem::exists(folder / "p-0.obj"));
 }
 
+TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
+{
+    const Folder folder;
+    const std::string scene = folder.write("rope.json", kRope), png = folder / "rope.png";
+    EXPECT_EQ(run({"render", scene, "--frame", "2", "--size", "40x30", "-o", png}).code,
+              0);
+    for (const auto& [flags, words] :
+         {std::pair<std::vector<std::string>, std::string>{{"--cells"},
+                                                           "--cells: rods have none"},
+          {{"--frame", "3"}, "--frame: the scene has frames 0 to 2"}})
+    {
+        std::vector<std::string> all = {"render", scene, "-o", png, "--overwrite"};
+        all.insert(all.end(), flags.begin(), flags.end());
+        const Result result = run(all);
+        EXPECT_EQ(result.code, 2);
+        EXPECT_TRUE(contains(result.err, words)) << result.err;
+    }
+}
+
 } // namespace cellwarp

@@ -222,6 +222,235 @@ TEST(Simulation, whole_turns_count_from_a_key_that_does_not_turn)
                 0.1 * wanted);
 }
 
+TEST(Simulation, a_rope_slides_through_a_hole_sticks_in_it_or_leaves_it)
+{
+    const auto run = [](const std::string& more, double duration)
+    {
+        Simulation simulation(scene_of(
+            R"("through": [[-0.6,0,0],[0.6,0,0]], "spans": 44, "E": 1e6,
+            "on": [{"at": "sliding", "point": [0.1,0,0])" +
+                more + "}]",
+            R"({"dt": 0.002, "viscosity": 0.1, "duration": )" + std::to_string(duration) +
+                "}"));
+        while (simulation.steps_done() < simulation.num_steps())
+        {
+            simulation.step();
+            EXPECT_LT(simulation.report().violation, 1e-9);
+        }
+        return simulation.rods(3)[0];
+    };
+    const double start = 0.7 / 1.2;
+    EXPECT_NEAR(run("", 0.002).sliding[0], start, 1e-3);
+    EXPECT_NEAR(run(R"(, "friction": 5)", 0.4).sliding[0], start, 1e-3);
+    EXPECT_GT(run("", 0.6).sliding[0], start + 0.05);
+    // Stopped, or released and in free fall.
+    const std::string range = R"(, "range": [0.5, 0.62])";
+    const SimulatedRod stopped = run(range, 0.8);
+    EXPECT_LE(stopped.sliding[0], 0.62 + 1e-12);
+    EXPECT_GT(stopped.sliding[0], 0.6);
+    const SimulatedRod gone = run(range + R"(, "end": "release")", 0.8);
+    EXPECT_LT(gone.curve[1].y(), stopped.curve[1].y() - 0.2);
+}
+
+namespace
+{
+
+RodScene joined(const std::string& rods, const std::string& more,
+                const std::string& simulate)
+{
+    return parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [)" + rods + "], " +
+                                         more + R"(, "simulate": )" + simulate + "}");
+}
+
+const std::string kRope = R"({"name": "r", "through": [[0,0,0],[1,0,0]], "spans": 10,
+                              "E": 1e7, "fixed": [{"at": 0}]})";
+
+} // namespace
+
+TEST(Simulation, a_body_hangs_on_its_rope_far_from_the_origin_as_well)
+{
+    for (const double far : {0.0, 1e4})
+    {
+        SCOPED_TRACE(far);
+        const std::string a = std::to_string(far), b = std::to_string(far + 1.0);
+        Simulation simulation(joined(
+            R"({"name": "r", "through": [[)" + a + ",0,0],[" + b +
+                R"(,0,0]], "spans": 10, "E": 1e7, "fixed": [{"at": 0}]})",
+            R"("bodies": [{"name": "weight", "mass": 2, "at": [)" + b +
+                R"(,0,0]}], "joints": [{"a": "rod r 1", "b": "body weight 0 0 0"}])",
+            R"({"integrator": "static"})"));
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        const SimulatedBody weight = simulation.bodies()[0];
+        EXPECT_NEAR(weight.at.x(), far, 1e-5);
+        EXPECT_LT(weight.at.y(), -1.0);
+        EXPECT_GT(weight.at.y(), -1.02);
+        EXPECT_LT((weight.at - simulation.rods(2)[0].curve.back()).norm(), 1e-9);
+    }
+}
+
+TEST(Simulation, rods_bodies_and_nets_that_are_joined_go_together_and_others_alone)
+{
+    Simulation simulation(joined(
+        kRope + R"(, {"name": "alone", "through": [[0,5,0],[1,5,0]]})",
+        R"("bodies": [{"name": "ring", "mass": 0.2, "at": [0.5,0,0]}, {"name": "stone",
+           "at": [3,0,0], "velocity": [0,1,0]}],
+           "nets": [{"name": "net", "points": [[1,0,0],[1.5,0,0]], "springs": [[0,1,100]],
+                     "mass": 0.1}],
+           "joints": [{"a": "rod r sliding", "b": "body ring 0 0 0"},
+                      {"a": "rod r 1", "b": "net net 0"}])",
+        R"({"dt": 0.002, "duration": 0.1})"));
+    while (simulation.steps_done() < simulation.num_steps())
+    {
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_LT(report.violation, 1e-9);
+    }
+    const SimulatedRod rope = simulation.rods(2)[0];
+    EXPECT_LT((rope.curve.back() - simulation.nets()[0].points[0]).norm(), 1e-9);
+    ASSERT_EQ(rope.sliding.size(), 1u);
+    EXPECT_GT(rope.sliding[0], 0.5);
+    // What flies by itself falls by g t (t + dt) / 2.
+    const double fall = 0.5 * 9.81 * 0.1 * 0.102;
+    EXPECT_NEAR(simulation.bodies()[1].at.y(), 0.1 - fall, 1e-9);
+    EXPECT_NEAR(simulation.rods(2)[1].curve[0].y(), 5.0 - fall, 1e-9);
+    const Geometry surface = simulation.surface(6);
+    EXPECT_EQ(surface.groups.size(), 5u);
+    EXPECT_EQ(surface.groups.back().end_face, surface.num_faces());
+}
+
+TEST(Simulation, a_ring_that_keys_move_carries_the_rope)
+{
+    Simulation simulation(scene_of(
+        kLine + R"(, "spans": 20, "E": 1e6, "on": [{"at": "sliding", "start": 0.5,
+            "point": [0.5,0,0], "keys": [{"time": 0}, {"time": 0.2,
+            "translate": [0,0.4,0.1]}]}])",
+        R"({"dt": 0.002, "duration": 0.2, "gravity": [0,0,0]})"));
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    double nearest = 1.0;
+    for (const Eigen::Vector3d& p : simulation.rods(2001)[0].curve)
+        nearest = std::min(nearest, (p - Eigen::Vector3d(0.5, 0.4, 0.1)).norm());
+    EXPECT_LT(nearest, 1e-3);
+}
+
+TEST(Simulation, a_body_that_keys_turn_takes_along_what_is_joined_to_it)
+{
+    Simulation simulation(
+        joined(R"({"name": "r", "through": [[0,0,0],[1,0,0]], "spans": 8, "E": 1e6})",
+               R"("bodies": [{"name": "hand", "keys": [{"time": 0}, {"time": 0.5,
+                  "rotate": [0,0,1,120], "translate": [0,1,0]}]}],
+                  "joints": [{"a": "rod r 0", "b": "body hand 0 0 0",
+                              "what": ["point", "frame"]}])",
+               R"({"dt": 0.005, "duration": 0.5, "gravity": [0,0,0]})"));
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    const std::vector<Eigen::Vector3d> curve = simulation.rods(1001)[0].curve;
+    EXPECT_LT((curve[0] - Eigen::Vector3d(0, 1, 0)).norm(), 1e-9);
+    const Eigen::Vector3d tangent = (curve[1] - curve[0]).normalized();
+    EXPECT_NEAR(std::atan2(tangent.y(), tangent.x()), 2.0 * std::numbers::pi / 3.0, 0.02);
+}
+
+TEST(Simulation, beads_on_a_closed_thread_keep_their_distances_around_it)
+{
+    std::string points, bodies, joints;
+    for (int k = 0; k < 24; ++k)
+    {
+        const double a = 2.0 * std::numbers::pi * k / 24;
+        points += (k ? ",[" : "[") + std::to_string(0.5 * std::cos(a)) + "," +
+                  std::to_string(0.5 * std::sin(a)) + ",0]";
+    }
+    for (int k = 0; k < 6; ++k)
+    {
+        const std::string name = "bead" + std::to_string(k);
+        const double a = 2.0 * std::numbers::pi * (k + 0.5) / 7.0;
+        bodies += (k ? "," : "") +
+                  (R"({"name": ")" + name + R"(", "mass": 0.01, "at": [)") +
+                  std::to_string(0.5 * std::cos(a)) + "," +
+                  std::to_string(0.5 * std::sin(a)) + ",0]}";
+        joints += (k ? "," : "") + (R"({"a": "rod thread sliding", "b": "body )" + name +
+                                    R"( 0 0 0", "apart": 0.2})");
+    }
+    Simulation simulation(
+        joined(R"({"name": "thread", "through": [)" + points +
+                   R"(], "closed": true, "spans": 1, "radius": 0.003,
+                                     "E": 1e8, "fixed": [{"at": 0.25}]})",
+               R"("bodies": [)" + bodies + R"(], "joints": [)" + joints + "]",
+               R"({"dt": 0.002, "duration": 0.6, "viscosity": 0.05})"));
+    const double length = std::numbers::pi;
+    double least = 1.0;
+    while (simulation.steps_done() < simulation.num_steps())
+    {
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        const std::vector<double> at = simulation.rods(2)[0].sliding;
+        for (std::size_t k = 0; k < at.size(); ++k)
+        {
+            const double ahead = at[(k + 1) % at.size()] - at[k];
+            least = std::min(least, (ahead - std::floor(ahead)) * length);
+        }
+    }
+    EXPECT_GT(least, 0.2 - 1e-3);
+    EXPECT_LT(least, 0.25); // they have run together below
+}
+
+TEST(Simulation, refuses_what_cannot_be_joined)
+{
+    const auto refused = [](const std::string& rods, const std::string& more,
+                            const std::string& simulate = "{}") {
+        return error_of(Fault::Malformed,
+                        [&] { Simulation(joined(rods, more, simulate)); });
+    };
+    const std::string weight = R"("bodies": [{"name": "b", "at": [1,0,0]}], "joints": )";
+    EXPECT_TRUE(
+        contains(refused(kRope, weight + R"([{"a": "rod r 1", "b": "body b 0 0 0"}])",
+                         R"({"integrator": "rk4", "dt": 1e-5})"),
+                 "simulate.integrator: bodies, nets and what is joined"));
+    EXPECT_TRUE(contains(
+        refused(kRope, weight + R"([{"a": "body b 0 0 0", "b": "body b 0 0 1"}])"),
+        "joints[0]: joins b to itself"));
+    EXPECT_TRUE(contains(refused(kRope, weight + R"([{"a": "rod r 1", "b": "body b 0 0 0",
+                                 "what": ["distance"]}])"),
+                         "joints[0].what: a distance of 0 has no direction"));
+    EXPECT_TRUE(contains(refused(R"({"name": "r", "through": [[0,0,0],[1,0,0]],
+                    "on": [{"at": "sliding", "point": [0,2,0]}]})",
+                                 R"("bodies": [])"),
+                         "rods[0].on[0]: its place on the rod is 2 m away"));
+    EXPECT_TRUE(contains(refused(kRope, weight + R"([{"a": "rod r sliding",
+                                 "b": "body b 0 0 0", "inertia": -10}])"),
+                         "joints[0].inertia: got -10 kg, need more than -"));
+    EXPECT_TRUE(contains(refused(R"({"name": "r", "through": [[0,0,0],[1,0,0]],
+                    "on": [{"at": "sliding", "point": [0.5,0,0], "apart": 0.1},
+                           {"at": "sliding", "point": [0.55,0,0], "apart": 0.1}]})",
+                                 R"("bodies": [])"),
+                         "rods[0].on[1].apart: it starts too near"));
+    Simulation pulled(joined(R"({"name": "r", "through": [[0,0,0],[1,0,0]], "E": 1e6,
+                                "on": [{"at": "sliding", "point": [0.5,0.1,0]}]})",
+                             weight + R"([{"a": "rod r 0", "b": "body b 0 0.1 0"}])",
+                             "{}"));
+    EXPECT_EQ(pulled.warnings().size(), 2u);
+}
+
+TEST(Simulation, what_slides_needs_a_rule_that_knows_it)
+{
+    const std::string text =
+        error_of(Fault::Malformed,
+                 []
+                 {
+                     Simulation(scene_of(
+                         kLine + R"(, "on": [{"at": "sliding", "point": [0.5,0,0]}])",
+                         R"({"integrator": "midpoint"})"));
+                 });
+    EXPECT_TRUE(
+        contains(text, "simulate.integrator: what slides needs implicit-euler or static"))
+        << text;
+}
+
 TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)
 {
     std::map<std::string, Eigen::Vector3d> tips;

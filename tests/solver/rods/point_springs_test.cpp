@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "solver/rods/elasticity.h"
+#include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
 #include "tests/support/rods.h"
 
@@ -65,7 +66,7 @@ TEST(PointSprings, with_a_drag_they_swing_as_the_formula_says)
         const double step = 2e-4;
         ASSERT_LT(step, stepper.largest_step(state));
         for (int n = 0; n < static_cast<int>(time / step); ++n)
-            ASSERT_EQ(stepper.step(state, velocity, step).stop, RodStop::Converged);
+            ASSERT_EQ(stepper.step(state, velocity, step).stop, MotionStop::Converged);
         const Eigen::VectorXd x = model.mass().times(state.x()) / mass;
         double height = 0.0; // of the centre of mass
         for (int q = 0; q < rod.num_controls(); ++q)
@@ -91,13 +92,13 @@ TEST(PointSprings, however_stiff_end_in_an_equilibrium)
         int iterations = 0;
         for (int n = 0; n < 20; ++n)
         {
-            const RodStepReport report = stepper.step(state, velocity, 1e-2);
-            ASSERT_EQ(report.stop, RodStop::Converged);
+            const StepReport report = stepper.step(state, velocity, 1e-2);
+            ASSERT_EQ(report.stop, MotionStop::Converged);
             iterations += report.iterations;
         }
         EXPECT_LT(iterations, 400);
-        const RodNewtonReport report = RodNewton(model).solve(state, nullptr, {});
-        EXPECT_EQ(report.stop, RodStop::Converged);
+        const MotionReport report = RodNewton(model).solve(state);
+        EXPECT_EQ(report.stop, MotionStop::Converged);
         EXPECT_NEAR(state.at(0.0).place.y(), 0.1 - 9.81 / stiffness, 1e-9);
     }
 }
@@ -118,10 +119,10 @@ TEST(PointSprings, a_strong_drag_lowers_the_largest_explicit_step)
         RodState at(rod);
         Eigen::VectorXd velocity = Eigen::VectorXd::Zero(at.x().size());
         velocity[rod.layout().control[2] + 1] = 1.0;
-        RodStop stop = RodStop::Converged;
-        for (int n = 0; n < 2000 && stop == RodStop::Converged; ++n)
+        MotionStop stop = MotionStop::Converged;
+        for (int n = 0; n < 2000 && stop == MotionStop::Converged; ++n)
             stop = stepper.step(at, velocity, share * limit).stop;
-        EXPECT_EQ(stop == RodStop::Converged && velocity.norm() < 10.0, is_stable);
+        EXPECT_EQ(stop == MotionStop::Converged && velocity.norm() < 10.0, is_stable);
     }
 }
 

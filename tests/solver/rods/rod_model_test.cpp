@@ -61,7 +61,7 @@ bool is_stable(int points, double turns)
     model.terms.push_back(exact_elasticity(rod));
     RodState state(rod);
     RodNewton newton(model);
-    newton.solve(state, nullptr, {});
+    newton.solve(state);
     BandMatrix H;
     model.hessian(state, RodHessian::Exact, H);
     std::vector<int> all(idx(H.rows()));
@@ -146,7 +146,7 @@ TEST(RodModel, hangs_as_a_catenary_without_stiffness)
         model.constraints.push_back(end);
         RodState state(rod);
         RodNewton newton(model);
-        EXPECT_EQ(newton.solve(state, nullptr, {}).stop, RodStop::Converged);
+        EXPECT_EQ(newton.solve(state).stop, MotionStop::Converged);
         EXPECT_NEAR(-state.at(0.5 * end.s).place.y(), row.sag, 1e-5);
         EXPECT_NEAR(-newton.multipliers()[0], row.pull, 2e-5);
         EXPECT_NEAR(newton.multipliers()[1], 0.5 * row.length, 1e-5);

@@ -16,7 +16,7 @@ namespace
 {
 
 /// How far the tip of a cantilever of length 1 sinks under a dead load.
-double sinking(int points, double alpha, double slenderness, RodNewtonReport& report)
+double sinking(int points, double alpha, double slenderness, MotionReport& report)
 {
     const Rod rod = support::straight_rod(1.0, points - 3,
                                           support::section_of(slenderness, 1.0, 0.7));
@@ -27,7 +27,7 @@ double sinking(int points, double alpha, double slenderness, RodNewtonReport& re
     model.loads.push_back({end, {0, -alpha, 0}, Eigen::Vector3d::Zero()});
     RodState state(rod);
     RodNewton newton(model);
-    report = newton.solve(state, nullptr, {});
+    report = newton.solve(state);
     return -state.at(end).place.y();
 }
 
@@ -48,9 +48,9 @@ TEST(RodNewton, bends_a_slender_cantilever_in_one_step_without_locking)
                            {11, 10, 0.81060902, 2.4e-4},
                            {16, 10, 0.81060902, 2.8e-5}})
     {
-        RodNewtonReport report;
+        MotionReport report;
         const double w = sinking(row.points, row.alpha, 1.6e9, report);
-        EXPECT_EQ(report.stop, RodStop::Converged);
+        EXPECT_EQ(report.stop, MotionStop::Converged);
         EXPECT_LE(report.iterations, 14);
         EXPECT_LT(std::abs(w / row.exact - 1.0), row.error) << row.points;
     }
@@ -60,9 +60,9 @@ TEST(RodNewton, takes_few_steps_at_any_slenderness)
 {
     for (const double slenderness : {1e3, 1e6, 1e9, 1e12})
     {
-        RodNewtonReport report;
+        MotionReport report;
         sinking(16, 10.0, slenderness, report);
-        EXPECT_EQ(report.stop, RodStop::Converged) << slenderness;
+        EXPECT_EQ(report.stop, MotionStop::Converged) << slenderness;
         EXPECT_LE(report.iterations, 14) << slenderness;
     }
 }
@@ -80,7 +80,7 @@ TEST(RodNewton, an_end_moment_winds_a_rod_to_a_full_circle)
     for (int part = 1; part <= 8; ++part)
     {
         model.loads[0].moment.z() = 2.0 * std::numbers::pi * part / 8;
-        EXPECT_EQ(newton.solve(state, nullptr, {}).stop, RodStop::Converged);
+        EXPECT_EQ(newton.solve(state).stop, MotionStop::Converged);
         if (part == 4)
         {
             EXPECT_LT(
@@ -128,7 +128,7 @@ TEST(RodNewton, bends_an_arc_of_45_degrees_out_of_its_plane)
                            {600, {15.685356, 47.152150, 53.471763}}})
     {
         model.loads[0].force.z() = row.force;
-        EXPECT_EQ(newton.solve(state, nullptr, {}).stop, RodStop::Converged);
+        EXPECT_EQ(newton.solve(state).stop, MotionStop::Converged);
         EXPECT_LT((state.at(end).place - row.tip).norm(), 2e-2)
             << state.at(end).place.transpose();
     }
@@ -144,14 +144,14 @@ TEST(RodNewton, meets_contradictory_holds_by_least_squares)
     support::clamp(model, 0.0);
     RodState state(rod);
     RodNewton newton(model);
-    RodNewtonReport report = newton.solve(state, nullptr, {});
-    EXPECT_EQ(report.stop, RodStop::Converged);
+    MotionReport report = newton.solve(state);
+    EXPECT_EQ(report.stop, MotionStop::Converged);
     EXPECT_EQ(report.num_dropped, 6);
     RodConstraint other;
     other.point = {0, 0.1, 0}; // the same end, elsewhere
     model.constraints.push_back(other);
-    report = newton.solve(state, nullptr, {});
-    EXPECT_EQ(report.stop, RodStop::Contradiction);
+    report = newton.solve(state);
+    EXPECT_EQ(report.stop, MotionStop::Contradiction);
     // Two want it at 0, one at 0.1.
     EXPECT_NEAR(state.at(0.0).place.y(), 0.1 / 3.0, 1e-9);
     EXPECT_NEAR(report.violation, 0.2 / 3.0, 1e-9);

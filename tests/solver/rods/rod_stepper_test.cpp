@@ -77,9 +77,9 @@ TEST(RodStepper, keeps_the_momentum_of_a_free_rod_and_never_adds_energy)
         double energy = start;
         for (int k = 0; k < 300; ++k)
         {
-            const RodStepReport report = stepper.step(
+            const StepReport report = stepper.step(
                 state, velocity, rule == Integrator::RungeKutta ? 2e-4 : 1e-3);
-            ASSERT_EQ(report.stop, RodStop::Converged);
+            ASSERT_EQ(report.stop, MotionStop::Converged);
             const double now = stepper.energy(state, velocity);
             if (rule == Integrator::ImplicitEuler)
             {
@@ -116,7 +116,7 @@ TEST(RodStepper, explicit_steps_are_stable_up_to_the_limit_and_not_beyond)
         const double start = stepper.energy(state, velocity);
         for (int k = 0; k < 600; ++k)
         {
-            if (stepper.step(state, velocity, step).stop != RodStop::Converged)
+            if (stepper.step(state, velocity, step).stop != MotionStop::Converged)
                 return true;
             if (stepper.energy(state, velocity) > 10.0 * start)
                 return true;
@@ -166,7 +166,7 @@ TEST(RodStepper, stays_stable_from_soft_to_stiff_at_small_and_large_steps)
             double energy = stepper.energy(state, velocity);
             for (int k = 0; k < 10; ++k)
             {
-                ASSERT_EQ(stepper.step(state, velocity, h).stop, RodStop::Converged);
+                ASSERT_EQ(stepper.step(state, velocity, h).stop, MotionStop::Converged);
                 const double now = stepper.energy(state, velocity);
                 ASSERT_LE(now, energy * (1.0 + 1e-7));
                 energy = now;
@@ -192,10 +192,10 @@ TEST(RodStepper, goes_on_between_holds_that_contradict)
         RodState state(rod);
         Eigen::VectorXd velocity = Eigen::VectorXd::Zero(rod.layout().num_unknowns);
         RodStepper stepper(model, rule);
-        RodStepReport report;
+        StepReport report;
         for (int k = 0; k < 300; ++k)
             report = stepper.step(state, velocity, 1e-3);
-        EXPECT_EQ(report.stop, RodStop::Contradiction);
+        EXPECT_EQ(report.stop, MotionStop::Contradiction);
         EXPECT_EQ(report.parts, 1);
         EXPECT_NEAR(report.violation, 0.05, 1e-6);
         EXPECT_NEAR(state.at(0.0).place.y(), 0.05, 1e-6);
@@ -216,10 +216,10 @@ TEST(RodStepper, tells_where_explicit_steps_gain_energy)
     RodStepper stepper(model, Integrator::RungeKutta);
     const double step = 1e-5;
     ASSERT_LT(step, stepper.largest_step(state));
-    RodStop stop = RodStop::Converged;
-    for (int n = 0; n < 2000 && stop == RodStop::Converged; ++n)
+    MotionStop stop = MotionStop::Converged;
+    for (int n = 0; n < 2000 && stop == MotionStop::Converged; ++n)
         stop = stepper.step(state, velocity, step).stop;
-    EXPECT_EQ(stop, RodStop::EnergyGrew);
+    EXPECT_EQ(stop, MotionStop::EnergyGrew);
 }
 
 TEST(RodResponse, is_the_same_by_a_dense_system_and_in_the_band)
@@ -270,15 +270,15 @@ TEST(RodStepper, what_constraints_bring_along_is_no_energy_of_the_step)
         RodStepper stepper(model, rule);
         // Its end is taken away from where it is.
         model.constraints[0].point += Eigen::Vector3d(0.0, 0.05, 0.0);
-        RodStepReport report = stepper.step(state, velocity, 1e-3);
-        EXPECT_EQ(report.stop, RodStop::Converged);
+        StepReport report = stepper.step(state, velocity, 1e-3);
+        EXPECT_EQ(report.stop, MotionStop::Converged);
         EXPECT_EQ(report.parts, 1);
         // From then on nothing is added.
         double energy = stepper.energy(state, velocity);
         for (int k = 0; k < 20; ++k)
         {
             report = stepper.step(state, velocity, 1e-3);
-            EXPECT_EQ(report.stop, RodStop::Converged);
+            EXPECT_EQ(report.stop, MotionStop::Converged);
             EXPECT_LE(stepper.energy(state, velocity), 1.01 * energy);
             energy = stepper.energy(state, velocity);
         }

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/simulation/key_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include <Eigen/Geometry>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Turns about one axis [degree].
+struct OneAxis
+{
+    Eigen::Vector3d axis;
+    double from = 0.0, to = 0.0;
+};
+
+/// Two keys that turn about the same axis, one way or the other; a key that does not turn
+/// does so about any.
+std::optional<OneAxis> one_axis(const RodKey& a, const RodKey& b)
+{
+    const auto axis_of = [](const RodKey& key)
+    { return Eigen::Vector3d(key.rotate[0], key.rotate[1], key.rotate[2]).normalized(); };
+    if (a.rotate[3] == 0.0)
+        return OneAxis{axis_of(b), 0.0, b.rotate[3]};
+    const double side = axis_of(a).dot(axis_of(b));
+    if (b.rotate[3] == 0.0 || std::abs(side) > 1.0 - 1e-12)
+        return OneAxis{axis_of(a), a.rotate[3], side < 0.0 ? -b.rotate[3] : b.rotate[3]};
+    return std::nullopt;
+}
+
+} // namespace
+
+Motion motion_of(const RodKey& key, const Eigen::Vector3d& about)
+{
+    const Eigen::Vector3d axis(key.rotate[0], key.rotate[1], key.rotate[2]);
+    const Eigen::Matrix3d R =
+        rotation_about(axis.normalized(), key.rotate[3] * std::numbers::pi / 180.0);
+    return {R, about - R * about + vector_of(key.translate)};
+}
+
+double turned(const std::vector<RodKey>& keys, double begin, double end)
+{
+    double sum = 0.0;
+    for (std::size_t k = 0; k + 1 < keys.size(); ++k)
+    {
+        const RodKey &a = keys[k], &b = keys[k + 1];
+        const double within = std::min(end, b.time) - std::max(begin, a.time);
+        if (within <= 0.0)
+            continue;
+        const std::optional<OneAxis> one = one_axis(a, b);
+        sum += within / (b.time - a.time) * (one ? std::abs(one->to - one->from) : 180.0);
+    }
+    return sum;
+}
+
+Motion motion_at(const std::vector<RodKey>& keys, double time,
+                 const Eigen::Vector3d& about)
+{
+    if (keys.empty())
+        return {};
+    const auto next = std::find_if(keys.begin(), keys.end(),
+                                   [&](const RodKey& key) { return key.time > time; });
+    if (next == keys.begin())
+        return motion_of(keys.front(), about);
+    if (next == keys.end())
+        return motion_of(keys.back(), about);
+    const RodKey &a = *(next - 1), &b = *next;
+    const double share = (time - a.time) / (b.time - a.time);
+    RodKey between = a;
+    for (std::size_t k = 0; k < 3; ++k)
+        between.translate[k] += share * (b.translate[k] - a.translate[k]);
+    if (const std::optional<OneAxis> one = one_axis(a, b))
+    {
+        for (const std::size_t k : {0u, 1u, 2u})
+            between.rotate[k] = one->axis[static_cast<Eigen::Index>(k)];
+        between.rotate[3] = one->from + share * (one->to - one->from);
+        return motion_of(between, about);
+    }
+    // About one axis from the one to the other, by less than half a turn.
+    const Motion from = motion_of(a, about), to = motion_of(b, about);
+    const Eigen::Vector3d turn = rotation_vector(to.R * from.R.transpose());
+    const double angle = turn.norm();
+    const Eigen::Matrix3d R =
+        angle > 0.0
+            ? Eigen::Matrix3d(rotation_about(turn / angle, share * angle) * from.R)
+            : from.R;
+    return {R, about - R * about + vector_of(between.translate)};
+}
+
+} // namespace cellwarp

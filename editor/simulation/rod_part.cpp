@@ -1,0 +1,459 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/simulation/rod_part.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+
+#include "editor/simulation/key_motion.h"
+#include "io/error.h"
+#include "octree/base/index.h"
+#include "solver/rods/elasticity.h"
+#include "solver/rods/point_springs.h"
+#include "solver/rods/rod_response.h"
+#include "solver/rods/springs.h"
+#include "solver/rods/tensor_stretch.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Seen from \p origin.
+std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
+                                        const Eigen::Vector3d& origin)
+{
+    std::vector<Eigen::Vector3d> out;
+    for (const Triple& t : triples)
+        out.push_back(vector_of(t) - origin);
+    return out;
+}
+
+/// Both sides of a tube, so that its twist is seen.
+constexpr std::array<std::uint8_t, 3> kFront = {236, 145, 60}, kBack = {205, 208, 214};
+
+/// Neighbours at the same place are one point.
+std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
+{
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    if (is_closed && points.size() > 1 && points.front() == points.back())
+        points.pop_back();
+    return points;
+}
+
+/// By its control points, with the knots that the statement asks for.
+Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
+{
+    const int n = static_cast<int>(points.size()), degree = static_cast<int>(rod.degree);
+    const auto made = [&](SplineBasis basis) -> Spline {
+        return {std::move(basis), std::move(points)};
+    };
+    if (rod.spline == "catmull-rom")
+        return made(SplineBasis::catmull_rom(n, rod.is_closed));
+    if (rod.spline == "bezier")
+    {
+        if (rod.is_closed || (n % 3 != 1 && n > kMaxOrder) || n < 3)
+            throw std::invalid_argument("Bezier pieces need 4, 7, 10, ... control "
+                                        "points, or 3 to 8 of one piece, "
+                                        "open");
+        return made(
+            SplineBasis::open(n % 3 == 1 ? 3 : n - 1, SplineBasis::bezier_knots(n)));
+    }
+    if (n < degree + 1)
+        throw std::invalid_argument("needs at least degree + 1 = " +
+                                    std::to_string(degree + 1) + " control points");
+    if (rod.is_closed || rod.spline == "uniform")
+    {
+        if (!rod.is_closed)
+            return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
+        std::vector<double> turn;
+        for (int i = 0; i <= n; ++i)
+            turn.push_back(i);
+        return made(SplineBasis::closed(degree, turn));
+    }
+    // Mean parameters of the control points' own chord.
+    std::vector<double> s = {0.0};
+    for (int i = 1; i < n; ++i)
+        s.push_back(s.back() + (points[idx(i)] - points[idx(i - 1)]).norm());
+    return made(SplineBasis::open(degree, averaged_knots(s, degree)));
+}
+
+Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)
+{
+    if (!rod.points.empty())
+        return by_controls(rod, merged(vectors_of(rod.points, origin), false));
+    return spline_through(merged(vectors_of(rod.through, origin), rod.is_closed),
+                          rod.is_closed, static_cast<int>(rod.spans),
+                          static_cast<int>(rod.degree));
+}
+
+Section section_of(const RodStatement& rod, double share)
+{
+    const double at = share * static_cast<double>(rod.radius.size() - 1);
+    const std::size_t k =
+        std::min(idx(static_cast<int>(at)),
+                 rod.radius.size() - std::min<std::size_t>(2, rod.radius.size()));
+    const double next = k + 1 < rod.radius.size() ? rod.radius[k + 1] : rod.radius[k];
+    const double radius =
+        rod.radius[k] + (at - static_cast<double>(k)) * (next - rod.radius[k]);
+    Section section = Section::round(radius, rod.young, rod.poisson, rod.density);
+    if (rod.bending)
+        section.bending = *rod.bending;
+    if (rod.twisting)
+        section.twist = *rod.twisting;
+    return section;
+}
+
+Rod built(const RodScene& scene, const RodStatement& of, const std::string& where,
+          const Eigen::Vector3d& origin)
+{
+    if (of.energy == "discrete" &&
+        (of.degree != 3 || of.spline == "bezier" || of.spline == "catmull-rom"))
+        throw malformed({scene.path, 0, where + ".energy"},
+                        "springs need a cubic spline, uniform or nonuniform");
+    try
+    {
+        return {curve_of(of, origin),
+                [&of](double share) { return section_of(of, share); },
+                {of.is_straight_at_rest ? RodRest::Straight : RodRest::Given,
+                 of.rest_twist, of.link, of.energy == "discrete" ? 2 : 1}};
+    }
+    catch (const std::invalid_argument& error)
+    {
+        throw malformed({scene.path, 0, where}, error.what());
+    }
+}
+
+/// Whether weight and loads cancel.
+bool is_balanced(const RodModel& model)
+{
+    Eigen::Vector3d sum = model.mass().total() * model.gravity;
+    double largest = sum.norm();
+    for (const RodLoad& load : model.loads)
+    {
+        sum += load.force;
+        largest = std::max(largest, load.force.norm());
+    }
+    return sum.norm() <= 1e-12 * largest;
+}
+
+} // namespace
+
+RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d& origin)
+    : rod(built(scene, scene.rods[index], "rods[" + std::to_string(index) + "]", origin)),
+      model(rod), state(rod), velocity(Eigen::VectorXd::Zero(rod.layout().num_unknowns)),
+      statement_(scene.rods[index]), path_(scene.path),
+      where_("rods[" + std::to_string(index) + "]"), origin_(origin)
+{
+    const bool is_exact = statement_.energy == "exact",
+               is_discrete = statement_.energy == "discrete";
+    model.terms.push_back(
+        exact_elasticity(rod, {.has_stretch = is_exact,
+                               .has_bending = !(is_discrete && springs_bend(rod))}));
+    if (is_discrete)
+        model.terms.push_back(spring_elasticity(rod));
+    else if (!is_exact)
+        model.terms.push_back(tensor_stretch(rod));
+    model.gravity = vector_of(scene.gravity);
+    model.viscosity = scene.viscosity / rod.section(0.5).mass;
+    for (int k = 0; k < rod.num_controls(); ++k)
+        velocity.segment<3>(rod.layout().control[idx(k)]) =
+            vector_of(statement_.velocity);
+    add_holds();
+    add_on();
+    for (const RodPull& load : statement_.loads)
+        model.loads.push_back(
+            {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
+    add_springs();
+    hold_at(0.0, 1.0);
+}
+
+void RodPart::add_holds()
+{
+    for (const RodHold& hold : statement_.holds)
+    {
+        const double s = parameter(hold.at);
+        const CurvePoint at = state.at(s);
+        held_.push_back({&hold.keys, model.constraints.size(), 0, at.place,
+                         state.frame(s), at.second});
+        const auto add = [&](HoldKind kind)
+        {
+            RodConstraint constraint;
+            constraint.hold = kind;
+            constraint.s = s;
+            model.constraints.push_back(constraint);
+            ++held_.back().count;
+        };
+        if (hold.has_point)
+            add(HoldKind::Point);
+        if (hold.has_tangent)
+            add(HoldKind::Tangent);
+        if (hold.has_twist)
+            add(HoldKind::TwistAngle);
+        if (hold.has_curvature)
+            add(HoldKind::CurvatureVector);
+    }
+}
+
+void RodPart::add_on()
+{
+    for (std::size_t k = 0; k < statement_.on.size(); ++k)
+    {
+        const RodOn& on = statement_.on[k];
+        if (on.kind == RodOn::Kind::Rod)
+            continue;
+        Eigen::Vector3d point = vector_of(on.point) - origin_,
+                        direction = vector_of(on.direction);
+        if (on.kind == RodOn::Kind::Plane)
+            point = direction * (on.offset / direction.squaredNorm()) - origin_;
+        if (on.kind != RodOn::Kind::Point)
+            direction.normalize();
+        RodConstraint constraint;
+        constraint.s = parameter(on.at);
+        constraint.point = point;
+        constraint.hold = on.kind == RodOn::Kind::Point   ? HoldKind::Point
+                          : on.kind == RodOn::Kind::Plane ? HoldKind::Plane
+                                                          : HoldKind::Axis;
+        if (on.kind != RodOn::Kind::Point)
+            constraint.direction = direction;
+        if (on.slide)
+        {
+            Eigen::Matrix3d held = Eigen::Matrix3d::Zero();
+            for (const Eigen::Vector3d& n : held_directions(constraint))
+                held += n * n.transpose();
+            constraint.slide = add_slide(*on.slide, held, point,
+                                         where_ + ".on[" + std::to_string(k) + "]");
+        }
+        Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
+        frame.col(2) = constraint.direction;
+        held_.push_back({&on.keys, model.constraints.size(), 1, point, frame,
+                         Eigen::Vector3d::Zero()});
+        model.constraints.push_back(constraint);
+    }
+}
+
+int RodPart::add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
+                       const Eigen::Vector3d& point, const std::string& where)
+{
+    RodSlide slide;
+    slide.begin = parameter(of.range[0]);
+    slide.end = parameter(of.range[1]);
+    slide.is_endless =
+        rod.basis().is_closed() && of.range[0] == 0.0 && of.range[1] == 1.0;
+    slide.leaves = of.leaves;
+    slide.sticks = of.friction[0];
+    slide.slips = of.friction[1];
+    slide.held = held;
+    const double start =
+        of.start ? parameter(*of.start) : nearest_parameter(slide, state, point);
+    const BasisValues values = sliding_values(rod.basis(), start);
+    constexpr double kFar = 0.25, kNear = 0.01; // of the length
+    const double off = (held * (state.at(values).place - point)).norm(),
+                 length = rod.arc_length().total();
+    if (off > kFar * length)
+        throw malformed({path_, 0, where},
+                        fmt::format("its place on the rod is {:.3g} m away from what it "
+                                    "slides on at the start",
+                                    off));
+    if (off > kNear * length)
+        warnings.push_back(at({path_, 0, where},
+                              fmt::format("starts {:.3g} m away from what it slides on, "
+                                          "the first step pulls it there",
+                                          off)));
+    const double speed = state.at(values).first.norm();
+    slide.inertia = of.inertia * speed * speed;
+    const int number = static_cast<int>(model.slides.size());
+    if (of.inertia < 0.0)
+    {
+        // The mass that the rod shows to a force at that place.
+        Eigen::VectorXd pull = Eigen::VectorXd::Zero(rod.layout().num_unknowns);
+        for (int j = 0; j < values.count; ++j)
+            pull[rod.layout().control[idx(values.control[idx(j)])]] =
+                values.value[0][idx(j)];
+        const double least = -1.0 / pull.dot(model.mass().solved(pull));
+        if (of.inertia <= least)
+            throw malformed({path_, 0, where + ".inertia"},
+                            fmt::format("got {} kg, need more than {:.4g} kg: the rod "
+                                        "would run away from rest",
+                                        of.inertia, least));
+    }
+    model.slides.push_back(slide);
+    state.sliding.push_back(begun(slide, start));
+    if (of.apart)
+    {
+        if (last_apart_)
+            model.gaps.push_back({last_apart_->first, number,
+                                  std::max(last_apart_->second, *of.apart), false});
+        else
+            first_apart_ = number;
+        last_apart_ = {number, *of.apart};
+        state.touches.assign(model.gaps.size(), 0);
+        for (const RodGap& gap : model.gaps)
+            if (model.room(state, gap) < -1e-9 * rod.arc_length().total())
+                throw malformed({path_, 0, where + ".apart"},
+                                "it starts too near to the one before it, or behind it");
+    }
+    return number;
+}
+
+void RodPart::close_gaps()
+{
+    if (rod.basis().is_closed() && last_apart_ && last_apart_->first != first_apart_)
+        model.gaps.push_back(
+            {last_apart_->first, first_apart_, last_apart_->second, true});
+    state.touches.assign(model.gaps.size(), 0);
+}
+
+void RodPart::add_springs()
+{
+    std::vector<PointSpring> springs;
+    for (const RodSpringTo& spring : statement_.springs)
+    {
+        PointSpring to{parameter(spring.at), vector_of(spring.point) - origin_,
+                       spring.stiffness, 0.0};
+        to.length = spring.length.value_or((state.at(to.s).place - to.point).norm());
+        if (spring.stiffness > 0.0)
+            springs.push_back(to);
+        if (spring.damping > 0.0)
+            model.drags.push_back({to.s, spring.damping});
+    }
+    has_springs_ = !springs.empty();
+    if (has_springs_)
+        model.terms.push_back(point_springs(rod, std::move(springs)));
+}
+
+bool RodPart::has_equilibrium() const
+{
+    return !model.is_free() || has_springs_ || is_balanced(model);
+}
+
+std::vector<double> RodPart::sliding() const
+{
+    std::vector<double> out;
+    const SplineBasis& basis = rod.basis();
+    for (const Sliding& sliding : state.sliding)
+        out.push_back(rod.arc_length().at(basis.wrapped(sliding.s)) /
+                      rod.arc_length().total());
+    return out;
+}
+
+void RodPart::hold_at(double time, double share)
+{
+    for (const Held& held : held_)
+    {
+        std::vector<RodKey> keys = *held.keys;
+        for (RodKey& key : keys)
+        {
+            for (double& x : key.translate)
+                x *= share;
+            key.rotate[3] *= share;
+        }
+        const Motion motion = motion_at(keys, time, held.place);
+        for (std::size_t k = held.first; k < held.first + held.count; ++k)
+        {
+            RodConstraint& constraint = model.constraints[k];
+            constraint.point = motion(held.place);
+            switch (constraint.hold)
+            {
+            case HoldKind::Tangent:
+            case HoldKind::Plane:
+            case HoldKind::Axis:
+                constraint.direction = motion.R * held.frame.col(2);
+                break;
+            case HoldKind::TwistAngle:
+                constraint.direction = motion.R * held.frame.col(0);
+                break;
+            case HoldKind::CurvatureVector:
+                constraint.direction = motion.R * held.curvature;
+                break;
+            default:
+                break;
+            }
+        }
+    }
+}
+
+double RodPart::turned(double begin, double end) const
+{
+    double largest = 0.0;
+    for (const Held& held : held_)
+        largest = std::max(largest, cellwarp::turned(*held.keys, begin, end));
+    return largest;
+}
+
+double RodPart::first_turn() const
+{
+    double largest = 0.0;
+    for (const Held& held : held_)
+        if (!held.keys->empty())
+            largest = std::max(largest, std::abs(held.keys->front().rotate[3]));
+    return largest;
+}
+
+double RodPart::largest_turn() const
+{
+    double largest = 0.0;
+    for (const Held& held : held_)
+        for (const RodKey& key : *held.keys)
+            largest = std::max(largest, std::abs(key.rotate[3]));
+    return largest;
+}
+
+void RodPart::add_tube(int around, Geometry& out) const
+{
+    constexpr int kRings = 4; // a span
+    const std::span<const RodSpan> spans = rod.spans();
+    const bool is_closed = rod.basis().is_closed();
+    const auto first = static_cast<std::uint32_t>(out.samples.size());
+    out.groups.push_back({name(), out.num_faces(), 0});
+    std::uint32_t rings = 0;
+    const auto add_ring = [&](double s)
+    {
+        const Eigen::Matrix3d F = state.frame(s);
+        const Eigen::Vector3d middle = origin_ + state.at(s).place;
+        const double radius = rod.section_at(s).radius;
+        for (int k = 0; k < around; ++k)
+        {
+            const double a = 2.0 * std::numbers::pi * k / around;
+            const Eigen::Vector3d out_of =
+                std::cos(a) * F.col(0) + std::sin(a) * F.col(1);
+            out.samples.push_back(middle + radius * out_of);
+            out.colours.push_back(std::cos(a) > 0.0 ? kFront : kBack);
+        }
+        ++rings;
+    };
+    for (const RodSpan& span : spans)
+        for (int k = 0; k < kRings; ++k)
+            add_ring(span.begin + (span.end - span.begin) * k / kRings);
+    if (!is_closed)
+        add_ring(spans.back().end);
+    const auto count = static_cast<std::uint32_t>(around);
+    const auto corner = [&](std::uint32_t ring, std::uint32_t k)
+    { return first + ring % rings * count + k % count; };
+    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
+    for (std::uint32_t i = 0; i + (is_closed ? 0 : 1) < rings; ++i)
+        for (std::uint32_t k = 0; k < count; ++k)
+        {
+            out.corners.insert(
+                out.corners.end(),
+                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
+            end_face();
+        }
+    for (const bool is_begin : {true, false})
+    {
+        if (is_closed)
+            break;
+        for (std::uint32_t k = 0; k < count; ++k)
+            out.corners.push_back(is_begin ? corner(0, count - k) : corner(rings - 1, k));
+        end_face();
+    }
+    out.groups.back().end_face = out.num_faces();
+}
+
+} // namespace cellwarp

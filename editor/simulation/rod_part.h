@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A rod of a scene, built from its statement.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/geometry.h"
+#include "io/rod_scene.h"
+#include "solver/rods/rod_object.h"
+
+namespace cellwarp
+{
+
+class RodPart
+{
+public:
+    /// Number \p index of the scene, seen from \p origin, as it is at the start, but for
+    /// what is on other rods. Throws Fault::Malformed with the key that cannot be.
+    RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d& origin);
+
+    const std::string& name() const { return statement_.name; }
+    const Rod rod;
+    RodModel model;
+    RodState state;
+    Eigen::VectorXd velocity;
+    std::vector<std::string> warnings; ///< what a user may not expect of the start
+
+    double parameter(double share) const { return rod.arc_length().parameter(share); }
+    /// Shares of the rest length where its slides are.
+    std::vector<double> sliding() const;
+    /// A place that slides; where it starts is the nearest to \p point, unless the
+    /// statement tells. \p where is its key.
+    int add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
+                  const Eigen::Vector3d& point, const std::string& where);
+    /// After the last slide: on a closed rod the first stays apart from the last, too.
+    void close_gaps();
+    /// Something holds it, or it needs nothing to.
+    bool has_equilibrium() const;
+
+    /// Brings what keys hold to where it is at a time; \p share: of what they say.
+    void hold_at(double time, double share);
+    /// How far keys turn between two times, at the most; and all of them from rest
+    /// [degree].
+    double turned(double begin, double end) const;
+    double first_turn() const;
+    double largest_turn() const;
+
+    /// As a tube, \p around corners on each ring, coloured by which side of the material
+    /// they are on.
+    void add_tube(int around, Geometry& out) const;
+
+private:
+    void add_holds();
+    void add_springs();
+    void add_on();
+
+    const RodStatement& statement_;
+    const std::string path_, where_; ///< of the scene; "rods[0]"
+    const Eigen::Vector3d origin_;
+    bool has_springs_ = false;
+    /// Of each hold its first constraint, its rest place and frame.
+    struct Held
+    {
+        const std::vector<RodKey>* keys;
+        std::size_t first, count;
+        Eigen::Vector3d place;
+        Eigen::Matrix3d frame;
+        Eigen::Vector3d curvature;
+    };
+    std::vector<Held> held_;
+    /// The slide that the next one with `apart` stays apart from, and by how much.
+    std::optional<std::pair<int, double>> last_apart_;
+    int first_apart_ = -1;
+};
+
+} // namespace cellwarp

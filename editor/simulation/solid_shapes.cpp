@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/simulation/solid_shapes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <numbers>
+
+#include <Eigen/Geometry>
+
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+constexpr std::array<std::uint8_t, 3> kBody = {96, 139, 176}, kNet = {120, 166, 110};
+
+/// Rings of \p around corners, closed by a fan at both ends.
+void add_rings(const std::vector<std::vector<Vector3d>>& rings,
+               const std::array<std::uint8_t, 3>& colour, Geometry& out)
+{
+    const auto first = static_cast<std::uint32_t>(out.samples.size());
+    const auto count = static_cast<std::uint32_t>(rings.front().size());
+    for (const std::vector<Vector3d>& ring : rings)
+        for (const Vector3d& point : ring)
+        {
+            out.samples.push_back(point);
+            out.colours.push_back(colour);
+        }
+    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
+    const auto corner = [&](std::size_t ring, std::uint32_t k)
+    { return first + static_cast<std::uint32_t>(ring) * count + k % count; };
+    for (std::size_t i = 0; i + 1 < rings.size(); ++i)
+        for (std::uint32_t k = 0; k < count; ++k)
+        {
+            out.corners.insert(
+                out.corners.end(),
+                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
+            end_face();
+        }
+    for (const bool is_begin : {true, false})
+    {
+        for (std::uint32_t k = 0; k < count; ++k)
+            out.corners.push_back(is_begin ? corner(0, count - k)
+                                           : corner(rings.size() - 1, k));
+        end_face();
+    }
+}
+
+std::vector<Vector3d> ring(const Vector3d& middle, const Vector3d& a, const Vector3d& b,
+                           int around, double phase = 0.0)
+{
+    std::vector<Vector3d> out;
+    for (int k = 0; k < around; ++k)
+    {
+        const double angle = 2.0 * std::numbers::pi * k / around + phase;
+        out.push_back(middle + std::cos(angle) * a + std::sin(angle) * b);
+    }
+    return out;
+}
+
+} // namespace
+
+void add_body(const BodyStatement& body, const Motion& pose, int around, Geometry& out)
+{
+    const Vector3d inertia(body.inertia[0], body.inertia[1], body.inertia[2]);
+    out.groups.push_back({body.name, out.num_faces(), 0});
+    std::vector<std::vector<Vector3d>> rings;
+    if (inertia.maxCoeff() - inertia.minCoeff() <= 1e-9 * inertia.maxCoeff())
+    {
+        const double radius = std::sqrt(2.5 * inertia[0] / body.mass);
+        const int count = std::max(4, around);
+        for (int k = 0; k <= count; ++k)
+        {
+            // The poles are small rings.
+            const double polar =
+                std::clamp(std::numbers::pi * k / count, 1e-3, std::numbers::pi - 1e-3);
+            rings.push_back(ring(pose(Vector3d(0, 0, -radius * std::cos(polar))),
+                                 radius * std::sin(polar) * pose.R.col(0),
+                                 radius * std::sin(polar) * pose.R.col(1), 2 * count));
+        }
+    }
+    else
+    {
+        const Vector3d half =
+            (3.0 / body.mass * (Vector3d::Constant(0.5 * inertia.sum()) - inertia))
+                .cwiseMax(0.0)
+                .cwiseSqrt();
+        for (const double side : {-1.0, 1.0})
+            rings.push_back(ring(pose(Vector3d(0, 0, side * half[2])),
+                                 std::numbers::sqrt2 * half[0] * pose.R.col(0),
+                                 std::numbers::sqrt2 * half[1] * pose.R.col(1), 4,
+                                 0.25 * std::numbers::pi));
+    }
+    add_rings(rings, kBody, out);
+    out.groups.back().end_face = out.num_faces();
+}
+
+void add_net(const NetStatement& net, const std::vector<Vector3d>& points, int around,
+             Geometry& out)
+{
+    constexpr double kThin = 0.05; // of the spring's length
+    out.groups.push_back({net.name, out.num_faces(), 0});
+    for (const NetStatement::Spring& spring : net.springs)
+    {
+        const auto rest = [&](std::size_t k)
+        { return Vector3d(net.points[k][0], net.points[k][1], net.points[k][2]); };
+        const Vector3d a = points[spring.node[0]], b = points[spring.node[1]];
+        const double radius =
+            kThin * (rest(spring.node[0]) - rest(spring.node[1])).norm();
+        const Vector3d t = (b - a).normalized();
+        if (!t.allFinite() || t.isZero())
+            continue;
+        Vector3d n = t.unitOrthogonal();
+        const Vector3d m = t.cross(n);
+        add_rings({ring(a, radius * n, radius * m, around),
+                   ring(b, radius * n, radius * m, around)},
+                  kNet, out);
+    }
+    out.groups.back().end_face = out.num_faces();
+}
+
+} // namespace cellwarp

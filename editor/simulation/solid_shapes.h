@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Bodies and nets as they are drawn.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/geometry.h"
+#include "io/rod_scene.h"
+#include "octree/base/rigid_motion.h"
+
+namespace cellwarp
+{
+
+/// The ball or box of even density that has the body's mass and inertia.
+void add_body(const BodyStatement& body, const Motion& pose, int around, Geometry& out);
+
+/// Springs as thin tubes.
+void add_net(const NetStatement& net, const std::vector<Eigen::Vector3d>& points,
+             int around, Geometry& out);
+
+} // namespace cellwarp

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/dynamics/implicit_stepper.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr int kMostParts = 1 << 8;
+/// Iterations of Newton's method in a step, a try that fails counted as ten of them; then
+/// the rest of it is taken at once, as it comes out.
+constexpr int kMostIterations = 1000, kFailedTry = 10;
+constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
+constexpr int kIterations = 40;
+
+} // namespace
+
+ImplicitStepper::ImplicitStepper(std::vector<ArticulableObject*> objects,
+                                 std::vector<Joint> joints, double noise)
+    : objects_(objects), joints_(joints), all_(std::move(objects), std::move(joints)),
+      noise_(noise)
+{
+}
+
+StepReport ImplicitStepper::step(double step)
+{
+    StepReport report;
+    report.stop = MotionStop::Converged;
+    // Counted in the smallest parts, so that they add up to the whole step.
+    int done = 0, work = 0;
+    while (done < kMostParts)
+    {
+        int length = kMostParts / parts_;
+        while (done % length != 0)
+            length /= 2;
+        const bool is_given_up = work >= kMostIterations;
+        if (is_given_up)
+            length = kMostParts - done;
+        const double part = step * length / kMostParts;
+        MotionStop stop = MotionStop::NotRun;
+        const int before = report.iterations;
+        const bool is_good = try_step(part, stop, report);
+        work += report.iterations - before + (is_good ? 1 : kFailedTry);
+        if (is_good || length == 1 || is_given_up)
+        {
+            done += length;
+            ++report.parts;
+            if (stop != MotionStop::Converged)
+                report.stop = stop;
+            else if (!is_good)
+                report.stop = MotionStop::EnergyGrew;
+            num_good_ = is_good ? num_good_ + 1 : 0;
+            if (num_good_ >= kGoodParts && parts_ > 1)
+            {
+                parts_ /= 2;
+                num_good_ = 0;
+            }
+            continue;
+        }
+        for (ArticulableObject* const object : objects_)
+            object->undo();
+        parts_ = std::min(2 * (kMostParts / length), kMostParts);
+        num_good_ = 0;
+    }
+    return report;
+}
+
+ArticulableObject::Energy ImplicitStepper::energy() const
+{
+    ArticulableObject::Energy all;
+    for (const ArticulableObject* const object : objects_)
+    {
+        const ArticulableObject::Energy one = object->energy();
+        all.sum += one.sum;
+        all.size += one.size;
+    }
+    return all;
+}
+
+/// Work comes in from outside, too, where constraints bring what they hold to another
+/// place.
+bool ImplicitStepper::is_driven() const
+{
+    return all_.is_pulled() ||
+           std::any_of(objects_.begin(), objects_.end(),
+                       [](const ArticulableObject* one) { return one->is_driven(); });
+}
+
+/// One part of a step. False where it did not converge, or added energy.
+bool ImplicitStepper::try_step(double step, MotionStop& stop, StepReport& report)
+{
+    const double before = energy().sum;
+    const bool is_free = !is_driven();
+    for (ArticulableObject* const object : objects_)
+        object->start(step);
+    MotionOptions options;
+    options.max_iterations = kIterations;
+    const MotionReport told = all_.solve(options);
+    for (ArticulableObject* const object : objects_)
+        object->finish();
+    report.iterations += told.iterations;
+    report.num_dropped = std::max(report.num_dropped, told.num_dropped);
+    report.violation = told.violation;
+    stop = told.stop;
+    if (!is_solved(stop))
+        return false;
+    if (!is_free)
+        return true;
+    const ArticulableObject::Energy now = energy();
+    return now.sum <= before + noise_ * (now.size + std::abs(before)) + all_.rounding();
+}
+
+StepReport ImplicitStepper::settle()
+{
+    constexpr double kFirst = 0.01, kLongest = 100.0; // [s]
+    constexpr int kMost = 300;
+    constexpr double kStill = 1e-10; // of the size
+    StepReport report;
+    report.stop = MotionStop::IterationLimit;
+    double step = kFirst;
+    for (int k = 0; k < kMost; ++k)
+    {
+        for (ArticulableObject* const object : objects_)
+        {
+            object->rest();
+            object->start(step);
+        }
+        const MotionReport told = all_.solve({});
+        report.iterations += told.iterations;
+        report.num_dropped = std::max(report.num_dropped, told.num_dropped);
+        report.violation = told.violation;
+        if (!is_solved(told.stop))
+        {
+            for (ArticulableObject* const object : objects_)
+                object->undo();
+            step *= 0.25;
+            if (step < 1e-6)
+            {
+                report.stop = told.stop;
+                return report;
+            }
+            continue;
+        }
+        double way = 0.0, size = 0.0;
+        for (ArticulableObject* const object : objects_)
+        {
+            object->finish();
+            way = std::max(way, object->way());
+            size = std::max(size, object->size());
+            object->rest();
+        }
+        ++report.parts;
+        if (step >= kLongest && way <= kStill * size)
+        {
+            report.stop = told.stop;
+            return report;
+        }
+        step = std::min(2.0 * step, kLongest);
+    }
+    return report;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Joined objects in time, by implicit steps. The step is fixed; where a step would add
+// energy it is taken in smaller parts, by rules that know nothing of the clock: the same
+// steps whatever is watched.
+#pragma once
+
+#include <vector>
+
+#include "solver/dynamics/articulation.h"
+
+namespace cellwarp
+{
+
+struct StepReport
+{
+    MotionStop stop = MotionStop::NotRun; ///< of the parts that could not be cut further
+    int iterations = 0, parts = 0;
+    double violation = 0.0;
+    int num_dropped = 0;
+};
+
+class ImplicitStepper
+{
+public:
+    /// The objects must outlive it. \p noise: share of its energy that a step may add.
+    explicit ImplicitStepper(std::vector<ArticulableObject*> objects,
+                             std::vector<Joint> joints = {}, double noise = 1e-9);
+
+    /// Goes on by \p step [s].
+    StepReport step(double step);
+
+    /// To where nothing moves any more: by longer and longer steps, each from rest.
+    StepReport settle();
+
+private:
+    bool try_step(double step, MotionStop& stop, StepReport& report);
+    ArticulableObject::Energy energy() const;
+    bool is_driven() const;
+
+    std::vector<ArticulableObject*> objects_;
+    std::vector<Joint> joints_;
+    Articulation all_;
+    double noise_;
+    int parts_ = 1;    ///< of a step, as a power of 2
+    int num_good_ = 0; ///< parts that went well since the last change
+};
+
+} // namespace cellwarp

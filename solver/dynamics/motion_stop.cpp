@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/dynamics/motion_stop.h"
+
+namespace cellwarp
+{
+
+const char* stop_name(MotionStop stop)
+{
+    switch (stop)
+    {
+    case MotionStop::NotRun:
+        return "not run";
+    case MotionStop::Converged:
+        return "converged";
+    case MotionStop::EnergyGrew:
+        return "energy grew";
+    case MotionStop::Contradiction:
+        return "contradictory constraints";
+    case MotionStop::IterationLimit:
+        return "iteration limit";
+    case MotionStop::NoDescent:
+        return "no descent";
+    case MotionStop::NotFinite:
+        return "not finite";
+    }
+    return "";
+}
+
+} // namespace cellwarp

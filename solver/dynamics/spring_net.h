@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Points with mass, and springs between them: a net, a cloth, that can be joined to
+// others.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+
+#include "solver/dynamics/articulable_object.h"
+
+namespace cellwarp
+{
+
+struct NetSpring
+{
+    std::array<int, 2> node = {};
+    double stiffness = 0.0; ///< [N/m]
+    double length = 0.0;    ///< at rest [m]
+};
+
+class SpringNet : public ArticulableObject
+{
+public:
+    /// \p points [m], the \p mass of each [kg], above 0. The lengths at rest are those
+    /// between the points.
+    SpringNet(std::vector<Eigen::Vector3d> points, Eigen::VectorXd mass,
+              std::vector<NetSpring> springs);
+
+    Eigen::VectorXd x, velocity;                       ///< 3 of each point [m], [m/s]
+    Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
+    double viscosity = 0.0;                            ///< of the velocity [1/s]
+
+    /// It stays where it is.
+    void hold(int point) { is_fast_[idx(point)] = 1; }
+
+    int num_points() const { return static_cast<int>(mass_.size()); }
+    Eigen::Vector3d point(int k) const { return x.segment<3>(3 * k); }
+    const std::vector<NetSpring>& springs() const { return springs_; }
+    double kinetic() const;
+    double elastic() const { return elastic(x); }
+    double mass(int k) const { return mass_[k]; }
+
+    // Places are numbers of points; a point has no frame.
+
+    int num_unknowns() const override { return static_cast<int>(x.size()); }
+    double size() const override { return size_; }
+    double extent() const override { return std::max(size_, x.cwiseAbs().maxCoeff()); }
+    double own_violation() const override { return 0.0; }
+    bool is_held(int) const override { return true; }
+    Eigen::Vector3d place(int place, bool of_trial) const override;
+    Eigen::Matrix3d frame(int, bool) const override
+    {
+        return Eigen::Matrix3d::Identity();
+    }
+    void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override;
+    void add_turned(int, const Eigen::Vector3d&, SparseRow&) const override {}
+    void forget_presses() override {}
+    void press(int, const Eigen::Vector3d&) override {}
+    void begin() override {}
+    void measure(bool of_trial, Measure& out) override;
+    double linearise(Eigen::VectorXd& gradient, Measure& here) override;
+    void add_own_forces(const Eigen::VectorXd&, double, Eigen::VectorXd&) const override
+    {
+    }
+    double noise_of_forces() const override;
+    double cancelled() const override { return 1e-6 * stiffest_ * size_ * size_; }
+    SaddleSolver::Report factorize(const Eigen::VectorXd& lambda, int& level) override;
+    void take_off_contradiction(Measure&) override {}
+    void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override;
+    double stiffness_of(int unknown) const override { return diagonal_[unknown]; }
+    std::span<const Added> added() const override { return {}; }
+    double turn(const Eigen::VectorXd& step) const override;
+    void try_step(const Eigen::VectorXd& step, double length) override;
+    void try_more(const Eigen::VectorXd& step) override { trial_ += step; }
+    void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override;
+    void accept(const Eigen::VectorXd*) override { x = trial_; }
+    Again again(const Eigen::VectorXd&, bool) override { return Again::No; }
+    bool is_beyond() const override { return false; }
+    void go_back() override { x = start_; }
+    void start(double step) override;
+    void finish() override { velocity = (x - start_) / step_; }
+    void undo() override;
+    double way() const override { return (x - start_).cwiseAbs().maxCoeff(); }
+    Energy energy() const override;
+    bool is_driven() const override { return false; }
+    void rest() override { velocity.setZero(); }
+
+private:
+    double elastic(const Eigen::VectorXd& at) const;
+    double weight(const Eigen::VectorXd& at) const;
+    void let_go_of_fast(Eigen::VectorXd& forces) const;
+
+    Eigen::VectorXd mass_;
+    std::vector<NetSpring> springs_;
+    std::vector<char> is_fast_; ///< points that stay
+    double size_ = 0.0, stiffest_ = 0.0;
+
+    // One step.
+    double step_ = 1.0, pull_ = 1.0; ///< [s], of the mass in second derivatives [1/s^2]
+    Eigen::VectorXd start_, trial_, velocity_before_, diagonal_;
+    Eigen::SparseMatrix<double> matrix_;
+    std::unique_ptr<Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>> factor_;
+};
+
+} // namespace cellwarp
