@@ -468,6 +468,9 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
         reader.object().fail("what", "what slides is joined by point alone");
     if (slides)
         read_slide(reader, joint.slide);
+    if (joint.ends[0].slides && joint.ends[1].slides &&
+        reader.object().find("other_start"))
+        reader.read("other_start", 0.0, 1.0, joint.other_start.emplace(0.0));
     reader.object().warn_of_the_rest();
 }
 

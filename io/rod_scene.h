@@ -147,7 +147,8 @@ struct JointStatement
 {
     std::array<JointEnd, 2> ends;
     bool has_point = false, has_frame = false, has_distance = false;
-    SlideStatement slide; ///< of ends that slide
+    SlideStatement slide;              ///< of ends that slide
+    std::optional<double> other_start; ///< of the second, where both do
 };
 
 struct RodScene

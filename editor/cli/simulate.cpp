@@ -216,6 +216,9 @@ std::optional<Film> film_of_rods(const std::string& scene)
         return std::nullopt;
     const RodScene read = read_rod_scene(scene);
     const auto simulation = std::make_shared<Simulation>(read);
+    std::vector<std::string> warnings = read.warnings;
+    warnings.insert(warnings.end(), simulation->warnings().begin(),
+                    simulation->warnings().end());
     const auto frame = std::make_shared<std::int64_t>(0);
     const auto draw = [=](std::int64_t wanted)
     {
@@ -225,7 +228,7 @@ std::optional<Film> film_of_rods(const std::string& scene)
         return simulation->surface(kAround);
     };
     return Film{simulation->last_frame(), draw,
-                [=] { return simulation->report().is_converged; }, read.warnings};
+                [=] { return simulation->report().is_converged; }, warnings};
 }
 
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)

@@ -242,8 +242,12 @@ int RodPart::add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
                        const Eigen::Vector3d& point, const std::string& where)
 {
     RodSlide slide;
-    slide.begin = parameter(of.range[0]);
-    slide.end = parameter(of.range[1]);
+    // A range of a closed rod may lead over its seam.
+    const double period = rod.basis().end() - rod.basis().begin();
+    const auto unwrapped = [&](double share)
+    { return share > 1.0 ? parameter(share - 1.0) + period : parameter(share); };
+    slide.begin = unwrapped(of.range[0]);
+    slide.end = unwrapped(of.range[1]);
     slide.is_endless =
         rod.basis().is_closed() && of.range[0] == 0.0 && of.range[1] == 1.0;
     slide.leaves = of.leaves;
@@ -251,7 +255,7 @@ int RodPart::add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
     slide.slips = of.friction[1];
     slide.held = held;
     const double start =
-        of.start ? parameter(*of.start) : nearest_parameter(slide, state, point);
+        of.start ? unwrapped(*of.start) : nearest_parameter(slide, state, point);
     const BasisValues values = sliding_values(rod.basis(), start);
     constexpr double kFar = 0.25, kNear = 0.01; // of the length
     const double off = (held * (state.at(values).place - point)).norm(),
@@ -300,6 +304,17 @@ int RodPart::add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
                                 "it starts too near to the one before it, or behind it");
     }
     return number;
+}
+
+void RodPart::keep_last_two_apart(double share)
+{
+    int first = static_cast<int>(model.slides.size()) - 2, second = first + 1;
+    if (state.sliding[idx(first)].s > state.sliding[idx(second)].s)
+        std::swap(first, second);
+    const double least = share * rod.arc_length().total();
+    model.gaps.push_back({first, second, least, false});
+    if (rod.basis().is_closed())
+        model.gaps.push_back({second, first, least, true});
 }
 
 void RodPart::close_gaps()

@@ -37,10 +37,14 @@ public:
     /// statement tells. \p where is its key.
     int add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
                   const Eigen::Vector3d& point, const std::string& where);
+    /// The last two slides stay so far from each other, of the length.
+    void keep_last_two_apart(double share);
     /// After the last slide: on a closed rod the first stays apart from the last, too.
     void close_gaps();
     /// Something holds it, or it needs nothing to.
     bool has_equilibrium() const;
+    /// Something of the world does.
+    bool is_held() const { return !model.is_free() || has_springs_; }
 
     /// Brings what keys hold to where it is at a time; \p share: of what they say.
     void hold_at(double time, double share);

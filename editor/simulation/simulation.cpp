@@ -42,6 +42,9 @@ Vector3d origin_of(const RodScene& scene)
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
+/// How near places of one rod that are joined may slide to each other, of its length.
+constexpr double kOffItself = 0.02;
+
 /// Directions tell of turns below 90 degrees alone: larger ones go in parts [degree].
 int parts_of(double turn)
 {
@@ -190,19 +193,24 @@ Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& sl
 /// side, a little way off, and starts where the curve is nearest.
 void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const
 {
-    constexpr double kOff = 0.02; // of the length
+    constexpr double kNear = 0.1; // of the length
     constexpr int kPlaces = 1000;
     const RodPart& part = *parts_->rods[rod];
+    const bool is_closed = part.rod.basis().is_closed();
     const auto place = [&](double share)
     { return part.state.at(part.parameter(share)).place; };
+    const auto apart = [&](double share)
+    {
+        const double off = std::abs(share - at);
+        return is_closed ? std::min(off, 1.0 - off) : off;
+    };
     if (!slide.start)
     {
         double least = std::numeric_limits<double>::infinity();
         for (int k = 0; k <= kPlaces; ++k)
         {
             const double share = double(k) / kPlaces;
-            if (std::abs(share - at) < 0.1 || share < slide.range[0] ||
-                share > slide.range[1])
+            if (apart(share) < kNear || share < slide.range[0] || share > slide.range[1])
                 continue;
             if (const double away = (place(share) - place(at)).norm(); away < least)
             {
@@ -213,10 +221,20 @@ void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& sli
     }
     if (!slide.start)
         return;
-    if (*slide.start < at)
-        slide.range[1] = std::min(slide.range[1], std::max(at - kOff, *slide.start));
+    const bool is_whole = slide.range[0] == 0.0 && slide.range[1] == 1.0;
+    if (is_closed && is_whole)
+    {
+        // Once around, from the place to itself.
+        slide.range = {at + kOffItself, at + 1.0 - kOffItself};
+        if (*slide.start < at)
+            slide.start = *slide.start + 1.0;
+    }
+    else if (*slide.start < at)
+        slide.range[1] =
+            std::min(slide.range[1], std::max(at - kOffItself, *slide.start));
     else
-        slide.range[0] = std::max(slide.range[0], std::min(at + kOff, *slide.start));
+        slide.range[0] =
+            std::max(slide.range[0], std::min(at + kOffItself, *slide.start));
 }
 
 void Simulation::join()
@@ -251,9 +269,12 @@ void Simulation::join()
     for (std::size_t k = 0; k < scene_.joints.size(); ++k)
     {
         const JointStatement& joint = scene_.joints[k];
-        all.push_back({joint.ends[0], joint.ends[1], joint.slide, joint.slide,
-                       fmt::format("joints[{}]", k), joint.has_point, joint.has_frame,
-                       joint.has_distance});
+        Both& both =
+            all.emplace_back(Both{joint.ends[0], joint.ends[1], joint.slide, joint.slide,
+                                  fmt::format("joints[{}]", k), joint.has_point,
+                                  joint.has_frame, joint.has_distance});
+        if (joint.ends[0].slides && joint.ends[1].slides)
+            both.of_b.start = joint.other_start;
     }
     for (Both& both : all)
     {
@@ -271,6 +292,9 @@ void Simulation::join()
                     if (&a == &b && std::abs(i - j) < kPlaces / 10)
                         continue;
                     const double s = double(i) / kPlaces, t = double(j) / kPlaces;
+                    if (s < both.of_a.range[0] || s > both.of_a.range[1] ||
+                        t < both.of_b.range[0] || t > both.of_b.range[1])
+                        continue;
                     const double away = (a.state.at(a.parameter(s)).place -
                                          b.state.at(b.parameter(t)).place)
                                             .norm();
@@ -296,6 +320,8 @@ void Simulation::join()
                        of_b = start_of(both.b, both.of_b);
         const End a = end_of(both.a, both.of_a, both.where, of_b),
                   b = end_of(both.b, both.of_b, both.where, of_a);
+        if (both.a.slides && both.b.slides && a.object == b.object)
+            parts_->rods[idx(a.object)]->keep_last_two_apart(kOffItself);
         if (a.object == b.object && a.object >= static_cast<int>(parts_->rods.size()))
             throw malformed({scene_.path, 0, both.where},
                             "joins " + parts_->name(scene_, idx(a.object)) +
@@ -396,6 +422,7 @@ void Simulation::group()
             throw malformed({scene_.path, 0, "simulate.integrator"},
                             "bodies, nets and what is joined need implicit-euler or "
                             "static");
+        need_hold(group, members);
         std::vector<ArticulableObject*> objects;
         for (const std::size_t k : members)
             objects.push_back(parts_->object(k));
@@ -404,11 +431,26 @@ void Simulation::group()
                 if (parts_->rods[k].get() == rod)
                     parts_->object_of(k).bind(rod->state, rod->velocity);
         group.joined.emplace(std::move(objects), std::move(joints));
-        lead_bodies(group, 0.0, 1.0);
-        for (Parts::Body* const body : group.bodies)
-            if (!body->statement->keys.empty())
-                body->body.start(scene_.dt); // to where its first key is
     }
+}
+
+/// An equilibrium needs something that holds.
+void Simulation::need_hold(const Group& group,
+                           const std::vector<std::size_t>& members) const
+{
+    bool is_held = !is_static() || vector_of(scene_.gravity).isZero(0.0);
+    for (const RodPart* const rod : group.rods)
+        is_held = is_held || rod->is_held();
+    for (const Parts::Body* const body : group.bodies)
+        is_held = is_held || !body->statement->keys.empty();
+    const std::size_t before = parts_->rods.size() + parts_->bodies.size();
+    for (const std::size_t k : members)
+        is_held = is_held || (k >= before && !scene_.nets[k - before].fixed.empty());
+    if (!is_held)
+        throw malformed({scene_.path, 0, "simulate.integrator"},
+                        "nothing holds " + group.name +
+                            " against its weight: there is no "
+                            "equilibrium (need fixed, on, springs or a body with keys)");
 }
 
 void Simulation::start_alone(Group& group)
@@ -426,9 +468,12 @@ void Simulation::start_alone(Group& group)
     const Integrator rule = scene_.integrator == "midpoint" ? Integrator::Midpoint
                             : scene_.integrator == "rk4"    ? Integrator::RungeKutta
                                                             : Integrator::ImplicitEuler;
-    if (!rod.model.slides.empty() && rule != Integrator::ImplicitEuler)
+    if (!rod.model.slides.empty() && rule == Integrator::Midpoint)
         throw malformed({scene_.path, 0, "simulate.integrator"},
-                        "what slides needs implicit-euler or static");
+                        "what slides needs implicit-euler, rk4 or static");
+    if (!rod.model.gaps.empty() && rule == Integrator::RungeKutta)
+        throw malformed({scene_.path, 0, "simulate.integrator"},
+                        "what stays apart needs implicit-euler or static");
     group.alone.emplace(rod.model, rule);
     if (rule != Integrator::RungeKutta)
         return;
@@ -485,7 +530,8 @@ void Simulation::step()
     ++done_;
 }
 
-void Simulation::lead_bodies(const Group& group, double time, double share)
+void Simulation::lead_bodies(const Group& group, double time, double share,
+                             double duration)
 {
     for (Parts::Body* const body : group.bodies)
     {
@@ -499,7 +545,7 @@ void Simulation::lead_bodies(const Group& group, double time, double share)
             key.rotate[3] *= share;
         }
         const Motion motion = motion_at(keys, time, body->rest.t);
-        body->body.lead(motion.R * body->rest.R, motion(body->rest.t));
+        body->body.lead(motion.R * body->rest.R, motion(body->rest.t), duration);
     }
 }
 
@@ -518,7 +564,7 @@ void Simulation::settle(Group& group)
         const double share = static_cast<double>(part) / parts;
         for (RodPart* const rod : group.rods)
             rod->hold_at(scene_.duration, share);
-        lead_bodies(group, scene_.duration, share);
+        lead_bodies(group, scene_.duration, share, 0.0);
         if (group.alone)
         {
             RodPart& rod = *group.rods.front();
@@ -551,14 +597,19 @@ void Simulation::advance(Group& group, double begin)
         largest = std::max(largest, rod->turned(begin, begin + dt) +
                                         (done_ == 0 ? rod->first_turn() : 0.0));
     for (const Parts::Body* const body : group.bodies)
-        largest = std::max(largest, turned(body->statement->keys, begin, begin + dt));
+    {
+        const std::vector<RodKey>& keys = body->statement->keys;
+        const double first =
+            done_ == 0 && !keys.empty() ? std::abs(keys.front().rotate[3]) : 0.0;
+        largest = std::max(largest, turned(keys, begin, begin + dt) + first);
+    }
     const int parts = parts_of(largest);
     for (int part = 1; part <= parts; ++part)
     {
         const double share = static_cast<double>(part) / parts;
         for (RodPart* const rod : group.rods)
             rod->hold_at(begin + share * dt, done_ == 0 ? share : 1.0);
-        lead_bodies(group, begin + share * dt, 1.0);
+        lead_bodies(group, begin + share * dt, done_ == 0 ? share : 1.0, dt / parts);
         RodPart* const rod = group.rods.empty() ? nullptr : group.rods.front();
         const StepReport report =
             group.alone ? group.alone->step(rod->state, rod->velocity, dt / parts)

@@ -101,7 +101,8 @@ private:
     void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
     void group();
     void start_alone(Group& group);
-    void lead_bodies(const Group& group, double time, double share);
+    void lead_bodies(const Group& group, double time, double share, double duration);
+    void need_hold(const Group& group, const std::vector<std::size_t>& members) const;
     void advance(Group& group, double begin);
     void settle(Group& group);
     void take(Group& group, const StepReport& report);

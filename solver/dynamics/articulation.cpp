@@ -38,7 +38,7 @@ using Eigen::Vector3d;
 /// Each takes back all but an eighth or less of what is left, down to where only rounding
 /// is.
 constexpr int kCorrections = 12;
-constexpr double kCorrected = 1e-10;
+constexpr double kCorrected = 1e-10, kWorse = 2.0;
 /// Of constraints, of the size of the objects.
 constexpr double kViolation = 1e-11;
 /// A residual that stays above this share of the last one no longer falls.
@@ -107,6 +107,7 @@ private:
                           std::vector<Eigen::VectorXd>& out) const;
     void measure(bool of_trial, std::vector<ArticulableObject::Measure>& out,
                  Eigen::VectorXd& joints);
+    void take_off_idle(Eigen::VectorXd& joints) const;
     double merit(const std::vector<ArticulableObject::Measure>& of,
                  const Eigen::VectorXd& joints) const;
     bool keeps_constraints() const;
@@ -294,8 +295,15 @@ void Articulation::Run::measure(bool of_trial,
     each([&](std::size_t a, ArticulableObject& object)
          { object.measure(of_trial, out[a]); });
     joints = all_.joint_violations(of_trial);
+    take_off_idle(joints);
+}
+
+/// Of rows that say nothing new no violation is solved for.
+void Articulation::Run::take_off_idle(Eigen::VectorXd& joints) const
+{
     for (Eigen::Index r = 0; r < joints.size(); ++r)
-        if (static_cast<std::size_t>(r) < is_idle_.size() && is_idle_[idx(int(r))])
+        if (static_cast<std::size_t>(r) < is_idle_.size() &&
+            is_idle_[static_cast<std::size_t>(r)])
             joints[r] = 0.0;
 }
 
@@ -332,6 +340,7 @@ bool Articulation::Run::look()
          { at_work = std::max(at_work, object.linearise(gradient_[a], here_[a])); });
     joints_here_ = all_.joint_violations(false);
     report_.violation = largest(joints_here_);
+    take_off_idle(joints_here_);
     right_ = gradient_;
     each(
         [&](std::size_t a, ArticulableObject& object)
@@ -527,6 +536,7 @@ void Articulation::Run::correct(double length)
     for (const Eigen::VectorXd& step : step_)
         most = std::max(most, largest(step));
     const double left = 1.0 - length * reach_;
+    double last = std::numeric_limits<double>::infinity();
     for (int correction = 0; correction < kCorrections; ++correction)
     {
         each(
@@ -550,8 +560,14 @@ void Articulation::Run::correct(double length)
             now = std::max(now, largest(right));
             is_finite = is_finite && right.allFinite();
         }
-        if (!is_finite)
+        if (!is_finite || now > kWorse * last)
+        {
+            // Corrections that grow are none: joints that nearly say the same.
+            each([&](std::size_t a, ArticulableObject& object)
+                 { object.try_step(step_[a], length); });
             return;
+        }
+        last = now;
         each([&](std::size_t a, ArticulableObject& object)
              { object.try_more(right_[a]); });
         if (now <= kCorrected * most)

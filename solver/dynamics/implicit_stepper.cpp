@@ -13,9 +13,10 @@ namespace
 {
 
 constexpr int kMostParts = 1 << 8;
-/// Iterations of Newton's method in a step, a try that fails counted as ten of them; then
-/// the rest of it is taken at once, as it comes out.
-constexpr int kMostIterations = 1000, kFailedTry = 10;
+/// Iterations of Newton's method in a step, a try that fails counted as ten of them, and
+/// as sixty where no length of a step was good; then the rest of it is taken at once, as
+/// it comes out.
+constexpr int kMostIterations = 1000, kFailedTry = 10, kNoDescent = 60;
 constexpr int kGoodParts = 8; ///< after so many, parts are twice as long again
 constexpr int kIterations = 40;
 
@@ -46,9 +47,16 @@ StepReport ImplicitStepper::step(double step)
         MotionStop stop = MotionStop::NotRun;
         const int before = report.iterations;
         const bool is_good = try_step(part, stop, report);
-        work += report.iterations - before + (is_good ? 1 : kFailedTry);
+        work += report.iterations - before +
+                (is_good                         ? 1
+                 : stop == MotionStop::NoDescent ? kNoDescent
+                                                 : kFailedTry);
         if (is_good || length == 1 || is_given_up)
         {
+            // What has not gone anywhere has not lost its velocity.
+            if (!is_solved(stop) && report.iterations - before <= 1)
+                for (ArticulableObject* const object : objects_)
+                    object->undo();
             done += length;
             ++report.parts;
             if (stop != MotionStop::Converged)
@@ -120,10 +128,14 @@ StepReport ImplicitStepper::settle()
 {
     constexpr double kFirst = 0.01, kLongest = 100.0; // [s]
     constexpr int kMost = 300;
-    constexpr double kStill = 1e-10; // of the size
+    // Three steps of that length, each twice as long as the one before.
+    constexpr double kStill = 1e-10, kLong = 5.0; // of the size, [s]
+    constexpr int kStills = 3;
     StepReport report;
     report.stop = MotionStop::IterationLimit;
     double step = kFirst;
+    int num_still = 0;
+    ArticulableObject::Energy last;
     for (int k = 0; k < kMost; ++k)
     {
         for (ArticulableObject* const object : objects_)
@@ -147,6 +159,14 @@ StepReport ImplicitStepper::settle()
             }
             continue;
         }
+        // What may move without end, such as what turns about itself, does so by the
+        // rounding of forces; then the energy tells.
+        constexpr double kSame = 1e-13;
+        const ArticulableObject::Energy now = energy();
+        const bool is_same =
+            k > 0 && std::abs(now.sum - last.sum) <=
+                         kSame * (now.size + std::abs(now.sum)) + all_.rounding();
+        last = now;
         double way = 0.0, size = 0.0;
         for (ArticulableObject* const object : objects_)
         {
@@ -156,7 +176,8 @@ StepReport ImplicitStepper::settle()
             object->rest();
         }
         ++report.parts;
-        if (step >= kLongest && way <= kStill * size)
+        num_still = way <= kStill * size ? num_still + 1 : 0;
+        if ((num_still >= kStills && step >= kLong) || (is_same && step >= kLongest))
         {
             report.stop = told.stop;
             return report;

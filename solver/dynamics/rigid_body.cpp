@@ -60,11 +60,17 @@ RigidBody::RigidBody(double mass, const Vector3d& inertia) : mass_(mass)
     size_ = std::sqrt(12.0 * spread_.maxCoeff() / mass);
 }
 
-void RigidBody::lead(const Matrix3d& R, const Vector3d& p)
+void RigidBody::lead(const Matrix3d& R, const Vector3d& p, double duration)
 {
     is_led_ = true;
-    ahead_R_ = R;
-    ahead_p_ = p;
+    goal_.R = R;
+    goal_.p = p;
+    left_ = duration;
+}
+
+bool RigidBody::is_driven() const
+{
+    return is_led_ && left_ > 0.0 && (goal_.p != state.p || goal_.R != state.R);
 }
 
 Vector3d RigidBody::angular_velocity() const
@@ -244,8 +250,15 @@ void RigidBody::start(double step)
     start_ = state;
     if (is_led_)
     {
-        state.R = ahead_R_;
-        state.p = ahead_p_;
+        const double share = left_ > step ? step / left_ : 1.0;
+        if (share == 1.0)
+            state.R = goal_.R;
+        else
+            state.R =
+                turn_of(share * rotation_vector(goal_.R * state.R.transpose())) * state.R;
+        state.p += share * (goal_.p - state.p);
+        ahead_R_ = state.R;
+        ahead_p_ = state.p;
         return;
     }
     ahead_p_ = state.p + step * state.velocity;
@@ -257,8 +270,24 @@ void RigidBody::finish()
     // Many small turns leave rounding in the rotation.
     Eigen::Quaterniond turned(state.R);
     state.R = turned.normalized().toRotationMatrix();
+    left_ = std::max(left_ - step_, 0.0);
     state.velocity = (state.p - start_.p) / step_;
     state.turning = (state.R - start_.R) / step_;
+}
+
+/// Of a solve that begins anew what is led stays where the step leads it.
+void RigidBody::go_back()
+{
+    if (!is_led_)
+        state = start_;
+}
+
+void RigidBody::undo()
+{
+    // finish() has come before.
+    if (is_led_)
+        left_ += step_;
+    state = start_;
 }
 
 ArticulableObject::Energy RigidBody::energy() const

@@ -32,9 +32,9 @@ public:
     RigidBodyState state;
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
 
-    /// It goes where it is told to, and nothing moves it: \p next is its pose at the end
-    /// of the coming step.
-    void lead(const Eigen::Matrix3d& R, const Eigen::Vector3d& p);
+    /// It goes where it is told to, evenly, and nothing moves it: to a pose after a time
+    /// [s].
+    void lead(const Eigen::Matrix3d& R, const Eigen::Vector3d& p, double duration);
 
     /// About world axes, from the rotation per time.
     void spin(const Eigen::Vector3d& omega)
@@ -85,13 +85,13 @@ public:
     void accept(const Eigen::VectorXd*) override { state = trial_; }
     Again again(const Eigen::VectorXd&, bool) override { return Again::No; }
     bool is_beyond() const override { return false; }
-    void go_back() override { state = start_; }
+    void go_back() override;
     void start(double step) override;
     void finish() override;
-    void undo() override { state = start_; }
+    void undo() override;
     double way() const override { return (state.p - start_.p).norm(); }
     Energy energy() const override;
-    bool is_driven() const override { return is_led_; }
+    bool is_driven() const override;
     void rest() override;
 
 private:
@@ -102,6 +102,8 @@ private:
     double size_ = 0.0;      ///< of a box with that inertia, or of its places [m]
     std::vector<Eigen::Vector3d> places_;
     bool is_led_ = false;
+    RigidBodyState goal_; ///< of what is led
+    double left_ = 0.0;   ///< time to it [s]
 
     // One step.
     double step_ = 1.0; ///< [s]

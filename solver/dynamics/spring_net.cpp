@@ -170,9 +170,10 @@ SaddleSolver::Report SpringNet::factorize(const Eigen::VectorXd&, int& level)
             const Vector3d way = point(spring.node[0]) - point(spring.node[1]);
             const double l = way.norm();
             const Vector3d n = l > 0.0 ? Vector3d(way / l) : Vector3d::UnitX();
-            const double tension = l > 0.0      ? 1.0 - spring.length / l
-                                   : level == 0 ? -1.0
-                                                : 0.0;
+            const double tension = spring.length == 0.0 ? 1.0
+                                   : l > 0.0            ? 1.0 - spring.length / l
+                                   : level == 0         ? -1.0
+                                                        : 0.0;
             const double across = level == 0 ? tension : std::max(tension, 0.0);
             const Eigen::Matrix3d K =
                 spring.stiffness * (across * Eigen::Matrix3d::Identity() +
@@ -224,6 +225,8 @@ double SpringNet::turn(const Eigen::VectorXd& step) const
     double turn = 0.0;
     for (const NetSpring& spring : springs_)
     {
+        if (spring.length == 0.0)
+            continue; // it pulls in proportion to its length
         const Vector3d way = point(spring.node[0]) - point(spring.node[1]);
         const Vector3d change =
             step.segment<3>(3 * spring.node[0]) - step.segment<3>(3 * spring.node[1]);

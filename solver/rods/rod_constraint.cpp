@@ -14,6 +14,7 @@
 #include <Eigen/Geometry>
 
 #include "octree/base/rigid_motion.h"
+#include "solver/rods/slide.h"
 
 namespace cellwarp
 {
@@ -361,6 +362,27 @@ std::vector<double> convective(const RodConstraint& c, const RodState& state,
                                const Eigen::VectorXd& velocity)
 {
     std::vector<double> out(idx(num_rows(c.hold)), 0.0);
+    if (c.slide >= 0)
+    {
+        const Sliding& now = state.sliding[idx(c.slide)];
+        if (now.mode == Sliding::Mode::Gone)
+            return {};
+        if (!now.is_free())
+            return out;
+        // Of n . P(s(t), t): 2 s' n . V' + s'^2 n . P'', V the speed of the curve.
+        const BasisValues values = sliding_values(state.rod().basis(), now.s);
+        Vector3d turning = Vector3d::Zero();
+        for (int j = 0; j < values.count; ++j)
+            turning += values.value[1][idx(j)] *
+                       velocity.segment<3>(
+                           state.rod().layout().control[idx(values.control[idx(j)])]);
+        const Vector3d whole =
+            2.0 * now.speed * turning + now.speed * now.speed * state.at(values).second;
+        const std::vector<Vector3d> n = held_directions(c);
+        for (std::size_t k = 0; k < out.size(); ++k)
+            out[k] = n[k].dot(whole);
+        return out;
+    }
     switch (c.hold)
     {
     case HoldKind::Point:

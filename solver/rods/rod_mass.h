@@ -23,6 +23,11 @@ public:
     Eigen::VectorXd times(const Eigen::VectorXd& v) const;
     /// M^-1 b: three systems with one factor, and one of the angles.
     Eigen::VectorXd solved(const Eigen::VectorXd& b) const;
+    /// The first unknowns of the control points, ascending.
+    const std::vector<int>& first_unknowns() const { return control_; }
+    /// One of the three systems, with an entry a control point in that order: b becomes
+    /// its solution.
+    void solve_one(Eigen::VectorXd& b) const { place_factor_.solve(b); }
     double kinetic_energy(const Eigen::VectorXd& velocity) const
     {
         return 0.5 * velocity.dot(times(velocity));

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Geometry>
 
@@ -202,17 +203,18 @@ RodModel::Rows RodModel::rows(const RodState& state) const
     }
     for (std::size_t k = 0; k < gaps.size(); ++k)
     {
-        if (!state.touches[k])
+        const auto both = ends(state, gaps[k]);
+        if (!state.touches[k] || !both)
             continue;
         SparseRow row;
-        for (const int slide : {gaps[k].first, gaps[k].second})
+        for (const int slide : {both->first, both->second})
             if (const Sliding& now = state.sliding[idx(slide)]; now.is_free())
             {
                 const double speed = rod_->rest()
                                          .combined(sliding_values(rod_->basis(), now.s))
                                          .first.norm();
                 row.emplace_back(rod_->layout().num_unknowns + slide,
-                                 slide == gaps[k].first ? -speed : speed);
+                                 slide == both->first ? -speed : speed);
             }
         std::sort(row.begin(), row.end());
         out.rows.push_back(std::move(row));
@@ -233,8 +235,9 @@ int RodModel::rows_now(const RodConstraint& constraint, const RodState& state) c
 
 Eigen::VectorXd RodModel::violations(const RodState& state) const
 {
-    int count =
-        static_cast<int>(std::count(state.touches.begin(), state.touches.end(), char(1)));
+    int count = 0;
+    for (std::size_t k = 0; k < gaps.size(); ++k)
+        count += state.touches[k] && ends(state, gaps[k]);
     for (const RodConstraint& constraint : constraints)
         count += rows_now(constraint, state);
     Eigen::VectorXd out(count);
@@ -243,13 +246,38 @@ Eigen::VectorXd RodModel::violations(const RodState& state) const
         for (const ConstraintRow& row : rows_of_constraint(k, state, false))
             out[next++] = row.violation;
     for (std::size_t k = 0; k < gaps.size(); ++k)
-        if (state.touches[k])
+        if (state.touches[k] && ends(state, gaps[k]))
             out[next++] = room(state, gaps[k]);
     return out;
 }
 
+std::optional<std::pair<int, int>> RodModel::ends(const RodState& state,
+                                                  const RodGap& gap) const
+{
+    const auto is_gone = [&](int slide)
+    { return state.sliding[idx(slide)].mode == Sliding::Mode::Gone; };
+    if (is_gone(gap.first))
+        return std::nullopt;
+    int second = gap.second;
+    for (std::size_t tries = 0; is_gone(second) && tries < gaps.size(); ++tries)
+    {
+        const auto next =
+            std::find_if(gaps.begin(), gaps.end(),
+                         [&](const RodGap& other) { return other.first == second; });
+        if (next == gaps.end())
+            return std::nullopt;
+        second = next->second;
+    }
+    if (is_gone(second) || second == gap.first)
+        return std::nullopt;
+    return std::pair(gap.first, second);
+}
+
 double RodModel::room(const RodState& state, const RodGap& gap) const
 {
+    const auto both = ends(state, gap);
+    if (!both)
+        return std::numeric_limits<double>::infinity();
     const ArcLength& length = rod_->arc_length();
     const SplineBasis& basis = rod_->basis();
     const auto along = [&](int slide)
@@ -260,8 +288,11 @@ double RodModel::room(const RodState& state, const RodGap& gap) const
             basis.is_closed() ? std::floor((s - basis.begin()) / period) : 0.0;
         return turns * length.total() + length.at(basis.wrapped(s));
     };
-    return along(gap.second) - along(gap.first) - gap.least +
-           (gap.is_around ? length.total() : 0.0);
+    // The seam of a closed rod may be passed by the one that has taken a place, too.
+    const bool is_around =
+        gap.is_around || (both->second != gap.second && both->second < both->first);
+    return along(both->second) - along(both->first) - gap.least +
+           (is_around ? length.total() : 0.0);
 }
 
 double RodModel::sliding_energy(const RodState& state) const

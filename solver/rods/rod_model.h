@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -92,6 +94,10 @@ public:
         std::vector<int> groups;
     };
     Rows rows(const RodState& state) const;
+    /// The slides that a gap keeps apart: of what was released the next one takes the
+    /// place. Nothing: there is none.
+    std::optional<std::pair<int, int>> ends(const RodState& state,
+                                            const RodGap& gap) const;
     /// How much room a gap has left; below 0 it is passed [m].
     double room(const RodState& state, const RodGap& gap) const;
     /// What friction and inertia of sliding hold [J].

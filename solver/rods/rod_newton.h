@@ -15,6 +15,8 @@ class RodNewton
 public:
     /// The model must outlive it.
     explicit RodNewton(RodModel& model) : object_(model), alone_({&object_}) {}
+    RodNewton(const RodNewton&) = delete;
+    RodNewton& operator=(const RodNewton&) = delete;
 
     /// From \p state on, which is the best found at the end.
     MotionReport solve(RodState& state, const MotionOptions& options = {})

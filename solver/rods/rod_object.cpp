@@ -189,6 +189,8 @@ void RodObject::prepare()
     }
     extent_ = std::max(size(), state_->x().cwiseAbs().maxCoeff());
     noise_of_forces_ = 8.0 * kRounding * (stiffness_ + of_mass) * extent_;
+    for (const Sliding& now : state_->sliding)
+        noise_of_forces_ += 8.0 * kRounding * std::abs(now.weight * now.s);
     pressed_by_joints_.assign(model_.slides.size(), Vector3d::Zero());
     is_joined_.resize(model_.slides.size(), 0);
 }
@@ -381,6 +383,8 @@ void RodObject::add_own_forces(const Eigen::VectorXd& lambda, double scale,
 double RodObject::cancelled() const
 {
     double sum = 1e-6 * stiffness_ * size() * size();
+    for (const Sliding& now : state_->sliding)
+        sum += std::abs(now.weight * now.s * (now.s - now.from));
     for (const std::unique_ptr<RodTerm>& term : model_.terms)
         sum += term->cancelled();
     return sum;
@@ -535,11 +539,14 @@ ArticulableObject::Again RodObject::again(const Eigen::VectorXd& lambda, bool is
                                         start_->sliding[k], state_->sliding[k]));
     // What closed gaps press apart with comes last.
     constexpr double kPassed = 1e-10; // of the size
-    Eigen::Index row =
-        lambda.size() - std::count(state_->touches.begin(), state_->touches.end(), 1);
+    const auto touches_now = [&](std::size_t k)
+    { return state_->touches[k] && model_.ends(*state_, model_.gaps[k]); };
+    Eigen::Index row = lambda.size();
+    for (std::size_t k = 0; k < model_.gaps.size(); ++k)
+        row -= touches_now(k);
     for (std::size_t k = 0; k < model_.gaps.size(); ++k)
     {
-        const bool touches = state_->touches[k] != 0;
+        const bool touches = touches_now(k);
         const bool pulls = touches && lambda[row++] < 0.0;
         const bool is_passed =
             !touches && model_.room(*state_, model_.gaps[k]) < -kPassed * size();

@@ -7,12 +7,20 @@
 // RK4: accelerations A = M^-1 (-grad U + loads - D v + L^T lambda) - viscosity v, with
 // L A = -L' v - (2 / D) g' - g / D^2 (Baumgarte), D = 4 steps; after the step places and
 // velocities are brought onto the constraints by the mass. [Lenoir04]
+//
+// Slides in RK4. Their rows say L A + eta s'' = E, and the forces along them
+// eta^T lambda = c s'' + tau, with inertia c and friction tau. With G = L M^-1 L^T and
+// z = E - L A of the rod without them,
+//   (c + eta^T G^-1 eta) s'' = eta^T G^-1 z - tau,   lambda = G^-1 (z - eta s''):
+// the parameter is eliminated by what is there for rows at a fixed one. [Lenoir04]
 #include "solver/rods/rod_stepper.h"
 
 #include <algorithm>
 #include <cmath>
 #include <random>
 #include <stdexcept>
+
+#include <Eigen/Cholesky>
 
 namespace cellwarp
 {
@@ -32,12 +40,12 @@ constexpr double kLeft = 1e-4;
 } // namespace
 
 RodStepper::RodStepper(RodModel& model, Integrator integrator)
-    : model_(model), integrator_(integrator), object_(model),
-      implicit_({&object_}, {},
+    : model_(model), integrator_(integrator), object_(std::make_unique<RodObject>(model)),
+      implicit_({object_.get()}, {},
                 integrator == Integrator::Midpoint ? kMidpointNoise : kNoise)
 {
     if (integrator == Integrator::Midpoint)
-        object_.step_by_midpoint();
+        object_->step_by_midpoint();
 }
 
 /// Rows of places do not change from step to step, and the response with them.
@@ -97,8 +105,10 @@ double RodStepper::largest_step(const RodState& state) const
 
 StepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double step)
 {
-    if (!model_.slides.empty() && integrator_ != Integrator::ImplicitEuler)
-        throw std::invalid_argument("what slides needs implicit Euler");
+    if (!model_.slides.empty() && integrator_ == Integrator::Midpoint)
+        throw std::invalid_argument("what slides needs implicit Euler or RK4");
+    if (!model_.gaps.empty() && integrator_ == Integrator::RungeKutta)
+        throw std::invalid_argument("what stays apart needs implicit Euler");
     StepReport report;
     report.stop = MotionStop::Converged;
     if (integrator_ == Integrator::RungeKutta)
@@ -106,7 +116,7 @@ StepReport RodStepper::step(RodState& state, Eigen::VectorXd& velocity, double s
         step_explicit(state, velocity, step, report);
         return report;
     }
-    object_.bind(state, velocity);
+    object_->bind(state, velocity);
     return implicit_.step(step);
 }
 
@@ -119,26 +129,121 @@ bool RodStepper::keeps_constraints(const RodState& state) const
                kKept * std::max(1.0, model_.rod().arc_length().total());
 }
 
-Eigen::VectorXd RodStepper::acceleration(const RodState& state,
-                                         const Eigen::VectorXd& velocity,
-                                         double step) const
+RodStepper::Held RodStepper::held(const RodState& state) const
 {
+    Held out;
+    out.rows = model_.rows(state);
+    const int of_rod = model_.rod().layout().num_unknowns;
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+        if (state.sliding[k].is_free())
+            out.slides.push_back(static_cast<int>(k));
+    out.eta.setZero(out.rows.violation.size(),
+                    static_cast<Eigen::Index>(out.slides.size()));
+    for (std::size_t r = 0; r < out.rows.rows.size(); ++r)
+        while (!out.rows.rows[r].empty() && out.rows.rows[r].back().first >= of_rod)
+        {
+            const auto [unknown, value] = out.rows.rows[r].back();
+            const auto slide =
+                std::find(out.slides.begin(), out.slides.end(), unknown - of_rod);
+            out.eta(static_cast<Eigen::Index>(r), slide - out.slides.begin()) = value;
+            out.rows.rows[r].pop_back();
+        }
+    return out;
+}
+
+/// eta^T (L M^-1 L^T)^-1 eta and what inertia the slides have: their mass.
+Eigen::MatrixXd RodStepper::mass_of_slides(const Held& held,
+                                           const RodResponse& holds) const
+{
+    const Eigen::Index k = held.eta.cols();
+    Eigen::MatrixXd mass(k, k);
+    for (Eigen::Index c = 0; c < k; ++c)
+        mass.col(c) = held.eta.transpose() * holds.forces(held.eta.col(c));
+    for (Eigen::Index c = 0; c < k; ++c)
+        mass(c, c) +=
+            model_.slides[idx(held.slides[static_cast<std::size_t>(c)])].inertia;
+    return mass;
+}
+
+Eigen::VectorXd RodStepper::acceleration(const RodState& state,
+                                         const Eigen::VectorXd& velocity, double step,
+                                         Eigen::VectorXd* multipliers) const
+{
+    const int of_rod = model_.rod().layout().num_unknowns;
+    const Eigen::VectorXd v = velocity.head(of_rod);
     Eigen::VectorXd force;
     model_.gradient(state, force);
-    model_.add_drag_forces(velocity, force);
-    Eigen::VectorXd A = model_.mass().solved(-force) - model_.viscosity * velocity;
+    model_.add_drag_forces(v, force);
+    Eigen::VectorXd A = Eigen::VectorXd::Zero(velocity.size());
+    A.head(of_rod) = model_.mass().solved(-force) - model_.viscosity * v;
     if (model_.constraints.empty())
         return A;
-    const RodModel::Rows rows = model_.rows(state);
-    const RodResponse& holds = response(rows);
+    const Held held = this->held(state);
+    const RodResponse& holds = response(held.rows);
     const double D = 4.0 * step;
-    Eigen::VectorXd wanted =
-        -2.0 / D * holds.along(velocity) - rows.violation / (D * D) - holds.along(A);
+    Eigen::VectorXd speeds(held.eta.cols());
+    for (Eigen::Index c = 0; c < speeds.size(); ++c)
+        speeds[c] = velocity[of_rod + held.slides[static_cast<std::size_t>(c)]];
+    Eigen::VectorXd wanted = -2.0 / D * (holds.along(v) + held.eta * speeds) -
+                             held.rows.violation / (D * D) - holds.along(A.head(of_rod));
     Eigen::Index r = 0;
     for (const RodConstraint& constraint : model_.constraints)
-        for (const double turning : convective(constraint, state, velocity))
+        for (const double turning : convective(constraint, state, v))
             wanted[r++] -= turning;
-    return A + holds.change(wanted);
+    if (held.eta.cols() > 0)
+    {
+        const Eigen::LDLT<Eigen::MatrixXd> mass(mass_of_slides(held, holds));
+        const Eigen::VectorXd pushed = held.eta.transpose() * holds.forces(wanted);
+        // Friction depends on what presses across the rod, which it changes but little.
+        constexpr int kSweeps = 3;
+        Eigen::VectorXd rubs = Eigen::VectorXd::Zero(speeds.size()), of_slides;
+        for (int sweep = 0; sweep < kSweeps; ++sweep)
+        {
+            of_slides = mass.solve(pushed - rubs);
+            const std::vector<Eigen::Vector3d> pressed =
+                model_.pressed(state, holds.forces(wanted - held.eta * of_slides));
+            bool rubs_at_all = false;
+            for (Eigen::Index c = 0; c < speeds.size(); ++c)
+            {
+                const int k = held.slides[static_cast<std::size_t>(c)];
+                rubs[c] = friction(model_.slides[idx(k)], state, state.sliding[idx(k)],
+                                   pressed[idx(k)]);
+                rubs_at_all = rubs_at_all || rubs[c] != 0.0;
+            }
+            if (!rubs_at_all)
+                break;
+        }
+        for (Eigen::Index c = 0; c < speeds.size(); ++c)
+            A[of_rod + held.slides[static_cast<std::size_t>(c)]] = of_slides[c];
+        wanted -= held.eta * of_slides;
+    }
+    if (multipliers)
+        *multipliers = holds.forces(wanted);
+    A.head(of_rod) += holds.change(wanted);
+    return A;
+}
+
+/// A change of the rod and of what slides that takes off \p violation of the rows, the
+/// least in the mass: slides have none but their inertia.
+Eigen::VectorXd RodStepper::least_change(const Held& held,
+                                         const Eigen::VectorXd& violation) const
+{
+    const int of_rod = model_.rod().layout().num_unknowns;
+    const RodResponse& holds = response(held.rows);
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(model_.num_unknowns());
+    Eigen::VectorXd wanted = -violation;
+    if (held.eta.cols() > 0)
+    {
+        const Eigen::VectorXd of_slides =
+            mass_of_slides(held, holds)
+                .ldlt()
+                .solve(held.eta.transpose() * holds.forces(wanted));
+        for (Eigen::Index c = 0; c < of_slides.size(); ++c)
+            out[of_rod + held.slides[static_cast<std::size_t>(c)]] = of_slides[c];
+        wanted -= held.eta * of_slides;
+    }
+    out.head(of_rod) = holds.change(wanted);
+    return out;
 }
 
 void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
@@ -146,53 +251,122 @@ void RodStepper::project(RodState& state, Eigen::VectorXd& velocity,
 {
     if (model_.constraints.empty())
         return;
-    RodModel::Rows rows = model_.rows(state);
-    const RodResponse& holds = response(rows);
-    state.move(holds.change(rows.violation), -1.0);
-    rows = model_.rows(state);
-    report.violation = rows.violation.cwiseAbs().maxCoeff();
+    const Held before = held(state);
+    const bool is_redundant = response(before.rows).is_redundant();
+    state.move(least_change(before, before.rows.violation));
+    const Held after = held(state);
+    report.violation = after.rows.violation.size() > 0
+                           ? after.rows.violation.cwiseAbs().maxCoeff()
+                           : 0.0;
     // What one projection leaves is of second order.
     if (report.violation > kLeft * std::max(1.0, model_.rod().arc_length().total()))
-        report.stop =
-            holds.is_redundant() ? MotionStop::Contradiction : MotionStop::NoDescent;
-    response(rows).project(velocity);
+        report.stop = is_redundant ? MotionStop::Contradiction : MotionStop::NoDescent;
+    const int of_rod = model_.rod().layout().num_unknowns;
+    Eigen::VectorXd off = response(after.rows).along(velocity.head(of_rod));
+    for (Eigen::Index c = 0; c < after.eta.cols(); ++c)
+        off += after.eta.col(c) *
+               velocity[of_rod + after.slides[static_cast<std::size_t>(c)]];
+    velocity += least_change(after, off);
 }
 
-void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
-                               StepReport& report)
+/// What sticks may slip, and what has stopped at an end may leave it.
+void RodStepper::loosen(RodState& state, const Eigen::VectorXd& velocity,
+                        double step) const
 {
+    const bool has_friction =
+        std::any_of(model_.slides.begin(), model_.slides.end(),
+                    [](const RodSlide& slide) { return slide.sticks > 0.0; });
+    const bool is_stopped =
+        std::any_of(state.sliding.begin(), state.sliding.end(),
+                    [](const Sliding& now)
+                    { return !now.is_free() && now.mode != Sliding::Mode::Gone; });
+    if (!has_friction && !is_stopped)
+        return;
+    Eigen::VectorXd multipliers;
+    acceleration(state, velocity, step, &multipliers);
+    const std::vector<Eigen::Vector3d> pressed = model_.pressed(state, multipliers);
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+    {
+        Sliding& now = state.sliding[k];
+        Sliding begin = now;
+        check_slide(model_.slides[k], state, pressed[k], false, begin, now);
+        now = begin;
+    }
+}
+
+/// What has passed the end of its range stops there or is released, and what would slip
+/// back sticks.
+void RodStepper::stop_slides(RodState& state, Eigen::VectorXd& velocity) const
+{
+    const int of_rod = model_.rod().layout().num_unknowns;
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+    {
+        const RodSlide& slide = model_.slides[k];
+        Sliding& now = state.sliding[k];
+        double& speed = velocity[of_rod + static_cast<int>(k)];
+        if (now.is_free() && !slide.is_endless &&
+            (now.s < slide.begin || now.s > slide.end))
+        {
+            now.mode = slide.leaves          ? Sliding::Mode::Gone
+                       : now.s < slide.begin ? Sliding::Mode::AtBegin
+                                             : Sliding::Mode::AtEnd;
+            now.s = std::clamp(now.s, slide.begin, slide.end);
+        }
+        else if (now.is_free() && slide.sticks > 0.0 && now.drive * speed < 0.0)
+            now.mode = Sliding::Mode::Sticks;
+        if (!now.is_free())
+            speed = 0.0;
+    }
+}
+
+void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
+                               double step, StepReport& report)
+{
+    const int of_rod = model_.rod().layout().num_unknowns;
+    Eigen::VectorXd velocity = Eigen::VectorXd::Zero(model_.num_unknowns());
+    velocity.head(of_rod) = rod_velocity;
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+        velocity[of_rod + static_cast<int>(k)] = state.sliding[k].speed;
+    loosen(state, velocity, step);
     const RodState begin = state;
     const Eigen::VectorXd v1 = velocity;
     // The limit of the step is that of the rod as it was at first: what is squeezed has a
     // lower one. What is unstable grows in every step; now and then is enough.
     const bool is_watched = num_explicit_++ % kWatched == 0 && !model_.has_couples() &&
                             keeps_constraints(begin);
-    const double before = is_watched ? energy(begin, v1) : 0.0;
-    const auto at = [&](const Eigen::VectorXd& way)
+    const double before = is_watched ? energy(begin, rod_velocity) : 0.0;
+    const auto at = [&](const Eigen::VectorXd& way, const Eigen::VectorXd& v)
     {
         RodState moved = begin;
         moved.move(way);
-        return moved;
+        for (std::size_t k = 0; k < model_.slides.size(); ++k)
+            moved.sliding[k].speed = v[of_rod + static_cast<int>(k)];
+        return acceleration(moved, v, step, nullptr);
     };
-    const Eigen::VectorXd a1 = acceleration(begin, v1, step);
+    const Eigen::VectorXd a1 = acceleration(begin, v1, step, nullptr);
     const Eigen::VectorXd v2 = v1 + 0.5 * step * a1;
-    const Eigen::VectorXd a2 = acceleration(at(0.5 * step * v1), v2, step);
+    const Eigen::VectorXd a2 = at(0.5 * step * v1, v2);
     const Eigen::VectorXd v3 = v1 + 0.5 * step * a2;
-    const Eigen::VectorXd a3 = acceleration(at(0.5 * step * v2), v3, step);
+    const Eigen::VectorXd a3 = at(0.5 * step * v2, v3);
     const Eigen::VectorXd v4 = v1 + step * a3;
-    const Eigen::VectorXd a4 = acceleration(at(step * v3), v4, step);
+    const Eigen::VectorXd a4 = at(step * v3, v4);
     state.move(step / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4));
     velocity += step / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     report.parts = 1;
     if (!state.x().allFinite() || !velocity.allFinite())
     {
+        rod_velocity = velocity.head(of_rod);
         report.stop = MotionStop::NotFinite;
         return;
     }
+    stop_slides(state, velocity);
     project(state, velocity, report);
+    rod_velocity = velocity.head(of_rod);
+    for (std::size_t k = 0; k < model_.slides.size(); ++k)
+        state.sliding[k].speed = velocity[of_rod + static_cast<int>(k)];
     if (!is_watched)
         return;
-    const double kinetic = model_.mass().kinetic_energy(velocity);
+    const double kinetic = model_.mass().kinetic_energy(rod_velocity);
     const double potential = model_.potential(state);
     const double size = kinetic + std::abs(potential) + std::abs(before);
     if (kinetic + potential > before + kExplicitNoise * size)

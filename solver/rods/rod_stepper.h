@@ -30,7 +30,8 @@ public:
     RodStepper(RodModel& model, Integrator integrator);
 
     /// Goes on from \p state and \p velocity by \p step [s]. Throws
-    /// std::invalid_argument where a model with slides is not to go by implicit Euler.
+    /// std::invalid_argument where slides are to go by the midpoint rule, or gaps
+    /// by RK4.
     StepReport step(RodState& state, Eigen::VectorXd& velocity, double step);
 
     /// The largest step that RK4 stays stable with, from the fastest vibration of the
@@ -45,15 +46,30 @@ private:
     bool keeps_constraints(const RodState& state) const;
     void step_explicit(RodState& state, Eigen::VectorXd& velocity, double step,
                        StepReport& report);
+    /// Rows of constraints by the rod's own unknowns, and by the parameter of each slide
+    /// that is free, a column each.
+    struct Held
+    {
+        RodModel::Rows rows;
+        Eigen::MatrixXd eta;
+        std::vector<int> slides;
+    };
+    Held held(const RodState& state) const;
+    Eigen::MatrixXd mass_of_slides(const Held& held, const RodResponse& holds) const;
+    Eigen::VectorXd least_change(const Held& held,
+                                 const Eigen::VectorXd& violation) const;
+    void loosen(RodState& state, const Eigen::VectorXd& velocity, double step) const;
+    void stop_slides(RodState& state, Eigen::VectorXd& velocity) const;
+    /// Of the rod and of what slides, as velocities are.
     Eigen::VectorXd acceleration(const RodState& state, const Eigen::VectorXd& velocity,
-                                 double step) const;
+                                 double step, Eigen::VectorXd* multipliers) const;
     void project(RodState& state, Eigen::VectorXd& velocity, StepReport& report) const;
 
     const RodResponse& response(const RodModel::Rows& rows) const;
 
     RodModel& model_;
     Integrator integrator_;
-    RodObject object_;
+    std::unique_ptr<RodObject> object_; ///< its place does not change
     ImplicitStepper implicit_;
     mutable std::optional<RodResponse> response_; ///< to the rows asked for last
     int num_explicit_ = 0;                        ///< steps

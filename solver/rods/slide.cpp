@@ -141,6 +141,16 @@ SingleUnknown sliding_unknown(const RodState& state, const Sliding& now,
     return out;
 }
 
+double friction(const RodSlide& slide, const RodState& state, const Sliding& now,
+                const Vector3d& force)
+{
+    if (!now.is_free() || slide.slips == 0.0)
+        return 0.0;
+    const Pressed pressed(slide, state, now, force);
+    const double rubbing = slide.slips * pressed.across * pressed.speed;
+    return now.drive < 0.0 ? -rubbing : rubbing;
+}
+
 ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& state,
                                      const Vector3d& force, bool is_last, Sliding& begin,
                                      Sliding& end)

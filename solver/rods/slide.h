@@ -47,6 +47,11 @@ double sliding_energy(const Sliding& now);
 SingleUnknown sliding_unknown(const RodState& state, const Sliding& now,
                               const Eigen::Vector3d& force);
 
+/// tau of a slide that slips, where \p force acts on the rod; 0 of one that does not
+/// [N by ds].
+double friction(const RodSlide& slide, const RodState& state, const Sliding& now,
+                const Eigen::Vector3d& force);
+
 /// Whether a step that began as \p begin and ended as \p end, with \p force on the rod,
 /// must be taken again: then mode and friction of both are changed. `is_last` lets no
 /// mode change but where the end of the range is passed.

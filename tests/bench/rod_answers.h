@@ -83,5 +83,6 @@ void add_statics(Answers& answers);
 void add_stability(Answers& answers);
 void add_vibrations(Answers& answers);
 void add_motion(Answers& answers);
+void add_sliding(Answers& answers);
 
 } // namespace cellwarp

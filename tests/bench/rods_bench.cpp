@@ -3,8 +3,11 @@
 //   part/PART/N         a part of a step with N control points
 //   step/RULE/N         a step, and of implicit rules a Newton iteration
 //   lenoir/SCENE/RULE   a step of 1 ms of the scenes of [Lenoir04], beside the time there
-//   peer/...            a cantilever that swings, in steps of 1 ms, and what is wrong
-//   where
+//   lenoir/shoelace/... 28 points that slide through twelve eyelets, by springs
+//   joined/SAMPLE       a step of 1 ms of a scene of samples/rods
+//   slide/...           what sliding through a hole costs beside a fixed place and a
+//   search peer/...            a cantilever that swings, in steps of 1 ms, and what is
+//   wrong where
 //                       it comes to rest: here, and by rigid segments
 #include <cmath>
 #include <memory>
@@ -12,6 +15,8 @@
 
 #include <benchmark/benchmark.h>
 
+#include "editor/simulation/simulation.h"
+#include "io/rod_scene.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
@@ -197,6 +202,152 @@ void lenoir(benchmark::State& run, const Scene& scene, Integrator rule)
         1e-3 * scene.published, benchmark::Counter::kIsIterationInvariantRate);
 }
 
+/// A lace in zigzag through eyelets at every second point, both ends pulled.
+void shoelace(benchmark::State& run, Integrator rule)
+{
+    constexpr int kEyelets = 12;
+    std::vector<Vector3d> points = {{-1.0 / 13, 0.02, 0}};
+    for (int k = 0; k < kEyelets; ++k)
+        points.emplace_back(k / 13.0, k % 2 ? 0.03 : -0.03, 0.0);
+    points.emplace_back(12.0 / 13, 0.02, 0.0);
+    const Section section = soft(28, 1.0);
+    const Rod rod(spline_through(points, false, 2, 3), [&](double) { return section; },
+                  {.coupled_spans = 2});
+    RodModel model(rod);
+    model.terms.push_back(
+        exact_elasticity(rod, {.has_stretch = false, .has_bending = false}));
+    model.terms.push_back(spring_elasticity(rod));
+    model.viscosity = 5.0;
+    RodState state(rod);
+    for (int k = 0; k < kEyelets; ++k)
+    {
+        RodConstraint eyelet;
+        eyelet.slide = k;
+        eyelet.point = points[static_cast<std::size_t>(k + 1)];
+        model.constraints.push_back(eyelet);
+        RodSlide slide;
+        slide.end = rod.basis().end();
+        model.slides.push_back(slide);
+        state.sliding.push_back(
+            begun(slide, nearest_parameter(slide, state, eyelet.point)));
+    }
+    model.loads.push_back({0.0, {-0.02, 0, 0}, {0, 0, 0}});
+    model.loads.push_back({rod.basis().end(), {0.02, 0, 0}, {0, 0, 0}});
+    VectorXd velocity = VectorXd::Zero(state.x().size());
+    const RodState begin = state;
+    RodStepper stepper(model, rule);
+    int steps = 0;
+    for (auto _ : run)
+    {
+        if (++steps % 250 == 0)
+        {
+            state = begin;
+            velocity.setZero();
+        }
+        if (stepper.step(state, velocity, 1e-3).stop != MotionStop::Converged)
+            run.SkipWithError("a step did not converge");
+    }
+    run.counters["points"] = rod.num_controls();
+    run.counters["published_ms"] = 10.0;
+    run.counters["times_faster"] =
+        benchmark::Counter(1e-2, benchmark::Counter::kIsIterationInvariantRate);
+}
+
+/// A sample, its first quarter of a second again and again.
+void joined(benchmark::State& run, const std::string& name, double published)
+{
+    RodScene scene = read_rod_scene(CELLWARP_SAMPLES "/rods/" + name + ".json");
+    scene.dt = 1e-3;
+    auto simulation = std::make_unique<Simulation>(scene);
+    for (auto _ : run)
+    {
+        if (simulation->steps_done() == 250)
+            simulation = std::make_unique<Simulation>(scene);
+        simulation->step();
+    }
+    const SimulationReport report = simulation->report();
+    if (!report.is_converged)
+        run.SkipWithError(report.stop.c_str());
+    if (published > 0.0)
+    {
+        run.counters["published_ms"] = published;
+        run.counters["times_faster"] = benchmark::Counter(
+            1e-3 * published, benchmark::Counter::kIsIterationInvariantRate);
+    }
+}
+
+/// A rope of 50 points in a hole, by implicit steps: its parameter is an unknown like the
+/// others; or it is fixed, and sought until nothing pulls along the rope.
+void slide(benchmark::State& run, bool is_sought)
+{
+    constexpr double kStill = 1e-8; // of the force in the hole
+    Bench bench(50, 1.0, soft(50, 1.0));
+    RodSlide slide;
+    slide.end = bench.rod.basis().end();
+    RodConstraint hole;
+    hole.s = 0.5 * slide.end;
+    hole.point = bench.state.at(hole.s).place;
+    if (!is_sought)
+    {
+        hole.slide = 0;
+        bench.model.slides.push_back(slide);
+        bench.state.sliding.push_back(begun(slide, hole.s));
+    }
+    bench.model.constraints.push_back(hole);
+    RodObject object(bench.model);
+    object.bind(bench.state, bench.velocity);
+    Articulation alone({&object});
+    const RodState begin = bench.state;
+    const VectorXd velocity = bench.velocity;
+    const auto step = [&]
+    {
+        object.start(1e-3);
+        if (!is_solved(alone.solve({}).stop))
+            run.SkipWithError("a step did not converge");
+    };
+    /// The force along the rope after a step with the hole at \p s, of all that acts.
+    const auto pull = [&](double s)
+    {
+        bench.model.constraints[0].s = s;
+        step();
+        const Vector3d force = alone.multipliers(0).head<3>();
+        return force.dot(bench.state.at(s).first.normalized()) / force.norm();
+    };
+    int steps = 0;
+    double tries = 0.0;
+    for (auto _ : run)
+    {
+        if (++steps % 250 == 0)
+        {
+            bench.state = begin;
+            bench.velocity = velocity;
+            bench.model.constraints[0].s = hole.s;
+        }
+        if (!is_sought)
+        {
+            step();
+            object.finish();
+            continue;
+        }
+        double s = bench.model.constraints[0].s, next = s + 1e-5 * slide.end;
+        double before = pull(s);
+        ++tries;
+        while (std::abs(before) > kStill)
+        {
+            object.undo();
+            const double now = pull(next);
+            ++tries;
+            const double better = next - now * (next - s) / (now - before);
+            s = next;
+            next = better;
+            before = now;
+        }
+        object.finish();
+    }
+    if (is_sought)
+        run.counters["tries"] = tries / steps;
+}
+
 // A cantilever under its own weight, q L^3 / EI = 1.5696: its tip sinks by 0.19046904 L.
 constexpr double kWeight = 1.5696, kSunk = 0.19046904, kStep = 1e-3;
 constexpr double kStretch = 1e4, kMass = 1.0;
@@ -277,6 +428,27 @@ int main(int count, char** arguments)
                 (std::string("lenoir/") + scene.name + "/" + name).c_str(), lenoir, scene,
                 rule)
                 ->Unit(benchmark::kMicrosecond);
+    for (const auto& [name, rule] : {std::pair("rk4", Integrator::RungeKutta),
+                                     {"implicit", Integrator::ImplicitEuler}})
+    {
+        benchmark::RegisterBenchmark((std::string("lenoir/shoelace/") + name).c_str(),
+                                     shoelace, rule)
+            ->Unit(benchmark::kMicrosecond);
+    }
+    for (const auto& [name, is_sought] :
+         {std::pair("slide/as_an_unknown", false), {"slide/fixed_and_sought", true}})
+        benchmark::RegisterBenchmark(name, slide, is_sought)
+            ->Unit(benchmark::kMicrosecond);
+    for (const auto& [name, published] : {std::pair<const char*, double>("swing", 3.14),
+                                          {"net", 10.3},
+                                          {"hole", 0.0},
+                                          {"lace", 0.0},
+                                          {"suture", 0.0},
+                                          {"slipknot", 0.0},
+                                          {"necklace", 0.0}})
+        benchmark::RegisterBenchmark((std::string("joined/") + name).c_str(), joined,
+                                     name, published)
+            ->Unit(benchmark::kMicrosecond);
     benchmark::RegisterBenchmark("peer/rigid_segments", peer)
         ->Arg(50)
         ->Unit(benchmark::kMicrosecond);

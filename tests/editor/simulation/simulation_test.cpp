@@ -399,6 +399,86 @@ TEST(Simulation, beads_on_a_closed_thread_keep_their_distances_around_it)
     EXPECT_LT(least, 0.25); // they have run together below
 }
 
+TEST(Simulation, a_body_goes_to_its_first_key_in_parts_with_what_it_holds)
+{
+    for (const double turn : {80.0, 100.0, 170.0, -170.0})
+    {
+        SCOPED_TRACE(turn);
+        Simulation simulation(joined(
+            R"({"name": "r", "through": [[0,0,0],[1,0,0]], "spans": 8, "E": 1e8})",
+            R"("bodies": [{"name": "hand", "keys": [{"time": 0, "rotate": [0,0,1,)" +
+                std::to_string(turn) + R"(]}]}],
+                  "joints": [{"a": "rod r 0", "b": "body hand 0 0 0",
+                              "what": ["point", "frame"]}])",
+            R"({"dt": 0.005, "duration": 2, "viscosity": 0.5, "gravity": [0,0,0]})"));
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        const double a = turn * std::numbers::pi / 180.0;
+        EXPECT_LT((simulation.rods(2)[0].curve.back() -
+                   Eigen::Vector3d(std::cos(a), std::sin(a), 0))
+                      .norm(),
+                  0.2);
+    }
+}
+
+TEST(Simulation, a_bead_that_was_released_lets_the_next_one_leave)
+{
+    Simulation simulation(
+        joined(R"({"name": "r", "through": [[0,0,0],[0,-1,0]], "spans": 10, "E": 1e8,
+                   "fixed": [{"at": 0}, {"at": 0.5}, {"at": 1}]})",
+               R"("bodies": [{"name": "a", "mass": 0.1, "at": [0,-0.9,0]},
+                             {"name": "b", "mass": 0.1, "at": [0,-0.6,0]}],
+                  "joints": [{"a": "rod r sliding", "b": "body b 0 0 0", "apart": 0.1,
+                              "end": "release"},
+                             {"a": "rod r sliding", "b": "body a 0 0 0", "apart": 0.1,
+                              "end": "release"}])",
+               R"({"dt": 0.002, "duration": 0.6})"));
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    for (const SimulatedBody& body : simulation.bodies())
+        EXPECT_LT(body.at.y(), -1.5);
+}
+
+TEST(Simulation, places_that_slide_on_each_other_start_within_their_range)
+{
+    const auto start = [](const std::string& range)
+    {
+        Simulation simulation(joined(
+            R"({"name": "a", "through": [[-1,0,0],[1,0,0]], "spans": 8},
+               {"name": "b", "through": [[0,0,-1],[0.4,0,1]], "spans": 8})",
+            R"("joints": [{"a": "rod a sliding", "b": "rod b sliding")" + range + "}]",
+            "{}"));
+        return simulation.rods(2);
+    };
+    EXPECT_NEAR(start("")[0].sliding[0], 0.6, 5e-3);
+    EXPECT_NEAR(start("")[1].sliding[0], 0.5, 5e-3);
+    EXPECT_GE(start(R"(, "range": [0.55, 1])")[1].sliding[0], 0.55 - 1e-9);
+    EXPECT_NEAR(start(R"(, "start": 0.6, "other_start": 0.5)")[0].sliding[0], 0.6, 1e-9);
+}
+
+TEST(Simulation, a_noose_of_a_closed_rod_stays_off_its_own_place)
+{
+    std::string points;
+    for (int k = 0; k < 12; ++k)
+    {
+        const double a = 2.0 * std::numbers::pi * k / 12;
+        points += (k ? ",[" : "[") + std::to_string(std::cos(a)) + "," +
+                  std::to_string(0.1 * std::sin(a)) + ",0]";
+    }
+    Simulation simulation(scene_of(
+        R"("through": [)" + points + R"(], "closed": true, "spans": 2, "radius": 0.02,
+            "E": 1e6, "on": [{"at": 0.25, "rod": "r", "other": "sliding"}])",
+        R"({"dt": 0.002, "duration": 0.2, "gravity": [0,0,0], "viscosity": 1})"));
+    const double begin = simulation.rods(2)[0].sliding[0];
+    EXPECT_NEAR(begin, 0.75, 0.05); // across the narrow ring
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    EXPECT_TRUE(simulation.report().is_converged);
+    EXPECT_GT(std::abs(simulation.rods(2)[0].sliding[0] - 0.25), 0.02 - 1e-6);
+}
+
 TEST(Simulation, refuses_what_cannot_be_joined)
 {
     const auto refused = [](const std::string& rods, const std::string& more,
@@ -411,6 +491,9 @@ TEST(Simulation, refuses_what_cannot_be_joined)
         contains(refused(kRope, weight + R"([{"a": "rod r 1", "b": "body b 0 0 0"}])",
                          R"({"integrator": "rk4", "dt": 1e-5})"),
                  "simulate.integrator: bodies, nets and what is joined"));
+    EXPECT_TRUE(contains(
+        refused(kRope, R"("bodies": [{"name": "loose"}])", R"({"integrator": "static"})"),
+        "simulate.integrator: nothing holds loose against its weight"));
     EXPECT_TRUE(contains(
         refused(kRope, weight + R"([{"a": "body b 0 0 0", "b": "body b 0 0 1"}])"),
         "joints[0]: joins b to itself"));
@@ -447,7 +530,7 @@ TEST(Simulation, what_slides_needs_a_rule_that_knows_it)
                          R"({"integrator": "midpoint"})"));
                  });
     EXPECT_TRUE(
-        contains(text, "simulate.integrator: what slides needs implicit-euler or static"))
+        contains(text, "simulate.integrator: what slides needs implicit-euler, rk4"))
         << text;
 }
 

@@ -129,7 +129,7 @@ TEST(RigidBody, is_refused_with_an_inertia_that_no_body_has)
 TEST(RigidBody, on_a_hinge_swings_with_the_period_of_its_inertia)
 {
     RigidBody hook(1.0, {1, 1, 1}), body(1.0, {0.05, 0.05, 0.05});
-    hook.lead(Eigen::Matrix3d::Identity(), {0, 0, 0});
+    hook.lead(Eigen::Matrix3d::Identity(), {0, 0, 0}, 0.0);
     body.gravity = {0, -9.81, 0};
     const double angle = 0.02;
     body.state.R = rotation_about({0, 0, 1}, angle);

@@ -86,6 +86,23 @@ TEST(SpringNet, points_that_are_held_stay_and_the_others_hang_below)
               1e-7);
 }
 
+TEST(SpringNet, a_spring_without_length_pulls_its_points_together)
+{
+    SpringNet net({{0, 0, 0}, {0, 0, 0}}, Eigen::Vector2d(1, 1), {{{0, 1}, 100, 0}});
+    net.velocity << 0, 0, 0, 1, 2, 0;
+    ImplicitStepper stepper({&net});
+    double farthest = 0.0;
+    for (int k = 0; k < 500; ++k)
+    {
+        ASSERT_EQ(stepper.step(2e-3).stop, MotionStop::Converged);
+        farthest = std::max(farthest, (net.point(0) - net.point(1)).norm());
+    }
+    EXPECT_NEAR(farthest, std::sqrt(5.0 / 200.0), 5e-3);
+    EXPECT_LT((net.velocity.head<3>() + net.velocity.tail<3>() - Eigen::Vector3d(1, 2, 0))
+                  .norm(),
+              1e-9);
+}
+
 TEST(SpringNet, never_gains_energy)
 {
     SpringNet net = crooked_net();

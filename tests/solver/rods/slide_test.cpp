@@ -223,4 +223,61 @@ TEST(Slide, a_rope_over_a_peg_runs_off_at_the_rate_of_its_weight)
                 0.01 * after_800 / after_600);
 }
 
+TEST(Slide, explicit_steps_keep_the_hole_and_the_energy_and_go_where_implicit_ones_go)
+{
+    double ends[2] = {};
+    for (const Integrator rule : {Integrator::RungeKutta, Integrator::ImplicitEuler})
+    {
+        const bool is_explicit = rule == Integrator::RungeKutta;
+        SCOPED_TRACE(is_explicit);
+        RopeInHole rope(24, 2e3, 0.3);
+        rope.model.gravity = {0, -9.81, 0};
+        rope.hole().s = 0.6 * rope.end();
+        rope.model.constraints[0].point = rope.state.at(rope.hole().s).place;
+        RodStepper stepper(rope.model, rule);
+        const double step = is_explicit ? 2e-4 : 1e-4;
+        ASSERT_LT(step, stepper.largest_step(rope.state));
+        const double before = stepper.energy(rope.state, rope.velocity);
+        double largest = 0.0;
+        for (int k = 0; k * step < 0.5; ++k)
+        {
+            const StepReport report = stepper.step(rope.state, rope.velocity, step);
+            ASSERT_EQ(report.stop, MotionStop::Converged);
+            largest = std::max(largest, report.violation);
+        }
+        EXPECT_LT(largest, 1e-9);
+        if (is_explicit)
+        {
+            EXPECT_NEAR(stepper.energy(rope.state, rope.velocity), before,
+                        1e-4 * rope.model.mass().kinetic_energy(rope.velocity));
+        }
+        ends[is_explicit] = rope.hole().s;
+    }
+    EXPECT_GT(std::abs(ends[0] - 0.6 * 2.0), 0.05);
+    EXPECT_NEAR(ends[0], ends[1], 4e-3);
+}
+
+TEST(Slide, explicit_steps_stick_slip_and_stop_at_the_end)
+{
+    for (const auto& [ratio, sticks] : {std::pair(1.2, true), {2.5, false}})
+    {
+        SCOPED_TRACE(ratio);
+        RopeInHole rope(30, 2e3, 0.05);
+        rope.model.slides[0].sticks = rope.model.slides[0].slips = 0.3;
+        rope.model.slides[0].begin = 0.3 * rope.end();
+        rope.state.sliding[0] = begun(rope.model.slides[0], 0.5 * rope.end());
+        rope.model.loads.push_back({0.0, {-20, 0, 0}, {0, 0, 0}});
+        rope.model.loads.push_back({rope.end(), {0, -20 * ratio, 0}, {0, 0, 0}});
+        rope.model.viscosity = 20.0;
+        RodStepper stepper(rope.model, Integrator::RungeKutta);
+        const double begin = rope.hole().s;
+        for (int k = 0; k < 8000; ++k)
+            ASSERT_EQ(stepper.step(rope.state, rope.velocity, 2e-4).stop,
+                      MotionStop::Converged);
+        EXPECT_EQ(rope.hole().mode,
+                  sticks ? Sliding::Mode::Sticks : Sliding::Mode::AtBegin);
+        EXPECT_EQ(std::abs(rope.hole().s - begin) > 0.1, !sticks);
+    }
+}
+
 } // namespace cellwarp
