@@ -13,9 +13,10 @@ namespace cellwarp
 {
 
 /// An object keeps a state, and a trial that may become the state. Its unknowns are those
-/// of a step from the state. It may hold itself by rows of its own, whose multipliers
-/// come with its unknowns; rows of joints come from outside. Each call is for a whole
-/// object.
+/// of a step from the state, of any kind: displacements, or what velocities change by, as
+/// long as rows, gradient and factor are by them. It may hold itself by rows of its own,
+/// whose multipliers come with its unknowns; rows of joints come from outside. Each call
+/// is for a whole object.
 class ArticulableObject
 {
 public:

@@ -115,6 +115,40 @@ double acceleration(double friction)
            (step * step * count * (count + 1));
 }
 
+/// How long a bead takes from where its wire, left of its lowest point, is at \p x to
+/// \p below [s].
+double time_to_below(const std::function<Vector3d(double)>& curve, double x, double below)
+{
+    BeadOnWire scene(curve, 40, 0.5, 0.0);
+    const SplineBasis& basis = scene.wire.rod.basis();
+    double low = basis.begin(), high = 0.5 * (basis.begin() + basis.end());
+    // The wire may come back above: from below on.
+    for (double s = high; s > basis.begin(); s -= 1e-3 * basis.end())
+        if (scene.wire.state.at(s).place.x() < x)
+        {
+            low = s;
+            break;
+        }
+    for (int k = 0; k < 60; ++k)
+    {
+        const double middle = 0.5 * (low + high);
+        (scene.wire.state.at(middle).place.x() < x ? low : high) = middle;
+    }
+    scene.sliding().s = low;
+    scene.bead.state.p = scene.wire.state.at(low).place;
+    ImplicitStepper stepper = scene.stepper();
+    const double step = 2.5e-4;
+    double last = scene.bead.state.p.x();
+    for (int k = 1;; ++k)
+    {
+        advance(stepper, step);
+        const double now = scene.bead.state.p.x();
+        if (now >= below)
+            return step * (k - (now - below) / (now - last));
+        last = now;
+    }
+}
+
 void add_beads(Answers& answers)
 {
     answers.begin("A bead on a wire, friction μ");
@@ -150,8 +184,12 @@ void add_beads(Answers& answers)
                     advance(stepper, step);
                 return scene.bead.state.p.norm() - begin;
             });
-    // Quarter periods on a cycloid: the same from everywhere.
     const double a = 0.25;
+    const auto cycloid = [a](double x) -> Vector3d
+    {
+        const double t = kPi * (0.05 + 1.9 * x);
+        return a * Vector3d(t - std::sin(t), std::cos(t) - 1.0, 0.0);
+    };
     for (const double turn : {0.4, 1.2, 2.4})
         answers.add(
             fmt::format("on a cycloid, let go {:.0f}° from below: period / 4π √(a/g)",
@@ -159,36 +197,24 @@ void add_beads(Answers& answers)
             1.0, 43,
             [&]
             {
-                BeadOnWire scene(
-                    [a](double x) -> Vector3d
-                    {
-                        const double t = kPi * (0.05 + 1.9 * x);
-                        return a * Vector3d(t - std::sin(t), std::cos(t) - 1.0, 0.0);
-                    },
-                    40, 0.5, 0.0);
-                // From the bottom, where the parameter of the cycloid is pi.
-                const SplineBasis& basis = scene.wire.rod.basis();
-                double low = basis.begin(), high = 0.5 * (basis.begin() + basis.end());
                 const double x = a * (kPi - turn - std::sin(kPi - turn));
-                for (int k = 0; k < 60; ++k)
-                {
-                    const double middle = 0.5 * (low + high);
-                    (scene.wire.state.at(middle).place.x() < x ? low : high) = middle;
-                }
-                scene.sliding().s = low;
-                scene.bead.state.p = scene.wire.state.at(low).place;
-                ImplicitStepper stepper = scene.stepper();
-                const double step = 2.5e-4, bottom = a * kPi;
-                double last = scene.bead.state.p.x();
-                for (int k = 1;; ++k)
-                {
-                    advance(stepper, step);
-                    const double now = scene.bead.state.p.x();
-                    if (now >= bottom)
-                        return 4.0 * step * (k - (now - bottom) / (now - last)) /
-                               (4.0 * kPi * std::sqrt(a / kGravity));
-                    last = now;
-                }
+                return 4.0 * time_to_below(cycloid, x, a * kPi) /
+                       (4.0 * kPi * std::sqrt(a / kGravity));
+            });
+    const auto hoop = [](double x) -> Vector3d
+    {
+        const double t = kPi * (1.8 * x - 0.9);
+        return {std::sin(t), -std::cos(t), 0.0};
+    };
+    for (const auto& [from, ratio] :
+         {std::pair(30.0, 1.0174087976), {60.0, 1.0731820071}})
+        answers.add(
+            fmt::format("on a hoop, let go {}° from below: period / 2π √(R/g)", from),
+            ratio, 43,
+            [&, angle = from]
+            {
+                return 4.0 * time_to_below(hoop, -std::sin(angle * kPi / 180.0), 0.0) /
+                       (2.0 * kPi * std::sqrt(1.0 / kGravity));
             });
     answers.add(
         "on a wire that spins with 2 rad/s, from 1 m, after 1 s [m]", 3.7621957, 15,
@@ -250,6 +276,60 @@ double growth(int points)
     return bisected(0.5 * rate, 2.0 * rate,
                     [&](double r)
                     { return std::cosh(r * t2) / std::cosh(r * t1) < d[1] / d[0]; }) /
+           rate;
+}
+
+/// A chain slides off a level table, through holes on it that its end leaves one by one,
+/// the last at the edge: how fast what hangs over grows.
+double off_a_table(int points)
+{
+    constexpr int kHoles = 12;
+    const double L = 1.0, rate = std::sqrt(kGravity / L), over = 0.25;
+    RodCase chain(straight_case(L, points, {1e5, {4e-4, 4e-4}, 4e-4, 1.0, 1e-6, 0.01}));
+    chain.model.gravity = {0, -kGravity, 0};
+    for (int k = 0; k < kHoles; ++k)
+    {
+        const double s = (1.0 - over) * L * (k + 0.5) / (kHoles - 0.5);
+        RodConstraint hole;
+        hole.point = {s, 0, 0};
+        hole.slide = add_slide(chain, s, 1e3);
+        chain.model.slides.back().leaves = true;
+        chain.model.constraints.push_back(hole);
+    }
+    VectorXd velocity = VectorXd::Zero(chain.state.x().size());
+    RodStepper stepper(chain.model, Integrator::ImplicitEuler);
+    const auto step = [&](double h)
+    {
+        if (!is_solved(stepper.step(chain.state, velocity, h).stop))
+            throw std::runtime_error("a step did not converge");
+    };
+    chain.model.viscosity = 20.0;
+    for (int k = 0; k < 600; ++k)
+        step(5e-3);
+    chain.model.viscosity = 0.0;
+    for (int k = 0; k < kHoles; ++k)
+    {
+        chain.model.slides[idx(k)].sticks = chain.model.slides[idx(k)].slips = 0.0;
+        chain.state.sliding[idx(k)].mode = Sliding::Mode::Slips;
+        chain.state.sliding[idx(k)].drive = 0.0;
+    }
+    velocity.setZero();
+    const double h = 2.5e-4;
+    std::array<double, 2> hangs = {};
+    const int first = 800, last = 1800;
+    for (int k = 1; k <= last; ++k)
+    {
+        step(h);
+        const double now = L - chain.rod.arc_length().at(chain.state.sliding.back().s);
+        if (k == first)
+            hangs[0] = now;
+        hangs[1] = now;
+    }
+    return bisected(0.5 * rate, 2.0 * rate,
+                    [&](double r) {
+                        return std::cosh(r * h * last) / std::cosh(r * h * first) <
+                               hangs[1] / hangs[0];
+                    }) /
            rate;
 }
 
@@ -321,6 +401,8 @@ void add_ropes(Answers& answers)
     for (const int points : {43, 63})
         answers.add("over a frictionless peg: growth rate / √(2g/L)", 1.0, points,
                     [&] { return growth(points); });
+    answers.add("chain of 1 m and 4e-4 N m² off a table: growth rate / √(g/L)", 1.0, 123,
+                [] { return off_a_table(123); });
     const auto pressed = [](bool along)
     {
         RodCase rope(straight_case(2.0, 164, {1e6, {0.6, 0.6}, 0.6, 1.0, 1e-6, 0.01}));

@@ -31,7 +31,10 @@ bool is_small(const RodScene& scene)
         points +=
             static_cast<double>(rod.points.size()) +
             static_cast<double>(rod.through.size()) * static_cast<double>(rod.spans);
-    return points <= 8.0;
+    for (const NetStatement& net : scene.nets)
+        points += static_cast<double>(net.points.size() + net.springs.size());
+    points += static_cast<double>(scene.bodies.size() + scene.joints.size());
+    return points <= 12.0;
 }
 
 void run(const RodScene& scene)
@@ -71,6 +74,63 @@ private:
     const std::uint8_t* data_;
     std::size_t size_, at_ = 0;
 };
+
+SlideStatement slide_of(Choices& choose)
+{
+    SlideStatement slide;
+    if (choose.below(2) == 0)
+        slide.start = choose.share();
+    if (choose.below(3) == 0)
+    {
+        slide.range = {0.5 * choose.share(), 0.5 + 0.5 * choose.share()};
+        slide.start.reset();
+    }
+    slide.leaves = choose.below(3) == 0;
+    if (choose.below(2) == 0)
+        slide.friction = {1.0, choose.share()};
+    if (choose.below(4) == 0)
+        slide.inertia = 10.0 * choose.share() - 1.0;
+    if (choose.below(4) == 0)
+        slide.apart = 0.1 * choose.share();
+    return slide;
+}
+
+/// A body, a net of two points, and what joins them to the rod.
+void add_joined(Choices& choose, RodScene& scene)
+{
+    BodyStatement& body = scene.bodies.emplace_back();
+    body.name = "b";
+    body.mass = choose.below(4) == 0 ? 1e6 : 0.1;
+    body.inertia = {0.01, 0.01 + 0.01 * choose.share(), 0.01};
+    body.at = choose.place();
+    body.velocity = choose.below(3) == 0 ? choose.place() : Triple{};
+    if (choose.below(3) == 0)
+        body.keys = {{0.0, choose.place(), {0, 1, 0, 360.0 * choose.share()}},
+                     {0.01, choose.place(), {1, 0, 1, 90.0 * choose.share()}}};
+    NetStatement& net = scene.nets.emplace_back();
+    net.name = "n";
+    net.points = {choose.place(), choose.place()};
+    net.masses = {0.1, 0.2};
+    net.springs.push_back({{0, 1}, choose.below(2) == 0 ? 10.0 : 1e6});
+    for (int k = choose.below(4); k > 0; --k)
+    {
+        JointStatement& joint = scene.joints.emplace_back();
+        for (JointEnd& end : joint.ends)
+        {
+            end.kind = static_cast<JointEnd::Kind>(choose.below(3));
+            end.at = choose.share();
+            end.slides = end.kind == JointEnd::Kind::Rod && choose.below(2) == 0;
+            end.node = static_cast<std::size_t>(choose.below(2));
+        }
+        const bool slides = joint.ends[0].slides || joint.ends[1].slides;
+        const bool is_of_net = joint.ends[0].kind == JointEnd::Kind::Net ||
+                               joint.ends[1].kind == JointEnd::Kind::Net;
+        joint.has_distance = !slides && choose.below(3) == 0;
+        joint.has_frame = !slides && !is_of_net && choose.below(2) == 0;
+        joint.has_point = !joint.has_distance;
+        joint.slide = slide_of(choose);
+    }
+}
 
 RodScene scene_of(Choices choose)
 {
@@ -117,13 +177,20 @@ RodScene scene_of(Choices choose)
     {
         RodOn& on = rod.on.emplace_back();
         on.at = choose.share();
-        on.kind = static_cast<RodOn::Kind>(choose.below(3));
+        on.kind = static_cast<RodOn::Kind>(choose.below(4));
+        if (choose.below(3) == 0)
+            on.slide = slide_of(choose);
+        on.other = choose.share();
+        if (on.kind == RodOn::Kind::Rod && choose.below(2) == 0)
+            on.other_slide.emplace();
         on.point = choose.place();
         on.direction = {choose.share(), choose.share(), 1.0};
         on.offset = choose.share();
     }
     for (int k = choose.below(2); k > 0; --k)
         rod.loads.push_back({choose.share(), choose.place(), choose.place()});
+    if (choose.below(2) == 0)
+        add_joined(choose, scene);
     scene.integrator = kRules[choose.below(4)];
     scene.dt = 1e-3 * kScales[choose.below(3)];
     scene.duration = 3.0 * scene.dt;

@@ -31,6 +31,13 @@ GLTF = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
                       {"bufferView": 0, "byteOffset": 36, "componentType": 5121, "count": 3,
                        "type": "SCALAR"}],
         "bufferViews": [{"buffer": 0, "byteLength": 39}]}
+JOINED = b"""{"cellwarp": 1, "rods": [{"name": "a", "through": [[0, 0, 0], [1, 0, 0]], "spans": 2,
+    "on": [{"at": "sliding", "point": [0.3, 0, 0], "friction": [0.3, 0.2], "end": "release",
+    "inertia": 1, "keys": [{"time": 0}]}, {"at": 1, "rod": "a", "other": "sliding"}]}],
+    "bodies": [{"name": "b", "mass": 2, "inertia": [1, 1, 1], "at": [1, 0, 0], "spin": [1, 0, 0]}],
+    "nets": [{"name": "n", "points": [[0, 0, 0], [0, 1, 0]], "springs": [[0, 1, 5]], "fixed": [1]}],
+    "joints": [{"a": "rod a sliding", "b": "body b 0 0 0", "apart": 0.1, "range": [0.5, 1]},
+    {"a": "rod a 0", "b": "net n 0", "what": ["point"]}], "simulate": {"dt": 0.001}}"""
 ROPE = json.dumps({
     "cellwarp": 1,
     "rods": [{"name": "a", "through": [[0, 0, 0], [1, 0, 0], [1, 1, 0]], "spans": 2, "radius": [0.01, 0.02],
@@ -107,7 +114,7 @@ SEEDS = {
     # A choice of everything; then samples, leaves to split, motions, what holds each cell.
     "fuzz_solve": [bytes([choice]) + counted(400, 37) for choice in (0, 6, 38, 94, 158, 222)],
     # 0 and the file; else choices.
-    "fuzz_rods": [b"\0" + ROPE] + [bytes([1]) + counted(80, step) for step in (7, 37, 59, 91)],
+    "fuzz_rods": [b"\0" + ROPE, b"\0" + JOINED] + [bytes([1]) + counted(80, step) for step in (7, 37, 59, 91)],
     # Scales; then centres with displacements.
     "fuzz_rbf": [bytes([0, 2]) + counted(120, 41), bytes([7, 0]) + counted(200, 59)],
 }

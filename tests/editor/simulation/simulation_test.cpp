@@ -532,6 +532,16 @@ TEST(Simulation, what_slides_needs_a_rule_that_knows_it)
     EXPECT_TRUE(
         contains(text, "simulate.integrator: what slides needs implicit-euler, rk4"))
         << text;
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 []
+                 {
+                     Simulation(scene_of(kLine + R"(, "E": 1e4, "on": [
+                             {"at": "sliding", "point": [0.3,0,0], "apart": 0.1},
+                             {"at": "sliding", "point": [0.7,0,0], "apart": 0.1}])",
+                                         R"({"integrator": "rk4", "dt": 1e-5})"));
+                 }),
+        "simulate.integrator: what stays apart needs implicit-euler or static"));
 }
 
 TEST(Simulation, of_springs_and_of_the_tensor_comes_near_the_exact_rod)

@@ -13,15 +13,67 @@ namespace cellwarp
 namespace
 {
 
+/// A net whose unknowns are not displacements but what velocities change by: a step of
+/// its places is `scale` times as large.
+class NetByVelocity : public SpringNet
+{
+public:
+    using SpringNet::SpringNet;
+    double scale = 1.0;
+
+    void add_moved(int place, const Eigen::Vector3d& n, SparseRow& out) const override
+    {
+        SpringNet::add_moved(place, scale * n, out);
+    }
+    double linearise(Eigen::VectorXd& gradient, Measure& here) override
+    {
+        const double at_work = SpringNet::linearise(gradient, here);
+        gradient *= scale;
+        return scale * at_work;
+    }
+    double noise_of_forces() const override
+    {
+        return scale * SpringNet::noise_of_forces();
+    }
+    double stiffness_of(int unknown) const override
+    {
+        return scale * scale * SpringNet::stiffness_of(unknown);
+    }
+    void solve(Eigen::VectorXd& r, Eigen::VectorXd& g) const override
+    {
+        SpringNet::solve(r, g);
+        r /= scale * scale;
+    }
+    double turn(const Eigen::VectorXd& step) const override
+    {
+        return SpringNet::turn(scale * step);
+    }
+    void try_step(const Eigen::VectorXd& step, double length) override
+    {
+        SpringNet::try_step(scale * step, length);
+    }
+    void try_more(const Eigen::VectorXd& step) override
+    {
+        SpringNet::try_more(scale * step);
+    }
+    void add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const override
+    {
+        Eigen::VectorXd forces = Eigen::VectorXd::Zero(out.size());
+        SpringNet::add_correction(scale * part, forces);
+        out += scale * forces;
+    }
+};
+
 /// A plate on two points of a net of three.
-struct PlateOnNet
+template <class Net>
+struct PlateOn
 {
     RigidBody plate{2.0, {0.2, 0.3, 0.2}};
-    SpringNet net{{{0, 0, 0}, {1, 0, 0}, {0.5, 0, 1}},
-                  Eigen::Vector3d(0.5, 0.5, 0.5),
-                  {{{0, 1}, 300, 0}, {{1, 2}, 200, 0}, {{2, 0}, 400, 0}}};
+    Net net{{{0, 0, 0}, {1, 0, 0}, {0.5, 0, 1}},
+            Eigen::Vector3d(0.5, 0.5, 0.5),
+            {{{0, 1}, 300, 0}, {{1, 2}, 200, 0}, {{2, 0}, 400, 0}}};
 
-    PlateOnNet()
+    PlateOn()
     {
         plate.state.p = {0.5, 0, 0};
         plate.state.velocity = {0.3, 1, 0};
@@ -35,6 +87,8 @@ struct PlateOnNet
         return joint;
     }
 };
+
+using PlateOnNet = PlateOn<SpringNet>;
 
 } // namespace
 
@@ -77,6 +131,22 @@ TEST(Articulation, gives_the_same_whatever_the_order_of_objects_and_joints)
     }
     EXPECT_LT((a.net.x - b.net.x).norm(), 1e-9);
     EXPECT_LT((a.plate.state.R - b.plate.state.R).norm(), 1e-9);
+}
+
+TEST(Articulation, joins_objects_with_unknowns_of_another_kind)
+{
+    PlateOnNet a;
+    PlateOn<NetByVelocity> b;
+    b.net.scale = 5e-3;
+    ImplicitStepper first({&a.plate, &a.net}, {a.joint(0, -0.5, 0), a.joint(0, 0.5, 1)});
+    ImplicitStepper second({&b.plate, &b.net}, {b.joint(0, -0.5, 0), b.joint(0, 0.5, 1)});
+    for (int k = 0; k < 50; ++k)
+    {
+        EXPECT_EQ(first.step(5e-3).stop, MotionStop::Converged);
+        EXPECT_EQ(second.step(5e-3).stop, MotionStop::Converged);
+    }
+    EXPECT_LT((a.net.x - b.net.x).norm(), 1e-8);
+    EXPECT_LT((a.plate.state.R - b.plate.state.R).norm(), 1e-8);
 }
 
 TEST(Articulation, joints_that_say_the_same_twice_change_nothing)

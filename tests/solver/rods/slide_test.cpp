@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 
 #include <gtest/gtest.h>
 
@@ -278,6 +279,17 @@ TEST(Slide, explicit_steps_stick_slip_and_stop_at_the_end)
                   sticks ? Sliding::Mode::Sticks : Sliding::Mode::AtBegin);
         EXPECT_EQ(std::abs(rope.hole().s - begin) > 0.1, !sticks);
     }
+}
+
+TEST(Slide, is_refused_by_rules_that_do_not_know_it)
+{
+    RopeInHole rope(10, 1e3, 0.1);
+    RodStepper midpoint(rope.model, Integrator::Midpoint);
+    EXPECT_THROW(midpoint.step(rope.state, rope.velocity, 1e-4), std::invalid_argument);
+    rope.model.gaps.push_back({0, 0, 0.1, false});
+    rope.state.touches = {0};
+    RodStepper explicitly(rope.model, Integrator::RungeKutta);
+    EXPECT_THROW(explicitly.step(rope.state, rope.velocity, 1e-4), std::invalid_argument);
 }
 
 } // namespace cellwarp
