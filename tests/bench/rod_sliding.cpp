@@ -7,6 +7,7 @@
 #include <functional>
 #include <numbers>
 #include <stdexcept>
+#include <tuple>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -333,46 +334,54 @@ double off_a_table(int points)
            rate;
 }
 
-/// A rope through \p holes on a quarter of a circle, drawn slowly: the ratio of its two
-/// pulls.
-double drawn(int holes, double friction, int points)
+/// A rope through \p holes on an arc by \p turn [rad], or through one at a corner by so
+/// much, drawn slowly: the ratio of its two pulls.
+double drawn(int holes, double turn, double friction, int points)
 {
     const double R = holes > 1 ? 0.5 : 0.0, T = 100.0;
+    const auto on_arc = [&](double angle) -> Vector3d {
+        return {R * std::sin(angle), R * std::cos(angle), 0.0};
+    };
+    const Vector3d out(std::cos(turn), -std::sin(turn), 0.0);
     std::vector<Vector3d> at;
-    const int on_arc = holes > 1 ? 16 : 0;
+    const int steps = holes > 1 ? static_cast<int>(std::lround(turn * 32.0 / kPi)) : 0;
     for (int k = 8; k > 0; --k)
         at.emplace_back(-k / 8.0, R, 0.0);
-    for (int k = 0; k <= on_arc; ++k)
-    {
-        const double a = on_arc > 0 ? 0.5 * kPi * k / on_arc : 0.0;
-        at.emplace_back(R * std::sin(a), R * std::cos(a), 0.0);
-    }
+    for (int k = 0; k <= steps; ++k)
+        at.push_back(on_arc(steps > 0 ? turn * k / steps : 0.0));
     for (int k = 1; k <= 8; ++k)
-        at.emplace_back(R, -k / 8.0, 0.0);
+        at.push_back(on_arc(turn) + k / 8.0 * out);
     const int gaps = static_cast<int>(at.size()) - 1;
     RodCase rope(
         Rod(spline_through(at, false, std::max(1, points / gaps)),
             [holes](double)
             {
                 const double bending = holes > 1 ? 0.002 : 0.6;
-                return Section{1e6, {bending, bending}, bending, 1.0, 1e-6, 0.01};
+                return Section{
+                    holes > 1 ? 1e7 : 1e6, {bending, bending}, bending, 1.0, 1e-6, 0.01};
             },
             {RodRest::Straight}));
+    const SplineBasis& basis = rope.rod.basis();
     for (int k = 0; k < holes; ++k)
     {
         // Between the holes the rope goes straight: half a turn of them at each end.
-        const double a = holes > 1 ? 0.5 * kPi * (k + 0.5) / holes : 0.0;
+        const double angle = holes > 1 ? turn * (k + 0.5) / holes : 0.0;
         RodConstraint hole;
-        hole.point = {R * std::sin(a), R * std::cos(a), 0.0};
-        const double s =
-            nearest_parameter({rope.begin(), rope.end()}, rope.state, hole.point);
-        hole.slide = add_slide(rope, s, friction);
+        hole.point = on_arc(angle);
+        // More than a turn comes to the same place again: the nearest around where the
+        // arc's length says.
+        const double share = (1.0 + R * angle) / (2.0 + R * turn);
+        RodSlide around;
+        around.begin = std::max(basis.begin(), (share - 0.05) * basis.end());
+        around.end = std::min(basis.end(), (share + 0.05) * basis.end());
+        hole.slide =
+            add_slide(rope, nearest_parameter(around, rope.state, hole.point), friction);
         rope.model.constraints.push_back(hole);
     }
     rope.model.loads.push_back({rope.begin(), {-T, 0, 0}, {0, 0, 0}});
     RodConstraint hand;
-    hand.hold = HoldKind::Plane; // it draws straight down
-    hand.direction = Vector3d::UnitY();
+    hand.hold = HoldKind::Plane; // it draws straight on
+    hand.direction = -out;
     hand.s = rope.end();
     hand.point = rope.state.at(hand.s).place;
     rope.model.constraints.push_back(hand);
@@ -385,7 +394,7 @@ double drawn(int holes, double friction, int points)
     double pull = 0.0;
     for (int k = 0; k < 1500; ++k)
     {
-        rope.model.constraints.back().point.y() -= speed * h;
+        rope.model.constraints.back().point += speed * h * out;
         object.start(h);
         if (!is_solved(alone.solve({}).stop))
             throw std::runtime_error("a step did not converge");
@@ -422,11 +431,48 @@ void add_ropes(Answers& answers)
     answers.add("the same: force across [N]", 173.2050808, 164,
                 [&] { return pressed(false); });
     answers.add("one hole, 90°, μ = 0.3: ratio of pulls, exp(2 asinh(μ sin 45°))",
-                1.523705, 163, [] { return drawn(1, 0.3, 160); });
+                1.523705, 163, [] { return drawn(1, 0.5 * kPi, 0.3, 160); });
     answers.add("eight holes, 90°, μ = 0.3: the same of eight turns", 1.600658, 67,
-                [] { return drawn(8, 0.3, 64); });
+                [] { return drawn(8, 0.5 * kPi, 0.3, 64); });
     answers.add("eight holes, 90°, without friction", 1.0, 67,
-                [] { return drawn(8, 0.0, 64); });
+                [] { return drawn(8, 0.5 * kPi, 0.0, 64); });
+    for (const auto& [holes, turns, friction, wrapped] :
+         {std::tuple(32, 0.5, 0.3, 2.566332),
+          {32, 0.5, 0.5, 4.810477},
+          {64, 1.0, 0.3, 6.586062}})
+        answers.add(fmt::format("{} holes, {}°, μ = {}: beside a rope round a cylinder, "
+                                "e^(μ b)",
+                                holes, 360.0 * turns, friction),
+                    wrapped, turns > 0.5 ? 243 : 147,
+                    [&, n = holes, t = turns, mu = friction]
+                    { return drawn(n, 2.0 * kPi * t, mu, t > 0.5 ? 240 : 144); });
+    const auto sleeve = [](double alpha)
+    {
+        const int spans = 400;
+        RodCase rod(
+            straight_case(2.0, spans + 3, {1e8, {1.0, 1.0}, 1.0, 1.0, 1e-6, 0.01}));
+        const double span = 2.0 / spans;
+        add_hole(rod, 200 * span);
+        add_hole(rod, (200 - 2.6) * span);
+        rod.model.loads.push_back({rod.end(), {0, -alpha, 0}, {0, 0, 0}});
+        RodConstraint back;
+        back.hold = HoldKind::Plane;
+        back.direction = Vector3d::UnitX();
+        rod.model.constraints.push_back(back);
+        RodNewton newton(rod.model);
+        if (newton.solve(rod.state).stop != MotionStop::Converged)
+            throw std::runtime_error("an equilibrium was not found");
+        return std::abs(newton.multipliers()[6]) / alpha;
+    };
+    for (const auto& [alpha, share] : {std::pair(0.5, 0.242104),
+                                       {1.0, 0.445159},
+                                       {2.0, 0.704522},
+                                       {5.0, 0.937498},
+                                       {10.0, 0.990145}})
+        answers.add(
+            fmt::format("out of a sleeve of two holes, P L²/EI = {}: axial force / P",
+                        alpha),
+            share, 403, [&, load = alpha] { return sleeve(load); });
     // Two holes as a sleeve, the second at a knot, between two, or off both.
     const int spans = 40;
     for (const double off : {0.0, 0.25, 0.5})

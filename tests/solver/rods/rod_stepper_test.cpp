@@ -2,6 +2,7 @@
 #include "solver/rods/rod_stepper.h"
 
 #include <random>
+#include <vector>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -57,6 +58,24 @@ TEST(RodStepper, falls_freely_as_the_formula_of_its_rule_says)
         const double fallen =
             rule == Integrator::ImplicitEuler ? 9.81 * h * h * n * (n + 1) / 2 : 4.905;
         EXPECT_NEAR(state.at(0.3).place.z(), -fallen, 1e-9);
+    }
+}
+
+TEST(RodStepper, may_be_moved_to_another_place)
+{
+    const Rod rod = rubber(6);
+    RodModel model(rod);
+    model.terms.push_back(exact_elasticity(rod));
+    model.gravity = {0, 0, -9.81};
+    std::vector<RodStepper> steppers;
+    for (int k = 0; k < 5; ++k)
+        steppers.emplace_back(model, Integrator::ImplicitEuler);
+    for (RodStepper& stepper : steppers)
+    {
+        RodState state(rod);
+        Eigen::VectorXd velocity = Eigen::VectorXd::Zero(state.x().size());
+        EXPECT_EQ(stepper.step(state, velocity, 0.1).stop, MotionStop::Converged);
+        EXPECT_NEAR(state.at(0.3).place.z(), -0.0981, 1e-9);
     }
 }
 
