@@ -60,9 +60,15 @@ double turned(const std::vector<RodKey>& keys, double begin, double end)
     return sum;
 }
 
-Motion motion_at(const std::vector<RodKey>& keys, double time,
-                 const Eigen::Vector3d& about)
+Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& about,
+                 double share)
 {
+    for (RodKey& key : keys)
+    {
+        for (double& x : key.translate)
+            x *= share;
+        key.rotate[3] *= share;
+    }
     if (keys.empty())
         return {};
     const auto next = std::find_if(keys.begin(), keys.end(),
@@ -72,15 +78,15 @@ Motion motion_at(const std::vector<RodKey>& keys, double time,
     if (next == keys.end())
         return motion_of(keys.back(), about);
     const RodKey &a = *(next - 1), &b = *next;
-    const double share = (time - a.time) / (b.time - a.time);
+    const double between_them = (time - a.time) / (b.time - a.time);
     RodKey between = a;
     for (std::size_t k = 0; k < 3; ++k)
-        between.translate[k] += share * (b.translate[k] - a.translate[k]);
+        between.translate[k] += between_them * (b.translate[k] - a.translate[k]);
     if (const std::optional<OneAxis> one = one_axis(a, b))
     {
         for (const std::size_t k : {0u, 1u, 2u})
             between.rotate[k] = one->axis[static_cast<Eigen::Index>(k)];
-        between.rotate[3] = one->from + share * (one->to - one->from);
+        between.rotate[3] = one->from + between_them * (one->to - one->from);
         return motion_of(between, about);
     }
     // About one axis from the one to the other, by less than half a turn.
@@ -89,7 +95,7 @@ Motion motion_at(const std::vector<RodKey>& keys, double time,
     const double angle = turn.norm();
     const Eigen::Matrix3d R =
         angle > 0.0
-            ? Eigen::Matrix3d(rotation_about(turn / angle, share * angle) * from.R)
+            ? Eigen::Matrix3d(rotation_about(turn / angle, between_them * angle) * from.R)
             : from.R;
     return {R, about - R * about + vector_of(between.translate)};
 }

@@ -20,9 +20,10 @@ inline Eigen::Vector3d vector_of(const Triple& t)
 /// Of a key, about a place.
 Motion motion_of(const RodKey& key, const Eigen::Vector3d& about);
 
-/// Where keys have a place at a time: straight and evenly between two of them.
-Motion motion_at(const std::vector<RodKey>& keys, double time,
-                 const Eigen::Vector3d& about);
+/// Where keys have a place at a time: straight and evenly between two of them; \p share:
+/// of what they say.
+Motion motion_at(std::vector<RodKey> keys, double time, const Eigen::Vector3d& about,
+                 double share);
 
 /// How far keys turn between two times, there and back added up [degree].
 double turned(const std::vector<RodKey>& keys, double begin, double end);

@@ -2,7 +2,6 @@
 #include "editor/simulation/rod_part.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -11,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "editor/simulation/key_motion.h"
+#include "editor/simulation/solid_shapes.h"
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "solver/rods/elasticity.h"
@@ -36,7 +36,7 @@ std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
 }
 
 /// Both sides of a tube, so that its twist is seen.
-constexpr std::array<std::uint8_t, 3> kFront = {236, 145, 60}, kBack = {205, 208, 214};
+constexpr Colour kFront = {236, 145, 60}, kBack = {205, 208, 214};
 
 /// Neighbours at the same place are one point.
 std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
@@ -362,14 +362,7 @@ void RodPart::hold_at(double time, double share)
 {
     for (const Held& held : held_)
     {
-        std::vector<RodKey> keys = *held.keys;
-        for (RodKey& key : keys)
-        {
-            for (double& x : key.translate)
-                x *= share;
-            key.rotate[3] *= share;
-        }
-        const Motion motion = motion_at(keys, time, held.place);
+        const Motion motion = motion_at(*held.keys, time, held.place, share);
         for (std::size_t k = held.first; k < held.first + held.count; ++k)
         {
             RodConstraint& constraint = model.constraints[k];
@@ -423,51 +416,26 @@ double RodPart::largest_turn() const
 void RodPart::add_tube(int around, Geometry& out) const
 {
     constexpr int kRings = 4; // a span
-    const std::span<const RodSpan> spans = rod.spans();
-    const bool is_closed = rod.basis().is_closed();
-    const auto first = static_cast<std::uint32_t>(out.samples.size());
     out.groups.push_back({name(), out.num_faces(), 0});
-    std::uint32_t rings = 0;
+    std::vector<std::vector<Eigen::Vector3d>> rings;
     const auto add_ring = [&](double s)
     {
         const Eigen::Matrix3d F = state.frame(s);
-        const Eigen::Vector3d middle = origin_ + state.at(s).place;
         const double radius = rod.section_at(s).radius;
-        for (int k = 0; k < around; ++k)
-        {
-            const double a = 2.0 * std::numbers::pi * k / around;
-            const Eigen::Vector3d out_of =
-                std::cos(a) * F.col(0) + std::sin(a) * F.col(1);
-            out.samples.push_back(middle + radius * out_of);
-            out.colours.push_back(std::cos(a) > 0.0 ? kFront : kBack);
-        }
-        ++rings;
+        rings.push_back(ring(origin_ + state.at(s).place, radius * F.col(0),
+                             radius * F.col(1), around));
     };
-    for (const RodSpan& span : spans)
+    for (const RodSpan& span : rod.spans())
         for (int k = 0; k < kRings; ++k)
             add_ring(span.begin + (span.end - span.begin) * k / kRings);
+    const bool is_closed = rod.basis().is_closed();
     if (!is_closed)
-        add_ring(spans.back().end);
-    const auto count = static_cast<std::uint32_t>(around);
-    const auto corner = [&](std::uint32_t ring, std::uint32_t k)
-    { return first + ring % rings * count + k % count; };
-    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
-    for (std::uint32_t i = 0; i + (is_closed ? 0 : 1) < rings; ++i)
-        for (std::uint32_t k = 0; k < count; ++k)
-        {
-            out.corners.insert(
-                out.corners.end(),
-                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
-            end_face();
-        }
-    for (const bool is_begin : {true, false})
-    {
-        if (is_closed)
-            break;
-        for (std::uint32_t k = 0; k < count; ++k)
-            out.corners.push_back(is_begin ? corner(0, count - k) : corner(rings - 1, k));
-        end_face();
-    }
+        add_ring(rod.spans().back().end);
+    std::vector<Colour> colours;
+    for (int k = 0; k < around; ++k)
+        colours.push_back(std::cos(2.0 * std::numbers::pi * k / around) > 0.0 ? kFront
+                                                                              : kBack);
+    add_rings(rings, colours, is_closed, out);
     out.groups.back().end_face = out.num_faces();
 }
 

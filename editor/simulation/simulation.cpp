@@ -73,7 +73,10 @@ struct Simulation::Parts
     std::size_t count() const { return rods.size() + bodies.size() + nets.size(); }
     RodObject& object_of(std::size_t rod)
     {
-        return objects.try_emplace(rod, rods[rod]->model).first->second;
+        const auto [found, is_new] = objects.try_emplace(rod, rods[rod]->model);
+        if (is_new)
+            found->second.bind(rods[rod]->state, rods[rod]->velocity);
+        return found->second;
     }
     ArticulableObject* object(std::size_t k)
     {
@@ -237,6 +240,50 @@ void Simulation::keep_off_itself(std::size_t rod, double at, SlideStatement& sli
             std::max(slide.range[0], std::min(at + kOffItself, *slide.start));
 }
 
+namespace
+{
+
+/// Two places that slide on each other start where the curves are nearest, unless the
+/// statements say where.
+void start_nearest(const RodPart& a, const RodPart& b, SlideStatement& of_a,
+                   SlideStatement& of_b)
+{
+    constexpr int kPlaces = 300;
+    const auto candidates = [](const SlideStatement& of)
+    {
+        if (of.start)
+            return std::vector<double>{*of.start};
+        std::vector<double> out;
+        for (int k = 0; k <= kPlaces; ++k)
+            if (const double share = double(k) / kPlaces;
+                of.range[0] <= share && share <= of.range[1])
+                out.push_back(share);
+        return out;
+    };
+    double least = std::numeric_limits<double>::infinity();
+    const std::vector<double> shares_of_a = candidates(of_a),
+                              shares_of_b = candidates(of_b);
+    for (const double s : shares_of_a)
+    {
+        const Vector3d place = a.state.at(a.parameter(s)).place;
+        for (const double t : shares_of_b)
+        {
+            // Of a rod on itself not its neighbours.
+            if (&a == &b && std::abs(s - t) < 0.1)
+                continue;
+            const double away = (place - b.state.at(b.parameter(t)).place).norm();
+            if (away < least)
+            {
+                least = away;
+                of_a.start = s;
+                of_b.start = t;
+            }
+        }
+    }
+}
+
+} // namespace
+
 void Simulation::join()
 {
     struct Both
@@ -278,34 +325,9 @@ void Simulation::join()
     }
     for (Both& both : all)
     {
-        // Two places that both slide start where the curves are nearest.
-        if (both.a.slides && both.b.slides && !both.of_a.start && !both.of_b.start)
-        {
-            constexpr int kPlaces = 300;
-            double least = std::numeric_limits<double>::infinity();
-            const RodPart &a = *parts_->rods[both.a.index],
-                          &b = *parts_->rods[both.b.index];
-            for (int i = 0; i <= kPlaces; ++i)
-                for (int j = 0; j <= kPlaces; ++j)
-                {
-                    // Of a rod on itself not its neighbours.
-                    if (&a == &b && std::abs(i - j) < kPlaces / 10)
-                        continue;
-                    const double s = double(i) / kPlaces, t = double(j) / kPlaces;
-                    if (s < both.of_a.range[0] || s > both.of_a.range[1] ||
-                        t < both.of_b.range[0] || t > both.of_b.range[1])
-                        continue;
-                    const double away = (a.state.at(a.parameter(s)).place -
-                                         b.state.at(b.parameter(t)).place)
-                                            .norm();
-                    if (away < least)
-                    {
-                        least = away;
-                        both.of_a.start = s;
-                        both.of_b.start = t;
-                    }
-                }
-        }
+        if (both.a.slides && both.b.slides)
+            start_nearest(*parts_->rods[both.a.index], *parts_->rods[both.b.index],
+                          both.of_a, both.of_b);
         if (both.a.index == both.b.index && both.a.kind == JointEnd::Kind::Rod &&
             both.b.kind == JointEnd::Kind::Rod && both.a.slides != both.b.slides)
             keep_off_itself(both.a.slides ? both.a.index : both.b.index,
@@ -329,13 +351,6 @@ void Simulation::join()
         Joint joint;
         joint.object = {a.object, b.object};
         joint.place = {a.place, b.place};
-        // Where they are now; rods are bound to their states.
-        for (const int k : {a.object, b.object})
-            if (k < static_cast<int>(parts_->rods.size()))
-            {
-                RodPart& rod = *parts_->rods[idx(k)];
-                parts_->object_of(idx(k)).bind(rod.state, rod.velocity);
-            }
         const ArticulableObject &first = *parts_->object(idx(a.object)),
                                 &second = *parts_->object(idx(b.object));
         const double apart =
@@ -415,7 +430,7 @@ void Simulation::group()
             }
         if (members.size() == 1 && joints.empty() && !group.rods.empty())
         {
-            start_alone(group);
+            start_alone(group, first);
             continue;
         }
         if (scene_.integrator != "implicit-euler" && !is_static())
@@ -426,10 +441,6 @@ void Simulation::group()
         std::vector<ArticulableObject*> objects;
         for (const std::size_t k : members)
             objects.push_back(parts_->object(k));
-        for (RodPart* const rod : group.rods)
-            for (std::size_t k = 0; k < parts_->rods.size(); ++k)
-                if (parts_->rods[k].get() == rod)
-                    parts_->object_of(k).bind(rod->state, rod->velocity);
         group.joined.emplace(std::move(objects), std::move(joints));
     }
 }
@@ -453,12 +464,9 @@ void Simulation::need_hold(const Group& group,
                             "equilibrium (need fixed, on, springs or a body with keys)");
 }
 
-void Simulation::start_alone(Group& group)
+void Simulation::start_alone(Group& group, std::size_t index)
 {
     RodPart& rod = *group.rods.front();
-    std::size_t index = 0;
-    while (parts_->rods[index].get() != &rod)
-        ++index;
     if (is_static() && !rod.has_equilibrium())
         throw malformed({scene_.path, 0, fmt::format("rods[{}]", index)},
                         "nothing holds it against its weight and loads: there is no "
@@ -535,16 +543,9 @@ void Simulation::lead_bodies(const Group& group, double time, double share,
 {
     for (Parts::Body* const body : group.bodies)
     {
-        std::vector<RodKey> keys = body->statement->keys;
-        if (keys.empty())
+        if (body->statement->keys.empty())
             continue;
-        for (RodKey& key : keys)
-        {
-            for (double& x : key.translate)
-                x *= share;
-            key.rotate[3] *= share;
-        }
-        const Motion motion = motion_at(keys, time, body->rest.t);
+        const Motion motion = motion_at(body->statement->keys, time, body->rest.t, share);
         body->body.lead(motion.R * body->rest.R, motion(body->rest.t), duration);
     }
 }

@@ -100,7 +100,7 @@ private:
     Eigen::Vector3d place_of(const JointEnd& end) const;
     void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
     void group();
-    void start_alone(Group& group);
+    void start_alone(Group& group, std::size_t index);
     void lead_bodies(const Group& group, double time, double share, double duration);
     void need_hold(const Group& group, const std::vector<std::size_t>& members) const;
     void advance(Group& group, double begin);

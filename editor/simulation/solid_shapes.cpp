@@ -2,9 +2,7 @@
 #include "editor/simulation/solid_shapes.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
 #include <numbers>
 
 #include <Eigen/Geometry>
@@ -18,42 +16,19 @@ namespace
 {
 
 using Eigen::Vector3d;
-constexpr std::array<std::uint8_t, 3> kBody = {96, 139, 176}, kNet = {120, 166, 110};
+constexpr Colour kBody = {96, 139, 176}, kNet = {120, 166, 110};
 
-/// Rings of \p around corners, closed by a fan at both ends.
-void add_rings(const std::vector<std::vector<Vector3d>>& rings,
-               const std::array<std::uint8_t, 3>& colour, Geometry& out)
+/// In one colour, closed at its ends.
+void add_solid(const std::vector<std::vector<Vector3d>>& rings, const Colour& colour,
+               Geometry& out)
 {
-    const auto first = static_cast<std::uint32_t>(out.samples.size());
-    const auto count = static_cast<std::uint32_t>(rings.front().size());
-    for (const std::vector<Vector3d>& ring : rings)
-        for (const Vector3d& point : ring)
-        {
-            out.samples.push_back(point);
-            out.colours.push_back(colour);
-        }
-    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
-    const auto corner = [&](std::size_t ring, std::uint32_t k)
-    { return first + static_cast<std::uint32_t>(ring) * count + k % count; };
-    for (std::size_t i = 0; i + 1 < rings.size(); ++i)
-        for (std::uint32_t k = 0; k < count; ++k)
-        {
-            out.corners.insert(
-                out.corners.end(),
-                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
-            end_face();
-        }
-    for (const bool is_begin : {true, false})
-    {
-        for (std::uint32_t k = 0; k < count; ++k)
-            out.corners.push_back(is_begin ? corner(0, count - k)
-                                           : corner(rings.size() - 1, k));
-        end_face();
-    }
+    add_rings(rings, std::vector<Colour>(rings.front().size(), colour), false, out);
 }
 
+} // namespace
+
 std::vector<Vector3d> ring(const Vector3d& middle, const Vector3d& a, const Vector3d& b,
-                           int around, double phase = 0.0)
+                           int around, double phase)
 {
     std::vector<Vector3d> out;
     for (int k = 0; k < around; ++k)
@@ -64,7 +39,39 @@ std::vector<Vector3d> ring(const Vector3d& middle, const Vector3d& a, const Vect
     return out;
 }
 
-} // namespace
+void add_rings(const std::vector<std::vector<Vector3d>>& rings,
+               std::span<const Colour> colours, bool is_closed, Geometry& out)
+{
+    const auto first = static_cast<std::uint32_t>(out.samples.size());
+    const auto count = static_cast<std::uint32_t>(colours.size());
+    for (const std::vector<Vector3d>& one : rings)
+    {
+        out.samples.insert(out.samples.end(), one.begin(), one.end());
+        out.colours.insert(out.colours.end(), colours.begin(), colours.end());
+    }
+    const auto end_face = [&] { out.face_ends.push_back(out.corners.size()); };
+    const auto corner = [&](std::size_t ring, std::uint32_t k) {
+        return first + static_cast<std::uint32_t>(ring % rings.size()) * count +
+               k % count;
+    };
+    for (std::size_t i = 0; i + (is_closed ? 0 : 1) < rings.size(); ++i)
+        for (std::uint32_t k = 0; k < count; ++k)
+        {
+            out.corners.insert(
+                out.corners.end(),
+                {corner(i, k), corner(i, k + 1), corner(i + 1, k + 1), corner(i + 1, k)});
+            end_face();
+        }
+    for (const bool is_begin : {true, false})
+    {
+        if (is_closed)
+            break;
+        for (std::uint32_t k = 0; k < count; ++k)
+            out.corners.push_back(is_begin ? corner(0, count - k)
+                                           : corner(rings.size() - 1, k));
+        end_face();
+    }
+}
 
 void add_body(const BodyStatement& body, const Motion& pose, int around, Geometry& out)
 {
@@ -97,7 +104,7 @@ void add_body(const BodyStatement& body, const Motion& pose, int around, Geometr
                                  std::numbers::sqrt2 * half[1] * pose.R.col(1), 4,
                                  0.25 * std::numbers::pi));
     }
-    add_rings(rings, kBody, out);
+    add_solid(rings, kBody, out);
     out.groups.back().end_face = out.num_faces();
 }
 
@@ -118,7 +125,7 @@ void add_net(const NetStatement& net, const std::vector<Vector3d>& points, int a
             continue;
         Vector3d n = t.unitOrthogonal();
         const Vector3d m = t.cross(n);
-        add_rings({ring(a, radius * n, radius * m, around),
+        add_solid({ring(a, radius * n, radius * m, around),
                    ring(b, radius * n, radius * m, around)},
                   kNet, out);
     }

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Bodies and nets as they are drawn.
+// What moves as it is drawn: rings of corners and what is made of them.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,6 +15,18 @@
 
 namespace cellwarp
 {
+
+using Colour = std::array<std::uint8_t, 3>;
+
+/// Corners of an ellipse about \p middle with the half axes a and b.
+std::vector<Eigen::Vector3d> ring(const Eigen::Vector3d& middle, const Eigen::Vector3d& a,
+                                  const Eigen::Vector3d& b, int around,
+                                  double phase = 0.0);
+
+/// Rings of equally many corners, a colour each, joined one by one to a tube: around, or
+/// closed by a face at both ends.
+void add_rings(const std::vector<std::vector<Eigen::Vector3d>>& rings,
+               std::span<const Colour> colours, bool is_closed, Geometry& out);
 
 /// The ball or box of even density that has the body's mass and inertia.
 void add_body(const BodyStatement& body, const Motion& pose, int around, Geometry& out);

@@ -59,24 +59,29 @@ double largest(const Eigen::VectorXd& v)
     return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
 }
 
-void sort_and_add_up(SparseRow& row)
-{
-    std::stable_sort(row.begin(), row.end(),
-                     [](const auto& a, const auto& b) { return a.first < b.first; });
-    std::size_t count = 0;
-    for (const auto& [unknown, value] : row)
-    {
-        if (count > 0 && row[count - 1].first == unknown)
-            row[count - 1].second += value;
-        else
-            row[count++] = {unknown, value};
-    }
-    row.resize(count);
-}
-
 int num_rows(const Joint& joint)
 {
     return joint.kind == Joint::Kind::Distance ? 1 : 3;
+}
+
+/// Directions of a joint's rows: of forces, or axes of couples, on the first object.
+std::array<Vector3d, 3> directions(const Joint& joint, const ArticulableObject& a,
+                                   const ArticulableObject& b)
+{
+    if (joint.kind == Joint::Kind::Point)
+        return {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
+    if (joint.kind == Joint::Kind::Distance)
+    {
+        const Vector3d way =
+            a.place(joint.place[0], false) - b.place(joint.place[1], false);
+        return {Vector3d(way / joint.distance), Vector3d::Zero(), Vector3d::Zero()};
+    }
+    const Eigen::Matrix3d A = a.frame(joint.place[0], false) * joint.frame,
+                          B = b.frame(joint.place[1], false);
+    std::array<Vector3d, 3> out;
+    for (int k = 0; k < 3; ++k)
+        out[idx(k)] = Vector3d(A.col((k + 1) % 3)).cross(Vector3d(B.col((k + 2) % 3)));
+    return out;
 }
 
 } // namespace
@@ -206,26 +211,6 @@ Eigen::VectorXd Articulation::joint_violations(bool of_trial) const
     }
     return Eigen::Map<const Eigen::VectorXd>(out.data(),
                                              static_cast<Eigen::Index>(out.size()));
-}
-
-/// Directions of a joint's rows: of forces, or axes of couples, on the first object.
-static std::array<Vector3d, 3> directions(const Joint& joint, const ArticulableObject& a,
-                                          const ArticulableObject& b)
-{
-    if (joint.kind == Joint::Kind::Point)
-        return {Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()};
-    if (joint.kind == Joint::Kind::Distance)
-    {
-        const Vector3d way =
-            a.place(joint.place[0], false) - b.place(joint.place[1], false);
-        return {Vector3d(way / joint.distance), Vector3d::Zero(), Vector3d::Zero()};
-    }
-    const Eigen::Matrix3d A = a.frame(joint.place[0], false) * joint.frame,
-                          B = b.frame(joint.place[1], false);
-    std::array<Vector3d, 3> out;
-    for (int k = 0; k < 3; ++k)
-        out[idx(k)] = Vector3d(A.col((k + 1) % 3)).cross(Vector3d(B.col((k + 2) % 3)));
-    return out;
 }
 
 void Articulation::Run::find_joint_rows()

@@ -24,8 +24,7 @@ constexpr int kIterations = 40;
 
 ImplicitStepper::ImplicitStepper(std::vector<ArticulableObject*> objects,
                                  std::vector<Joint> joints, double noise)
-    : objects_(objects), joints_(joints), all_(std::move(objects), std::move(joints)),
-      noise_(noise)
+    : objects_(objects), all_(std::move(objects), std::move(joints)), noise_(noise)
 {
 }
 

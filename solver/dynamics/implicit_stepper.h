@@ -38,7 +38,6 @@ private:
     bool is_driven() const;
 
     std::vector<ArticulableObject*> objects_;
-    std::vector<Joint> joints_;
     Articulation all_;
     double noise_;
     int parts_ = 1;    ///< of a step, as a power of 2

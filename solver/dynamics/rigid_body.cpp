@@ -248,6 +248,7 @@ void RigidBody::start(double step)
 {
     step_ = step;
     start_ = state;
+    left_before_ = left_;
     if (is_led_)
     {
         const double share = left_ > step ? step / left_ : 1.0;
@@ -284,9 +285,7 @@ void RigidBody::go_back()
 
 void RigidBody::undo()
 {
-    // finish() has come before.
-    if (is_led_)
-        left_ += step_;
+    left_ = left_before_;
     state = start_;
 }
 

@@ -102,8 +102,8 @@ private:
     double size_ = 0.0;      ///< of a box with that inertia, or of its places [m]
     std::vector<Eigen::Vector3d> places_;
     bool is_led_ = false;
-    RigidBodyState goal_; ///< of what is led
-    double left_ = 0.0;   ///< time to it [s]
+    RigidBodyState goal_;                   ///< of what is led
+    double left_ = 0.0, left_before_ = 0.0; ///< time to it, at the begin of the step [s]
 
     // One step.
     double step_ = 1.0; ///< [s]

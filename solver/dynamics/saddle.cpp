@@ -17,6 +17,22 @@ constexpr int kFar = 3;
 
 } // namespace
 
+void sort_and_add_up(SparseRow& row)
+{
+    const auto is_before = [](const auto& a, const auto& b) { return a.first < b.first; };
+    if (!std::is_sorted(row.begin(), row.end(), is_before))
+        std::stable_sort(row.begin(), row.end(), is_before);
+    std::size_t count = 0;
+    for (const auto& [unknown, value] : row)
+    {
+        if (count > 0 && row[count - 1].first == unknown)
+            row[count - 1].second += value;
+        else
+            row[count++] = {unknown, value};
+    }
+    row.resize(count);
+}
+
 void SaddleSolver::arrange(const BandMatrix& A, std::span<const SparseRow> rows,
                            std::span<const int> groups,
                            std::span<const SingleUnknown> singles)

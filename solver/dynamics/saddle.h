@@ -30,6 +30,10 @@ namespace cellwarp
 /// A row of L: (unknown, value), ascending.
 using SparseRow = std::vector<std::pair<int, double>>;
 
+/// Brings entries that were gathered in any order into theirs; what is of one unknown is
+/// added up.
+void sort_and_add_up(SparseRow& row);
+
 /// An unknown beside those of a band; number k of them is unknown rows + k.
 struct SingleUnknown
 {

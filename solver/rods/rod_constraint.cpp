@@ -59,21 +59,8 @@ public:
     ConstraintRow row(double violation)
     {
         ConstraintRow row{std::move(entries_), violation};
-        std::vector<std::pair<int, double>>& entries = row.entries;
-        const auto is_before = [](const auto& a, const auto& b)
-        { return a.first < b.first; };
-        if (!std::is_sorted(entries.begin(), entries.end(), is_before))
-            std::stable_sort(entries.begin(), entries.end(), is_before);
-        std::size_t count = 0;
-        for (const auto& [unknown, value] : entries)
-        {
-            if (count > 0 && entries[count - 1].first == unknown)
-                entries[count - 1].second += value;
-            else
-                entries[count++] = {unknown, value};
-        }
-        entries.resize(count);
-        std::erase_if(entries, [](const auto& entry) { return entry.second == 0.0; });
+        sort_and_add_up(row.entries);
+        std::erase_if(row.entries, [](const auto& entry) { return entry.second == 0.0; });
         return row;
     }
 

@@ -23,11 +23,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+
+#include "solver/dynamics/contradiction.h"
 
 namespace cellwarp
 {
@@ -39,79 +39,6 @@ constexpr double kRounding = std::numeric_limits<double>::epsilon();
 constexpr double kStay = 1e-9;
 
 using Eigen::Vector3d;
-
-/// The part of the violations that no step removes, to first order. Each row that says
-/// nothing new is a sum of others, L_j = sum c_i L_i: what e_j - c takes of the
-/// violations stays. Rows are sorted along the rod, so that L L^T is a band.
-Eigen::VectorXd contradiction(const RodModel::Rows& of)
-{
-    const int k = static_cast<int>(of.rows.size());
-    Eigen::VectorXd r = of.violation;
-    if (!(r.cwiseAbs().maxCoeff() > 0.0))
-        return r;
-    std::vector<int> order(of.rows.size());
-    std::iota(order.begin(), order.end(), 0);
-    const auto first = [&](int row)
-    { return of.rows[idx(row)].empty() ? 0 : of.rows[idx(row)].front().first; };
-    std::stable_sort(order.begin(), order.end(),
-                     [&](int a, int b) { return first(a) < first(b); });
-    // Rows that share no unknown share no entry.
-    int half_band = 0;
-    for (int i = 0; i < k; ++i)
-    {
-        const SparseRow& row = of.rows[idx(order[idx(i)])];
-        int end = i;
-        while (!row.empty() && end + 1 < k &&
-               first(order[idx(end + 1)]) <= row.back().first)
-            ++end;
-        half_band = std::max(half_band, end - i);
-    }
-    BandMatrix S(k, half_band);
-    for (int j = 0; j < k; ++j)
-        for (int i = j; i <= std::min(j + half_band, k - 1); ++i)
-        {
-            const SparseRow &a = of.rows[idx(order[idx(i)])],
-                            &b = of.rows[idx(order[idx(j)])];
-            for (auto p = a.begin(), q = b.begin(); p != a.end() && q != b.end();)
-            {
-                if (p->first == q->first)
-                    S.lower(i, j) += p++->second * q++->second;
-                else if (p->first < q->first)
-                    ++p;
-                else
-                    ++q;
-            }
-        }
-    BandFactor factor;
-    factor.factorize(S, std::vector<char>(of.rows.size(), 1));
-    std::vector<Eigen::VectorXd> idle;
-    for (int j = 0; j < k; ++j)
-    {
-        if (!factor.is_left_out(j))
-            continue;
-        const Eigen::VectorXd one = Eigen::VectorXd::Unit(k, j);
-        Eigen::VectorXd entries, sum;
-        S.multiply(one, entries);
-        factor.solve(entries);
-        // Once more with what rounding has left.
-        S.multiply(one - entries, sum);
-        factor.solve(sum);
-        idle.push_back(one - entries - sum);
-    }
-    if (idle.empty())
-        return Eigen::VectorXd::Zero(k);
-    Eigen::VectorXd sorted(k);
-    for (int i = 0; i < k; ++i)
-        sorted[i] = r[order[idx(i)]];
-    const Eigen::Index m = static_cast<Eigen::Index>(idle.size());
-    Eigen::MatrixXd N(k, m);
-    for (Eigen::Index c = 0; c < m; ++c)
-        N.col(c) = idle[static_cast<std::size_t>(c)];
-    sorted = N * (N.transpose() * N).ldlt().solve(N.transpose() * sorted);
-    for (int i = 0; i < k; ++i)
-        r[order[idx(i)]] = sorted[i];
-    return r;
-}
 
 } // namespace
 
@@ -393,7 +320,7 @@ double RodObject::cancelled() const
 void RodObject::take_off_contradiction(Measure& here)
 {
     has_contradiction_ = true;
-    contradiction_ = contradiction(rows_);
+    contradiction_ = contradiction(rows_.rows, rows_.violation);
     here.violation = rows_.violation - contradiction_;
 }
 
@@ -429,7 +356,7 @@ std::vector<SingleUnknown> RodObject::sliding_unknowns(const Eigen::VectorXd& la
 SaddleSolver::Report RodObject::factorize(const Eigen::VectorXd& lambda, int& level)
 {
     SaddleSolver::Report told;
-    double stiffness = 0.0, share = 1e-12;
+    double stiffness = 0.0;
     for (;; ++level)
     {
         const RodHessian how = level == 0   ? RodHessian::Exact
@@ -447,8 +374,7 @@ SaddleSolver::Report RodObject::factorize(const Eigen::VectorXd& lambda, int& le
             if (stiffness == 0.0)
                 for (int j = 0; j < matrix_.rows(); ++j)
                     stiffness = std::max(stiffness, std::abs(matrix_.lower(j, j)));
-            for (share = 1e-12; level > 3 && share < std::pow(100.0, level - 3) * 1e-12;)
-                share *= 100.0;
+            const double share = 1e-12 * std::pow(100.0, level - 3);
             model_.mass().add_to(matrix_, share * stiffness / heaviest_);
         }
         const Eigen::VectorXd forces =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Implicit Euler: x minimises Phi of rod_newton.cpp, v = (x - begin) / step. Midpoint:
+// Implicit Euler: x minimises Phi of rod_object.cpp, v = (x - begin) / step. Midpoint:
 // the same with half the step gives y and v_m; then x = 2 y - begin, v = 2 v_m - v. Its
 // constraints are of x, not of y (else multipliers alternate and grow); then v is brought
 // onto them.
@@ -304,15 +304,8 @@ void RodStepper::stop_slides(RodState& state, Eigen::VectorXd& velocity) const
         const RodSlide& slide = model_.slides[k];
         Sliding& now = state.sliding[k];
         double& speed = velocity[of_rod + static_cast<int>(k)];
-        if (now.is_free() && !slide.is_endless &&
-            (now.s < slide.begin || now.s > slide.end))
-        {
-            now.mode = slide.leaves          ? Sliding::Mode::Gone
-                       : now.s < slide.begin ? Sliding::Mode::AtBegin
-                                             : Sliding::Mode::AtEnd;
-            now.s = std::clamp(now.s, slide.begin, slide.end);
-        }
-        else if (now.is_free() && slide.sticks > 0.0 && now.drive * speed < 0.0)
+        if (!stop_at_end(slide, now) && now.is_free() && slide.sticks > 0.0 &&
+            now.drive * speed < 0.0)
             now.mode = Sliding::Mode::Sticks;
         if (!now.is_free())
             speed = 0.0;

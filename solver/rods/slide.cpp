@@ -151,6 +151,18 @@ double friction(const RodSlide& slide, const RodState& state, const Sliding& now
     return now.drive < 0.0 ? -rubbing : rubbing;
 }
 
+bool stop_at_end(const RodSlide& slide, Sliding& now)
+{
+    if (!now.is_free() || slide.is_endless ||
+        (slide.begin <= now.s && now.s <= slide.end))
+        return false;
+    now.mode = slide.leaves          ? Mode::Gone
+               : now.s < slide.begin ? Mode::AtBegin
+                                     : Mode::AtEnd;
+    now.s = std::clamp(now.s, slide.begin, slide.end);
+    return true;
+}
+
 ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& state,
                                      const Vector3d& force, bool is_last, Sliding& begin,
                                      Sliding& end)
@@ -161,13 +173,10 @@ ArticulableObject::Again check_slide(const RodSlide& slide, const RodState& stat
     const double rubbing = slide.slips * pressed.across * pressed.speed;
     if (end.mode == Mode::Slips)
     {
-        const double past = end.s < slide.begin ? slide.begin : slide.end;
-        if (!slide.is_endless && (end.s < slide.begin || end.s > slide.end))
+        if (Sliding stopped = end; stop_at_end(slide, stopped))
         {
-            begin.mode = slide.leaves          ? Mode::Gone
-                         : past == slide.begin ? Mode::AtBegin
-                                               : Mode::AtEnd;
-            begin.s = past;
+            begin.mode = stopped.mode;
+            begin.s = stopped.s;
             return Again::FromBegin;
         }
         if (slide.slips == 0.0)

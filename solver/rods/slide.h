@@ -52,6 +52,9 @@ SingleUnknown sliding_unknown(const RodState& state, const Sliding& now,
 double friction(const RodSlide& slide, const RodState& state, const Sliding& now,
                 const Eigen::Vector3d& force);
 
+/// Stops what has slid past an end of its range there, or releases it; false: it has not.
+bool stop_at_end(const RodSlide& slide, Sliding& now);
+
 /// Whether a step that began as \p begin and ended as \p end, with \p force on the rod,
 /// must be taken again: then mode and friction of both are changed. `is_last` lets no
 /// mode change but where the end of the range is passed.

@@ -404,6 +404,32 @@ double drawn(int holes, double turn, double friction, int points)
     return pull / T;
 }
 
+/// What draws a rod of length 2 and bending stiffness 1 out of a sleeve of two holes, 2.6
+/// spans apart, the second at its middle and \p off of a span, as a share of the \p load
+/// across its tip; and the sine of the tip's angle.
+struct Sleeve
+{
+    double force = 0.0, sine = 0.0;
+};
+
+Sleeve out_of_a_sleeve(int spans, double off, double load)
+{
+    RodCase rod(straight_case(2.0, spans + 3, {1e8, {1.0, 1.0}, 1.0, 1.0, 1e-6, 0.01}));
+    const double span = 2.0 / spans, at = 0.5 * spans + off;
+    add_hole(rod, at * span);
+    add_hole(rod, (at - 2.6) * span);
+    rod.model.loads.push_back({rod.end(), {0, -load, 0}, {0, 0, 0}});
+    RodConstraint back;
+    back.hold = HoldKind::Plane;
+    back.direction = Vector3d::UnitX();
+    rod.model.constraints.push_back(back);
+    RodNewton newton(rod.model);
+    if (newton.solve(rod.state).stop != MotionStop::Converged)
+        throw std::runtime_error("an equilibrium was not found");
+    return {std::abs(newton.multipliers()[6]) / load,
+            -rod.state.at(rod.end()).first.normalized().y()};
+}
+
 void add_ropes(Answers& answers)
 {
     answers.begin("Ropes over pegs and through holes");
@@ -446,24 +472,6 @@ void add_ropes(Answers& answers)
                     wrapped, turns > 0.5 ? 243 : 147,
                     [&, n = holes, t = turns, mu = friction]
                     { return drawn(n, 2.0 * kPi * t, mu, t > 0.5 ? 240 : 144); });
-    const auto sleeve = [](double alpha)
-    {
-        const int spans = 400;
-        RodCase rod(
-            straight_case(2.0, spans + 3, {1e8, {1.0, 1.0}, 1.0, 1.0, 1e-6, 0.01}));
-        const double span = 2.0 / spans;
-        add_hole(rod, 200 * span);
-        add_hole(rod, (200 - 2.6) * span);
-        rod.model.loads.push_back({rod.end(), {0, -alpha, 0}, {0, 0, 0}});
-        RodConstraint back;
-        back.hold = HoldKind::Plane;
-        back.direction = Vector3d::UnitX();
-        rod.model.constraints.push_back(back);
-        RodNewton newton(rod.model);
-        if (newton.solve(rod.state).stop != MotionStop::Converged)
-            throw std::runtime_error("an equilibrium was not found");
-        return std::abs(newton.multipliers()[6]) / alpha;
-    };
     for (const auto& [alpha, share] : {std::pair(0.5, 0.242104),
                                        {1.0, 0.445159},
                                        {2.0, 0.704522},
@@ -472,32 +480,18 @@ void add_ropes(Answers& answers)
         answers.add(
             fmt::format("out of a sleeve of two holes, P L²/EI = {}: axial force / P",
                         alpha),
-            share, 403, [&, load = alpha] { return sleeve(load); });
-    // Two holes as a sleeve, the second at a knot, between two, or off both.
-    const int spans = 40;
+            share, 403,
+            [&, load = alpha] { return out_of_a_sleeve(400, 0.0, load).force; });
     for (const double off : {0.0, 0.25, 0.5})
         answers.add(
             fmt::format("sleeve of two holes 2.6 spans apart, {} of a span off a knot: "
                         "axial force / (tip load · sin of the tip's angle)",
                         off),
-            1.0, spans + 3,
+            1.0, 43,
             [&]
             {
-                RodCase rod(straight_case(2.0, spans + 3,
-                                          {1e7, {1.0, 1.0}, 1.0, 1.0, 1e-6, 0.01}));
-                const double span = 2.0 / spans;
-                add_hole(rod, (20 + off) * span);
-                add_hole(rod, (20 + off - 2.6) * span);
-                rod.model.loads.push_back({rod.end(), {0, -2.0, 0}, {0, 0, 0}});
-                RodConstraint back;
-                back.hold = HoldKind::Plane;
-                back.direction = Vector3d::UnitX();
-                rod.model.constraints.push_back(back);
-                RodNewton newton(rod.model);
-                if (newton.solve(rod.state).stop != MotionStop::Converged)
-                    throw std::runtime_error("an equilibrium was not found");
-                const Vector3d t = rod.state.at(rod.end()).first.normalized();
-                return std::abs(newton.multipliers()[6]) / (2.0 * -t.y());
+                const Sleeve told = out_of_a_sleeve(40, off, 2.0);
+                return told.force / told.sine;
             });
 }
 

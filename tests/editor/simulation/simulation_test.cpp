@@ -456,6 +456,34 @@ TEST(Simulation, places_that_slide_on_each_other_start_within_their_range)
     EXPECT_NEAR(start("")[1].sliding[0], 0.5, 5e-3);
     EXPECT_GE(start(R"(, "range": [0.55, 1])")[1].sliding[0], 0.55 - 1e-9);
     EXPECT_NEAR(start(R"(, "start": 0.6, "other_start": 0.5)")[0].sliding[0], 0.6, 1e-9);
+    // The one that is not told follows from the other.
+    EXPECT_NEAR(start(R"(, "start": 0.6)")[1].sliding[0], 0.5, 5e-3);
+    EXPECT_NEAR(start(R"(, "other_start": 0.5)")[0].sliding[0], 0.6, 5e-3);
+}
+
+TEST(Simulation, two_places_of_one_rod_keep_their_frames_and_their_distance)
+{
+    Simulation simulation(scene_of(
+        R"("through": [[0,0,0],[0.5,0.1,0],[1,0,0]], "spans": 8, "E": 1e6, "rest": "straight",
+            "fixed": [{"at": 0.5}]}], "joints": [{"a": "rod r 0", "b": "rod r 1",
+            "what": ["frame", "distance"])",
+        R"({"dt": 0.002, "duration": 0.3})"));
+    const auto seen = [&]
+    {
+        const std::vector<Eigen::Vector3d> curve = simulation.rods(2001)[0].curve;
+        return std::pair((curve.back() - curve.front()).norm(),
+                         (curve[1] - curve[0])
+                             .normalized()
+                             .dot((curve[2000] - curve[1999]).normalized()));
+    };
+    const auto [distance, angle] = seen();
+    while (simulation.steps_done() < simulation.num_steps())
+    {
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+    }
+    EXPECT_NEAR(seen().first, distance, 1e-9);
+    EXPECT_NEAR(seen().second, angle, 1e-4);
 }
 
 TEST(Simulation, a_noose_of_a_closed_rod_stays_off_its_own_place)

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/dynamics/articulation.h"
 
+#include <limits>
+
 #include <gtest/gtest.h>
 
 #include "solver/dynamics/implicit_stepper.h"
@@ -176,6 +178,25 @@ TEST(Articulation, joints_that_contradict_are_told_and_nothing_is_lost)
     EXPECT_GT(report.violation, 0.1);
     EXPECT_TRUE(scene.net.x.allFinite());
     EXPECT_TRUE(scene.plate.state.p.allFinite());
+}
+
+TEST(Articulation, a_step_that_fails_loses_neither_places_nor_velocities)
+{
+    PlateOnNet scene;
+    ImplicitStepper stepper({&scene.plate, &scene.net}, {scene.joint(0, -0.5, 0)});
+    for (int k = 0; k < 10; ++k)
+        stepper.step(5e-3);
+    const RigidBodyState plate = scene.plate.state;
+    const Eigen::VectorXd x = scene.net.x, velocity = scene.net.velocity;
+    scene.net.gravity = {0, std::numeric_limits<double>::infinity(), 0};
+    EXPECT_EQ(stepper.step(5e-3).stop, MotionStop::NotFinite);
+    EXPECT_EQ(scene.net.x, x);
+    EXPECT_EQ(scene.net.velocity, velocity);
+    EXPECT_EQ(scene.plate.state.p, plate.p);
+    EXPECT_EQ(scene.plate.state.R, plate.R);
+    EXPECT_EQ(scene.plate.state.velocity, plate.velocity);
+    scene.net.gravity.setZero();
+    EXPECT_EQ(stepper.step(5e-3).stop, MotionStop::Converged);
 }
 
 TEST(Articulation, a_frame_is_kept_turned_as_it_was)

@@ -126,6 +126,25 @@ TEST(RigidBody, is_refused_with_an_inertia_that_no_body_has)
     EXPECT_NO_THROW(RigidBody(1.0, {1, 1, 2}));
 }
 
+TEST(RigidBody, that_is_led_goes_evenly_and_after_a_step_taken_back_again)
+{
+    RigidBody body(1.0, {1, 1, 1});
+    const Eigen::Matrix3d goal = rotation_about({0, 0, 1}, 1.0);
+    body.lead(goal, {4, 0, 0}, 0.4);
+    EXPECT_TRUE(body.is_driven());
+    for (int k = 1; k <= 4; ++k)
+    {
+        body.start(0.1);
+        body.undo(); // before finish(), as where a solve has failed
+        body.start(0.1);
+        body.finish();
+        EXPECT_NEAR(body.state.p.x(), k, 1e-12);
+        EXPECT_NEAR(body.state.R(0, 0), std::cos(0.25 * k), 1e-12);
+        EXPECT_NEAR(body.state.velocity.x(), 10.0, 1e-9);
+    }
+    EXPECT_FALSE(body.is_driven());
+}
+
 TEST(RigidBody, on_a_hinge_swings_with_the_period_of_its_inertia)
 {
     RigidBody hook(1.0, {1, 1, 1}), body(1.0, {0.05, 0.05, 0.05});
