@@ -73,7 +73,7 @@ class Elasticity final : public RodTerm, ElasticCounts<M>
 
 public:
     Elasticity(const Rod& rod, const ElasticParts& parts)
-        : rod_(rod), kernels_(elastic_kernels<M>(instruction_sets().back()))
+        : rod_(rod), rest_(rod), kernels_(elastic_kernels<M>(instruction_sets().back()))
     {
         kind_.has_stretch = parts.has_stretch;
         kind_.has_bending = parts.has_bending;
@@ -81,25 +81,48 @@ public:
         kind_.is_plain = rod.is_straight();
         kind_.cubes = rod.cubes_of_steps();
         std::copy_n(rod.bending_places().begin(), kInside, kind_.place);
-        const RodState rest(rod);
-        const std::size_t num_spans = rod.spans().size();
-        groups_.resize((num_spans + kSpanLanes - 1) / kSpanLanes);
-        for (std::size_t e = 0; e < num_spans; ++e)
+        lay_out();
+        for (std::size_t e = 0; e < spans_.size(); ++e)
+            describe(e);
+        for (std::size_t e = 0; e < spans_.size(); ++e)
+            kind_.is_plain = kind_.is_plain && is_round(e);
+        if (has_rest_curvature())
+            for (std::size_t k = 0; k < groups_.size(); ++k)
+                kernels_.curvatures(kind_, groups_[k], places(rest_, k), groups_[k].rest);
+    }
+
+    void follow(const RodChange& change) override
+    {
+        const std::vector<ElasticSpans<M>> before = std::move(groups_);
+        const std::vector<Span> spans = std::move(spans_);
+        rest_.follow(change, rod_.rest().controls);
+        kind_.is_predicted = false;
+        lay_out(&change, spans);
+        std::vector<char> is_other(groups_.size(), 0);
+        for (std::size_t e = 0; e < spans_.size(); ++e)
+            if (change.keeps_basis[e])
+                copy_lane(before[idx(change.span_from[e]) / kSpanLanes],
+                          idx(change.span_from[e]) % kSpanLanes, groups_[e / kSpanLanes],
+                          e % kSpanLanes);
+            else
+            {
+                describe(e);
+                is_other[e / kSpanLanes] = 1;
+            }
+        if (!has_rest_curvature())
+            return;
+        for (std::size_t k = 0; k < groups_.size(); ++k)
         {
-            Span span;
-            span.near = rod.spans()[e].station[0];
-            for (int j = 0; j < M; ++j)
-                span.control[idx(j)] = rod.layout().control[idx(rod.controls(e)[j])];
-            for (const std::size_t end : {0u, 1u})
-                span.angle[end] = rod.layout().angle[idx(rod.spans()[e].station[end])];
-            find_pattern(span);
-            spans_.push_back(span);
-            ElasticSpans<M>& group = groups_[e / kSpanLanes];
-            ++group.count;
-            describe(e, rest, group);
+            if (!is_other[k])
+                continue;
+            SpanNumbers rest[kInside][2];
+            kernels_.curvatures(kind_, groups_[k], places(rest_, k), rest);
+            for (std::size_t l = 0; l < idx(groups_[k].count); ++l)
+                if (!change.keeps_basis[k * kSpanLanes + l])
+                    for (int g = 0; g < kInside; ++g)
+                        for (const std::size_t i : {0u, 1u})
+                            groups_[k].rest[g][i].lane[l] = rest[g][i].lane[l];
         }
-        if (rod.settings().rest == RodRest::Given && !kind_.is_plain)
-            take_rest(rest);
     }
 
     double value(const RodState& state) const override
@@ -236,9 +259,107 @@ private:
         }
     }
 
-    /// What is known of span \p e without its rest curvature.
-    void describe(std::size_t e, const RodState& rest, ElasticSpans<M>& group)
+    /// Unknowns of the spans, and groups of as many, empty.
+    void lay_out(const RodChange* change = nullptr, const std::vector<Span>& before = {})
     {
+        const std::size_t num_spans = rod_.spans().size();
+        if (change && change->before.half_band != rod_.layout().half_band)
+        {
+            change = nullptr;
+            patterns_.clear();
+        }
+        spans_.clear();
+        groups_.assign((num_spans + kSpanLanes - 1) / kSpanLanes, {});
+        for (std::size_t e = 0; e < num_spans; ++e)
+        {
+            Span span;
+            span.near = rod_.spans()[e].station[0];
+            for (int j = 0; j < M; ++j)
+                span.control[idx(j)] = rod_.layout().control[idx(rod_.controls(e)[j])];
+            for (const std::size_t end : {0u, 1u})
+                span.angle[end] = rod_.layout().angle[idx(rod_.spans()[e].station[end])];
+            // What has only moved has the pattern that it had.
+            const Span* const was = change && change->keeps_basis[e]
+                                        ? &before[idx(change->span_from[e])]
+                                        : nullptr;
+            if (was && has_moved(*was, span))
+            {
+                span.pattern = was->pattern;
+                span.first_unknown =
+                    was->first_unknown + span.control[0] - was->control[0];
+            }
+            else
+                find_pattern(span);
+            spans_.push_back(span);
+            ElasticSpans<M>& group = groups_[e / kSpanLanes];
+            ++group.count;
+            group.num_stretch = std::max(group.num_stretch, num_stretch(e));
+        }
+    }
+
+    /// All unknowns by the same number.
+    static bool has_moved(const Span& was, const Span& now)
+    {
+        const int by = now.control[0] - was.control[0];
+        for (std::size_t j = 0; j < idx(M); ++j)
+            if (now.control[j] != was.control[j] + by)
+                return false;
+        return now.angle[0] == was.angle[0] + by && now.angle[1] == was.angle[1] + by;
+    }
+
+    bool has_rest_curvature() const
+    {
+        return rod_.settings().rest == RodRest::Given && !kind_.is_plain;
+    }
+
+    /// All numbers of a span.
+    static void copy_lane(const ElasticSpans<M>& from, std::size_t l, ElasticSpans<M>& to,
+                          std::size_t k)
+    {
+        const auto copy = [&](const auto& a, auto& b)
+        {
+            const SpanNumbers* const in = reinterpret_cast<const SpanNumbers*>(&a);
+            SpanNumbers* const out = reinterpret_cast<SpanNumbers*>(&b);
+            for (std::size_t n = 0; n < sizeof a / sizeof(SpanNumbers); ++n)
+                out[n].lane[k] = in[n].lane[l];
+        };
+        copy(from.first, to.first);
+        copy(from.second, to.second);
+        copy(from.sigma, to.sigma);
+        copy(from.stiffness, to.stiffness);
+        copy(from.rest, to.rest);
+        copy(from.stretch_first, to.stretch_first);
+        copy(from.stretch_weight, to.stretch_weight);
+        copy(from.stretch_sigma, to.stretch_sigma);
+        copy(from.twist_stiffness, to.twist_stiffness);
+        copy(from.rest_twist, to.rest_twist);
+    }
+
+    /// As many points as u has dimensions: one a span, more at ends and unsmooth knots.
+    int num_stretch(std::size_t e) const
+    {
+        const RodSpan& of = rod_.spans()[e];
+        const int degree = rod_.basis().degree();
+        const int num_ends = !of.is_smooth[0] + !of.is_smooth[1];
+        return num_ends == 0   ? 1
+               : num_ends == 1 ? (degree + 2) / 2
+                               : std::min(degree, kMaxGaussPlaces);
+    }
+
+    bool is_round(std::size_t e) const
+    {
+        const ElasticSpans<M>& group = groups_[e / kSpanLanes];
+        const std::size_t l = e % kSpanLanes;
+        for (int g = 0; g < kInside; ++g)
+            if (group.stiffness[g][0].lane[l] != group.stiffness[g][1].lane[l])
+                return false;
+        return true;
+    }
+
+    /// What is known of span \p e without its rest curvature.
+    void describe(std::size_t e)
+    {
+        ElasticSpans<M>& group = groups_[e / kSpanLanes];
         const std::size_t l = e % kSpanLanes;
         const RodSpan& of = rod_.spans()[e];
         const double h = of.end - of.begin;
@@ -249,26 +370,21 @@ private:
         {
             take_shares(rod_.second(e, g + 1), l, group.second[g]);
             const double share = rod_.bending_weights()[idx(g)],
-                         sigma = rest.velocity(e, g + 1).length;
+                         sigma = rest_.velocity(e, g + 1).length;
             const Section section = rod_.section_at(of.begin + kind_.place[g] * h);
             group.sigma[g].lane[l] = sigma;
             for (const std::size_t i : {0u, 1u})
                 group.stiffness[g][i].lane[l] = share * h * sigma * section.bending[i];
             twist += share * section.twist;
-            kind_.is_plain = kind_.is_plain && section.bending[0] == section.bending[1];
         }
         group.twist_stiffness.lane[l] = twist / of.length;
         group.rest_twist.lane[l] = rod_.settings().rest_twist * of.length;
         if (rod_.settings().rest == RodRest::Given)
-            group.rest_twist.lane[l] += rest.winding(e);
-        // As many points as u has dimensions: one a span, more at ends and unsmooth
-        // knots.
-        const int degree = rod_.basis().degree();
-        const int num_ends = !of.is_smooth[0] + !of.is_smooth[1];
-        const int count = num_ends == 0   ? 1
-                          : num_ends == 1 ? (degree + 2) / 2
-                                          : std::min(degree, kMaxGaussPlaces);
-        group.num_stretch = std::max(group.num_stretch, count);
+            // Turns put into a closed rod are no rest twist.
+            group.rest_twist.lane[l] += rest_.twist(e) -
+                                        rod_.seam_turn(rod_.spans().size() - 1) *
+                                            of.length / rod_.arc_length().total();
+        const int count = num_stretch(e);
         for (int k = 0; k < Counts::kMostStretch; ++k)
         {
             // What others have more is here of no weight.
@@ -279,18 +395,13 @@ private:
             take_shares(values.value[1].data(), l, group.stretch_first[k]);
             // As the kernels form it: at rest nothing is left.
             const double sigma =
-                sum(group.stretch_first[k], l, legs(spans_[e], rest.x())).norm();
+                sum(group.stretch_first[k], l, legs(spans_[e], rest_.x())).norm();
             group.stretch_sigma[k].lane[l] = sigma;
             group.stretch_weight[k].lane[l] = is_one ? gauss_weights(count)[idx(k)] * h *
                                                            sigma *
                                                            rod_.section_at(at).stretch
                                                      : 0.0;
         }
-    }
-    void take_rest(const RodState& rest)
-    {
-        for (std::size_t k = 0; k < groups_.size(); ++k)
-            kernels_.curvatures(kind_, groups_[k], places(rest, k), groups_[k].rest);
     }
 
     ElasticPlaces<M> places(const RodState& state, std::size_t group) const
@@ -348,12 +459,14 @@ private:
             }
         span.first_unknown = first;
         // Along a rod they are all alike but at its ends.
-        if (patterns_.empty() || patterns_.back() != pattern)
+        const auto same = std::find(patterns_.begin(), patterns_.end(), pattern);
+        span.pattern = idx(static_cast<int>(same - patterns_.begin()));
+        if (same == patterns_.end())
             patterns_.push_back(pattern);
-        span.pattern = patterns_.size() - 1;
     }
 
     const Rod& rod_;
+    RodState rest_;
     ElasticKind kind_;
     ElasticKernels<M> kernels_;
     std::vector<Span> spans_;

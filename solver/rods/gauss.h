@@ -8,7 +8,7 @@
 namespace cellwarp
 {
 
-inline constexpr int kMaxGaussPlaces = 6;
+inline constexpr int kMaxGaussPlaces = 9;
 
 /// Ascending. \pre 1 <= count <= kMaxGaussPlaces
 std::span<const double> gauss_places(int count);

@@ -26,6 +26,12 @@ public:
         }
     }
 
+    void follow(const RodChange&) override
+    {
+        for (auto& [spring, values] : springs_)
+            values = rod_.basis().values(spring.s);
+    }
+
     double value(const RodState& state) const override
     {
         double sum = 0.0;

@@ -76,60 +76,19 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
     : rest_(std::move(rest)), arc_length_(rest_), section_(section), settings_(settings),
       seam_turn_(2.0 * kPi * settings.link)
 {
-    const SplineBasis& basis = rest_.basis;
     if (!(arc_length_.total() > 0.0))
         throw std::invalid_argument("a rod without length");
-    const std::vector<SplineSpan>& spans = basis.spans();
-    int station = 0;
-    for (std::size_t e = 0; e < spans.size(); ++e)
-    {
-        RodSpan span;
-        span.begin = spans[e].begin;
-        span.end = spans[e].end;
-        // A kink is a hinge: each side has a station of its own.
-        if (e > 0 && basis.smoothness_before(static_cast<int>(e)) < 1)
-            ++station;
-        span.station = {station, station + 1};
-        ++station;
-        const int smooth = basis.is_catmull_rom() ? 1 : basis.degree() - 1;
-        const int next = static_cast<int>(e) + 1;
-        const int behind = next < static_cast<int>(spans.size())
-                               ? basis.smoothness_before(next)
-                           : basis.is_closed() ? basis.smoothness_before(0)
-                                               : -1;
-        span.is_smooth = {basis.smoothness_before(static_cast<int>(e)) >= smooth,
-                          behind >= smooth};
-        span.length = arc_length_.at(span.end);
-        if (basis.is_closed() && e + 1 == spans.size())
-            span.length = arc_length_.total();
-        span.length -= arc_length_.at(span.begin);
-        spans_.push_back(span);
-    }
-    num_stations_ = station + 1;
-    if (basis.is_closed())
-    {
-        --num_stations_;
-        spans_.back().station[1] = 0;
-    }
-    order_ = basis.degree() + 1;
-    num_bending_ = std::max(basis.degree() - 1, 1);
+    order_ = basis().degree() + 1;
+    num_bending_ = std::max(basis().degree() - 1, 1);
     for (int p = 1; p < num_places(); ++p)
         cubes_of_steps_ += std::pow(place(p) - place(p - 1), 3);
+    find_spans();
+    const double still =
+        1e-12 * arc_length_.total() / (basis().end() - basis().begin());
     for (std::size_t e = 0; e < spans_.size(); ++e)
-        for (int p = 0; p < num_places(); ++p)
-        {
-            const RodSpan& span = spans_[e];
-            const BasisValues values = basis.values_in(
-                static_cast<int>(e), span.begin + place(p) * (span.end - span.begin));
-            if (p == 0)
-                controls_.insert(controls_.end(), values.control.begin(),
-                                 values.control.begin() + order_);
-            first_.insert(first_.end(), values.value[1].begin(),
-                          values.value[1].begin() + order_);
-            second_.insert(second_.end(), values.value[2].begin(),
-                           values.value[2].begin() + order_);
-        }
-    for (std::size_t e = 0; e < spans_.size(); ++e)
+    {
+        find_places(e, spans_.size());
+        weights_.push_back(weighed(e));
         for (int p = 0; p < num_places(); ++p)
         {
             Eigen::Vector3d u = Eigen::Vector3d::Zero(), w = u;
@@ -138,7 +97,7 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
                 u += first(e, p)[j] * rest_.controls[idx(controls(e)[j])];
                 w += second(e, p)[j] * rest_.controls[idx(controls(e)[j])];
             }
-            if (!(u.norm() > 1e-12 * arc_length_.total() / (basis.end() - basis.begin())))
+            if (!(u.norm() > still))
                 throw std::invalid_argument(
                     "a rod that stands still at a place of its curve");
             const double curvature = u.cross(w).norm() / std::pow(u.norm(), 3);
@@ -146,7 +105,214 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
                 curvature * arc_length_.total() >= 1e-9)
                 is_straight_ = false;
         }
+    }
     find_layout();
+}
+
+double Weight::at(const std::array<double, 4>& values, double s) const
+{
+    const std::span<const double> places = gauss_places(4);
+    const double x = (s - begin) / (end - begin);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < 4; ++i)
+    {
+        double share = 1.0;
+        for (std::size_t j = 0; j < 4; ++j)
+            if (j != i)
+                share *= (x - places[j]) / (places[i] - places[j]);
+        sum += share * values[i];
+    }
+    return sum;
+}
+
+Weight Rod::weighed(std::size_t e) const
+{
+    Weight out{spans_[e].begin, spans_[e].end, {}, {}};
+    for (std::size_t g = 0; g < 4; ++g)
+    {
+        const double s = out.begin + gauss_places(4)[g] * (out.end - out.begin);
+        const Section section = section_at(s);
+        const double sigma = rest_.at(static_cast<int>(e), s).first.norm();
+        out.mass[g] = section.mass * sigma;
+        out.spin[g] = section.spin * sigma;
+    }
+    return out;
+}
+
+void Rod::find_spans()
+{
+    const SplineBasis& basis = rest_.basis;
+    const std::vector<SplineSpan>& spans = basis.spans();
+    const int smooth = basis.is_catmull_rom() ? 1 : basis.degree() - 1;
+    spans_.clear();
+    int station = 0;
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        RodSpan span;
+        span.begin = spans[e].begin;
+        span.end = spans[e].end;
+        const int number = static_cast<int>(e), next = number + 1;
+        // A kink is a hinge: each side has a station of its own.
+        if (e > 0 && basis.smoothness_before(number) < 1)
+            ++station;
+        span.station = {station, station + 1};
+        ++station;
+        const int behind = next < static_cast<int>(spans.size())
+                               ? basis.smoothness_before(next)
+                           : basis.is_closed() ? basis.smoothness_before(0)
+                                               : -1;
+        span.is_smooth = {basis.smoothness_before(number) >= smooth, behind >= smooth};
+        span.length = arc_length_.length_of(e);
+        spans_.push_back(span);
+    }
+    num_stations_ = station + 1;
+    if (basis.is_closed() && basis.smoothness_before(0) >= 1)
+    {
+        --num_stations_;
+        spans_.back().station[1] = 0;
+    }
+}
+
+/// What acts in span \p e, of \p count.
+void Rod::find_places(std::size_t e, std::size_t count)
+{
+    controls_.resize(count * idx(order_));
+    first_.resize(count * idx(num_places() * order_));
+    second_.resize(first_.size());
+    for (int p = 0; p < num_places(); ++p)
+    {
+        const RodSpan& span = spans_[e];
+        const BasisValues values = basis().values_in(
+            static_cast<int>(e), span.begin + place(p) * (span.end - span.begin));
+        if (p == 0)
+            std::copy_n(values.control.begin(), order_, &controls_[e * idx(order_)]);
+        const std::size_t at = (e * idx(num_places()) + idx(p)) * idx(order_);
+        std::copy_n(values.value[1].begin(), order_, &first_[at]);
+        std::copy_n(values.value[2].begin(), order_, &second_[at]);
+    }
+}
+
+RodChange Rod::insert_knot(double s)
+{
+    const KnotChange knot(basis(), s);
+    return change_to(with_knot(rest_, s), knot, true);
+}
+
+RodChange Rod::remove_knot(const KnotRemoval& removal)
+{
+    Spline rest{removal.coarse(), {}};
+    removal.apply(rest_.controls, rest.controls);
+    return change_to(std::move(rest), removal.change(), false);
+}
+
+// Of the few spans where functions are other ones everything is found again; what is known
+// of the others moves.
+RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
+{
+    RodChange out{is_insertion, {}, {}, {}, {}, -1, layout_, knot};
+    const std::vector<RodSpan> before = std::move(spans_);
+    const std::vector<int> old_controls = std::move(controls_);
+    const std::vector<Weight> old_weights = std::move(weights_);
+    const std::vector<double> old_first = std::move(first_),
+                              old_second = std::move(second_);
+    rest_ = std::move(rest);
+    const std::vector<SplineSpan>& spans = basis().spans();
+    const double period =
+        basis().is_closed() ? basis().end() - basis().begin() : 0.0;
+    // Spans of the same parameters.
+    std::size_t old = 0;
+    for (std::size_t e = 0; e < spans.size(); ++e)
+    {
+        while (old < before.size() && before[old].begin < spans[e].begin)
+            ++old;
+        const bool is_same = old < before.size() && before[old].begin == spans[e].begin &&
+                             before[old].end == spans[e].end;
+        out.span_from.push_back(is_same ? static_cast<int>(old) : -1);
+        if (!is_same && out.span < 0)
+            out.span = static_cast<int>(e);
+        // By its middle: knots of other turns are off by rounding.
+        const double middle = 0.5 * (spans[e].begin + spans[e].end);
+        bool is_within = false;
+        for (const double turn : {-period, 0.0, period})
+            is_within = is_within ||
+                        (middle > knot.begin() + turn && middle < knot.end() + turn);
+        out.keeps_basis.push_back(is_same && !is_within);
+    }
+    arc_length_ = ArcLength(rest_, arc_length_, out.span_from);
+    find_spans();
+    out.control_from.assign(idx(num_controls()), -1);
+    for (int i = 0; i <= knot.num_coarse(); ++i)
+        if (const int same = knot.same(i); same >= 0)
+            out.control_from[idx(is_insertion ? i : same)] = is_insertion ? same : i;
+    out.station_from.assign(idx(num_stations_), -1);
+    const auto keep = [&](int now, int was) { out.station_from[idx(now)] = was; };
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+    {
+        if (out.span_from[e] >= 0)
+            for (const std::size_t end : {0u, 1u})
+                keep(spans_[e].station[end],
+                     before[idx(out.span_from[e])].station[end]);
+        if (!out.keeps_basis[e])
+        {
+            find_places(e, spans_.size());
+            continue;
+        }
+        const std::size_t from = idx(out.span_from[e]), of_controls = idx(order_),
+                          of_places = idx(num_places() * order_);
+        controls_.resize(spans_.size() * of_controls);
+        first_.resize(spans_.size() * of_places);
+        second_.resize(first_.size());
+        // Control points move up or down by what came or went.
+        const int first_now = basis().first_control(static_cast<int>(e));
+        for (int j = 0; j < order_; ++j)
+            controls_[e * of_controls + idx(j)] =
+                basis().is_closed() ? (first_now + j) % num_controls() : first_now + j;
+        std::copy_n(&old_first[from * of_places], of_places, &first_[e * of_places]);
+        std::copy_n(&old_second[from * of_places], of_places, &second_[e * of_places]);
+    }
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        weights_.push_back(out.span_from[e] >= 0 ? old_weights[idx(out.span_from[e])]
+                                                 : Weight());
+    // The ends of what was cut in two, or has become one.
+    if (out.span >= 0)
+    {
+        const std::size_t e = idx(out.span);
+        const std::size_t was = idx(static_cast<int>(
+            std::upper_bound(before.begin(), before.end(), spans_[e].begin,
+                             [](double s, const RodSpan& span) { return s < span.begin; }) -
+            before.begin() - 1));
+        keep(spans_[e].station[0], before[was].station[0]);
+        keep(spans_[e + (is_insertion ? 1 : 0)].station[1],
+             before[was + (is_insertion ? 0 : 1)].station[1]);
+        const Weight &first = old_weights[was],
+                     &last = old_weights[was + (is_insertion ? 0 : 1)];
+        if (is_insertion)
+            weights_[e] = weights_[e + 1] = first;
+        else
+            weights_[e] = first.begin == last.begin && first.end == last.end
+                              ? first
+                              : weighed(e);
+    }
+    layout_ = {};
+    find_layout();
+    return out;
+}
+
+std::vector<std::array<double, 2>> Rod::pieces() const
+{
+    std::vector<double> cuts;
+    for (std::size_t e = 0; e < spans_.size(); ++e)
+        if (basis().smoothness_before(static_cast<int>(e)) < 0)
+            cuts.push_back(spans_[e].begin);
+    if (cuts.empty())
+        return {{basis().begin(), basis().end()}};
+    std::vector<std::array<double, 2>> out;
+    for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
+        out.push_back({cuts[k], cuts[k + 1]});
+    out.push_back({cuts.back(), basis().is_closed() ? cuts.front() + basis().end() -
+                                                          basis().begin()
+                                                    : basis().end()});
+    return out;
 }
 
 void Rod::find_layout()
@@ -317,6 +483,13 @@ void RodState::move(const Eigen::VectorXd& step, double length)
     for (Eigen::Index k = x_.size(); k < step.size(); ++k)
         sliding[static_cast<std::size_t>(k - x_.size())].s += length * step[k];
     find_velocities();
+    turn_stations();
+    find_windings();
+}
+
+/// To the tangents of now, by the shortest turns.
+void RodState::turn_stations()
+{
     const std::span<const RodSpan> spans = rod_->spans();
     const int last = rod_->num_places() - 1;
     const auto turn = [&](int station, const Eigen::Vector3d& t)
@@ -334,13 +507,68 @@ void RodState::move(const Eigen::VectorXd& step, double length)
         if (e + 1 == spans.size() ? far != 0 : far != spans[e + 1].station[0])
             turn(far, velocity(e, last).tangent);
     }
-    find_windings();
 }
 
 void RodState::move_to(const Eigen::VectorXd& x)
 {
     move(x - x_);
     x_ = x;
+}
+
+void RodState::follow(const RodChange& change, std::span<const Eigen::Vector3d> controls)
+{
+    const RodLayout& layout = rod_->layout();
+    Eigen::VectorXd x(layout.num_unknowns);
+    for (int k = 0; k < rod_->num_controls(); ++k)
+        x.segment<3>(layout.control[idx(k)]) = controls[idx(k)];
+    const std::vector<Eigen::Vector3d> tangents = std::move(tangent_),
+                                       references = std::move(reference_);
+    const std::vector<double> chain = std::move(chain_);
+    tangent_.resize(idx(rod_->num_stations()));
+    reference_.resize(tangent_.size());
+    for (std::size_t k = 0; k < tangent_.size(); ++k)
+        if (const int from = change.station_from[k]; from >= 0)
+        {
+            tangent_[k] = tangents[idx(from)];
+            reference_[k] = references[idx(from)];
+            x[layout.angle[k]] = x_[change.before.angle[idx(from)]];
+        }
+    chain_.assign(rod_->spans().size(), 0.0);
+    winding_.resize(chain_.size());
+    for (std::size_t e = 0; e < chain_.size(); ++e)
+        if (const int from = change.span_from[e]; from >= 0)
+            chain_[e] = chain[idx(from)];
+    x_ = std::move(x);
+    find_velocities();
+    if (change.span < 0 || !change.is_insertion)
+    {
+        if (change.span >= 0)
+            chain_[idx(change.span)] =
+                chain[idx(change.span)] + chain[idx(change.span) + 1];
+        turn_stations();
+        find_windings();
+        return;
+    }
+    // The new station's vector is what the chain brings.
+    const std::size_t e = idx(change.span);
+    const RodSpan &first = rod_->spans()[e], &second = rod_->spans()[e + 1];
+    const int near = first.station[0], here = first.station[1], far = second.station[1];
+    Eigen::Vector3d a = reference_[idx(near)], t = tangent_[idx(near)];
+    for (int p = 1; p < rod_->num_places(); ++p)
+    {
+        const Eigen::Vector3d& next = velocity(e, p).tangent;
+        a = transported(t, next, a);
+        t = next;
+    }
+    tangent_[idx(here)] = t;
+    reference_[idx(here)] = (a - t.dot(a) * t).normalized();
+    chain_[e + 1] = chain[e];
+    find_windings();
+    const double twist =
+        angle(far) + rod_->seam_turn(e + 1) - angle(near) + winding_[e] + winding_[e + 1];
+    x_[layout.angle[idx(here)]] =
+        angle(near) - winding_[e] +
+        first.length / (first.length + second.length) * twist;
 }
 
 CurvePoint RodState::at(const BasisValues& values) const

@@ -58,6 +58,20 @@ struct RodLayout
     int half_band = 0; ///< of what RodSettings::coupled_spans couple
 };
 
+/// What a rod weighs by its parameter, between two of them: cubics, so that the mass of
+/// parts that are cut out is that of the whole to the last digit.
+struct Weight
+{
+    double begin = 0.0, end = 0.0;        ///< parameters
+    std::array<double, 4> mass = {};      ///< rho A sigma at Gauss points [kg]
+    std::array<double, 4> spin = {};      ///< rho (I_1 + I_2) sigma there [kg m^2]
+    double mass_at(double s) const { return at(mass, s); }
+    double spin_at(double s) const { return at(spin, s); }
+
+private:
+    double at(const std::array<double, 4>& values, double s) const;
+};
+
 /// One span, between two different knots.
 struct RodSpan
 {
@@ -67,7 +81,23 @@ struct RodSpan
     std::array<bool, 2> is_smooth = {}; ///< false: an end, or a knot of less than C^(d-1)
 };
 
-/// Never changed once it is made; its states refer to it.
+/// A knot that came into a rod or went, and what of it is still the same. Numbers before
+/// the change are -1 for what was not there.
+struct RodChange
+{
+    bool is_insertion = true;
+    std::vector<int> span_from;    ///< of each span
+    std::vector<char> keeps_basis; ///< of each span: the same functions act there
+    std::vector<int> control_from; ///< of each control point that has the same function
+    std::vector<int> station_from;
+    /// The first half of a span that was cut in two, or the span that two have become; -1:
+    /// the knot has only become more or less smooth.
+    int span = -1;
+    RodLayout before;
+    KnotChange knot;
+};
+
+/// Changed by knots alone; its states, and all that is built on it, refer to it and follow.
 class Rod
 {
 public:
@@ -75,6 +105,15 @@ public:
     /// for a curve without length.
     Rod(Spline rest, const std::function<Section(double)>& section,
         const RodSettings& settings);
+
+    /// One knot more. Rest curve, mass and what is between other knots stay the same.
+    /// Throws std::invalid_argument for Catmull-Rom, and at the ends.
+    RodChange insert_knot(double s);
+    /// One knot less: that of \p removal, of this basis.
+    RodChange remove_knot(const KnotRemoval& removal);
+    /// Parts that cuts have left, parameters of each from begin to end; of a closed rod the
+    /// end of one may be a turn further.
+    std::vector<std::array<double, 2>> pieces() const;
 
     const Spline& rest() const { return rest_; }
     const SplineBasis& basis() const { return rest_.basis; }
@@ -120,6 +159,8 @@ public:
     {
         return &second_[(span * idx(num_places()) + idx(place)) * idx(order_)];
     }
+    /// Of a span, as it was before knots came in.
+    const Weight& weight(std::size_t span) const { return weights_[span]; }
     Section section(double share) const { return section_(share); }
     Section section_at(double s) const
     {
@@ -127,7 +168,11 @@ public:
     }
 
 private:
+    void find_spans();
+    void find_places(std::size_t span, std::size_t count);
+    Weight weighed(std::size_t span) const;
     void find_layout();
+    RodChange change_to(Spline rest, const KnotChange& knot, bool is_insertion);
 
     Spline rest_;
     ArcLength arc_length_;
@@ -141,6 +186,7 @@ private:
     double cubes_of_steps_ = 0.0;
     std::vector<int> controls_;
     std::vector<double> first_, second_;
+    std::vector<Weight> weights_; ///< of the spans
     RodLayout layout_;
 };
 
@@ -197,6 +243,9 @@ public:
     void move(const Eigen::VectorXd& step, double length = 1.0);
     /// To other places, by the shortest turn of each station.
     void move_to(const Eigen::VectorXd& x);
+    /// The rod has another knot: to these control points, stations as they were. Where one
+    /// came it is twisted as evenly as the span was.
+    void follow(const RodChange& change, std::span<const Eigen::Vector3d> controls);
 
     /// P' at a place of a span, its direction and length.
     struct Velocity
@@ -224,6 +273,7 @@ private:
     template <class Order>
     void find_velocities(Order order);
     void find_windings();
+    void turn_stations();
 
     const Rod* rod_;
     Eigen::VectorXd x_;

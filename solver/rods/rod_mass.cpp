@@ -56,58 +56,118 @@ void add_product(const BandMatrix& A, const std::vector<int>& unknown,
 
 } // namespace
 
-RodMass::RodMass(const Rod& rod)
-    : rod_(rod), control_(rod.layout().control), station_(rod.layout().angle),
-      weights_(Eigen::VectorXd::Zero(rod.num_controls()))
+RodMass::RodMass(const Rod& rod) : rod_(rod)
 {
-    const std::vector<int> rank = ranks(control_), spin_rank = ranks(station_);
-    std::sort(control_.begin(), control_.end());
-    std::sort(station_.begin(), station_.end());
-    int half_band = 0, spin_band = 1;
+    lay_out();
+    weights_.setZero(rod.num_controls());
+    const std::vector<char> all(idx(rod.num_controls()), 1);
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
+        add_span(e, all);
+    factorize();
+}
+
+void RodMass::factorize()
+{
+    for (std::size_t e = 0; e < spins_.size(); ++e)
     {
-        for (int i = 0; i < rod.order(); ++i)
-            for (int j = 0; j < i; ++j)
-                half_band = std::max(half_band, std::abs(rank[idx(rod.controls(e)[i])] -
-                                                         rank[idx(rod.controls(e)[j])]));
-        const auto [near, far] = rod.spans()[e].station;
-        spin_band =
-            std::max(spin_band, std::abs(spin_rank[idx(near)] - spin_rank[idx(far)]));
-    }
-    place_ = BandMatrix(rod.num_controls(), half_band);
-    spin_ = BandMatrix(rod.num_stations(), spin_band);
-    const int count = std::min(rod.basis().degree() + 1, kMaxGaussPlaces);
-    const std::span<const double> places = gauss_places(count),
-                                  weights = gauss_weights(count);
-    for (std::size_t e = 0; e < rod.spans().size(); ++e)
-    {
-        const RodSpan& span = rod.spans()[e];
-        const auto [near, far] = span.station;
-        for (std::size_t g = 0; g < places.size(); ++g)
-        {
-            const double h = span.end - span.begin, s = span.begin + places[g] * h;
-            const BasisValues values = rod.basis().values_in(static_cast<int>(e), s);
-            const Section section = rod.section_at(s);
-            const double length =
-                weights[g] * h * rod.rest().combined(values).first.norm();
-            for (int i = 0; i < values.count; ++i)
-            {
-                const double bi = values.value[0][idx(i)];
-                weights_[values.control[idx(i)]] += section.mass * length * bi;
-                for (int j = 0; j <= i; ++j)
-                    place_.add(rank[idx(values.control[idx(i)])],
-                               rank[idx(values.control[idx(j)])],
-                               section.mass * length * bi * values.value[0][idx(j)]);
-            }
-            const double x = places[g], spin = section.spin * length;
-            spin_.add(spin_rank[idx(near)], spin_rank[idx(near)],
-                      spin * (1 - x) * (1 - x));
-            spin_.add(spin_rank[idx(far)], spin_rank[idx(far)], spin * x * x);
-            spin_.add(spin_rank[idx(near)], spin_rank[idx(far)], spin * x * (1 - x));
-        }
+        const auto [near, far] = rod_.spans()[e].station;
+        const int a = spin_rank_[idx(near)], b = spin_rank_[idx(far)];
+        spin_.lower(a, a) += spins_[e][0];
+        spin_.lower(b, b) += spins_[e][1];
+        spin_.add(a, b, spins_[e][2]);
     }
     place_factor_.factorize(place_);
     spin_factor_.factorize(spin_);
+}
+
+void RodMass::lay_out()
+{
+    control_ = rod_.layout().control;
+    station_ = rod_.layout().angle;
+    rank_ = ranks(control_);
+    spin_rank_ = ranks(station_);
+    std::sort(control_.begin(), control_.end());
+    std::sort(station_.begin(), station_.end());
+    int half_band = 0, spin_band = 1;
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+    {
+        for (int i = 0; i < rod_.order(); ++i)
+            for (int j = 0; j < i; ++j)
+                half_band = std::max(half_band, std::abs(rank_[idx(rod_.controls(e)[i])] -
+                                                         rank_[idx(rod_.controls(e)[j])]));
+        const auto [near, far] = rod_.spans()[e].station;
+        spin_band =
+            std::max(spin_band, std::abs(spin_rank_[idx(near)] - spin_rank_[idx(far)]));
+    }
+    place_ = BandMatrix(rod_.num_controls(), half_band);
+    spin_ = BandMatrix(rod_.num_stations(), spin_band);
+    spins_.assign(rod_.spans().size(), {});
+}
+
+/// What a span adds to entries of which a control point \p is_other, and its spin.
+void RodMass::add_span(std::size_t e, const std::vector<char>& is_other)
+{
+    // Exact for the product of two functions and a cubic weight.
+    const int count = rod_.basis().degree() + 2;
+    const std::span<const double> places = gauss_places(count),
+                                  weights = gauss_weights(count);
+    const RodSpan& span = rod_.spans()[e];
+    for (std::size_t g = 0; g < places.size(); ++g)
+    {
+        const double h = span.end - span.begin, s = span.begin + places[g] * h;
+        const BasisValues values = rod_.basis().values_in(static_cast<int>(e), s);
+        const double mass = weights[g] * h * rod_.weight(e).mass_at(s);
+        for (int i = 0; i < values.count; ++i)
+        {
+            const double bi = values.value[0][idx(i)];
+            const int control = values.control[idx(i)];
+            if (is_other[idx(control)])
+                weights_[control] += mass * bi;
+            for (int j = 0; j <= i; ++j)
+                if (is_other[idx(control)] || is_other[idx(values.control[idx(j)])])
+                    place_.add(rank_[idx(control)], rank_[idx(values.control[idx(j)])],
+                               mass * bi * values.value[0][idx(j)]);
+        }
+        const double x = places[g], spin = weights[g] * h * rod_.weight(e).spin_at(s);
+        spins_[e][0] += spin * (1 - x) * (1 - x);
+        spins_[e][1] += spin * x * x;
+        spins_[e][2] += spin * x * (1 - x);
+    }
+}
+
+// Entries of functions that have stayed move; those of the others are of the spans where
+// such act.
+void RodMass::follow(const RodChange& change)
+{
+    const BandMatrix place = std::move(place_);
+    const Eigen::VectorXd weights = std::move(weights_);
+    const std::vector<int> rank = std::move(rank_);
+    const std::vector<std::array<double, 3>> spins = std::move(spins_);
+    lay_out();
+    std::vector<char> is_other(idx(rod_.num_controls()), 0);
+    std::vector<int> from(is_other.size()); // by rank, old rank
+    weights_.setZero(rod_.num_controls());
+    for (std::size_t k = 0; k < is_other.size(); ++k)
+    {
+        const int was = change.control_from[k];
+        is_other[k] = was < 0;
+        from[idx(rank_[k])] = was < 0 ? -1 : rank[idx(was)];
+        if (was >= 0)
+            weights_[static_cast<Eigen::Index>(k)] = weights[was];
+    }
+    for (int j = 0; j < place_.rows(); ++j)
+        for (int i = j; i <= std::min(j + place_.half_band(), place_.rows() - 1); ++i)
+        {
+            const auto [low, high] = std::minmax(from[idx(i)], from[idx(j)]);
+            if (low >= 0 && high - low <= place.half_band())
+                place_.lower(i, j) = place.lower(high, low);
+        }
+    for (std::size_t e = 0; e < spins_.size(); ++e)
+        if (change.keeps_basis[e])
+            spins_[e] = spins[idx(change.span_from[e])];
+        else
+            add_span(e, is_other);
+    factorize();
 }
 
 void RodMass::add_to(BandMatrix& out, double scale) const

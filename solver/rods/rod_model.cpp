@@ -18,6 +18,15 @@ namespace cellwarp
 
 RodModel::RodModel(const Rod& rod) : rod_(&rod), mass_(rod) {}
 
+void RodModel::follow(const RodChange& change)
+{
+    mass_.follow(change);
+    for (const std::unique_ptr<RodTerm>& term : terms)
+        term->follow(change);
+    held_.clear();
+    ++revision_;
+}
+
 /// out += scale * (weight and forces of the loads)
 void RodModel::add_constant_force(double scale, Eigen::VectorXd& out) const
 {

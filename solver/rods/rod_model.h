@@ -49,6 +49,11 @@ public:
 
     const Rod& rod() const { return *rod_; }
     const RodMass& mass() const { return mass_; }
+    /// The rod has another knot: mass and terms follow, all that stands at a parameter
+    /// stays there.
+    void follow(const RodChange& change);
+    /// How often it has followed.
+    int revision() const { return revision_; }
 
     std::vector<std::unique_ptr<RodTerm>> terms;
     Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
@@ -117,6 +122,7 @@ private:
 
     const Rod* rod_;
     RodMass mass_;
+    int revision_ = 0;
     mutable std::vector<HeldBasis> held_; ///< of constraints that were asked for
 };
 

@@ -44,11 +44,21 @@ using Eigen::Vector3d;
 
 RodObject::RodObject(RodModel& model) : model_(model)
 {
+    size_up();
+}
+
+void RodObject::size_up()
+{
+    const RodModel& model = model_;
+    revision_ = model.revision();
+    response_.reset();
     const RodLayout& layout = model.rod().layout();
     BandMatrix weight(layout.num_unknowns, layout.half_band);
     model.mass().add_to(weight, 1.0);
+    heaviest_ = 0.0;
     for (int j = 0; j < weight.rows(); ++j)
         heaviest_ = std::max(heaviest_, weight.lower(j, j));
+    stiffness_ = 0.0;
     for (const RodSpan& span : model.rod().spans())
     {
         const Section section = model.rod().section_at(0.5 * (span.begin + span.end));
@@ -106,6 +116,8 @@ void RodObject::start(double step)
 
 void RodObject::prepare()
 {
+    if (revision_ != model_.revision())
+        size_up();
     start_ = *state_;
     double of_mass = 0.0;
     if (is_moving())

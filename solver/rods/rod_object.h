@@ -82,12 +82,14 @@ private:
     bool is_moving() const { return step_ > 0.0; }
     bool is_midpoint() const { return is_moving() && is_midpoint_; }
     void prepare();
+    void size_up();
     RodState end_of(const RodState& at) const;
     double parameter(int place, const RodState& at) const;
     std::vector<Eigen::Vector3d> pressed(const Eigen::VectorXd& lambda) const;
     std::vector<SingleUnknown> sliding_unknowns(const Eigen::VectorXd& lambda);
 
     RodModel& model_;
+    int revision_ = 0;
     double stiffness_ = 0.0; ///< YA / L + YI / L^3 of the stiffest [N/m]
     double heaviest_ = 0.0;  ///< entry of the mass [kg]
     std::vector<Place> places_;

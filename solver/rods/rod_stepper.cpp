@@ -51,8 +51,9 @@ RodStepper::RodStepper(RodModel& model, Integrator integrator)
 /// Rows of places do not change from step to step, and the response with them.
 const RodResponse& RodStepper::response(const RodModel::Rows& rows) const
 {
-    if (!response_ || !response_->is_for(rows.rows))
+    if (!response_ || revision_ != model_.revision() || !response_->is_for(rows.rows))
         response_.emplace(model_, rows);
+    revision_ = model_.revision();
     return *response_;
 }
 

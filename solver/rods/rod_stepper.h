@@ -72,6 +72,7 @@ private:
     std::unique_ptr<RodObject> object_; ///< its place does not change
     ImplicitStepper implicit_;
     mutable std::optional<RodResponse> response_; ///< to the rows asked for last
+    mutable int revision_ = 0;                    ///< of the model, then
     int num_explicit_ = 0;                        ///< steps
 };
 

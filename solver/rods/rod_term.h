@@ -18,6 +18,8 @@ class RodTerm
 public:
     virtual ~RodTerm() = default;
 
+    /// The rod has another knot.
+    virtual void follow(const RodChange& change) = 0;
     virtual double value(const RodState& state) const = 0; ///< [J]
     /// What a small step pulls back with, at the most, but for the rod's own [N/m].
     virtual double stiffness() const { return 0.0; }

@@ -160,6 +160,18 @@ ArcLength::ArcLength(const Spline& spline) : spline_(spline)
                         length_in(spline, static_cast<int>(e), spans[e].end));
 }
 
+ArcLength::ArcLength(const Spline& spline, const ArcLength& before,
+                     std::span<const int> span_from)
+    : spline_(spline)
+{
+    ends_.push_back(0.0);
+    for (std::size_t e = 0; e < span_from.size(); ++e)
+        ends_.push_back(ends_.back() +
+                        (span_from[e] >= 0 ? before.length_of(idx(span_from[e]))
+                                           : length_in(spline, static_cast<int>(e),
+                                                       spline.basis.spans()[e].end)));
+}
+
 double ArcLength::at(double s) const
 {
     const double wrapped = spline_.basis.wrapped(s);
@@ -196,47 +208,95 @@ double ArcLength::parameter(double share) const
 //   a_i q_i + (1 - a_i) q_{i-1},   a_i = 1 up to k - d, 0 beyond k,
 //   else (s - U_i) / (U_{i+d} - U_i).
 // Around a closed curve the knot comes again after each turn: the n + 1 new ones from
-// k - d + 1 on see it once.
-Spline with_knot(const Spline& spline, double s, KnotChange* change)
+// k - d + 1 on see it once. Functions k - d ... k + 1 of the new basis have the knot among
+// their own.
+
+namespace
 {
-    const SplineBasis& basis = spline.basis;
+
+/// k of U_k <= s < U_{k+1}.
+int knot_before(const SplineBasis& basis, double s)
+{
     if (basis.is_catmull_rom())
         throw std::invalid_argument("Catmull-Rom curves have no knots");
-    const int d = basis.degree(), n = basis.num_controls();
-    const double at = basis.wrapped(s);
     const std::vector<double>& U = basis.knots();
-    const int k = static_cast<int>(std::upper_bound(U.begin() + d, U.end() - d - 1, at) -
-                                   U.begin()) -
-                  1;
-    const int first = basis.is_closed() ? k - d + 1 : 0;
-    std::vector<Eigen::Vector3d> controls(idx(n + 1));
-    KnotChange made;
-    made.rows.resize(idx(n + 1));
-    for (int i = first; i <= first + n; ++i)
-    {
-        const double a = i <= k - d ? 1.0
-                         : i > k    ? 0.0
-                                    : (at - U[idx(i)]) / (U[idx(i + d)] - U[idx(i)]);
-        KnotChange::Row row;
-        row.first = (a == 1.0 ? i : i - 1) % n;
-        row.share = a == 0.0 || a == 1.0 ? std::vector{1.0} : std::vector{1.0 - a, a};
-        Eigen::Vector3d& control = controls[idx(i % (n + 1))];
-        control.setZero();
-        for (std::size_t j = 0; j < row.share.size(); ++j)
-            control += row.share[j] * spline.controls[(idx(row.first) + j) % idx(n)];
-        made.rows[idx(i % (n + 1))] = std::move(row);
-    }
-    if (change)
-        *change = std::move(made);
+    const int d = basis.degree();
+    return static_cast<int>(
+               std::upper_bound(U.begin() + d, U.end() - d - 1, basis.wrapped(s)) -
+               U.begin()) -
+           1;
+}
+
+/// \p s behind knot \p k of the knots of one turn.
+SplineBasis with_knot_behind(const SplineBasis& basis, int k, double s)
+{
+    const int d = basis.degree();
+    const std::vector<double>& U = basis.knots();
     if (!basis.is_closed())
     {
         std::vector<double> knots = U;
-        knots.insert(knots.begin() + k + 1, at);
-        return {SplineBasis::open(d, std::move(knots)), std::move(controls)};
+        knots.insert(knots.begin() + k + 1, s);
+        return SplineBasis::open(d, std::move(knots));
     }
     std::vector<double> turn(U.begin() + d, U.end() - d);
-    turn.insert(turn.begin() + (k + 1 - d), at);
-    return {SplineBasis::closed(d, turn), std::move(controls)};
+    turn.insert(turn.begin() + (k + 1 - d), s);
+    return SplineBasis::closed(d, turn);
+}
+
+} // namespace
+
+KnotChange::KnotChange(const SplineBasis& coarse, double s)
+    : KnotChange(coarse, coarse.wrapped(s), knot_before(coarse, s))
+{
+}
+
+KnotChange::KnotChange(const SplineBasis& coarse, double s, int knot)
+    : fine_(with_knot_behind(coarse, knot, s)), degree_(coarse.degree()),
+      num_coarse_(coarse.num_controls()), knot_(knot), is_closed_(coarse.is_closed())
+{
+    const std::vector<double>& U = coarse.knots();
+    for (int j = 0; j < degree_; ++j)
+    {
+        const int i = knot - degree_ + 1 + j;
+        share_[idx(j)] = (s - U[idx(i)]) / (U[idx(i + degree_)] - U[idx(i)]);
+    }
+    begin_ = U[idx(knot - degree_)];
+    end_ = U[idx(knot + degree_ + 1)];
+}
+
+int KnotChange::unwrapped(int fine) const
+{
+    return is_closed_ && fine < knot_ - degree_ + 1 ? fine + num_coarse_ + 1 : fine;
+}
+
+KnotChange::Row KnotChange::row(int fine) const
+{
+    const int i = unwrapped(fine), first = knot_ - degree_ + 1;
+    const double a = i < first ? 1.0 : i > knot_ ? 0.0 : share_[idx(i - first)];
+    const int n = num_coarse_;
+    return {{i % n, (i - 1 + n) % n}, {a, 1.0 - a}};
+}
+
+int KnotChange::same(int fine) const
+{
+    const int i = unwrapped(fine);
+    if (!is_closed_)
+        return i < knot_ - degree_ ? i : i > knot_ + 1 ? i - 1 : -1;
+    return i > knot_ + 1 && i <= knot_ - degree_ + num_coarse_ ? (i - 1) % num_coarse_
+                                                              : -1;
+}
+
+Spline with_knot(const Spline& spline, double s)
+{
+    const KnotChange change(spline.basis, s);
+    Spline out{change.fine(), {}};
+    for (int i = 0; i <= change.num_coarse(); ++i)
+    {
+        const KnotChange::Row row = change.row(i);
+        out.controls.push_back(row.share[0] * spline.controls[idx(row.coarse[0])] +
+                               row.share[1] * spline.controls[idx(row.coarse[1])]);
+    }
+    return out;
 }
 
 // Each new control point is the blossom of its span's polynomial at the degree knots that
@@ -310,39 +370,63 @@ Spline refined(const Spline& spline, int parts)
 }
 
 // |P - P_c| <= sum b_i |(q - A q_c)_i| <= the largest of them, the functions being
-// positive with sum 1.
-WithoutKnot without_knot(const Spline& spline, int knot)
+// positive with sum 1. Coarse points k - d ... k make fine ones k - d ... k + 1, and each of
+// the others is one of the others: least squares are of these few alone.
+std::optional<KnotRemoval> KnotRemoval::at(const SplineBasis& basis, int span)
 {
-    const SplineBasis& basis = spline.basis;
     const int d = basis.degree();
+    const bool is_end = span == 0 && !basis.is_closed();
+    if (basis.is_catmull_rom() || is_end || basis.num_controls() <= d + 1)
+        return std::nullopt;
+    const double s = basis.spans()[idx(span)].begin;
     std::vector<double> knots = basis.knots();
-    if (basis.is_catmull_rom() || basis.is_closed() || knot <= d ||
-        knot >= static_cast<int>(knots.size()) - d - 1)
-        throw std::invalid_argument("only inner knots of an open spline can go");
-    const double s = knots[idx(knot)];
-    knots.erase(knots.begin() + knot);
-    Spline coarse{SplineBasis::open(d, std::move(knots)),
-                  std::vector<Eigen::Vector3d>(spline.controls.size() - 1,
-                                               Eigen::Vector3d::Zero())};
-    KnotChange change;
-    with_knot(coarse, s, &change);
-    const int n = static_cast<int>(spline.controls.size());
-    Triplets entries;
-    Eigen::MatrixX3d q(n, 3);
-    for (int i = 0; i < n; ++i)
+    if (basis.is_closed())
     {
-        const KnotChange::Row& row = change.rows[idx(i)];
-        for (std::size_t j = 0; j < row.share.size(); ++j)
-            entries.emplace_back(i, row.first + static_cast<int>(j), row.share[j]);
-        q.row(i) = spline.controls[idx(i)].transpose();
+        // The first knot of a turn is where the curve begins.
+        if (span == 0)
+            return std::nullopt;
+        knots.assign(basis.knots().begin() + d, basis.knots().end() - d);
     }
-    Eigen::SparseMatrix<double> A(n, n - 1);
-    A.setFromTriplets(entries.begin(), entries.end());
-    const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor(A.transpose() * A);
-    const Eigen::MatrixX3d found = factor.solve(A.transpose() * q);
-    for (int i = 0; i + 1 < n; ++i)
-        coarse.controls[idx(i)] = found.row(i).transpose();
-    return {std::move(coarse), (q - A * found).rowwise().norm().maxCoeff()};
+    knots.erase(std::find(knots.begin() + (basis.is_closed() ? 0 : d), knots.end(), s));
+    SplineBasis coarse = basis.is_closed() ? SplineBasis::closed(d, knots)
+                                           : SplineBasis::open(d, std::move(knots));
+    KnotChange change(coarse, s);
+    return KnotRemoval(std::move(coarse), std::move(change));
+}
+
+KnotRemoval::KnotRemoval(SplineBasis coarse, KnotChange change)
+    : coarse_(std::move(coarse)), change_(std::move(change))
+{
+    const int d = change_.degree(), n = change_.num_coarse();
+    fine_from_coarse_.setZero(d + 2, d + 1);
+    for (int i = 0; i < d + 2; ++i)
+    {
+        const KnotChange::Row row =
+            change_.row((change_.first_fine() + i) % (n + 1));
+        for (const std::size_t j : {0u, 1u})
+            if (row.share[j] != 0.0)
+                fine_from_coarse_(i, (row.coarse[j] - change_.first_coarse() + n) % n) +=
+                    row.share[j];
+    }
+    const Eigen::MatrixXd& A = fine_from_coarse_;
+    coarse_from_fine_ = (A.transpose() * A).ldlt().solve(A.transpose());
+}
+
+double KnotRemoval::apply(std::span<const Eigen::Vector3d> fine,
+                          std::vector<Eigen::Vector3d>& out) const
+{
+    const int d = change_.degree(), n = change_.num_coarse();
+    out.resize(idx(n));
+    for (int i = 0; i <= n; ++i)
+        if (const int same = change_.same(i); same >= 0)
+            out[idx(same)] = fine[idx(i)];
+    Eigen::MatrixX3d q(d + 2, 3);
+    for (int i = 0; i < d + 2; ++i)
+        q.row(i) = fine[idx((change_.first_fine() + i) % (n + 1))];
+    const Eigen::MatrixX3d found = coarse_from_fine_ * q;
+    for (int i = 0; i < d + 1; ++i)
+        out[idx((change_.first_coarse() + i) % n)] = found.row(i);
+    return (q - fine_from_coarse_ * found).rowwise().norm().maxCoeff();
 }
 
 Eigen::Vector3d any_normal(const Eigen::Vector3d& tangent)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <span>
 #include <vector>
@@ -49,8 +50,14 @@ class ArcLength
 {
 public:
     explicit ArcLength(const Spline& spline);
+    /// Where spans are still what they were in \p before, their length is: \p span_from
+    /// has their numbers there, -1: others.
+    ArcLength(const Spline& spline, const ArcLength& before,
+              std::span<const int> span_from);
 
     double total() const { return ends_.back(); } ///< [m]
+    /// Of one span [m].
+    double length_of(std::size_t span) const { return ends_[span + 1] - ends_[span]; }
     /// From the begin to \p s.
     double at(double s) const;
     /// The parameter of a share of the length in [0, 1].
@@ -61,32 +68,73 @@ private:
     std::vector<double> ends_; ///< of the spans, the first at 0
 };
 
-/// How new control points follow from old ones: row i is the few old ones that make new
-/// control point i.
-struct KnotChange
+/// How the control points of a finer basis, with one knot more, follow from those of the
+/// coarser one: q^_i = a_i q_i + (1 - a_i) q_{i-1}. All but a few are the same. [Boehm]
+class KnotChange
 {
+public:
+    /// \p coarse gets a knot at \p s. Throws std::invalid_argument for Catmull-Rom.
+    KnotChange(const SplineBasis& coarse, double s);
+
     struct Row
     {
-        int first = 0; ///< old control point, modulo their number
-        std::vector<double> share;
+        std::array<int, 2> coarse; ///< control points, q_i and q_{i-1}
+        std::array<double, 2> share;
     };
-    std::vector<Row> rows;
+    Row row(int fine) const;
+    /// The control point of the coarse basis whose function is the same; -1: none.
+    int same(int fine) const;
+    /// The first control points that are not: degree + 2 fine ones, degree + 1 coarse
+    /// ones, modulo their numbers.
+    int first_fine() const { return (knot_ - degree_) % (num_coarse_ + 1); }
+    int first_coarse() const { return (knot_ - degree_) % num_coarse_; }
+    int degree() const { return degree_; }
+    int num_coarse() const { return num_coarse_; }
+    /// Parameters, on a closed curve up to a turn off, between which something changes.
+    double begin() const { return begin_; }
+    double end() const { return end_; }
+    const SplineBasis& fine() const { return fine_; }
+
+private:
+    KnotChange(const SplineBasis& coarse, double s, int knot);
+    /// Of a closed curve, so that a turn begins with what changes.
+    int unwrapped(int fine) const;
+
+    SplineBasis fine_;
+    int degree_, num_coarse_, knot_; ///< k of U_k <= s < U_{k+1}
+    bool is_closed_;
+    double begin_ = 0.0, end_ = 0.0;
+    std::array<double, kMaxOrder> share_ = {}; ///< a_i from k - degree + 1 on
 };
 
-/// The same curve with one more knot. B-splines alone. [Boehm]
-Spline with_knot(const Spline& spline, double s, KnotChange* change = nullptr);
+/// The same curve with one more knot. B-splines alone.
+Spline with_knot(const Spline& spline, double s);
 
 /// The same curve with every span cut in \p parts of the same parameter. B-splines alone.
 Spline refined(const Spline& spline, int parts);
 
-/// A curve without knot \p knot of basis.knots(), an inner one, that is closest to it in
-/// its control points, and by how much the curve moves at the most. Open B-splines.
-struct WithoutKnot
+/// What takes a knot out of a basis: curves become those without it that are closest in
+/// their control points, of which only a few change.
+class KnotRemoval
 {
-    Spline spline;
-    double bound = 0.0; ///< [m]
+public:
+    /// The knot where span \p span begins, an inner one; nothing: it cannot go.
+    static std::optional<KnotRemoval> at(const SplineBasis& basis, int span);
+
+    const SplineBasis& coarse() const { return coarse_; }
+    const KnotChange& change() const { return change_; } ///< the way back
+    /// \p out: control points without the knot. Returns by how much the curve moves, at
+    /// the most. [m]
+    double apply(std::span<const Eigen::Vector3d> fine,
+                 std::vector<Eigen::Vector3d>& out) const;
+
+private:
+    KnotRemoval(SplineBasis coarse, KnotChange change);
+
+    SplineBasis coarse_;
+    KnotChange change_;
+    Eigen::MatrixXd fine_from_coarse_, coarse_from_fine_; ///< of those that change
 };
-WithoutKnot without_knot(const Spline& spline, int knot);
 
 /// A unit vector across \p tangent: the direction of least component, made orthogonal.
 Eigen::Vector3d any_normal(const Eigen::Vector3d& tangent);

@@ -118,6 +118,14 @@ int SplineBasis::smoothness_before(int span) const
     return degree_ - multiplicity;
 }
 
+int SplineBasis::first_control(int span) const
+{
+    if (is_catmull_rom_)
+        return is_closed_ ? (span - 1 + num_controls_) % num_controls_
+                          : std::clamp(span - 1, 0, num_controls_ - 4);
+    return knot_of_span_[idx(span)] - degree_;
+}
+
 double SplineBasis::wrapped(double s) const
 {
     if (!is_closed_)

@@ -41,6 +41,7 @@ class Springs final : public RodTerm
 public:
     Springs(const Rod& rod, bool bends);
 
+    void follow(const RodChange& change) override;
     double value(const RodState& state) const override;
     void add_gradient(const RodState& state, Eigen::VectorXd& out) const override;
     void add_hessian(const RodState& state, RodHessian how,
@@ -73,6 +74,7 @@ private:
         Vector3d by_b() const { return (ta - c * tb) / lb; }
     };
 
+    void build();
     void add_stretch(const RodState& rest, Way way, double length,
                      const Section& section);
     void add_bending(const std::vector<Way>& halves);
@@ -84,6 +86,7 @@ private:
     static void add_block(const Way& a, const Way& b, const Matrix3d& B, BandMatrix& out);
 
     const Rod& rod_;
+    bool bends_;
     std::vector<Distance> distances_;
     std::vector<Angle> angles_;
     bool is_predicted_ = false; ///< the forces of the distances
@@ -116,10 +119,25 @@ Springs::Way Springs::way(const BasisValues& from, const BasisValues& to) const
     return way;
 }
 
-Springs::Springs(const Rod& rod, bool bends) : rod_(rod)
+Springs::Springs(const Rod& rod, bool bends) : rod_(rod), bends_(bends)
 {
     if (rod.settings().coupled_spans < 2)
         throw std::invalid_argument("a rod of springs couples two spans");
+    build();
+}
+
+/// Springs are bound to one resolution, and cheap.
+void Springs::follow(const RodChange&)
+{
+    distances_.clear();
+    angles_.clear();
+    is_predicted_ = false;
+    build();
+}
+
+void Springs::build()
+{
+    const Rod& rod = rod_;
     const RodState rest(rod);
     std::vector<Way> halves;
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
@@ -143,7 +161,7 @@ Springs::Springs(const Rod& rod, bool bends) : rod_(rod)
         add_stretch(rest, halves[2 * e + 1], span.length - half,
                     rod.section_at(0.5 * (middle + span.end)));
     }
-    if (bends)
+    if (bends_)
         add_bending(halves);
 }
 

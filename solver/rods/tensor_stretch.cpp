@@ -58,6 +58,8 @@ public:
     void add_hessian(const RodState& state, RodHessian how,
                      BandMatrix& out) const override;
 
+    void follow(const RodChange& change) override;
+
 private:
     /// One place of quadrature.
     struct Place
@@ -86,6 +88,8 @@ private:
     {
         return state.x().segment<3>(begin_of(k + 1)) - state.x().segment<3>(begin_of(k));
     }
+    void add_span(std::size_t span, const std::vector<char>& is_other);
+    void add_constant();
     void add_block(int j, int k, const Matrix3d& B, BandMatrix& out) const;
     Window window(const RodState& state, int i) const;
     /// each(w / 8, {0, a, b, c}) for the entries that begin with i.
@@ -108,42 +112,123 @@ private:
     double constant_ = 0.0;     ///< int YA sigma ds [N m]
 };
 
+int legs_of(const Rod& rod)
+{
+    return rod.num_controls() - (rod.basis().is_closed() ? 0 : 1);
+}
+
 TensorStretch::TensorStretch(const Rod& rod)
-    : rod_(rod), num_legs_(rod.num_controls() - (rod.basis().is_closed() ? 0 : 1)),
+    : rod_(rod), num_legs_(legs_of(rod)),
       tensor_(num_legs_, order(), rod.basis().is_closed()),
       pairs_(idx(num_legs_) * idx(order()), 0.0)
 {
+    places_.resize(rod.spans().size() * kCount);
+    const std::vector<char> all(idx(num_legs_), 1);
     for (std::size_t e = 0; e < rod.spans().size(); ++e)
-        for (std::size_t g = 0; g < kCount; ++g)
-        {
-            const RodSpan& span = rod.spans()[e];
-            const double h = span.end - span.begin;
-            const double s = span.begin + gauss_places(kCount)[g] * h;
-            const BasisValues values = rod.basis().values_in(static_cast<int>(e), s);
-            Place place;
-            place.span = e;
-            double sum = 0.0;
-            for (int k = 0; k < order(); ++k)
-                place.share[idx(k)] = sum -= values.value[1][idx(k)];
-            place.sigma = rod.rest().combined(values).first.norm();
-            place.weight = gauss_weights(kCount)[g] * h * rod.section_at(s).stretch;
-            places_.push_back(place);
-            constant_ += place.weight * place.sigma;
-            const double of_four = place.weight / std::pow(place.sigma, 3),
-                         of_two = place.weight / place.sigma;
-            const std::array<double, kMaxOrder>& c = place.share;
-            for (int i = 0; i < order(); ++i)
-                for (int j = i; j < order(); ++j)
-                {
-                    const int first = (rod.controls(e)[0] + i) % num_legs_;
+        add_span(e, all);
+    add_constant();
+}
+
+void TensorStretch::add_constant()
+{
+    constant_ = 0.0;
+    for (const Place& place : places_)
+        constant_ += place.weight * place.sigma;
+}
+
+/// The places of a span, and what they add to entries of which a leg \p is_other.
+void TensorStretch::add_span(std::size_t e, const std::vector<char>& is_other)
+{
+    for (std::size_t g = 0; g < kCount; ++g)
+    {
+        const RodSpan& span = rod_.spans()[e];
+        const double h = span.end - span.begin;
+        const double s = span.begin + gauss_places(kCount)[g] * h;
+        const BasisValues values = rod_.basis().values_in(static_cast<int>(e), s);
+        Place& place = places_[e * kCount + g];
+        place.span = e;
+        double sum = 0.0;
+        for (int k = 0; k < order(); ++k)
+            place.share[idx(k)] = sum -= values.value[1][idx(k)];
+        place.sigma = rod_.rest().combined(values).first.norm();
+        place.weight = gauss_weights(kCount)[g] * h * rod_.section_at(s).stretch;
+        const double of_four = place.weight / std::pow(place.sigma, 3),
+                     of_two = place.weight / place.sigma;
+        const std::array<double, kMaxOrder>& c = place.share;
+        std::array<bool, kMaxOrder> other = {};
+        for (int i = 0; i < order(); ++i)
+            other[idx(i)] = is_other[idx((rod_.controls(e)[0] + i) % num_legs_)];
+        for (int i = 0; i < order(); ++i)
+            for (int j = i; j < order(); ++j)
+            {
+                const int first = (rod_.controls(e)[0] + i) % num_legs_;
+                const bool of_both = other[idx(i)] || other[idx(j)];
+                if (of_both)
                     pair(first, j - i) += of_two * c[idx(i)] * c[idx(j)];
-                    for (int k = j; k < order(); ++k)
-                        for (int l = k; l < order(); ++l)
+                for (int k = j; k < order(); ++k)
+                    for (int l = k; l < order(); ++l)
+                        if (of_both || other[idx(k)] || other[idx(l)])
                             tensor_.at(first, first + j - i, first + k - i,
                                        first + l - i) +=
                                 of_four * c[idx(i)] * c[idx(j)] * c[idx(k)] * c[idx(l)];
-                }
+            }
+    }
+}
+
+// Entries of legs that have stayed move to where these are now; those with another leg are
+// of the spans where such act. A leg has stayed if both of its control points have.
+void TensorStretch::follow(const RodChange& change)
+{
+    const PackedTensor tensor = std::move(tensor_);
+    const std::vector<double> pairs = std::move(pairs_);
+    const std::vector<Place> places = std::move(places_);
+    const int num_before = num_legs_;
+    num_legs_ = legs_of(rod_);
+    tensor_ = PackedTensor(num_legs_, order(), rod_.basis().is_closed());
+    pairs_.assign(idx(num_legs_) * idx(order()), 0.0);
+    places_.resize(rod_.spans().size() * kCount);
+    std::vector<int> from(idx(num_legs_), -1);
+    std::vector<char> is_other(idx(num_legs_), 1);
+    for (int k = 0; k < num_legs_; ++k)
+    {
+        const int begin = change.control_from[idx(k)],
+                  end = change.control_from[idx((k + 1) % rod_.num_controls())];
+        if (begin >= 0 && end >= 0)
+        {
+            from[idx(k)] = begin;
+            is_other[idx(k)] = 0;
         }
+    }
+    // Neighbours that have stayed are neighbours still, but for a closed rod of few.
+    const auto old = [&](int i, int offset)
+    {
+        const int first = from[idx(i)], leg = from[idx((i + offset) % num_legs_)];
+        return first >= 0 && leg >= 0 && (first + offset) % num_before == leg;
+    };
+    for (int i = 0; i < num_legs_; ++i)
+    {
+        const int reach = tensor_.reach(i);
+        double* entry = tensor_.from(i);
+        for (int c = 0; c < reach; ++c)
+        {
+            if (old(i, c))
+                pair(i, c) = pairs[idx(from[idx(i)]) * idx(order()) + idx(c)];
+            for (int b = 0; b <= c; ++b)
+                for (int a = 0; a <= b; ++a, ++entry)
+                    if (old(i, a) && old(i, b) && old(i, c))
+                        *entry = tensor.from(from[idx(i)])[PackedTensor::address(a, b, c)];
+        }
+    }
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+        if (!change.keeps_basis[e])
+            add_span(e, is_other);
+        else
+            for (std::size_t g = 0; g < kCount; ++g)
+            {
+                places_[e * kCount + g] = places[idx(change.span_from[e]) * kCount + g];
+                places_[e * kCount + g].span = e;
+            }
+    add_constant();
 }
 
 TensorStretch::Window TensorStretch::window(const RodState& state, int i) const

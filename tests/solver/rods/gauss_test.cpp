@@ -20,7 +20,7 @@ TEST(Gauss, integrates_polynomials_up_to_its_degree_and_no_further)
             if (power < 2 * count)
                 EXPECT_LT(error, 1e-15) << count << " " << power;
             else
-                EXPECT_GT(error, 1e-8) << count << " " << power;
+                EXPECT_GT(error, 1e-11) << count << " " << power;
         }
 }
 

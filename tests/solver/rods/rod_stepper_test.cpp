@@ -236,7 +236,7 @@ TEST(RodStepper, tells_where_explicit_steps_gain_energy)
     const double step = 1e-5;
     ASSERT_LT(step, stepper.largest_step(state));
     MotionStop stop = MotionStop::Converged;
-    for (int n = 0; n < 2000 && stop == MotionStop::Converged; ++n)
+    for (int n = 0; n < 6000 && stop == MotionStop::Converged; ++n)
         stop = stepper.step(state, velocity, step).stop;
     EXPECT_EQ(stop, MotionStop::EnergyGrew);
 }

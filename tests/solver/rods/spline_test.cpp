@@ -110,23 +110,40 @@ TEST(Spline, is_refined_without_moving)
 
 TEST(Spline, a_knot_that_was_put_in_comes_out_again)
 {
-    const Spline spline{SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)),
-                        random_points(9, 1)};
-    const Spline finer = with_knot(spline, 2.4);
-    const auto& knots = finer.basis.knots();
-    const int at =
-        static_cast<int>(std::find(knots.begin(), knots.end(), 2.4) - knots.begin());
-    const WithoutKnot back = without_knot(finer, at);
-    EXPECT_LT(back.bound, 1e-13);
-    for (std::size_t k = 0; k < spline.controls.size(); ++k)
-        EXPECT_LT((back.spline.controls[k] - spline.controls[k]).norm(), 1e-13);
-    // One that is needed: no point moves farther than the bound says.
-    const WithoutKnot without = without_knot(spline, 5);
-    double most = 0.0;
-    for (double s = 0.0; s <= 6.0; s += 0.01)
-        most = std::max(most, (without.spline.at(s).place - spline.at(s).place).norm());
-    EXPECT_GT(most, 1e-3);
-    EXPECT_LE(most, without.bound + 1e-15);
+    for (const bool is_closed : {false, true})
+    {
+        const Spline spline =
+            is_closed
+                ? Spline{SplineBasis::closed(
+                             3, std::vector<double>{0, 1, 2.5, 3, 4, 5, 6, 7, 8, 9}),
+                         random_points(9, 1)}
+                : Spline{SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)),
+                         random_points(9, 1)};
+        for (const double s : {0.3, 2.4, 5.9})
+        {
+            const Spline finer = with_knot(spline, s);
+            const auto removal =
+                KnotRemoval::at(finer.basis, finer.basis.span_of(s + 1e-9));
+            ASSERT_TRUE(removal);
+            std::vector<Eigen::Vector3d> back;
+            EXPECT_LT(removal->apply(finer.controls, back), 1e-13);
+            for (std::size_t k = 0; k < spline.controls.size(); ++k)
+                EXPECT_LT((back[k] - spline.controls[k]).norm(), 1e-13);
+        }
+        // One that is needed: no point moves farther than the bound says.
+        const auto needed = KnotRemoval::at(spline.basis, 2);
+        ASSERT_TRUE(needed);
+        Spline without{needed->coarse(), {}};
+        const double bound = needed->apply(spline.controls, without.controls);
+        double most = 0.0;
+        for (double s = 0.0; s <= 6.0; s += 0.01)
+            most = std::max(most, (without.at(s).place - spline.at(s).place).norm());
+        EXPECT_GT(most, 1e-3);
+        EXPECT_LE(most, bound + 1e-15);
+    }
+    EXPECT_FALSE(KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)), 0));
+    EXPECT_FALSE(KnotRemoval::at(SplineBasis::catmull_rom(6, false), 2));
+    EXPECT_FALSE(KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 4)), 0));
 }
 
 TEST(Spline, goes_through_its_points)
@@ -163,11 +180,6 @@ TEST(Spline, what_is_no_curve_is_refused)
     const Spline through{SplineBasis::catmull_rom(5, false), points};
     refused([&] { with_knot(through, 0.5); });
     refused([&] { refined(through, 2); });
-    refused(
-        [&] {
-            without_knot({SplineBasis::open(3, SplineBasis::clamped_knots(3, 5)), points},
-                         2);
-        });
 }
 
 TEST(ArcLength, of_a_circle_is_even_and_its_inverse_finds_back)
