@@ -113,7 +113,11 @@ public:
     }
     [[noreturn]] void fail(const std::string& key, const std::string& what) const
     {
-        throw malformed({path_, 0, prefix_ + key}, what);
+        // The object itself, without the dot of what would follow.
+        const bool is_whole = key.empty() && !prefix_.empty();
+        throw malformed(
+            {path_, 0, is_whole ? prefix_.substr(0, prefix_.size() - 1) : prefix_ + key},
+            what);
     }
 
 private:

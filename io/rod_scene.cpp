@@ -9,6 +9,7 @@
 
 #include "io/bytes.h"
 #include "io/json_object.h"
+#include "io/relative_name.h"
 #include "io/text.h"
 
 namespace cellwarp
@@ -474,6 +475,101 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
     reader.object().warn_of_the_rest();
 }
 
+void read_cut(Reader& reader, CutStatement& cut)
+{
+    int count = 0;
+    const auto limit = [&](const char* key, double high, std::optional<double>& out)
+    {
+        if (!reader.object().find(key))
+            return;
+        reader.read(key, kTiny, high, out.emplace(0.0));
+        ++count;
+    };
+    limit("at", 1.0, cut.at);
+    limit("curvature", kHuge, cut.curvature);
+    limit("force", kHuge, cut.force);
+    if (count != 1)
+        reader.object().fail("", "needs one of at, curvature and force");
+    if (cut.at && !(*cut.at < 1.0))
+        reader.object().fail("at", "need a share between 0 and 1");
+    if (cut.at)
+        reader.read("time", 0.0, kHuge, cut.time);
+    reader.object().warn_of_the_rest();
+}
+
+/// true, false, or an object.
+void read_refine(Reader& reader, RodScene& scene, const std::string& prefix,
+                 std::optional<RefineStatement>& refine)
+{
+    const Json* const value = reader.object().find("refine");
+    if (!value || (value->is_boolean() && !value->get<bool>()))
+        return;
+    refine.emplace();
+    if (value->is_boolean())
+        return;
+    if (!value->is_object())
+        reader.object().fail("refine", "need true, false, or an object with insert, "
+                                       "remove, tolerance, shortest");
+    Reader of(*value, scene, prefix + "refine.", scene.warnings);
+    of.read("insert", 0.01, 3.0, refine->insert);
+    of.read("remove", 0.0, 3.0, refine->remove);
+    if (!(refine->remove < refine->insert))
+        of.object().fail("remove", "need a smaller turn than insert");
+    of.read("tolerance", 0.0, 1.0, refine->tolerance);
+    of.read("shortest", 0.0, kHuge, refine->shortest);
+    of.object().warn_of_the_rest();
+}
+
+void read_obstacle(const Json& json, const std::string& prefix, RodScene& scene)
+{
+    ObstacleStatement& obstacle = scene.obstacles.emplace_back();
+    Reader reader(json, scene, prefix, scene.warnings);
+    int count = 0;
+    if (std::array<double, 4> plane; reader.read("plane", plane))
+    {
+        obstacle.plane = plane;
+        if (plane[0] == 0.0 && plane[1] == 0.0 && plane[2] == 0.0)
+            reader.object().fail("plane", "its direction has no length");
+        ++count;
+    }
+    if (std::array<double, 4> sphere; reader.read("sphere", sphere))
+    {
+        obstacle.sphere = sphere;
+        if (!(sphere[3] > 0.0))
+            reader.object().fail("sphere", "need a radius above 0 [m]");
+        ++count;
+    }
+    if (std::optional<std::string> mesh; reader.object().read("mesh", mesh), mesh)
+    {
+        obstacle.mesh = resolved_name(scene.path, *mesh);
+        ++count;
+    }
+    if (count != 1)
+        reader.object().fail("", "needs one of plane, sphere and mesh");
+    reader.object().warn_of_the_rest();
+}
+
+/// true, false, or an object; obstacles are there to be touched.
+void read_contact(Reader& root, RodScene& scene)
+{
+    const Json* const value = root.object().find("contact");
+    if (value ? !(value->is_boolean() && !value->get<bool>()) : !scene.obstacles.empty())
+        scene.contact.emplace();
+    if (!value || value->is_boolean())
+        return;
+    if (!value->is_object())
+        root.object().fail("contact", "need true, false, or an object with friction, "
+                                      "damping, stiffness, rods, self");
+    Reader reader(*value, scene, "contact.", scene.warnings);
+    reader.read("friction", 0.0, kHuge, scene.contact->friction);
+    reader.read("damping", 0.0, 100.0, scene.contact->damping);
+    if (reader.object().find("stiffness"))
+        reader.read("stiffness", kTiny, kHuge, scene.contact->stiffness.emplace(0.0));
+    reader.read("rods", scene.contact->between_rods);
+    reader.read("self", scene.contact->with_itself);
+    reader.object().warn_of_the_rest();
+}
+
 /// A rod's place on another, which may stand behind it in the scene.
 struct OtherRod
 {
@@ -585,8 +681,20 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
                         of.object().fail("stiffness", "is missing, or damping");
                     of.object().warn_of_the_rest();
                 });
-    for (const char* key : {"cut", "refine", "carries", "radius_of_contact"})
-        reader.later(key);
+    reader.each("cut",
+                [&](const Json& value, const std::string& key)
+                {
+                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    read_cut(of, rod.cuts.emplace_back());
+                });
+    read_refine(reader, scene, prefix, rod.refine);
+    if ((rod.refine || !rod.cuts.empty()) && rod.spline == "catmull-rom")
+        reader.object().fail("spline",
+                             "Catmull-Rom curves have no knots to refine or cut");
+    if (reader.object().find("radius_of_contact"))
+        reader.read("radius_of_contact", kTiny, kHuge, rod.contact_radius.emplace(0.0));
+    reader.read("skin", rod.has_skin);
+    reader.later("carries");
     reader.object().warn_of_the_rest();
 }
 
@@ -648,8 +756,10 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
               { read_joint(value, key + ".", scene); });
     if (const Json* unit = root.object().find("unit"); unit && *unit != 1)
         root.object().fail("unit", "only metres are supported by this version");
-    for (const char* key : {"obstacles", "skeleton"})
-        root.later(key);
+    root.later("skeleton");
+    root.each("obstacles", [&](const Json& value, const std::string& key)
+              { read_obstacle(value, key + ".", scene); });
+    read_contact(root, scene);
     if (const Json* value = root.object().find("simulate"))
     {
         Reader simulate(*value, scene, "simulate.", scene.warnings);
@@ -665,6 +775,11 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
         if (scene.duration / scene.dt > 1e9)
             simulate.object().fail("duration", "takes more than 1e9 steps of dt");
     }
+    if (scene.integrator == "static")
+        for (std::size_t k = 0; k < scene.rods.size(); ++k)
+            if (!scene.rods[k].cuts.empty())
+                root.object().fail("rods[" + std::to_string(k) + "].cut",
+                                   "an equilibrium has no time in which to cut");
     root.object().warn_of_the_rest();
     return scene;
 }

@@ -80,6 +80,22 @@ struct RodSpringTo
     double damping = 0.0;         ///< of the place, in every direction [N s/m]
 };
 
+/// Knots that come where a rod bends and go again.
+struct RefineStatement
+{
+    double insert = 0.5, remove = 0.3; ///< turn of a span [rad]
+    double tolerance = 1e-3;           ///< by which the curve may move, of a span
+    double shortest = 0.0;             ///< span that is still halved [m]; 0: its radius
+};
+
+/// Where a rod is cut: one of these.
+struct CutStatement
+{
+    std::optional<double> at;               ///< share of the rest length, at `time`
+    double time = 0.0;                      ///< [s]
+    std::optional<double> curvature, force; ///< limits [1/m], [N]
+};
+
 struct RodStatement
 {
     std::string name;
@@ -99,6 +115,10 @@ struct RodStatement
     std::vector<RodOn> on;
     std::vector<RodPull> loads;
     std::vector<RodSpringTo> springs;
+    std::vector<CutStatement> cuts;
+    std::optional<RefineStatement> refine;
+    std::optional<double> contact_radius; ///< [m]; that of the rod
+    bool has_skin = false;                ///< drawn as an implicit surface, not as a tube
 };
 
 /// A rigid body.
@@ -151,6 +171,23 @@ struct JointStatement
     std::optional<double> other_start; ///< of the second, where both do
 };
 
+/// How rods touch.
+struct ContactStatement
+{
+    double friction = 0.0;
+    double damping = 1.0;            ///< of the bounce; 1: critical
+    std::optional<double> stiffness; ///< [N/m]; that of the material
+    bool between_rods = true, with_itself = true;
+};
+
+/// What stands still: one of these.
+struct ObstacleStatement
+{
+    std::optional<std::array<double, 4>> plane;  ///< normal . x = d
+    std::optional<std::array<double, 4>> sphere; ///< centre, radius
+    std::string mesh;                            ///< file
+};
+
 struct RodScene
 {
     std::string path;
@@ -158,6 +195,8 @@ struct RodScene
     std::vector<BodyStatement> bodies;
     std::vector<NetStatement> nets;
     std::vector<JointStatement> joints;
+    std::vector<ObstacleStatement> obstacles;
+    std::optional<ContactStatement> contact; ///< nothing: rods pass through everything
     double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
     std::string integrator = "implicit-euler";
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]

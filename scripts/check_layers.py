@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks the arrows between the rooms, and that every library keeps to its place.
+"""Checks the arrows between the rooms, that every library keeps to its place, and that every
+test is built.
 
 usage: check_layers.py [ROOT]     exit 1 and a line for each include that is not allowed
 """
@@ -18,6 +19,8 @@ ROOMS = {
     "solver/linear": {"solver/linear", "octree/base"},
     "solver/dynamics": {"solver/dynamics", "solver/linear", "octree/base"},
     "solver/rods": {"solver/rods", "solver/dynamics", "solver/linear", "octree/base"},
+    "solver/contact": {"solver/contact", "solver/rods", "solver/dynamics",
+                       "solver/linear", "octree/wrap", "octree/base"},
     "solver/minimize": {"solver/minimize", "solver/linear", "octree/base"},
     "solver/cells": {"solver/cells", "solver/minimize", "solver/linear", "octree",
                      "octree/base"},
@@ -30,8 +33,8 @@ ROOMS = {
                      "solver/minimize", "solver/cells", "solver/field"},
     "editor/picture": {"editor/picture", "editor/session", "io", "octree", "octree/base",
                        "solver/cells", "solver/field"},
-    "editor/simulation": {"editor/simulation", "io", "solver/rods", "solver/dynamics",
-                          "octree/base"},
+    "editor/simulation": {"editor/simulation", "io", "solver/contact", "solver/rods",
+                          "solver/dynamics", "octree/base"},
     "editor/cli": {"editor/cli", "editor/simulation", "editor/picture", "editor/apply", "editor/study",
                    "editor/session", "io", "octree", "octree/base", "solver/minimize",
                    "solver/linear", "solver/cells"},
@@ -67,14 +70,16 @@ LIBRARIES = {
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
-    "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "tests/bench/arap_peer.cpp",
+    "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_tree.cpp",
+              "tests/bench/arap_peer.cpp",
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp"},
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
-            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp"}}
+            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp",
+                            "solver/contact/obstacle.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
 
@@ -104,6 +109,20 @@ def problems_of(path, text):
                 yield "%s may not include <%s>" % (path, name)
 
 
+def tests_left_out(root):
+    """Test files that the build does not know."""
+    listed = ""
+    lists = os.path.join(root, "tests", "CMakeLists.txt")
+    if os.path.exists(lists):
+        with open(lists, encoding="utf-8") as file:
+            listed = file.read()
+    for folder, _, names in os.walk(os.path.join(root, "tests")):
+        for name in sorted(names):
+            path = os.path.relpath(os.path.join(folder, name), os.path.join(root, "tests"))
+            if name.endswith("_test.cpp") and path.replace(os.sep, "/") not in listed:
+                yield "tests/%s is no part of the tests" % path
+
+
 def main():
     root = sys.argv[1] if len(sys.argv) > 1 else os.path.join(
         os.path.dirname(os.path.abspath(__file__)), "..")
@@ -117,6 +136,7 @@ def main():
                 with open(os.path.join(folder, name), encoding="utf-8") as file:
                     problems += problems_of(path, file.read())
                 count += 1
+    problems += tests_left_out(root)
     for problem in problems:
         print(problem, file=sys.stderr)
     if count == 0:

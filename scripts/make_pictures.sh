@@ -74,6 +74,10 @@ strip slipknot 6 200x160
 strip swing 6 200x240 30
 strip net 6 200x220 25
 strip necklace 6 200x200 15
+strip cut 6 200x200 15
+strip knot 6 220x160
+strip pile 6 200x200 25
+strip intestine 6 200x200 20
 
 # A palette is enough for them, in a third of the bytes.
 pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

@@ -17,7 +17,8 @@ chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
-          four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace
+          four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
+          cut, knot, knot_fixed, pile, intestine
 """
 import json
 import math
@@ -698,6 +699,72 @@ def rods(folder):
         for name, z, friction in (("rough", 0, [0.5, 0.4]), ("smooth", 0.3, 0))],
         {"dt": 0.002, "duration": 1.25, "every": 0.25, "viscosity": 0.6})
     joined_rods(folder)
+    touching_rods(folder)
+
+
+def touching_rods(folder):
+    # A hanging rope is cut, and once more on its way down.
+    rod_scene(folder, "cut", [
+        {"name": "rope", "through": [[0, 1.2, 0], [0.25, 0.9, 0], [0.5, 0.85, 0],
+                                     [0.75, 0.9, 0], [1, 1.2, 0]],
+         "spans": 5, "radius": 0.012, "E": 1e6, "rest": "straight",
+         "fixed": [{"at": 0}, {"at": 1}],
+         "cut": [{"at": 0.45, "time": 0.15}, {"at": 0.7, "time": 0.25}]}],
+        {"dt": 0.001, "duration": 0.75, "every": 0.15},
+        obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.4})
+    # An overhand knot is pulled tight and loosened again; knots of the spline come and go.
+    def overhand(refine):
+        points = []
+        for k in range(11):
+            t = -2.15 + 0.43 * k
+            points.append([round(0.033 * x, 6) for x in (
+                0.22 * (t ** 5 - 10 * t), 0.45 * (t ** 4 - 4 * t * t), t ** 3 - 3 * t)])
+
+        def keys(side):
+            return [{"time": 0}, {"time": 1.8, "translate": [0.17 * side, 0, 0]},
+                    {"time": 2.2, "translate": [0.17 * side, 0, 0]},
+                    {"time": 3.8, "translate": [-0.03 * side, 0, 0]}]
+        rope = {"name": "rope", "through": points, "spans": 1, "radius": 0.004, "E": 1e6,
+                "density": 1100, "rest": "straight",
+                "fixed": [{"at": 0, "keys": keys(-1)}, {"at": 1, "keys": keys(1)}]}
+        if refine:
+            rope["refine"] = {"insert": 1.5, "remove": 1.2, "tolerance": 0.03}
+        return rope
+    for name, refine in (("knot", True), ("knot_fixed", False)):
+        rod_scene(folder, name, [overhand(refine)],
+                  {"dt": 0.002, "duration": 4.0, "every": 0.2, "gravity": [0, 0, 0],
+                   "viscosity": 0.3},
+                  contact={"friction": 0.05})
+    # Eleven rods of 15 points, by springs, fall on a heap.
+    random.seed(3)
+    rods = []
+    for k in range(11):
+        turn = math.pi * (k % 2) / 2 + 0.2 * (random.random() - 0.5)
+        off = [0.06 * (random.random() - 0.5), 0.06 * (random.random() - 0.5)]
+        c, s = 0.2 * math.cos(turn), 0.2 * math.sin(turn)
+        height = round(0.05 + 0.035 * k, 6)
+        rods.append({"name": "rod%d" % k,
+                     "through": [[round(off[0] - c, 6), height, round(off[1] - s, 6)],
+                                 [round(off[0] + c, 6), height, round(off[1] + s, 6)]],
+                     "spans": 12, "radius": 0.008, "E": 5e5, "energy": "discrete"})
+    rod_scene(folder, "pile", rods, {"dt": 0.001, "duration": 1.0, "every": 0.1},
+              obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.3})
+    # A soft tube of 165 points falls together in a box.
+    coil = []
+    for k in range(55):
+        t = k / 54
+        turn = 2 * math.pi * 6.5 * t
+        radius = 0.08 + 0.012 * math.sin(2.3 * turn)
+        coil.append([round(radius * math.cos(turn), 6), round(0.04 + 0.26 * t, 6),
+                     round(0.8 * radius * math.sin(turn), 6)])
+    rod_scene(folder, "intestine", [
+        {"name": "intestine", "through": coil, "spans": 3, "radius": 0.012, "E": 1.5e5,
+         "density": 1050, "skin": True}],
+        {"dt": 0.001, "duration": 1.0, "every": 0.1, "viscosity": 0.2},
+        obstacles=[{"plane": plane} for plane in (
+            [0, 1, 0, 0], [1, 0, 0, -0.11], [-1, 0, 0, -0.11], [0, 0, 1, -0.085],
+            [0, 0, -1, -0.085])],
+        contact={"friction": 0.1})
 
 
 def joined_rods(folder):

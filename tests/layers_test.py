@@ -35,6 +35,7 @@ for path, text, words in (
          "names the optional part editor/simulation"),
         ("solver/cells/b.cpp", "#include <cholmod.h>\n", "may not include <cholmod.h>"),
         ("octree/b.cpp", "#include <CGAL/Surface_mesh.h>\n", "may not include <CGAL/"),
+        ("tests/io/b_test.cpp", "", "is no part of the tests"),
         ("octree/b.cpp", '#include "octree/wrap/wrap.h"\n', "names the optional part octree/wrap"),
         ("editor/cli/deform.cpp", '#include "editor/picture/picture.h"\n',
          "names the optional part editor/picture"),

@@ -68,20 +68,24 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
             points.push_back(numbers(p));
         nets.push_back({{"name", net.name}, {"points", std::move(points)}});
     }
-    return {{"frame", frame},
-            {"time", report.time},
-            {"energy",
-             {{"kinetic", report.kinetic},
-              {"elastic", report.elastic},
-              {"gravity", report.gravity}}},
-            {"momentum", numbers(report.momentum)},
-            {"angular_momentum", numbers(report.turning)},
-            {"constraint", report.violation},
-            {"iterations", report.iterations},
-            {"stop", report.stop},
-            {"rods", std::move(rods)},
-            {"bodies", std::move(bodies)},
-            {"nets", std::move(nets)}};
+    Json out = {{"frame", frame},
+                {"time", report.time},
+                {"energy",
+                 {{"kinetic", report.kinetic},
+                  {"elastic", report.elastic},
+                  {"gravity", report.gravity}}},
+                {"momentum", numbers(report.momentum)},
+                {"angular_momentum", numbers(report.turning)},
+                {"constraint", report.violation},
+                {"iterations", report.iterations},
+                {"stop", report.stop},
+                {"rods", std::move(rods)},
+                {"bodies", std::move(bodies)},
+                {"nets", std::move(nets)}};
+    if (report.has_contacts)
+        out["contact"] = {{"count", report.contacts},
+                          {"nearest", report.nearest ? Json(*report.nearest) : Json()}};
+    return out;
 }
 
 /// The rods' middles as an OBJ of lines.
@@ -225,7 +229,7 @@ std::optional<Film> film_of_rods(const std::string& scene)
         constexpr int kAround = 24;
         for (; *frame < wanted; ++*frame)
             simulation->next_frame();
-        return simulation->surface(kAround);
+        return simulation->stage(kAround);
     };
     return Film{simulation->last_frame(), draw,
                 [=] { return simulation->report().is_converged; }, warnings};

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "editor/simulation/key_motion.h"
+#include "editor/simulation/skin.h"
 #include "editor/simulation/solid_shapes.h"
 #include "io/error.h"
 #include "octree/base/index.h"
@@ -36,7 +37,8 @@ std::vector<Eigen::Vector3d> vectors_of(const std::vector<Triple>& triples,
 }
 
 /// Both sides of a tube, so that its twist is seen.
-constexpr Colour kFront = {236, 145, 60}, kBack = {205, 208, 214};
+constexpr Colour kFront = {236, 145, 60}, kBack = {205, 208, 214},
+                 kSkin = {222, 142, 126};
 
 /// Neighbours at the same place are one point.
 std::vector<Eigen::Vector3d> merged(std::vector<Eigen::Vector3d> points, bool is_closed)
@@ -172,6 +174,10 @@ RodPart::RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d
             {parameter(load.at), vector_of(load.force), vector_of(load.moment)});
     add_springs();
     hold_at(0.0, 1.0);
+    is_cut_.assign(statement_.cuts.size(), 0);
+    if (const auto& refine = statement_.refine)
+        refinement_.emplace(RefinementSettings{refine->insert, refine->remove,
+                                               refine->tolerance, 10, refine->shortest});
 }
 
 void RodPart::add_holds()
@@ -348,14 +354,27 @@ bool RodPart::has_equilibrium() const
     return !model.is_free() || has_springs_ || is_balanced(model);
 }
 
-std::vector<double> RodPart::sliding() const
+std::vector<double> RodPart::sliding(const Piece& piece) const
 {
     std::vector<double> out;
     const SplineBasis& basis = rod.basis();
     for (const Sliding& sliding : state.sliding)
-        out.push_back(rod.arc_length().at(basis.wrapped(sliding.s)) /
-                      rod.arc_length().total());
+    {
+        const double s = basis.wrapped(sliding.s);
+        const std::size_t span = idx(basis.span_of(s));
+        if (std::find(piece.spans.begin(), piece.spans.end(), span) != piece.spans.end())
+            out.push_back(rod.arc_length().at(s) / rod.arc_length().total());
+    }
     return out;
+}
+
+double RodPart::length(const Piece& piece) const
+{
+    const ArcLength now(state.curve());
+    double sum = 0.0;
+    for (const std::size_t e : piece.spans)
+        sum += now.length_of(e);
+    return sum;
 }
 
 void RodPart::hold_at(double time, double share)
@@ -413,30 +432,155 @@ double RodPart::largest_turn() const
     return largest;
 }
 
+bool RodPart::change(double time, std::span<const double> touched)
+{
+    const MovingRod all{rod, model, state, velocity};
+    bool has_changed = false;
+    for (std::size_t k = 0; k < statement_.cuts.size(); ++k)
+    {
+        const CutStatement& one = statement_.cuts[k];
+        std::optional<double> place;
+        if (!one.at)
+            place = breaking_place(state, {one.curvature, one.force});
+        else if (!is_cut_[k] && time >= one.time)
+        {
+            place = parameter(*one.at);
+            is_cut_[k] = 1;
+        }
+        if (!place)
+            continue;
+        cut(all, *place);
+        has_changed = true;
+    }
+    if (!refinement_)
+        return has_changed;
+    std::vector<double> used = joined_;
+    for (const RodConstraint& constraint : model.constraints)
+        if (constraint.slide < 0)
+            used.insert(used.end(), {constraint.s, constraint.other});
+    for (const Sliding& sliding : state.sliding)
+        used.push_back(rod.basis().wrapped(sliding.s));
+    used.insert(used.end(), touched.begin(), touched.end());
+    std::sort(used.begin(), used.end());
+    return refinement_->refine(all, used) > 0 || has_changed;
+}
+
+std::vector<RodPart::Piece> RodPart::pieces() const
+{
+    const std::vector<std::array<double, 2>> parts = rod.pieces();
+    const SplineBasis& basis = rod.basis();
+    std::vector<Piece> out;
+    for (const auto& [begin, end] : parts)
+    {
+        Piece& piece = out.emplace_back();
+        piece.name =
+            parts.size() == 1 ? name() : fmt::format("{}.{}", name(), out.size());
+        piece.begin = begin;
+        piece.end = end;
+        piece.is_closed = basis.is_closed() && parts.size() == 1 &&
+                          basis.smoothness_before(basis.span_of(begin)) >= 0;
+        const std::size_t first = idx(basis.span_of(begin)), count = rod.spans().size();
+        for (std::size_t k = 0; k < count; ++k)
+        {
+            const std::size_t e = (first + k) % count;
+            if (k > 0 && basis.smoothness_before(static_cast<int>(e)) < 0)
+                break;
+            piece.spans.push_back(e);
+        }
+    }
+    return out;
+}
+
+std::vector<Eigen::Vector3d> RodPart::curve(const Piece& piece, int places) const
+{
+    double length = 0.0;
+    for (const std::size_t e : piece.spans)
+        length += rod.spans()[e].length;
+    const double first = rod.arc_length().at(piece.begin),
+                 total = rod.arc_length().total();
+    std::vector<Eigen::Vector3d> out;
+    for (int k = 0; k < places; ++k)
+    {
+        const double at = first + length * k / (places - 1);
+        const double s = parameter((at > total ? at - total : at) / total);
+        // The last one is on this side of a cut.
+        const RodSpan& last = rod.spans()[piece.spans.back()];
+        const BasisValues values =
+            k + 1 == places && !piece.is_closed
+                ? rod.basis().values_in(static_cast<int>(piece.spans.back()), last.end)
+                : rod.basis().values(s);
+        out.push_back(origin_ + state.at(values).place);
+    }
+    return out;
+}
+
+void RodPart::add_skin(Geometry& out) const
+{
+    for (const Piece& piece : pieces())
+    {
+        // Balls half a radius apart, the thinnest part's.
+        double radius = statement_.radius.front();
+        for (const double one : statement_.radius)
+            radius = std::min(radius, one);
+        const double length = this->length(piece);
+        const int count = static_cast<int>(std::ceil(length / (0.5 * radius)));
+        std::vector<Eigen::Vector3d> along = curve(piece, 8 * count + 1), centres;
+        double way = 0.0, next = 0.0;
+        const double step = length / count;
+        for (std::size_t k = 0; k < along.size(); ++k)
+        {
+            if (k > 0)
+                way += (along[k] - along[k - 1]).norm();
+            if (way >= next - 1e-9 * length)
+            {
+                centres.push_back(along[k]);
+                next += step;
+            }
+        }
+        const std::size_t group = out.groups.size();
+        cellwarp::add_skin(centres, radius, kSkin, out);
+        out.groups[group].name = piece.name;
+    }
+}
+
+void RodPart::add_surface(int around, Geometry& out) const
+{
+    if (statement_.has_skin)
+        add_skin(out);
+    else
+        add_tube(around, out);
+}
+
 void RodPart::add_tube(int around, Geometry& out) const
 {
     constexpr int kRings = 4; // a span
-    out.groups.push_back({name(), out.num_faces(), 0});
-    std::vector<std::vector<Eigen::Vector3d>> rings;
-    const auto add_ring = [&](double s)
-    {
-        const Eigen::Matrix3d F = state.frame(s);
-        const double radius = rod.section_at(s).radius;
-        rings.push_back(ring(origin_ + state.at(s).place, radius * F.col(0),
-                             radius * F.col(1), around));
-    };
-    for (const RodSpan& span : rod.spans())
-        for (int k = 0; k < kRings; ++k)
-            add_ring(span.begin + (span.end - span.begin) * k / kRings);
-    const bool is_closed = rod.basis().is_closed();
-    if (!is_closed)
-        add_ring(rod.spans().back().end);
     std::vector<Colour> colours;
     for (int k = 0; k < around; ++k)
         colours.push_back(std::cos(2.0 * std::numbers::pi * k / around) > 0.0 ? kFront
                                                                               : kBack);
-    add_rings(rings, colours, is_closed, out);
-    out.groups.back().end_face = out.num_faces();
+    for (const Piece& piece : pieces())
+    {
+        out.groups.push_back({piece.name, out.num_faces(), 0});
+        std::vector<std::vector<Eigen::Vector3d>> rings;
+        const auto add_ring = [&](std::size_t span, double s)
+        {
+            const Eigen::Matrix3d F = state.frame_in(span, s);
+            const double radius = rod.section_at(s).radius;
+            const BasisValues values = rod.basis().values_in(static_cast<int>(span), s);
+            rings.push_back(ring(origin_ + state.at(values).place, radius * F.col(0),
+                                 radius * F.col(1), around));
+        };
+        for (const std::size_t e : piece.spans)
+        {
+            const RodSpan& span = rod.spans()[e];
+            for (int k = 0; k < kRings; ++k)
+                add_ring(e, span.begin + (span.end - span.begin) * k / kRings);
+        }
+        if (!piece.is_closed)
+            add_ring(piece.spans.back(), rod.spans()[piece.spans.back()].end);
+        add_rings(rings, colours, piece.is_closed, out);
+        out.groups.back().end_face = out.num_faces();
+    }
 }
 
 } // namespace cellwarp

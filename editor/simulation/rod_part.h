@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "io/geometry.h"
 #include "io/rod_scene.h"
 #include "solver/rods/rod_object.h"
+#include "solver/rods/rod_refinement.h"
 
 namespace cellwarp
 {
@@ -24,15 +26,13 @@ public:
     RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d& origin);
 
     const std::string& name() const { return statement_.name; }
-    const Rod rod;
+    Rod rod;
     RodModel model;
     RodState state;
     Eigen::VectorXd velocity;
     std::vector<std::string> warnings; ///< what a user may not expect of the start
 
     double parameter(double share) const { return rod.arc_length().parameter(share); }
-    /// Shares of the rest length where its slides are.
-    std::vector<double> sliding() const;
     /// A place that slides; where it starts is the nearest to \p point, unless the
     /// statement tells. \p where is its key.
     int add_slide(const SlideStatement& of, const Eigen::Matrix3d& held,
@@ -54,11 +54,35 @@ public:
     double first_turn() const;
     double largest_turn() const;
 
-    /// As a tube, \p around corners on each ring, coloured by which side of the material
-    /// they are on.
-    void add_tube(int around, Geometry& out) const;
+    /// A joint holds it at a parameter: knots stay there.
+    void is_joined_at(double s) { joined_.push_back(s); }
+    /// Whether knots may come or go, or it may be cut.
+    bool may_change() const { return refinement_ || !statement_.cuts.empty(); }
+    /// What a step has led to: cuts that are due, knots that come and go. \p touched:
+    /// parameters that touch something. False: nothing changed.
+    bool change(double time, std::span<const double> touched);
+
+    /// A part that cuts have left: parameters, and the spans between them.
+    struct Piece
+    {
+        std::string name; ///< "rope", of several "rope.1", ...
+        double begin = 0.0, end = 0.0;
+        std::vector<std::size_t> spans;
+        bool is_closed = false;
+    };
+    std::vector<Piece> pieces() const;
+    double length(const Piece& piece) const; ///< now [m]
+    /// Shares of the whole rest length where its slides are.
+    std::vector<double> sliding(const Piece& piece) const;
+    /// Places at equal shares of a piece's rest length.
+    std::vector<Eigen::Vector3d> curve(const Piece& piece, int places) const;
+    /// As tubes, \p around corners on each ring, coloured by which side of the material
+    /// they are on; or as the skin that the statement asks for.
+    void add_surface(int around, Geometry& out) const;
 
 private:
+    void add_tube(int around, Geometry& out) const;
+    void add_skin(Geometry& out) const;
     void add_holds();
     void add_springs();
     void add_on();
@@ -80,6 +104,9 @@ private:
     /// The slide that the next one with `apart` stays apart from, and by how much.
     std::optional<std::pair<int, double>> last_apart_;
     int first_apart_ = -1;
+    std::optional<RodRefinement> refinement_;
+    std::vector<char> is_cut_; ///< those of the statement that are done
+    std::vector<double> joined_;
 };
 
 } // namespace cellwarp

@@ -17,7 +17,9 @@
 #include "editor/simulation/rod_part.h"
 #include "editor/simulation/solid_shapes.h"
 #include "io/error.h"
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
+#include "solver/contact/rod_contacts.h"
 #include "solver/dynamics/implicit_stepper.h"
 #include "solver/dynamics/rigid_body.h"
 #include "solver/dynamics/spring_net.h"
@@ -42,14 +44,17 @@ Vector3d origin_of(const RodScene& scene)
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
+constexpr double kMostParts = 4096.0; ///< of a step
+constexpr int kMostRounds = 100;      ///< of an equilibrium whose rods change
+
 /// How near places of one rod that are joined may slide to each other, of its length.
 constexpr double kOffItself = 0.02;
 
 /// Directions tell of turns below 90 degrees alone: larger ones go in parts [degree].
 int parts_of(double turn)
 {
-    constexpr double kPart = 30.0, kMost = 4096.0;
-    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMost));
+    constexpr double kPart = 30.0;
+    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMostParts));
 }
 
 } // namespace
@@ -69,6 +74,9 @@ struct Simulation::Parts
     /// Rods as objects of joints, those that have some.
     std::map<std::size_t, RodObject> objects;
     std::vector<Joint> joints; ///< of objects numbered through: rods, bodies, nets
+    std::optional<RodContacts> contacts;
+    std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
+    std::vector<Geometry> meshes;                                 ///< obstacles
 
     std::size_t count() const { return rods.size() + bodies.size() + nets.size(); }
     RodObject& object_of(std::size_t rod)
@@ -103,7 +111,8 @@ struct Simulation::Group
     std::vector<Parts::Body*> bodies;
     std::string name;
     double violation = 0.0;
-    std::optional<RodStepper> alone;       ///< of one rod
+    int parts = 1;                   ///< of a step, that explicit ones stay stable with
+    std::optional<RodStepper> alone; ///< of one rod
     std::optional<ImplicitStepper> joined; ///< of all else
 };
 
@@ -147,6 +156,7 @@ Simulation::Simulation(const RodScene& scene)
             net.hold(static_cast<int>(point));
     }
     join();
+    touch();
     for (const std::unique_ptr<RodPart>& rod : parts_->rods)
     {
         rod->close_gaps();
@@ -172,6 +182,7 @@ Vector3d Simulation::place_of(const JointEnd& end) const
 struct Simulation::End
 {
     int object, place;
+    std::optional<PlaceOnRod> on_rod;
 };
 
 /// \p other: where the other end is.
@@ -181,15 +192,25 @@ Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& sl
     const std::size_t rods = parts_->rods.size(), bodies = parts_->bodies.size();
     if (end.kind == JointEnd::Kind::Body)
         return {static_cast<int>(rods + end.index),
-                parts_->bodies[end.index].body.add_place(vector_of(end.point))};
+                parts_->bodies[end.index].body.add_place(vector_of(end.point)),
+                std::nullopt};
     if (end.kind == JointEnd::Kind::Net)
-        return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node)};
+        return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node),
+                std::nullopt};
     RodPart& rod = *parts_->rods[end.index];
     RodObject& object = parts_->object_of(end.index);
+    PlaceOnRod place{end.index};
+    if (end.slides)
+        place.slide = rod.add_slide(slide, Eigen::Matrix3d::Identity(), other, where);
+    else
+    {
+        place.s = rod.parameter(end.at);
+        rod.is_joined_at(place.s);
+    }
     return {static_cast<int>(end.index),
-            end.slides ? object.add_sliding_place(rod.add_slide(
-                             slide, Eigen::Matrix3d::Identity(), other, where))
-                       : object.add_place(rod.parameter(end.at))};
+            end.slides ? object.add_sliding_place(place.slide)
+                       : object.add_place(place.s),
+            place};
 }
 
 /// A place that slides towards another of the same rod would end on it: it stays on its
@@ -351,6 +372,8 @@ void Simulation::join()
         Joint joint;
         joint.object = {a.object, b.object};
         joint.place = {a.place, b.place};
+        if (a.on_rod && b.on_rod)
+            parts_->on_each_other.emplace_back(*a.on_rod, *b.on_rod);
         const ArticulableObject &first = *parts_->object(idx(a.object)),
                                 &second = *parts_->object(idx(b.object));
         const double apart =
@@ -386,11 +409,84 @@ void Simulation::join()
     }
 }
 
+namespace
+{
+
+/// Seen from \p origin.
+std::unique_ptr<Obstacle> obstacle_of(const ObstacleStatement& of, const Vector3d& origin,
+                                      std::vector<Geometry>& meshes)
+{
+    if (of.plane)
+    {
+        const Vector3d normal((*of.plane)[0], (*of.plane)[1], (*of.plane)[2]);
+        return plane_obstacle(normal, (*of.plane)[3] - normal.dot(origin));
+    }
+    if (of.sphere)
+        return sphere_obstacle(
+            Vector3d((*of.sphere)[0], (*of.sphere)[1], (*of.sphere)[2]) - origin,
+            (*of.sphere)[3]);
+    const Geometry& mesh = meshes.emplace_back(read_geometry(of.mesh).geometry);
+    std::vector<Vector3d> vertices = mesh.samples;
+    for (Vector3d& vertex : vertices)
+        vertex -= origin;
+    std::vector<std::array<std::uint32_t, 3>> triangles;
+    for (std::size_t f = 0; f < mesh.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> face = mesh.face(f);
+        for (std::size_t k = 2; k < face.size(); ++k)
+            triangles.push_back({face[0], face[k - 1], face[k]});
+    }
+    if (triangles.empty())
+        throw malformed({of.mesh, 0, ""}, "has no faces to touch");
+    return mesh_obstacle(std::move(vertices), std::move(triangles));
+}
+
+} // namespace
+
+void Simulation::touch()
+{
+    if (!scene_.contact)
+        return;
+    const ContactStatement& of = *scene_.contact;
+    RodContacts& contacts = parts_->contacts.emplace(ContactSettings{
+        of.friction, of.damping, of.stiffness, of.between_rods, of.with_itself});
+    for (std::size_t r = 0; r < parts_->rods.size(); ++r)
+    {
+        RodPart& rod = *parts_->rods[r];
+        RodContacts::Member member{&rod.model, &rod.state, &rod.velocity,
+                                   scene_.rods[r].contact_radius};
+        if (scene_.integrator != "rk4")
+        {
+            member.object = &parts_->object_of(r);
+            member.number = r;
+        }
+        contacts.add_rod(member);
+    }
+    for (const auto& [a, b] : parts_->on_each_other)
+        contacts.exempt(a, b);
+    for (const ObstacleStatement& obstacle : scene_.obstacles)
+        contacts.add_obstacle(obstacle_of(obstacle, origin_, parts_->meshes));
+    contacts.start(scene_.dt);
+    constexpr double kOverlap = 0.9; // of the thickness
+    if (const ContactReport start = contacts.report();
+        start.least && *start.least < kOverlap)
+        warnings_.push_back(fmt::format("at the start things overlap by up to {:.3g} of "
+                                        "their thickness: they push each other away",
+                                        1.0 - *start.least));
+}
+
 void Simulation::group()
 {
     const std::size_t count = parts_->count();
     std::vector<std::size_t> group_of(count);
     std::iota(group_of.begin(), group_of.end(), std::size_t(0));
+    // What may touch goes together; explicit steps take forces of the begin.
+    const bool is_coupled = parts_->contacts && scene_.integrator != "rk4";
+    if (is_coupled)
+        std::fill_n(group_of.begin(), parts_->rods.size(), std::size_t(0));
+    if (is_coupled && scene_.integrator == "midpoint")
+        throw malformed({scene_.path, 0, "simulate.integrator"},
+                        "what touches needs implicit-euler, rk4 or static");
     for (bool changes = true; changes;)
     {
         changes = false;
@@ -428,7 +524,8 @@ void Simulation::group()
                     object = number[object];
                 joints.push_back(joint);
             }
-        if (members.size() == 1 && joints.empty() && !group.rods.empty())
+        const bool has_contacts = is_coupled && first == 0;
+        if (members.size() == 1 && joints.empty() && !group.rods.empty() && !has_contacts)
         {
             start_alone(group, first);
             continue;
@@ -441,7 +538,8 @@ void Simulation::group()
         std::vector<ArticulableObject*> objects;
         for (const std::size_t k : members)
             objects.push_back(parts_->object(k));
-        group.joined.emplace(std::move(objects), std::move(joints));
+        group.joined.emplace(std::move(objects), std::move(joints), 1e-9,
+                             has_contacts ? &*parts_->contacts : nullptr);
     }
 }
 
@@ -533,9 +631,58 @@ std::int64_t Simulation::steps_done() const
 void Simulation::step()
 {
     const double begin = static_cast<double>(done_) * scene_.dt;
-    for (const std::unique_ptr<Group>& group : groups_)
-        is_static() ? settle(*group) : advance(*group, begin);
+    const int parts = parts_->contacts && scene_.integrator == "rk4"
+                          ? parts_->contacts->parts(scene_.dt)
+                          : 1;
+    for (int part = 0; part < parts; ++part)
+        go_on(begin + scene_.dt * part / parts, scene_.dt / parts);
     ++done_;
+}
+
+void Simulation::go_on(double begin, double dt)
+{
+    if (parts_->contacts && scene_.integrator == "rk4")
+    {
+        const std::vector<Eigen::VectorXd> forces = parts_->contacts->forces(dt);
+        for (std::size_t r = 0; r < forces.size(); ++r)
+            parts_->rods[r]->model.pushed = forces[r];
+    }
+    for (const std::unique_ptr<Group>& group : groups_)
+    {
+        if (is_static())
+            settle(*group);
+        else
+            advance(*group, begin, dt);
+        // Equilibria change what they need, again and again until nothing does.
+        for (int round = 0;
+             change(*group, begin + dt) && is_static() && round < kMostRounds; ++round)
+            settle(*group);
+    }
+}
+
+/// Knots and cuts after a step. False: nothing has changed.
+bool Simulation::change(Group& group, double time)
+{
+    bool has_changed = false;
+    for (RodPart* const rod : group.rods)
+        if (rod->may_change())
+        {
+            std::vector<double> touched;
+            for (std::size_t r = 0; parts_->contacts && r < parts_->rods.size(); ++r)
+                if (parts_->rods[r].get() == rod)
+                    touched = parts_->contacts->touched(r);
+            has_changed = rod->change(time, touched) || has_changed;
+        }
+    if (has_changed && group.alone && scene_.integrator == "rk4")
+        group.parts = explicit_parts(group);
+    return has_changed;
+}
+
+/// Shorter spans are stiffer.
+int Simulation::explicit_parts(const Group& group) const
+{
+    const double limit = group.alone->largest_step(group.rods.front()->state);
+    return static_cast<int>(std::clamp(std::ceil(scene_.dt / limit), 1.0, kMostParts));
 }
 
 void Simulation::lead_bodies(const Group& group, double time, double share,
@@ -589,28 +736,27 @@ void Simulation::settle(Group& group)
     take(group, last);
 }
 
-void Simulation::advance(Group& group, double begin)
+void Simulation::advance(Group& group, double begin, double dt)
 {
-    const double dt = scene_.dt;
     double largest = 0.0;
     // From rest to the first key at once.
     for (const RodPart* const rod : group.rods)
         largest = std::max(largest, rod->turned(begin, begin + dt) +
-                                        (done_ == 0 ? rod->first_turn() : 0.0));
+                                        (begin == 0.0 ? rod->first_turn() : 0.0));
     for (const Parts::Body* const body : group.bodies)
     {
         const std::vector<RodKey>& keys = body->statement->keys;
         const double first =
-            done_ == 0 && !keys.empty() ? std::abs(keys.front().rotate[3]) : 0.0;
+            begin == 0.0 && !keys.empty() ? std::abs(keys.front().rotate[3]) : 0.0;
         largest = std::max(largest, turned(keys, begin, begin + dt) + first);
     }
-    const int parts = parts_of(largest);
+    const int parts = std::max(parts_of(largest), group.parts);
     for (int part = 1; part <= parts; ++part)
     {
         const double share = static_cast<double>(part) / parts;
         for (RodPart* const rod : group.rods)
-            rod->hold_at(begin + share * dt, done_ == 0 ? share : 1.0);
-        lead_bodies(group, begin + share * dt, done_ == 0 ? share : 1.0, dt / parts);
+            rod->hold_at(begin + share * dt, begin == 0.0 ? share : 1.0);
+        lead_bodies(group, begin + share * dt, begin == 0.0 ? share : 1.0, dt / parts);
         RodPart* const rod = group.rods.empty() ? nullptr : group.rods.front();
         const StepReport report =
             group.alone ? group.alone->step(rod->state, rod->velocity, dt / parts)
@@ -672,6 +818,13 @@ SimulationReport Simulation::report()
     }
     for (const std::unique_ptr<Group>& group : groups_)
         out.violation = std::max(out.violation, group->violation);
+    if (parts_->contacts)
+    {
+        const ContactReport touching = parts_->contacts->report();
+        out.contacts = touching.count;
+        out.has_contacts = true;
+        out.nearest = touching.least;
+    }
     out.iterations = std::exchange(iterations_, 0);
     out.stop = std::exchange(stop_, "converged");
     out.is_converged = out.stop == "converged";
@@ -685,19 +838,10 @@ std::vector<SimulatedRod> Simulation::rods(int places) const
 {
     std::vector<SimulatedRod> out;
     for (const std::unique_ptr<RodPart>& part : parts_->rods)
-    {
-        SimulatedRod rod;
-        rod.name = part->name();
-        rod.length = ArcLength(part->state.curve()).total();
-        rod.knots = static_cast<int>(part->rod.spans().size()) + 1;
-        rod.sliding = part->sliding();
-        for (int k = 0; k < places; ++k)
-            rod.curve.push_back(
-                origin_ +
-                part->state.at(part->parameter(static_cast<double>(k) / (places - 1)))
-                    .place);
-        out.push_back(std::move(rod));
-    }
+        for (const RodPart::Piece& piece : part->pieces())
+            out.push_back({piece.name, part->length(piece), part->curve(piece, places),
+                           static_cast<int>(piece.spans.size()) + 1,
+                           part->sliding(piece)});
     return out;
 }
 
@@ -727,13 +871,50 @@ Geometry Simulation::surface(int around) const
 {
     Geometry out;
     for (const std::unique_ptr<RodPart>& rod : parts_->rods)
-        rod->add_tube(around, out);
+        rod->add_surface(around, out);
     for (const Parts::Body& one : parts_->bodies)
         add_body(*one.statement, {one.body.state.R, origin_ + one.body.state.p}, around,
                  out);
     const std::vector<SimulatedNet> nets = this->nets();
     for (std::size_t n = 0; n < nets.size(); ++n)
         add_net(scene_.nets[n], nets[n].points, around, out);
+    return out;
+}
+
+Geometry Simulation::stage(int around) const
+{
+    Geometry out = surface(around);
+    if (scene_.obstacles.empty())
+        return out;
+    const Vector3d up = -vector_of(scene_.gravity).normalized();
+    Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()),
+             high = -low;
+    for (const std::unique_ptr<RodPart>& rod : parts_->rods)
+        for (const Vector3d& q : rod->rod.rest().controls)
+        {
+            low = low.cwiseMin(origin_ + q);
+            high = high.cwiseMax(origin_ + q);
+        }
+    std::size_t next_mesh = 0;
+    for (const ObstacleStatement& obstacle : scene_.obstacles)
+    {
+        if (!obstacle.mesh.empty())
+            add_mesh(parts_->meshes[next_mesh++], out);
+        else if (obstacle.sphere)
+        {
+            const std::array<double, 4>& s = *obstacle.sphere;
+            add_ball({s[0], s[1], s[2]}, s[3], around, out);
+        }
+        else
+        {
+            const std::array<double, 4>& p = *obstacle.plane;
+            const Vector3d normal(p[0], p[1], p[2]);
+            constexpr double kCarries = 0.5;
+            if (normal.normalized().dot(up) > kCarries)
+                add_tile(normal, p[3], 0.5 * (low + high), 0.6 * (high - low).norm(),
+                         out);
+        }
+    }
     return out;
 }
 

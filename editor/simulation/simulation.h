@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,14 +21,14 @@ namespace cellwarp
 
 struct StepReport;
 
-/// One rod as it is seen.
+/// One rod, or a piece of one that was cut, as it is seen.
 struct SimulatedRod
 {
-    std::string name;
+    std::string name;                   ///< pieces are "rope.1", "rope.2", ...
     double length = 0.0;                ///< now [m]
     std::vector<Eigen::Vector3d> curve; ///< at equal shares of the rest length
     int knots = 0;
-    std::vector<double> sliding; ///< of what slides, shares of the rest length
+    std::vector<double> sliding; ///< of what slides, shares of the whole rest length
 };
 
 struct SimulatedBody
@@ -54,6 +55,9 @@ struct SimulationReport
     std::int64_t iterations = 0;    ///< since the last report
     std::string stop = "converged"; ///< the first that was not, since the last report
     std::string stopped;            ///< what did: the first rod of what is joined
+    bool has_contacts = false;      ///< the scene knows of what touches
+    int contacts = 0;               ///< pairs of places that do
+    std::optional<double> nearest;  ///< distance of what is near, of its thickness
     bool is_converged = true;
 };
 
@@ -84,6 +88,8 @@ public:
     /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
     /// each a group: \p around corners on each ring.
     Geometry surface(int around) const;
+    /// The same, and what rods may touch: of planes those that carry, as tiles.
+    Geometry stage(int around) const;
     /// Frames behind the first; of equilibria the rest comes first.
     std::int64_t last_frame() const;
     /// Goes on to the end of the next frame: by steps_a_frame(), or less at the end.
@@ -100,10 +106,14 @@ private:
     Eigen::Vector3d place_of(const JointEnd& end) const;
     void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
     void group();
+    void touch();
     void start_alone(Group& group, std::size_t index);
     void lead_bodies(const Group& group, double time, double share, double duration);
     void need_hold(const Group& group, const std::vector<std::size_t>& members) const;
-    void advance(Group& group, double begin);
+    void go_on(double begin, double dt);
+    void advance(Group& group, double begin, double dt);
+    bool change(Group& group, double time);
+    int explicit_parts(const Group& group) const;
     void settle(Group& group);
     void take(Group& group, const StepReport& report);
 

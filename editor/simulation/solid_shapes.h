@@ -31,6 +31,13 @@ void add_rings(const std::vector<std::vector<Eigen::Vector3d>>& rings,
 /// The ball or box of even density that has the body's mass and inertia.
 void add_body(const BodyStatement& body, const Motion& pose, int around, Geometry& out);
 
+/// What rods may touch.
+void add_ball(const Eigen::Vector3d& centre, double radius, int around, Geometry& out);
+void add_mesh(const Geometry& mesh, Geometry& out);
+/// A square of a plane normal . x = offset about the place nearest to \p middle.
+void add_tile(const Eigen::Vector3d& normal, double offset, const Eigen::Vector3d& middle,
+              double half, Geometry& out);
+
 /// Springs as thin tubes.
 void add_net(const NetStatement& net, const std::vector<Eigen::Vector3d>& points,
              int around, Geometry& out);

@@ -87,8 +87,9 @@ std::array<Vector3d, 3> directions(const Joint& joint, const ArticulableObject& 
 } // namespace
 
 Articulation::Articulation(std::vector<ArticulableObject*> objects,
-                           std::vector<Joint> joints)
-    : objects_(std::move(objects)), joints_(std::move(joints)), lambda_(objects_.size())
+                           std::vector<Joint> joints, Coupling* coupling)
+    : objects_(std::move(objects)), joints_(std::move(joints)), coupling_(coupling),
+      lambda_(objects_.size())
 {
 }
 
@@ -114,7 +115,7 @@ private:
                  Eigen::VectorXd& joints);
     void take_off_idle(Eigen::VectorXd& joints) const;
     double merit(const std::vector<ArticulableObject::Measure>& of,
-                 const Eigen::VectorXd& joints) const;
+                 const Eigen::VectorXd& joints, double coupled) const;
     bool keeps_constraints() const;
     MotionStop converged() const;
     bool look();
@@ -122,6 +123,7 @@ private:
     bool factorize_joints(int& negative);
     void solve(std::vector<Eigen::VectorXd>& r, std::vector<Eigen::VectorXd>& own,
                Eigen::VectorXd& joints) const;
+    void solve_coupled();
     bool advance();
     bool try_length(double length);
     void correct(double length);
@@ -151,6 +153,7 @@ private:
     double reach_ = 1.0; ///< of the whole step that the cap on turns allows
     double turn_ = 0.0;  ///< largest in the whole step [rad]
     double before_ = 0.0, slope_ = 0.0, noise_ = 0.0;
+    double coupled_here_ = 0.0, coupled_there_ = 0.0; ///< values of what couples [J]
 
     // Joints.
     std::vector<JointRow> rows_;
@@ -281,6 +284,8 @@ void Articulation::Run::measure(bool of_trial,
          { object.measure(of_trial, out[a]); });
     joints = all_.joint_violations(of_trial);
     take_off_idle(joints);
+    if (all_.coupling_)
+        (of_trial ? coupled_there_ : coupled_here_) = all_.coupling_->value(of_trial);
 }
 
 /// Of rows that say nothing new no violation is solved for.
@@ -294,9 +299,9 @@ void Articulation::Run::take_off_idle(Eigen::VectorXd& joints) const
 
 /// What a step must lower.
 double Articulation::Run::merit(const std::vector<ArticulableObject::Measure>& of,
-                                const Eigen::VectorXd& joints) const
+                                const Eigen::VectorXd& joints, double coupled) const
 {
-    double sum = penalty_ * joints.cwiseAbs().sum();
+    double sum = coupled + penalty_ * joints.cwiseAbs().sum();
     for (const ArticulableObject::Measure& one : of)
         sum += one.value - one.work + penalty_ * one.violation.cwiseAbs().sum();
     return sum;
@@ -323,6 +328,8 @@ bool Articulation::Run::look()
     double at_work = 0.0;
     each([&](std::size_t a, ArticulableObject& object)
          { at_work = std::max(at_work, object.linearise(gradient_[a], here_[a])); });
+    if (all_.coupling_)
+        at_work = std::max(at_work, all_.coupling_->linearise(gradient_));
     joints_here_ = all_.joint_violations(false);
     report_.violation = largest(joints_here_);
     take_off_idle(joints_here_);
@@ -514,6 +521,73 @@ void Articulation::Run::solve(std::vector<Eigen::VectorXd>& r,
     joints = m.head(joints.size());
 }
 
+/// Goes on from the step that leaves out what is of two objects, C, by conjugate
+/// gradients with that solve as preconditioner. Steps p after the first keep the rows, L
+/// p = 0; with A p - L^T m = a, which follows from the residuals, p . (A + C) p = p . (a
+/// + C p).
+void Articulation::Run::solve_coupled()
+{
+    constexpr int kMost = 300;
+    constexpr double kTolerance = 1e-6; // of the square of the first residual
+    using Parts = std::vector<Eigen::VectorXd>;
+    const auto zero_like = [](Parts parts)
+    {
+        for (Eigen::VectorXd& part : parts)
+            part.setZero();
+        return parts;
+    };
+    const auto dot = [](const Parts& a, const Parts& b)
+    {
+        double sum = 0.0;
+        for (std::size_t k = 0; k < a.size(); ++k)
+            sum += a[k].dot(b[k]);
+        return sum;
+    };
+    const auto add = [](Parts& to, double scale, const Parts& parts)
+    {
+        for (std::size_t k = 0; k < to.size(); ++k)
+            to[k] += scale * parts[k];
+    };
+    const Parts none = zero_like(step_), no_own = zero_like(next_lambda_);
+    Parts product = none;
+    all_.coupling_->add_product(step_, product);
+    Parts residual = none;
+    add(residual, -1.0, product);
+    Parts a = residual, p = residual, own = no_own;
+    Eigen::VectorXd joints = Eigen::VectorXd::Zero(next_joint_lambda_.size());
+    solve(p, own, joints);
+    double square = dot(residual, p);
+    const double enough = kTolerance * square;
+    for (int k = 0; k < kMost && square > enough; ++k)
+    {
+        product = none;
+        all_.coupling_->add_product(p, product);
+        const double curvature = dot(p, a) + dot(p, product);
+        if (!(curvature > 0.0))
+            return;
+        const double length = square / curvature;
+        add(step_, length, p);
+        add(next_lambda_, length, own);
+        next_joint_lambda_ += length * joints;
+        add(residual, -length, a);
+        add(residual, -length, product);
+        Parts z = residual, of_z = no_own;
+        Eigen::VectorXd joints_of_z = Eigen::VectorXd::Zero(joints.size());
+        solve(z, of_z, joints_of_z);
+        const double next = dot(residual, z), share = next / square;
+        square = next;
+        const auto go_on = [share](Parts& direction, const Parts& by)
+        {
+            for (std::size_t i = 0; i < by.size(); ++i)
+                direction[i] = by[i] + share * direction[i];
+        };
+        go_on(p, z);
+        go_on(own, of_z);
+        go_on(a, residual);
+        joints = joints_of_z + share * joints;
+    }
+}
+
 /// Takes back what a part of the step stretches to second order.
 void Articulation::Run::correct(double length)
 {
@@ -566,7 +640,7 @@ bool Articulation::Run::try_length(double length)
     const auto is_lower = [&]
     {
         measure(true, there_, joints_there_);
-        return merit(there_, joints_there_) <=
+        return merit(there_, joints_there_, coupled_there_) <=
                before_ + 1e-4 * length * std::min(slope_, 0.0) + noise_;
     };
     each([&](std::size_t a, ArticulableObject& object)
@@ -604,7 +678,7 @@ bool Articulation::Run::advance()
     // The penalty may fall again, slowly: where the first steps are wild it is huge.
     if (has_rows)
         penalty_ = std::max(1.5 * presses, std::sqrt(penalty_ * 1.5 * presses));
-    before_ = merit(here_, joints_here_);
+    before_ = merit(here_, joints_here_, coupled_here_);
     slope_ -= penalty_ * reach_ * violated;
     // What rounding makes of the sums.
     noise_ = all_.rounding_ =
@@ -622,6 +696,7 @@ bool Articulation::Run::advance()
     for (ArticulableObject::Measure& one : here_)
         one.work = 0.0;
     std::swap(joints_here_, joints_there_);
+    std::swap(coupled_here_, coupled_there_);
     return true;
 }
 
@@ -644,6 +719,8 @@ MotionReport Articulation::Run::operator()()
             });
         next_joint_lambda_ = joints_here_;
         solve(step_, next_lambda_, next_joint_lambda_);
+        if (all_.coupling_ && all_.coupling_->has_product())
+            solve_coupled();
         if (!std::all_of(step_.begin(), step_.end(),
                          [](const Eigen::VectorXd& step) { return step.allFinite(); }))
         {

@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "solver/dynamics/articulable_object.h"
+#include "solver/dynamics/coupling.h"
 #include "solver/dynamics/motion_stop.h"
 #include "solver/linear/band_matrix.h"
 
@@ -34,7 +35,7 @@ class Articulation
 public:
     /// The objects must outlive it.
     explicit Articulation(std::vector<ArticulableObject*> objects,
-                          std::vector<Joint> joints = {});
+                          std::vector<Joint> joints = {}, Coupling* coupling = nullptr);
 
     /// Brings all objects to their common minimum.
     MotionReport solve(const MotionOptions& options);
@@ -55,6 +56,7 @@ private:
 
     std::vector<ArticulableObject*> objects_;
     std::vector<Joint> joints_;
+    Coupling* coupling_;
     std::vector<Eigen::VectorXd> lambda_;
     Eigen::VectorXd joint_lambda_;
     double rounding_ = 0.0;

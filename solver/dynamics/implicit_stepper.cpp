@@ -23,8 +23,10 @@ constexpr int kIterations = 40;
 } // namespace
 
 ImplicitStepper::ImplicitStepper(std::vector<ArticulableObject*> objects,
-                                 std::vector<Joint> joints, double noise)
-    : objects_(objects), all_(std::move(objects), std::move(joints)), noise_(noise)
+                                 std::vector<Joint> joints, double noise,
+                                 Coupling* coupling)
+    : objects_(objects), coupling_(coupling),
+      all_(std::move(objects), std::move(joints), coupling), noise_(noise)
 {
 }
 
@@ -45,7 +47,7 @@ StepReport ImplicitStepper::step(double step)
         const double part = step * length / kMostParts;
         MotionStop stop = MotionStop::NotRun;
         const int before = report.iterations;
-        const bool is_good = try_step(part, stop, report);
+        const bool is_good = try_step(part, length == 1 || is_given_up, stop, report);
         work += report.iterations - before +
                 (is_good                         ? 1
                  : stop == MotionStop::NoDescent ? kNoDescent
@@ -87,6 +89,8 @@ ArticulableObject::Energy ImplicitStepper::energy() const
         all.sum += one.sum;
         all.size += one.size;
     }
+    if (coupling_)
+        all.sum += coupling_->energy();
     return all;
 }
 
@@ -99,13 +103,17 @@ bool ImplicitStepper::is_driven() const
                        [](const ArticulableObject* one) { return one->is_driven(); });
 }
 
-/// One part of a step. False where it did not converge, or added energy.
-bool ImplicitStepper::try_step(double step, MotionStop& stop, StepReport& report)
+/// One part of a step. False where it did not converge, added energy, or was so long that
+/// something may have been missed; \p is_last: there is no shorter one.
+bool ImplicitStepper::try_step(double step, bool is_last, MotionStop& stop,
+                               StepReport& report)
 {
-    const double before = energy().sum;
     const bool is_free = !is_driven();
     for (ArticulableObject* const object : objects_)
         object->start(step);
+    if (coupling_ && !coupling_->start(step) && !is_last)
+        return false;
+    const double before = energy().sum;
     MotionOptions options;
     options.max_iterations = kIterations;
     const MotionReport told = all_.solve(options);
@@ -115,7 +123,7 @@ bool ImplicitStepper::try_step(double step, MotionStop& stop, StepReport& report
     report.num_dropped = std::max(report.num_dropped, told.num_dropped);
     report.violation = told.violation;
     stop = told.stop;
-    if (!is_solved(stop))
+    if (!is_solved(stop) || (coupling_ && coupling_->is_beyond()))
         return false;
     if (!is_free)
         return true;
@@ -142,11 +150,13 @@ StepReport ImplicitStepper::settle()
             object->rest();
             object->start(step);
         }
+        if (coupling_)
+            coupling_->start(step);
         const MotionReport told = all_.solve({});
         report.iterations += told.iterations;
         report.num_dropped = std::max(report.num_dropped, told.num_dropped);
         report.violation = told.violation;
-        if (!is_solved(told.stop))
+        if (!is_solved(told.stop) || (coupling_ && coupling_->is_beyond()))
         {
             for (ArticulableObject* const object : objects_)
                 object->undo();

@@ -24,7 +24,8 @@ class ImplicitStepper
 public:
     /// The objects must outlive it. \p noise: share of its energy that a step may add.
     explicit ImplicitStepper(std::vector<ArticulableObject*> objects,
-                             std::vector<Joint> joints = {}, double noise = 1e-9);
+                             std::vector<Joint> joints = {}, double noise = 1e-9,
+                             Coupling* coupling = nullptr);
 
     /// Goes on by \p step [s].
     StepReport step(double step);
@@ -33,11 +34,12 @@ public:
     StepReport settle();
 
 private:
-    bool try_step(double step, MotionStop& stop, StepReport& report);
+    bool try_step(double step, bool is_last, MotionStop& stop, StepReport& report);
     ArticulableObject::Energy energy() const;
     bool is_driven() const;
 
     std::vector<ArticulableObject*> objects_;
+    Coupling* coupling_;
     Articulation all_;
     double noise_;
     int parts_ = 1;    ///< of a step, as a power of 2

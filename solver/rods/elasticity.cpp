@@ -381,9 +381,9 @@ private:
         group.rest_twist.lane[l] = rod_.settings().rest_twist * of.length;
         if (rod_.settings().rest == RodRest::Given)
             // Turns put into a closed rod are no rest twist.
-            group.rest_twist.lane[l] += rest_.twist(e) -
-                                        rod_.seam_turn(rod_.spans().size() - 1) *
-                                            of.length / rod_.arc_length().total();
+            group.rest_twist.lane[l] +=
+                rest_.twist(e) - rod_.seam_turn(rod_.spans().size() - 1) * of.length /
+                                     rod_.arc_length().total();
         const int count = num_stretch(e);
         for (int k = 0; k < Counts::kMostStretch; ++k)
         {

@@ -83,8 +83,7 @@ Rod::Rod(Spline rest, const std::function<Section(double)>& section,
     for (int p = 1; p < num_places(); ++p)
         cubes_of_steps_ += std::pow(place(p) - place(p - 1), 3);
     find_spans();
-    const double still =
-        1e-12 * arc_length_.total() / (basis().end() - basis().begin());
+    const double still = 1e-12 * arc_length_.total() / (basis().end() - basis().begin());
     for (std::size_t e = 0; e < spans_.size(); ++e)
     {
         find_places(e, spans_.size());
@@ -205,8 +204,8 @@ RodChange Rod::remove_knot(const KnotRemoval& removal)
     return change_to(std::move(rest), removal.change(), false);
 }
 
-// Of the few spans where functions are other ones everything is found again; what is known
-// of the others moves.
+// Of the few spans where functions are other ones everything is found again; what is
+// known of the others moves.
 RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
 {
     RodChange out{is_insertion, {}, {}, {}, {}, -1, layout_, knot};
@@ -217,8 +216,7 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
                               old_second = std::move(second_);
     rest_ = std::move(rest);
     const std::vector<SplineSpan>& spans = basis().spans();
-    const double period =
-        basis().is_closed() ? basis().end() - basis().begin() : 0.0;
+    const double period = basis().is_closed() ? basis().end() - basis().begin() : 0.0;
     // Spans of the same parameters.
     std::size_t old = 0;
     for (std::size_t e = 0; e < spans.size(); ++e)
@@ -234,8 +232,8 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
         const double middle = 0.5 * (spans[e].begin + spans[e].end);
         bool is_within = false;
         for (const double turn : {-period, 0.0, period})
-            is_within = is_within ||
-                        (middle > knot.begin() + turn && middle < knot.end() + turn);
+            is_within =
+                is_within || (middle > knot.begin() + turn && middle < knot.end() + turn);
         out.keeps_basis.push_back(is_same && !is_within);
     }
     arc_length_ = ArcLength(rest_, arc_length_, out.span_from);
@@ -250,8 +248,7 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
     {
         if (out.span_from[e] >= 0)
             for (const std::size_t end : {0u, 1u})
-                keep(spans_[e].station[end],
-                     before[idx(out.span_from[e])].station[end]);
+                keep(spans_[e].station[end], before[idx(out.span_from[e])].station[end]);
         if (!out.keeps_basis[e])
         {
             find_places(e, spans_.size());
@@ -279,7 +276,8 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
         const std::size_t e = idx(out.span);
         const std::size_t was = idx(static_cast<int>(
             std::upper_bound(before.begin(), before.end(), spans_[e].begin,
-                             [](double s, const RodSpan& span) { return s < span.begin; }) -
+                             [](double s, const RodSpan& span)
+                             { return s < span.begin; }) -
             before.begin() - 1));
         keep(spans_[e].station[0], before[was].station[0]);
         keep(spans_[e + (is_insertion ? 1 : 0)].station[1],
@@ -289,9 +287,8 @@ RodChange Rod::change_to(Spline rest, const KnotChange& knot, bool is_insertion)
         if (is_insertion)
             weights_[e] = weights_[e + 1] = first;
         else
-            weights_[e] = first.begin == last.begin && first.end == last.end
-                              ? first
-                              : weighed(e);
+            weights_[e] =
+                first.begin == last.begin && first.end == last.end ? first : weighed(e);
     }
     layout_ = {};
     find_layout();
@@ -309,9 +306,9 @@ std::vector<std::array<double, 2>> Rod::pieces() const
     std::vector<std::array<double, 2>> out;
     for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
         out.push_back({cuts[k], cuts[k + 1]});
-    out.push_back({cuts.back(), basis().is_closed() ? cuts.front() + basis().end() -
-                                                          basis().begin()
-                                                    : basis().end()});
+    out.push_back({cuts.back(), basis().is_closed()
+                                    ? cuts.front() + basis().end() - basis().begin()
+                                    : basis().end()});
     return out;
 }
 
@@ -340,7 +337,12 @@ void Rod::find_layout()
             const int near = std::min(1 + end, order_ - 1);
             entries.push_back({rank[idx(controls(e)[near])], 1, station});
         }
-    std::sort(entries.begin(), entries.end());
+    // Of an open rod both halves are in order.
+    const auto stations = entries.begin() + n;
+    if (rest_.basis.is_closed())
+        std::sort(entries.begin(), entries.end());
+    else
+        std::inplace_merge(entries.begin(), stations, entries.end());
     layout_.control.resize(idx(n));
     layout_.angle.resize(idx(num_stations_));
     for (const Entry& entry : entries)
@@ -567,8 +569,7 @@ void RodState::follow(const RodChange& change, std::span<const Eigen::Vector3d> 
     const double twist =
         angle(far) + rod_->seam_turn(e + 1) - angle(near) + winding_[e] + winding_[e + 1];
     x_[layout.angle[idx(here)]] =
-        angle(near) - winding_[e] +
-        first.length / (first.length + second.length) * twist;
+        angle(near) - winding_[e] + first.length / (first.length + second.length) * twist;
 }
 
 CurvePoint RodState::at(const BasisValues& values) const
@@ -584,7 +585,11 @@ CurvePoint RodState::at(const BasisValues& values) const
 Eigen::Matrix3d RodState::frame(double s) const
 {
     const double at_s = rod_->basis().wrapped(s);
-    const std::size_t e = idx(rod_->basis().span_of(at_s));
+    return frame_in(idx(rod_->basis().span_of(at_s)), at_s);
+}
+
+Eigen::Matrix3d RodState::frame_in(std::size_t e, double at_s) const
+{
     const RodSpan& span = rod_->spans()[e];
     const double x = (at_s - span.begin) / (span.end - span.begin);
     const int near = span.station[0];

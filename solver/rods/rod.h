@@ -62,9 +62,9 @@ struct RodLayout
 /// parts that are cut out is that of the whole to the last digit.
 struct Weight
 {
-    double begin = 0.0, end = 0.0;        ///< parameters
-    std::array<double, 4> mass = {};      ///< rho A sigma at Gauss points [kg]
-    std::array<double, 4> spin = {};      ///< rho (I_1 + I_2) sigma there [kg m^2]
+    double begin = 0.0, end = 0.0;   ///< parameters
+    std::array<double, 4> mass = {}; ///< rho A sigma at Gauss points [kg]
+    std::array<double, 4> spin = {}; ///< rho (I_1 + I_2) sigma there [kg m^2]
     double mass_at(double s) const { return at(mass, s); }
     double spin_at(double s) const { return at(spin, s); }
 
@@ -90,14 +90,15 @@ struct RodChange
     std::vector<char> keeps_basis; ///< of each span: the same functions act there
     std::vector<int> control_from; ///< of each control point that has the same function
     std::vector<int> station_from;
-    /// The first half of a span that was cut in two, or the span that two have become; -1:
-    /// the knot has only become more or less smooth.
+    /// The first half of a span that was cut in two, or the span that two have become;
+    /// -1: the knot has only become more or less smooth.
     int span = -1;
     RodLayout before;
     KnotChange knot;
 };
 
-/// Changed by knots alone; its states, and all that is built on it, refer to it and follow.
+/// Changed by knots alone; its states, and all that is built on it, refer to it and
+/// follow.
 class Rod
 {
 public:
@@ -111,8 +112,8 @@ public:
     RodChange insert_knot(double s);
     /// One knot less: that of \p removal, of this basis.
     RodChange remove_knot(const KnotRemoval& removal);
-    /// Parts that cuts have left, parameters of each from begin to end; of a closed rod the
-    /// end of one may be a turn further.
+    /// Parts that cuts have left, parameters of each from begin to end; of a closed rod
+    /// the end of one may be a turn further.
     std::vector<std::array<double, 2>> pieces() const;
 
     const Spline& rest() const { return rest_; }
@@ -243,8 +244,8 @@ public:
     void move(const Eigen::VectorXd& step, double length = 1.0);
     /// To other places, by the shortest turn of each station.
     void move_to(const Eigen::VectorXd& x);
-    /// The rod has another knot: to these control points, stations as they were. Where one
-    /// came it is twisted as evenly as the span was.
+    /// The rod has another knot: to these control points, stations as they were. Where
+    /// one came it is twisted as evenly as the span was.
     void follow(const RodChange& change, std::span<const Eigen::Vector3d> controls);
 
     /// P' at a place of a span, its direction and length.
@@ -266,6 +267,8 @@ public:
     CurvePoint at(const BasisValues& values) const;
     /// Material frame at a parameter: columns m_1, m_2, tangent.
     Eigen::Matrix3d frame(double s) const;
+    /// The same in a span, both ends included: at a cut this tells of which side.
+    Eigen::Matrix3d frame_in(std::size_t span, double s) const;
     Spline curve() const;
 
 private:

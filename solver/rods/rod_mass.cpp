@@ -93,8 +93,9 @@ void RodMass::lay_out()
     {
         for (int i = 0; i < rod_.order(); ++i)
             for (int j = 0; j < i; ++j)
-                half_band = std::max(half_band, std::abs(rank_[idx(rod_.controls(e)[i])] -
-                                                         rank_[idx(rod_.controls(e)[j])]));
+                half_band =
+                    std::max(half_band, std::abs(rank_[idx(rod_.controls(e)[i])] -
+                                                 rank_[idx(rod_.controls(e)[j])]));
         const auto [near, far] = rod_.spans()[e].station;
         spin_band =
             std::max(spin_band, std::abs(spin_rank_[idx(near)] - spin_rank_[idx(far)]));

@@ -24,6 +24,7 @@ void RodModel::follow(const RodChange& change)
     for (const std::unique_ptr<RodTerm>& term : terms)
         term->follow(change);
     held_.clear();
+    pushed.resize(0);
     ++revision_;
 }
 
@@ -84,6 +85,8 @@ void RodModel::gradient(const RodState& state, Eigen::VectorXd& out) const
         term->add_gradient(state, out);
     if (has_couples())
         out -= couples(state);
+    if (pushed.size() > 0)
+        out -= pushed;
 }
 
 Eigen::VectorXd RodModel::couples(const RodState& state) const

@@ -63,6 +63,8 @@ public:
     std::vector<RodConstraint> constraints;
     std::vector<RodSlide> slides; ///< RodState::sliding has one each, by begun()
 
+    Eigen::VectorXd pushed; ///< forces on the unknowns from outside [N]; empty: none
+
     std::vector<RodGap> gaps; ///< RodState::touches has one each
 
     bool is_free() const { return constraints.empty() && gaps.empty(); }

@@ -199,13 +199,13 @@ bool RodObject::is_held(int place) const
 
 Vector3d RodObject::place(int place, bool of_trial) const
 {
-    const RodState& at = of_trial ? trial() : *state_;
+    const RodState& at = state(of_trial);
     return at.at(sliding_values(model_.rod().basis(), parameter(place, at))).place;
 }
 
 Eigen::Matrix3d RodObject::frame(int place, bool of_trial) const
 {
-    const RodState& at = of_trial ? trial() : *state_;
+    const RodState& at = state(of_trial);
     return at.frame(parameter(place, at));
 }
 
@@ -267,7 +267,7 @@ RodState RodObject::end_of(const RodState& at) const
 
 void RodObject::measure(bool of_trial, Measure& out)
 {
-    const RodState& at = of_trial ? trial() : *state_;
+    const RodState& at = state(of_trial);
     out.value = model_.potential(at) + model_.sliding_energy(at);
     Eigen::VectorXd& held = of_trial ? held_there_ : held_here_;
     if (is_moving())
@@ -365,6 +365,22 @@ std::vector<SingleUnknown> RodObject::sliding_unknowns(const Eigen::VectorXd& la
     return out;
 }
 
+void RodObject::add_touches()
+{
+    for (const RodTouch& touch : touches_)
+        for (int i = 0; i < touch.count; ++i)
+            for (int j = 0; j < touch.count; ++j)
+            {
+                const int row = touch.unknown[idx(i)], column = touch.unknown[idx(j)];
+                const double both = touch.share[idx(i)] * touch.share[idx(j)];
+                for (int a = 0; a < 3; ++a)
+                    for (int b = 0; b < 3; ++b)
+                        if (row + a >= column + b)
+                            matrix_.lower(row + a, column + b) +=
+                                both * touch.stiffness(a, b);
+            }
+}
+
 SaddleSolver::Report RodObject::factorize(const Eigen::VectorXd& lambda, int& level)
 {
     SaddleSolver::Report told;
@@ -380,6 +396,7 @@ SaddleSolver::Report RodObject::factorize(const Eigen::VectorXd& lambda, int& le
             model_.mass().add_to(matrix_, pull_);
             model_.add_drags(1.0 / step_, matrix_);
         }
+        add_touches();
         if (level > 2)
         {
             // Held by nothing: as little weight as makes it definite.
@@ -450,7 +467,7 @@ void RodObject::try_more(const Eigen::VectorXd& step)
 void RodObject::add_correction(const Eigen::VectorXd& part, Eigen::VectorXd& out) const
 {
     for (const std::unique_ptr<RodTerm>& term : model_.terms)
-        term->add_correction(*state_, trial(), part, out);
+        term->add_correction(*state_, *trial_, part, out);
 }
 
 void RodObject::accept(const Eigen::VectorXd* step)
@@ -460,7 +477,7 @@ void RodObject::accept(const Eigen::VectorXd* step)
         if (step)
             term->predict(*state_, step);
         else
-            term->predict(trial(), nullptr);
+            term->predict(*trial_, nullptr);
     }
     std::swap(*state_, *trial_);
     std::swap(held_here_, held_there_);

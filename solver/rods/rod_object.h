@@ -2,6 +2,7 @@
 // A rod as an object that can be joined to others.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -13,6 +14,15 @@
 
 namespace cellwarp
 {
+
+/// A stiffness at a place of a rod, from outside.
+struct RodTouch
+{
+    int count = 0;
+    std::array<int, kMaxOrder> unknown = {}; ///< first of control points
+    std::array<double, kMaxOrder> share = {};
+    Eigen::Matrix3d stiffness = Eigen::Matrix3d::Zero(); ///< [N/m]
+};
 
 class RodObject : public ArticulableObject
 {
@@ -29,6 +39,9 @@ public:
     /// Steps by the midpoint rule instead of implicit Euler: the state of a solve is half
     /// a step ahead, constraints are of a whole step. Nothing may slide.
     void step_by_midpoint() { is_midpoint_ = true; }
+    const RodState& state(bool of_trial) const { return of_trial ? *trial_ : *state_; }
+    /// What the next factors have beside the rod's own second derivatives.
+    void set_touches(const std::vector<RodTouch>& touches) { touches_ = touches; }
     /// The next solve is for the equilibrium of \p state.
     void aim(RodState& state);
 
@@ -78,11 +91,11 @@ private:
         double s;
         int slide; ///< -1: at s
     };
-    const RodState& trial() const { return *trial_; }
     bool is_moving() const { return step_ > 0.0; }
     bool is_midpoint() const { return is_moving() && is_midpoint_; }
     void prepare();
     void size_up();
+    void add_touches();
     RodState end_of(const RodState& at) const;
     double parameter(int place, const RodState& at) const;
     std::vector<Eigen::Vector3d> pressed(const Eigen::VectorXd& lambda) const;
@@ -116,6 +129,7 @@ private:
     Eigen::VectorXd held_here_, held_there_; ///< by inertia, viscosity and drags [N]
     std::vector<Eigen::Vector3d> pressed_by_joints_; ///< of slides
     std::vector<Added> added_;
+    std::vector<RodTouch> touches_;
     BandMatrix matrix_;
     SaddleSolver saddle_;
 };

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A knot that comes in is one of the same curve: control points, also those of velocities,
-// follow by the matrix A of KnotChange, q^ = A q, and M = A^T M^ A. One that goes takes the
-// control points to the least squares of q^ - A q. Velocities then are those of the same
-// momenta, v = M^-1 A^T M^ v^: as the rows of A sum to 1, nothing of the momentum is lost,
-// and as v is the projection of v^ in the norm of M^, kinetic energy only falls. Angles
-// do likewise, with a station between two others as their mean.
+// A knot that comes in is one of the same curve: control points, also those of
+// velocities, follow by the matrix A of KnotChange, q^ = A q, and M = A^T M^ A. One that
+// goes takes the control points to the least squares of q^ - A q. Velocities then are
+// those of the same momenta, v = M^-1 A^T M^ v^: as the rows of A sum to 1, nothing of
+// the momentum is lost, and as v is the projection of v^ in the norm of M^, kinetic
+// energy only falls. Angles do likewise, with a station between two others as their mean.
 #include "solver/rods/rod_refinement.h"
 
 #include <algorithm>
@@ -83,9 +83,8 @@ void insert_knot(const MovingRod& of, double s)
     if (change.span >= 0)
     {
         const Between at = between(of.rod, idx(change.span));
-        velocity[angle[idx(at.here)]] =
-            (1.0 - at.share) * velocity[angle[idx(at.near)]] +
-            at.share * velocity[angle[idx(at.far)]];
+        velocity[angle[idx(at.here)]] = (1.0 - at.share) * velocity[angle[idx(at.near)]] +
+                                        at.share * velocity[angle[idx(at.far)]];
     }
     of.state.follow(change, controls);
     of.velocity = std::move(velocity);
@@ -103,7 +102,8 @@ bool remove_knot(const MovingRod& of, std::size_t span, double tolerance)
     if (std::abs(first - at.by_length * (first + second)) > kTwist)
         return false;
     std::vector<Vector3d> controls, rest;
-    if (removal->apply(controls_of(of.rod.layout(), of.state.x()), controls) > tolerance ||
+    if (removal->apply(controls_of(of.rod.layout(), of.state.x()), controls) >
+            tolerance ||
         removal->apply(of.rod.rest().controls, rest) >
             kSameRest * of.rod.arc_length().total())
         return false;
@@ -171,7 +171,14 @@ double turn_of(const RodState& state, std::size_t span)
 {
     const Rod& rod = state.rod();
     const double h = rod.spans()[span].end - rod.spans()[span].begin;
-    double sum = 0.0;
+    double sum = 0.0, by_tangents = 0.0;
+    // A fold within the span may lie between the places of bending.
+    for (int p = 1; p < rod.num_places(); ++p)
+    {
+        const Vector3d &a = state.velocity(span, p - 1).tangent,
+                       &b = state.velocity(span, p).tangent;
+        by_tangents += std::atan2(a.cross(b).norm(), a.dot(b));
+    }
     for (std::size_t g = 0; g < rod.bending_places().size(); ++g)
     {
         const int place = static_cast<int>(g) + 1;
@@ -181,7 +188,7 @@ double turn_of(const RodState& state, std::size_t span)
             w += rod.second(span, place)[j] * state.control(rod.controls(span)[j]);
         sum += rod.bending_weights()[g] * h * u.tangent.cross(w).norm() / u.length;
     }
-    return sum;
+    return std::max(sum, by_tangents);
 }
 
 int RodRefinement::refine(const MovingRod& of, std::span<const double> used)
@@ -258,8 +265,9 @@ std::optional<double> breaking_place(const RodState& state, const BreakingLimits
                 share = std::max(share, rod.section_at(s).stretch *
                                             (length / sigma - 1.0) / *limits.force);
             const double knot = x < 0.5 ? span.begin : span.end;
-            const bool is_end = !rod.basis().is_closed() &&
-                                (knot == rod.basis().begin() || knot == rod.basis().end());
+            const bool is_end =
+                !rod.basis().is_closed() &&
+                (knot == rod.basis().begin() || knot == rod.basis().end());
             if (share > most && !is_end)
             {
                 most = share;

@@ -23,8 +23,9 @@ struct MovingRod
     Eigen::VectorXd& velocity;
 };
 
-/// The curve and its velocities stay to the last digit, energies but for what fewer places
-/// of quadrature made of them. Throws std::invalid_argument, see Rod::insert_knot().
+/// The curve and its velocities stay to the last digit, energies but for what fewer
+/// places of quadrature made of them. Throws std::invalid_argument, see
+/// Rod::insert_knot().
 void insert_knot(const MovingRod& rod, double s);
 
 /// Takes out the knot where \p span begins, if the curve moves by no more than \p
@@ -32,8 +33,8 @@ void insert_knot(const MovingRod& rod, double s);
 /// angular momentum up to that move; the kinetic energy does not grow. False: it stays.
 bool remove_knot(const MovingRod& rod, std::size_t span, double tolerance);
 
-/// Two ends where there was none: pieces that share nothing. What slides stays on its own.
-/// Throws std::invalid_argument at an end.
+/// Two ends where there was none: pieces that share nothing. What slides stays on its
+/// own. Throws std::invalid_argument at an end.
 void cut(const MovingRod& rod, double s);
 
 /// How far the tangent turns along a span [rad].

@@ -327,7 +327,7 @@ void RodStepper::step_explicit(RodState& state, Eigen::VectorXd& rod_velocity,
     // The limit of the step is that of the rod as it was at first: what is squeezed has a
     // lower one. What is unstable grows in every step; now and then is enough.
     const bool is_watched = num_explicit_++ % kWatched == 0 && !model_.has_couples() &&
-                            keeps_constraints(begin);
+                            model_.pushed.size() == 0 && keeps_constraints(begin);
     const double before = is_watched ? energy(begin, rod_velocity) : 0.0;
     const auto at = [&](const Eigen::VectorXd& way, const Eigen::VectorXd& v)
     {

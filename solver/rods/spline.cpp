@@ -166,10 +166,10 @@ ArcLength::ArcLength(const Spline& spline, const ArcLength& before,
 {
     ends_.push_back(0.0);
     for (std::size_t e = 0; e < span_from.size(); ++e)
-        ends_.push_back(ends_.back() +
-                        (span_from[e] >= 0 ? before.length_of(idx(span_from[e]))
-                                           : length_in(spline, static_cast<int>(e),
-                                                       spline.basis.spans()[e].end)));
+        ends_.push_back(ends_.back() + (span_from[e] >= 0
+                                            ? before.length_of(idx(span_from[e]))
+                                            : length_in(spline, static_cast<int>(e),
+                                                        spline.basis.spans()[e].end)));
 }
 
 double ArcLength::at(double s) const
@@ -208,8 +208,8 @@ double ArcLength::parameter(double share) const
 //   a_i q_i + (1 - a_i) q_{i-1},   a_i = 1 up to k - d, 0 beyond k,
 //   else (s - U_i) / (U_{i+d} - U_i).
 // Around a closed curve the knot comes again after each turn: the n + 1 new ones from
-// k - d + 1 on see it once. Functions k - d ... k + 1 of the new basis have the knot among
-// their own.
+// k - d + 1 on see it once. Functions k - d ... k + 1 of the new basis have the knot
+// among their own.
 
 namespace
 {
@@ -283,7 +283,7 @@ int KnotChange::same(int fine) const
     if (!is_closed_)
         return i < knot_ - degree_ ? i : i > knot_ + 1 ? i - 1 : -1;
     return i > knot_ + 1 && i <= knot_ - degree_ + num_coarse_ ? (i - 1) % num_coarse_
-                                                              : -1;
+                                                               : -1;
 }
 
 Spline with_knot(const Spline& spline, double s)
@@ -370,8 +370,8 @@ Spline refined(const Spline& spline, int parts)
 }
 
 // |P - P_c| <= sum b_i |(q - A q_c)_i| <= the largest of them, the functions being
-// positive with sum 1. Coarse points k - d ... k make fine ones k - d ... k + 1, and each of
-// the others is one of the others: least squares are of these few alone.
+// positive with sum 1. Coarse points k - d ... k make fine ones k - d ... k + 1, and each
+// of the others is one of the others: least squares are of these few alone.
 std::optional<KnotRemoval> KnotRemoval::at(const SplineBasis& basis, int span)
 {
     const int d = basis.degree();
@@ -401,8 +401,7 @@ KnotRemoval::KnotRemoval(SplineBasis coarse, KnotChange change)
     fine_from_coarse_.setZero(d + 2, d + 1);
     for (int i = 0; i < d + 2; ++i)
     {
-        const KnotChange::Row row =
-            change_.row((change_.first_fine() + i) % (n + 1));
+        const KnotChange::Row row = change_.row((change_.first_fine() + i) % (n + 1));
         for (const std::size_t j : {0u, 1u})
             if (row.share[j] != 0.0)
                 fine_from_coarse_(i, (row.coarse[j] - change_.first_coarse() + n) % n) +=

@@ -175,8 +175,8 @@ void TensorStretch::add_span(std::size_t e, const std::vector<char>& is_other)
     }
 }
 
-// Entries of legs that have stayed move to where these are now; those with another leg are
-// of the spans where such act. A leg has stayed if both of its control points have.
+// Entries of legs that have stayed move to where these are now; those with another leg
+// are of the spans where such act. A leg has stayed if both of its control points have.
 void TensorStretch::follow(const RodChange& change)
 {
     const PackedTensor tensor = std::move(tensor_);
@@ -216,7 +216,8 @@ void TensorStretch::follow(const RodChange& change)
             for (int b = 0; b <= c; ++b)
                 for (int a = 0; a <= b; ++a, ++entry)
                     if (old(i, a) && old(i, b) && old(i, c))
-                        *entry = tensor.from(from[idx(i)])[PackedTensor::address(a, b, c)];
+                        *entry =
+                            tensor.from(from[idx(i)])[PackedTensor::address(a, b, c)];
         }
     }
     for (std::size_t e = 0; e < rod_.spans().size(); ++e)

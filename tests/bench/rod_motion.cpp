@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
+#include "solver/rods/rod_refinement.h"
 #include "solver/rods/rod_stepper.h"
 #include "tests/bench/rod_answers.h"
 
@@ -359,12 +360,120 @@ void add_knots(Answers& answers)
             1.0);
 }
 
+/// Ten points on a bow, moving.
+struct Bow
+{
+    RodCase rod;
+    VectorXd velocity;
+
+    explicit Bow(int points)
+        : rod(straight_case(1.0, points, slender_section(1.0, 0.7))),
+          velocity(VectorXd::Zero(rod.state.x().size()))
+    {
+        VectorXd bend = VectorXd::Zero(rod.state.x().size());
+        for (int k = 0; k < points; ++k)
+        {
+            const double x = double(k) / (points - 1);
+            const int first = rod.rod.layout().control[idx(k)];
+            bend.segment<3>(first) = Vector3d(0, 0.5 * x * x, 0.2 * x * x * x);
+            velocity.segment<3>(first) =
+                Vector3d(std::sin(3 * x), 1 + x, std::cos(5 * x));
+        }
+        for (int k = 0; k < rod.rod.num_stations(); ++k)
+            velocity[rod.rod.layout().angle[idx(k)]] = std::sin(7.0 * k);
+        rod.state.move(bend);
+    }
+    MovingRod all() { return {rod.rod, rod.model, rod.state, velocity}; }
+    const RodMass& mass() const { return rod.model.mass(); }
+};
+
+void add_changes(Answers& answers)
+{
+    answers.begin("What a knot and a cut change");
+    const auto row =
+        [&](const std::string& what, double exact, int points, const auto& get)
+    {
+        answers.add(
+            what, exact, points,
+            [points, get]
+            {
+                Bow bow(points);
+                return get(bow);
+            },
+            1.0);
+    };
+    row("a knot in: mass − 1", 0.0, 10,
+        [](Bow& bow)
+        {
+            insert_knot(bow.all(), 0.37 * bow.rod.end());
+            return bow.mass().total() - 1.0;
+        });
+    row("a knot in: kinetic energy, after / before − 1", 0.0, 10,
+        [](Bow& bow)
+        {
+            const double before = bow.mass().kinetic_energy(bow.velocity);
+            insert_knot(bow.all(), 0.37 * bow.rod.end());
+            return bow.mass().kinetic_energy(bow.velocity) / before - 1.0;
+        });
+    for (const int points : {9, 16, 32})
+        row("a knot in: elastic energy, after / before − 1", 0.0, points,
+            [](Bow& bow)
+            {
+                const double before = bow.rod.model.elastic_energy(bow.rod.state);
+                insert_knot(bow.all(), 0.37 * bow.rod.end());
+                return bow.rod.model.elastic_energy(bow.rod.state) / before - 1.0;
+            });
+    row("a knot in and out: kinetic energy, after / before − 1", 0.0, 10,
+        [](Bow& bow)
+        {
+            const double before = bow.mass().kinetic_energy(bow.velocity),
+                         s = 0.37 * bow.rod.end();
+            insert_knot(bow.all(), s);
+            remove_knot(bow.all(), idx(bow.rod.rod.basis().span_of(s)), 1e-6);
+            return bow.mass().kinetic_energy(bow.velocity) / before - 1.0;
+        });
+    row("a cut at 0.4: mass before it", 0.4, 10,
+        [](Bow& bow)
+        {
+            const double s = 0.4 * bow.rod.end();
+            cut(bow.all(), s);
+            const int first =
+                bow.rod.rod.controls(idx(bow.rod.rod.basis().span_of(s)))[0];
+            return bow.mass().weights().head(first).sum();
+        });
+    row("a cut at 0.4: momentum, after − before, of its size", 0.0, 10,
+        [](Bow& bow)
+        {
+            const Vector3d before = bow.mass().momentum(bow.velocity);
+            cut(bow.all(), 0.4 * bow.rod.end());
+            return (bow.mass().momentum(bow.velocity) - before).norm() / before.norm();
+        });
+    row("a cut at 0.4: what the halves share of the mass matrix", 0.0, 10,
+        [](Bow& bow)
+        {
+            const double s = 0.4 * bow.rod.end();
+            cut(bow.all(), s);
+            const int first =
+                bow.rod.rod.controls(idx(bow.rod.rod.basis().span_of(s)))[0];
+            VectorXd one = VectorXd::Zero(bow.velocity.size());
+            for (int k = first; k < bow.rod.rod.num_controls(); ++k)
+                one.segment<3>(bow.rod.rod.layout().control[idx(k)]).setOnes();
+            const VectorXd held = bow.mass().times(one);
+            double most = 0.0;
+            for (int k = 0; k < first; ++k)
+                most = std::max(
+                    most, held.segment<3>(bow.rod.rod.layout().control[idx(k)]).norm());
+            return most;
+        });
+}
+
 } // namespace
 
 void add_motion(Answers& answers)
 {
     add_helix(answers);
     add_knots(answers);
+    add_changes(answers);
     add_pendulum(answers);
     add_oscillator(answers);
     add_drift(answers);

@@ -19,6 +19,7 @@
 #include "io/rod_scene.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_newton.h"
+#include "solver/rods/rod_refinement.h"
 #include "solver/rods/rod_stepper.h"
 #include "solver/rods/springs.h"
 #include "solver/rods/tensor_stretch.h"
@@ -279,6 +280,63 @@ void joined(benchmark::State& run, const std::string& name, double published)
     }
 }
 
+/// A sample from its begin to its end, with steps of \p dt [s].
+void touching(benchmark::State& run, const std::string& name, const std::string& rule,
+              double dt, double published)
+{
+    RodScene scene = read_rod_scene(CELLWARP_SAMPLES "/rods/" + name + ".json");
+    scene.dt = dt;
+    scene.integrator = rule;
+    Simulation simulation(scene);
+    int contacts = 0;
+    double nearest = 1.0;
+    for (auto _ : run)
+    {
+        simulation.step();
+        run.PauseTiming();
+        const SimulationReport report = simulation.report();
+        if (!report.is_converged)
+            run.SkipWithError(report.stop.c_str());
+        contacts = std::max(contacts, report.contacts);
+        nearest = std::min(nearest, report.nearest.value_or(1.0));
+        run.ResumeTiming();
+    }
+    run.counters["contacts"] = contacts;
+    run.counters["nearest"] = nearest;
+    if (published > 0.0)
+    {
+        run.counters["published_ms"] = published;
+        run.counters["times_faster"] = benchmark::Counter(
+            1e-3 * published, benchmark::Counter::kIsIterationInvariantRate);
+    }
+}
+
+/// A knot comes into a rod and goes again, with all that follows.
+void knot_change(benchmark::State& run, Kind kind)
+{
+    const int points = static_cast<int>(run.range(0));
+    Bench bench(points, 1.0, soft(points, 1.0), kind);
+    const MovingRod all{bench.rod, bench.model, bench.state, bench.velocity};
+    const double s = 0.503 * bench.rod.basis().end();
+    for (auto _ : run)
+    {
+        insert_knot(all, s);
+        if (!remove_knot(all, idx(bench.rod.basis().span_of(s)), 1.0))
+            run.SkipWithError("the knot stayed");
+    }
+}
+
+/// The same rod from nothing, for comparison.
+void built_anew(benchmark::State& run, Kind kind)
+{
+    const int points = static_cast<int>(run.range(0));
+    for (auto _ : run)
+    {
+        const Bench bench(points, 1.0, soft(points, 1.0), kind);
+        benchmark::DoNotOptimize(bench.state.x().data());
+    }
+}
+
 /// A rope of 50 points in a hole, by implicit steps: its parameter is an unknown like the
 /// others; or it is fixed, and sought until nothing pulls along the rope.
 void slide(benchmark::State& run, bool is_sought)
@@ -457,6 +515,46 @@ int main(int count, char** arguments)
         benchmark::RegisterBenchmark((std::string("joined/") + name).c_str(), joined,
                                      name, published)
             ->Unit(benchmark::kMicrosecond);
+    for (const auto& [name, kind] : {std::pair("knot_change/exact", Kind::Exact),
+                                     {"knot_change/tensor", Kind::Continuous}})
+        benchmark::RegisterBenchmark(name, knot_change, kind)
+            ->Arg(15)
+            ->Arg(50)
+            ->Arg(165)
+            ->Arg(500)
+            ->Arg(2000)
+            ->Unit(benchmark::kMicrosecond);
+    for (const auto& [name, kind] : {std::pair("built_anew/exact", Kind::Exact),
+                                     {"built_anew/tensor", Kind::Continuous}})
+        benchmark::RegisterBenchmark(name, built_anew, kind)
+            ->Arg(15)
+            ->Arg(50)
+            ->Arg(165)
+            ->Arg(500)
+            ->Arg(2000)
+            ->Unit(benchmark::kMicrosecond);
+    struct Touching
+    {
+        const char *name, *rule;
+        double dt, published;
+    };
+    for (const Touching& of : {Touching{"knot_fixed", "implicit-euler", 1e-3, 2.16},
+                               {"knot_fixed", "rk4", 1e-4, 2.16},
+                               {"knot", "implicit-euler", 1e-3, 11.0},
+                               {"knot", "rk4", 1e-4, 11.0},
+                               {"pile", "implicit-euler", 1e-3, 7.1},
+                               {"pile", "rk4", 1e-4, 7.1},
+                               {"intestine", "implicit-euler", 1e-3, 14.0},
+                               {"intestine", "rk4", 2e-4, 14.0}})
+    {
+        const RodScene scene =
+            read_rod_scene(CELLWARP_SAMPLES "/rods/" + std::string(of.name) + ".json");
+        benchmark::RegisterBenchmark(
+            (std::string("touching/") + of.name + "/" + of.rule).c_str(), touching,
+            of.name, of.rule, of.dt, of.published)
+            ->Iterations(static_cast<std::int64_t>(scene.duration / of.dt))
+            ->Unit(benchmark::kMicrosecond);
+    }
     benchmark::RegisterBenchmark("peer/rigid_segments", peer)
         ->Arg(50)
         ->Unit(benchmark::kMicrosecond);

@@ -55,11 +55,42 @@ TEST(RodScene, says_what_stands_in_it_and_defaults_for_the_rest)
     EXPECT_TRUE(scene.warnings.empty());
 }
 
+TEST(RodScene, says_what_refines_is_cut_and_touches)
+{
+    const RodScene scene = parse_rod_scene("a/s.json", R"({"cellwarp": 1, "rods": [
+        {"through": [[0,0,0],[1,0,0]], "refine": {"insert": 1, "remove": 0.2},
+         "cut": [{"at": 0.4, "time": 2}, {"force": 3}], "radius_of_contact": 0.3,
+         "skin": true}, {"through": [[0,0,0],[1,0,0]], "refine": true}],
+        "obstacles": [{"plane": [0,1,0,2]}, {"sphere": [1,2,3,4]}, {"mesh": "b.obj"}]})");
+    EXPECT_EQ(scene.rods[0].refine->insert, 1.0);
+    EXPECT_EQ(scene.rods[0].refine->tolerance, 1e-3);
+    EXPECT_EQ(scene.rods[1].refine->insert, 0.5);
+    EXPECT_EQ(*scene.rods[0].cuts[0].at, 0.4);
+    EXPECT_EQ(scene.rods[0].cuts[0].time, 2.0);
+    EXPECT_EQ(*scene.rods[0].cuts[1].force, 3.0);
+    EXPECT_EQ(*scene.rods[0].contact_radius, 0.3);
+    EXPECT_TRUE(scene.rods[0].has_skin);
+    EXPECT_EQ((*scene.obstacles[0].plane)[3], 2.0);
+    EXPECT_EQ((*scene.obstacles[1].sphere)[3], 4.0);
+    EXPECT_EQ(scene.obstacles[2].mesh, "a/b.obj");
+    EXPECT_TRUE(scene.contact); // obstacles are there to be touched
+    EXPECT_FALSE(parse_rod_scene("s.json", R"({"cellwarp": 1, "contact": false,
+        "obstacles": [{"plane": [0,1,0,2]}], "rods": [{"through": [[0,0,0],[1,0,0]]}]})")
+                     .contact);
+    const RodScene touches = parse_rod_scene("s.json", R"({"cellwarp": 1,
+        "contact": {"friction": 0.3, "stiffness": 9, "self": false},
+        "rods": [{"through": [[0,0,0],[1,0,0]]}]})");
+    EXPECT_EQ(touches.contact->friction, 0.3);
+    EXPECT_EQ(*touches.contact->stiffness, 9.0);
+    EXPECT_FALSE(touches.contact->with_itself);
+    EXPECT_TRUE(touches.contact->between_rods);
+}
+
 TEST(RodScene, names_the_key_that_is_wrong)
 {
     const std::string line = R"("through": [[0,0,0],[1,0,0]])";
     for (const auto& [rod, words] :
-         {std::pair<std::string, std::string>{"{}", "rods[0].: needs through or points"},
+         {std::pair<std::string, std::string>{"{}", "rods[0]: needs through or points"},
           {"{" + line + R"(, "points": [[0,0,0]]})", "needs through or points"},
           {R"({"through": [[0,0,0],[1,0]]})", "rods[0].through[1]: need three numbers"},
           {R"({"through": 3})", "rods[0].through: need a list"},
@@ -81,7 +112,22 @@ TEST(RodScene, names_the_key_that_is_wrong)
            "rods[0].springs[0].stiffness"},
           {"{" + line + R"(, "spline": "hermite"})", "rods[0].spline"},
           {"{" + line + R"(, "energy": "springs"})", "rods[0].energy: "},
-          {"{" + line + R"(, "refine": true})", "rods[0].refine: is not supported"},
+          {"{" + line + R"(, "refine": 3})", "rods[0].refine: need true, false"},
+          {"{" + line + R"(, "refine": {"insert": 0.2}})",
+           "rods[0].refine.remove: need a smaller turn"},
+          {"{" + line + R"(, "refine": {"tolerance": -1}})", "rods[0].refine.tolerance"},
+          {"{" + line + R"(, "cut": [{}]})",
+           "rods[0].cut[0]: needs one of at, curvature and force"},
+          {"{" + line + R"(, "cut": [{"at": 0.5, "force": 2}]})",
+           "rods[0].cut[0]: needs one of at, curvature and force"},
+          {"{" + line + R"(, "cut": [{"at": 1}]})", "rods[0].cut[0].at: need a share"},
+          {"{" + line + R"(, "cut": [{"curvature": 0}]})", "rods[0].cut[0].curvature"},
+          {R"({"points": [[0,0,0],[1,0,0],[2,0,0],[3,1,0]], "spline": "catmull-rom",
+               "refine": true})",
+           "rods[0].spline: Catmull-Rom curves have no knots"},
+          {"{" + line + R"(, "radius_of_contact": 0})", "rods[0].radius_of_contact"},
+          {"{" + line + R"(, "skin": 1})", "rods[0].skin: need true or false"},
+          {"{" + line + R"(, "carries": true})", "rods[0].carries: is not supported"},
           {"{" + line + R"(, "fixed": [{"at": 2}]})", "rods[0].fixed[0].at"},
           {"{" + line + R"(, "fixed": [{"what": ["soul"]}]})",
            "rods[0].fixed[0].what[0]"},
@@ -129,7 +175,20 @@ TEST(RodScene, names_the_key_that_is_wrong)
           {scene_of("{" + line + "}", R"({"dt": 1e-12, "duration": 1e9})"),
            "simulate.duration: takes more than 1e9 steps"},
           {R"({"cellwarp": 1, "obstacles": [{}], "rods": [{)" + line + "}]}",
-           "obstacles: is not supported"},
+           "obstacles[0]: needs one of plane, sphere and mesh"},
+          {R"({"cellwarp": 1, "obstacles": [{"plane": [0,0,0,1]}], "rods": [{)" + line +
+               "}]}",
+           "obstacles[0].plane: its direction has no length"},
+          {R"({"cellwarp": 1, "obstacles": [{"sphere": [0,0,0,0]}], "rods": [{)" + line +
+               "}]}",
+           "obstacles[0].sphere: need a radius"},
+          {R"({"cellwarp": 1, "contact": 3, "rods": [{)" + line + "}]}",
+           "contact: need true, false"},
+          {R"({"cellwarp": 1, "contact": {"friction": -1}, "rods": [{)" + line + "}]}",
+           "contact.friction"},
+          {R"({"cellwarp": 1, "rods": [{)" + line +
+               R"(, "cut": [{"at": 0.5}]}], "simulate": {"integrator": "static"}})",
+           "rods[0].cut: an equilibrium has no time"},
           {R"({"cellwarp": 1, "unit": 0.01, "rods": [{)" + line + "}]}",
            "unit: only metres are supported"}})
         EXPECT_TRUE(contains(error_of(Fault::Malformed,

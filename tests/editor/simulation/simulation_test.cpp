@@ -622,4 +622,96 @@ TEST(Simulation, every_kind_of_curve_falls_without_a_stop)
     }
 }
 
+TEST(Simulation, a_rod_that_is_cut_falls_in_two_with_mass_and_momentum_kept)
+{
+    Simulation simulation(scene_of(
+        R"("through": [[0,0,0],[0.5,0.05,0],[1,0,0]], "spans": 6, "rest": "straight",
+           "velocity": [0, 0, 1], "cut": [{"at": 0.4, "time": 0.05}])",
+        R"({"dt": 0.005, "duration": 0.2, "gravity": [0, 0, 0]})"));
+    const SimulationReport before = simulation.report();
+    EXPECT_EQ(simulation.rods(5).size(), 1u);
+    while (simulation.steps_done() < simulation.num_steps())
+        simulation.step();
+    const SimulationReport after = simulation.report();
+    EXPECT_TRUE(after.is_converged);
+    EXPECT_LT((after.momentum - before.momentum).norm(), 1e-11 * before.momentum.norm());
+    const std::vector<SimulatedRod> rods = simulation.rods(5);
+    ASSERT_EQ(rods.size(), 2u);
+    EXPECT_EQ(rods[0].name, "r.1");
+    EXPECT_EQ(rods[1].name, "r.2");
+    EXPECT_NEAR(rods[0].length / (rods[0].length + rods[1].length), 0.4, 0.01);
+    EXPECT_EQ(simulation.surface(6).groups.size(), 2u);
+}
+
+TEST(Simulation, a_rod_breaks_where_a_limit_is_passed)
+{
+    // A pull of 10 N that comes at once: 20 N at the most.
+    for (const int limit : {9, 25})
+    {
+        Simulation pulled(scene_of(
+            R"("through": [[0,0,0],[0,-1,0]], "density": 1, "E": 1e7, "fixed": [{}],
+               "loads": [{"force": [0, -10, 0]}], "cut": [{"force": )" +
+                std::to_string(limit) + "}]",
+            R"({"dt": 0.01, "duration": 0.3, "viscosity": 50, "gravity": [0, 0, 0]})"));
+        for (int k = 0; k < 5; ++k)
+            pulled.step();
+        EXPECT_EQ(pulled.rods(2).size(), limit < 10 ? 2u : 1u) << limit;
+    }
+}
+
+TEST(Simulation, an_equilibrium_refines_until_it_need_not)
+{
+    const std::string hairpin =
+        R"("through": [[0,0,0],[0.5,0.4,0],[1,0,0]], "spans": 2, "rest": "straight",
+           "E": 1e6, "fixed": [{"at": 0}, {"at": 1, "keys": [{"time": 0,
+           "translate": [-0.85, 0, 0]}]}])";
+    const auto knots = [&](const std::string& more)
+    {
+        Simulation simulation(scene_of(hairpin + more, R"({"integrator": "static"})"));
+        simulation.step();
+        EXPECT_TRUE(simulation.report().is_converged);
+        return simulation.rods(2)[0].knots;
+    };
+    EXPECT_EQ(knots(""), 5);
+    EXPECT_GT(knots(R"(, "refine": true)"), 7);
+    EXPECT_GT(knots(R"(, "refine": {"insert": 0.2, "remove": 0.1, "shortest": 0.001})"),
+              knots(R"(, "refine": true)"));
+}
+
+TEST(Simulation, rods_lie_on_what_is_there_and_on_each_other)
+{
+    for (const std::string rule :
+         {R"("implicit-euler", "dt": 0.002)", R"("rk4", "dt": 0.0002)"})
+    {
+        const RodScene scene = parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [
+            {"through": [[-0.3,0.02,0],[0.3,0.02,0]], "radius": 0.02, "E": 1e6},
+            {"through": [[0,0.07,-0.3],[0,0.07,0.3]], "radius": 0.02, "E": 1e6}],
+            "obstacles": [{"plane": [0,1,0,0]}], "contact": {"friction": 0.5},
+            "simulate": {"duration": 0.6, "viscosity": 2, "integrator": )" +
+                                                             rule + "}}");
+        Simulation simulation(scene);
+        EXPECT_TRUE(simulation.warnings().empty());
+        while (simulation.steps_done() < simulation.num_steps())
+            simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.has_contacts);
+        EXPECT_GT(report.contacts, 10);
+        EXPECT_GT(*report.nearest, 0.9);
+        EXPECT_LT(report.kinetic, 2e-3);
+        const std::vector<SimulatedRod> rods = simulation.rods(3);
+        EXPECT_NEAR(rods[0].curve[1].y(), 0.02, 0.002);
+        EXPECT_NEAR(rods[1].curve[1].y(), 0.06, 0.004);
+        EXPECT_GT(simulation.stage(6).num_faces(), simulation.surface(6).num_faces());
+    }
+    EXPECT_TRUE(contains(error_of(Fault::Malformed,
+                                  []
+                                  {
+                                      Simulation(parse_rod_scene(
+                                          "s.json", R"({"cellwarp": 1, "rods": [
+                         {"through": [[0,0,0],[1,0,0]]}], "contact": true,
+                         "simulate": {"integrator": "midpoint"}})"));
+                                  }),
+                         "what touches needs implicit-euler"));
+}
+
 } // namespace cellwarp

@@ -98,8 +98,9 @@ TEST(RodRefinement, a_knot_leaves_curve_velocities_and_momentum_as_they_are)
             insert_knot(moving.all(), s);
             EXPECT_NEAR(mass.total(), total, 1e-14 * total);
             EXPECT_NEAR((mass.momentum(moving.velocity) - momentum).norm(), 0.0, 1e-13);
-            EXPECT_NEAR((mass.angular_momentum(moving.state, still(moving)) - turning).norm(),
-                        0.0, 1e-12);
+            EXPECT_NEAR(
+                (mass.angular_momentum(moving.state, still(moving)) - turning).norm(),
+                0.0, 1e-12);
             EXPECT_NEAR(mass.kinetic_energy(moving.velocity), kinetic, 1e-13 * kinetic);
             const Spline now = moving.state.curve();
             for (double x = 0.0; x <= 1.0; x += 0.01)
@@ -132,7 +133,8 @@ TEST(RodRefinement, a_rod_with_a_knot_more_is_the_rod_that_was_built_with_it)
             }
             const Rod& rod = moving.rod;
             Moving built(
-                Rod(rest, [&rod](double share) { return rod.section(share); }, settings),
+                Rod(
+                    rest, [&rod](double share) { return rod.section(share); }, settings),
                 is_discrete);
             EXPECT_EQ(rod.layout().control, built.rod.layout().control);
             EXPECT_EQ(rod.layout().angle, built.rod.layout().angle);
@@ -157,7 +159,8 @@ TEST(RodRefinement, a_rod_with_a_knot_more_is_the_rod_that_was_built_with_it)
         }
 }
 
-TEST(RodRefinement, the_mass_of_an_even_rod_with_a_knot_more_is_that_of_the_rod_built_with_it)
+TEST(RodRefinement,
+     the_mass_of_an_even_rod_with_a_knot_more_is_that_of_the_rod_built_with_it)
 {
     Moving moving(support::straight_rod(1.0, 9, support::section_of(1e3, 1.0, 1.0)));
     Spline rest = moving.rod.rest();
@@ -169,8 +172,7 @@ TEST(RodRefinement, the_mass_of_an_even_rod_with_a_knot_more_is_that_of_the_rod_
     const Rod built(rest, [&](double) { return moving.rod.section(0.5); }, {});
     const RodMass mass(built);
     std::mt19937 rng(3);
-    const Eigen::VectorXd v =
-        support::random_step(built.layout().num_unknowns, 1.0, rng);
+    const Eigen::VectorXd v = support::random_step(built.layout().num_unknowns, 1.0, rng);
     EXPECT_LT((moving.model.mass().times(v) - mass.times(v)).norm(), 1e-14);
     EXPECT_LT((moving.model.mass().solved(v) - mass.solved(v)).norm(),
               1e-9 * mass.solved(v).norm());
@@ -191,7 +193,8 @@ TEST(RodRefinement, what_follows_has_the_derivatives_of_its_energy)
 
 TEST(RodRefinement, energies_change_by_quadrature_alone)
 {
-    // An arc with an even twist: the exact energy at 9, 16 and 30 points before and after.
+    // An arc with an even twist: the exact energy at 9, 16 and 30 points before and
+    // after.
     double last = 1.0;
     for (const int spans : {6, 12, 24})
     {
@@ -283,7 +286,8 @@ TEST(RodRefinement, a_cut_leaves_two_rods_that_share_nothing)
         ASSERT_EQ(moving.rod.pieces().size(), 2u);
         EXPECT_NEAR(mass.total(), total, 1e-13 * total);
         EXPECT_NEAR((mass.momentum(moving.velocity) - momentum).norm(), 0.0, 1e-12);
-        // Its section may vary; the mass behind the cut is that of the control points there.
+        // Its section may vary; the mass behind the cut is that of the control points
+        // there.
         const int first = moving.rod.controls(idx(moving.rod.basis().span_of(s)))[0];
         const double behind = mass.weights().tail(mass.weights().size() - first).sum();
         EXPECT_NEAR(behind / total, 0.6, 0.02);
@@ -308,7 +312,8 @@ TEST(RodRefinement, a_cut_leaves_two_rods_that_share_nothing)
                       Vector3d::Zero());
         for (const std::unique_ptr<RodTerm>& term : moving.model.terms)
             support::expect_derivatives(*term, moving.rod);
-        EXPECT_THROW(cut(moving.all(), moving.rod.basis().begin()), std::invalid_argument);
+        EXPECT_THROW(cut(moving.all(), moving.rod.basis().begin()),
+                     std::invalid_argument);
     }
 }
 
@@ -318,7 +323,8 @@ TEST(RodRefinement, a_ring_is_one_rod_after_a_cut_and_two_after_the_next)
     const double begin = moving.rod.basis().begin(), end = moving.rod.basis().end();
     cut(moving.all(), begin);
     EXPECT_EQ(moving.rod.pieces().size(), 1u);
-    EXPECT_NEAR(moving.rod.pieces()[0][1] - moving.rod.pieces()[0][0], end - begin, 1e-12);
+    EXPECT_NEAR(moving.rod.pieces()[0][1] - moving.rod.pieces()[0][0], end - begin,
+                1e-12);
     cut(moving.all(), begin + 0.4 * (end - begin));
     EXPECT_EQ(moving.rod.pieces().size(), 2u);
     for (const std::unique_ptr<RodTerm>& term : moving.model.terms)

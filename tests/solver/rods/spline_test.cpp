@@ -113,12 +113,11 @@ TEST(Spline, a_knot_that_was_put_in_comes_out_again)
     for (const bool is_closed : {false, true})
     {
         const Spline spline =
-            is_closed
-                ? Spline{SplineBasis::closed(
-                             3, std::vector<double>{0, 1, 2.5, 3, 4, 5, 6, 7, 8, 9}),
-                         random_points(9, 1)}
-                : Spline{SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)),
-                         random_points(9, 1)};
+            is_closed ? Spline{SplineBasis::closed(3, std::vector<double>{0, 1, 2.5, 3, 4,
+                                                                          5, 6, 7, 8, 9}),
+                               random_points(9, 1)}
+                      : Spline{SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)),
+                               random_points(9, 1)};
         for (const double s : {0.3, 2.4, 5.9})
         {
             const Spline finer = with_knot(spline, s);
@@ -141,9 +140,11 @@ TEST(Spline, a_knot_that_was_put_in_comes_out_again)
         EXPECT_GT(most, 1e-3);
         EXPECT_LE(most, bound + 1e-15);
     }
-    EXPECT_FALSE(KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)), 0));
+    EXPECT_FALSE(
+        KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 9)), 0));
     EXPECT_FALSE(KnotRemoval::at(SplineBasis::catmull_rom(6, false), 2));
-    EXPECT_FALSE(KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 4)), 0));
+    EXPECT_FALSE(
+        KnotRemoval::at(SplineBasis::open(3, SplineBasis::clamped_knots(3, 4)), 0));
 }
 
 TEST(Spline, goes_through_its_points)
