@@ -361,6 +361,59 @@ void read_net(const Json& json, const std::string& prefix, RodScene& scene)
     reader.object().warn_of_the_rest();
 }
 
+void read_sheet(const Json& json, const std::string& prefix, RodScene& scene)
+{
+    SheetStatement& sheet = scene.sheets.emplace_back();
+    Reader reader(json, scene, prefix, scene.warnings);
+    sheet.name = read_name(reader, "sheet" + std::to_string(scene.sheets.size()));
+    reader.read("corner", sheet.corner);
+    reader.points("sides", sheet.sides);
+    const std::size_t count = sheet.sides.size();
+    if (count != 2 && count != 3)
+        reader.object().fail("sides", "need two of a sheet, or three of a block");
+    reader.read("degree", std::int64_t(1), std::int64_t(7), sheet.degree);
+    constexpr std::int64_t kMost = 200;
+    reader.each("counts",
+                [&](const Json& value, const std::string& name)
+                {
+                    if (!value.is_number_integer() ||
+                        value.get<std::int64_t>() < sheet.degree + 1 ||
+                        value.get<std::int64_t>() > kMost)
+                        reader.object().fail(name, "need degree + 1 to " +
+                                                       std::to_string(kMost) +
+                                                       " control points");
+                    sheet.counts.push_back(value.get<int>());
+                });
+    if (sheet.counts.empty())
+        sheet.counts.assign(count, static_cast<int>(sheet.degree) + 3);
+    if (sheet.counts.size() != count)
+        reader.object().fail("counts", "need one for each side");
+    reader.read("E", kTiny, kHuge, sheet.young);
+    reader.read("thickness", kTiny, kHuge, sheet.thickness);
+    reader.read("density", kTiny, kHuge, sheet.density);
+    reader.read("viscosity", 0.0, kHuge, sheet.viscosity);
+    reader.read("velocity", sheet.velocity);
+    reader.each("fixed",
+                [&](const Json& value, const std::string& name)
+                {
+                    Triple place{};
+                    bool is_good = value.is_array() && value.size() == count;
+                    for (std::size_t k = 0; is_good && k < count; ++k)
+                    {
+                        is_good = value[k].is_number() && value[k].get<double>() >= 0.0 &&
+                                  value[k].get<double>() <= 1.0;
+                        place[k] = is_good ? value[k].get<double>() : 0.0;
+                    }
+                    if (!is_good)
+                        reader.object().fail(name, "need a share of each side");
+                    sheet.fixed.push_back(place);
+                });
+    reader.points("over", sheet.over);
+    if (!sheet.over.empty() && count == 3)
+        reader.object().fail("over", "a point within a block holds nothing");
+    reader.object().warn_of_the_rest();
+}
+
 /// Number of what is called so; throws by \p reader.
 template <class Statement>
 std::size_t number_of(Reader& reader, const std::string& key,
@@ -392,13 +445,23 @@ JointEnd read_end(Reader& reader, const char* key, const RodScene& scene)
     {
         reader.object().fail(key, why +
                                       ": need \"rod NAME SHARE\", \"rod NAME "
-                                      "sliding\", \"body NAME X Y Z\" or \"net NAME "
-                                      "POINT\", got " +
+                                      "sliding\", \"body NAME X Y Z\", \"net NAME "
+                                      "POINT\" or \"sheet NAME SHARES\", got " +
                                       in_quotes(*text));
     };
     const std::string kind = words.empty() ? "" : words.front();
-    const std::size_t numbers = kind == "body" ? 3 : 1;
-    if ((kind != "rod" && kind != "body" && kind != "net") || words.size() < numbers + 2)
+    // How many numbers follow the name of a sheet is told by its sides.
+    std::size_t numbers = kind == "body" ? 3 : 1;
+    for (const SheetStatement& sheet : scene.sheets)
+    {
+        std::string rest;
+        for (std::size_t k = 1; k + sheet.sides.size() < words.size(); ++k)
+            rest += (k > 1 ? " " : "") + words[k];
+        if (kind == "sheet" && rest == sheet.name)
+            numbers = sheet.sides.size();
+    }
+    if ((kind != "rod" && kind != "body" && kind != "net" && kind != "sheet") ||
+        words.size() < numbers + 2)
         bad("names no place");
     std::string name;
     for (std::size_t k = 1; k + numbers < words.size(); ++k)
@@ -427,6 +490,17 @@ JointEnd read_end(Reader& reader, const char* key, const RodScene& scene)
         for (const std::size_t k : {0u, 1u, 2u})
             end.point[k] = number(k);
     }
+    else if (kind == "sheet")
+    {
+        end.kind = JointEnd::Kind::Sheet;
+        end.index = number_of(reader, key, scene.sheets, name, kind);
+        for (std::size_t k = 0; k < numbers; ++k)
+        {
+            end.point[k] = number(k);
+            if (!(end.point[k] >= 0.0 && end.point[k] <= 1.0))
+                bad("a share is not within 0 and 1");
+        }
+    }
     else
     {
         end.kind = JointEnd::Kind::Net;
@@ -445,8 +519,8 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
     JointStatement& joint = scene.joints.emplace_back();
     Reader reader(json, scene, prefix, scene.warnings);
     joint.ends = {read_end(reader, "a", scene), read_end(reader, "b", scene)};
-    const bool is_of_net = joint.ends[0].kind == JointEnd::Kind::Net ||
-                           joint.ends[1].kind == JointEnd::Kind::Net;
+    const auto is_of = [&](JointEnd::Kind kind)
+    { return joint.ends[0].kind == kind || joint.ends[1].kind == kind; };
     const bool slides = joint.ends[0].slides || joint.ends[1].slides;
     reader.each("what",
                 [&](const Json& value, const std::string& name)
@@ -463,8 +537,10 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
                 });
     if (!joint.has_point && !joint.has_frame && !joint.has_distance)
         joint.has_point = true;
-    if (joint.has_frame && is_of_net)
+    if (joint.has_frame && is_of(JointEnd::Kind::Net))
         reader.object().fail("what", "a point of a net has no frame");
+    if (joint.has_frame && is_of(JointEnd::Kind::Sheet))
+        reader.object().fail("what", "a place of a sheet has no frame");
     if (slides && (joint.has_frame || joint.has_distance))
         reader.object().fail("what", "what slides is joined by point alone");
     if (slides)
@@ -706,7 +782,8 @@ bool has_simulation(const std::string& path)
         return false;
     const Json json = parse_json(path, read_file(path));
     return json.contains("simulate") ||
-           (json.contains("rods") && !json.contains("model"));
+           ((json.contains("rods") || json.contains("sheets")) &&
+            !json.contains("model"));
 }
 
 RodScene read_rod_scene(const std::string& path)
@@ -733,7 +810,9 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
               { read_body(value, key + ".", scene); });
     root.each("nets", [&](const Json& value, const std::string& key)
               { read_net(value, key + ".", scene); });
-    if (scene.rods.empty())
+    root.each("sheets", [&](const Json& value, const std::string& key)
+              { read_sheet(value, key + ".", scene); });
+    if (scene.rods.empty() && scene.sheets.empty())
         root.object().fail("rods", "is missing: there is nothing to simulate");
     const auto need_names = [&](const char* key, const auto& all)
     {
@@ -745,6 +824,7 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     need_names("rods", scene.rods);
     need_names("bodies", scene.bodies);
     need_names("nets", scene.nets);
+    need_names("sheets", scene.sheets);
     for (const OtherRod& other : others)
         if (RodOn& on = scene.rods[other.rod].on[other.on]; on.kind == RodOn::Kind::Rod)
         {

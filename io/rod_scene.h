@@ -148,18 +148,34 @@ struct NetStatement
     std::vector<std::size_t> fixed; ///< points that stay
 };
 
+/// A surface of two sides, or a block of three, that is a spline.
+struct SheetStatement
+{
+    std::string name;
+    Triple corner{};           ///< [m]
+    std::vector<Triple> sides; ///< two or three [m]
+    std::vector<int> counts;   ///< of control points along each
+    std::int64_t degree = 3;
+    double young = 1e5, thickness = 1e-3, density = 1000.0; ///< [Pa], [m], [kg/m^3]
+    double viscosity = 0.0;                                 ///< of the velocity [1/s]
+    Triple velocity{};                                      ///< [m/s]
+    std::vector<Triple> fixed; ///< places that stay, shares of the sides
+    std::vector<Triple> over;  ///< points that it slides over [m]
+};
+
 struct JointEnd
 {
     enum class Kind
     {
         Rod,
         Body,
-        Net
+        Net,
+        Sheet
     } kind = Kind::Rod;
-    std::size_t index = 0; ///< of the scene's rods, bodies or nets
+    std::size_t index = 0; ///< of the scene's rods, bodies, nets or sheets
     double at = 0.0;       ///< of a rod: share of the rest length
     bool slides = false;   ///< of a rod: as the joint says
-    Triple point{};        ///< of a body, in its axes [m]
+    Triple point{};        ///< of a body, in its axes [m]; of a sheet, shares
     std::size_t node = 0;  ///< of a net
 };
 
@@ -194,6 +210,7 @@ struct RodScene
     std::vector<RodStatement> rods;
     std::vector<BodyStatement> bodies;
     std::vector<NetStatement> nets;
+    std::vector<SheetStatement> sheets;
     std::vector<JointStatement> joints;
     std::vector<ObstacleStatement> obstacles;
     std::optional<ContactStatement> contact; ///< nothing: rods pass through everything

@@ -78,6 +78,9 @@ strip cut 6 200x200 15
 strip knot 6 220x160
 strip pile 6 200x200 25
 strip intestine 6 200x200 20
+strip patch 6 220x200 25
+strip block 6 200x200 30
+strip seam 6 220x160 25
 
 # A palette is enough for them, in a third of the bytes.
 pngquant --force --ext .png --strip --skip-if-larger "$folder"/*.png

@@ -18,7 +18,7 @@ soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
-          cut, knot, knot_fixed, pile, intestine
+          cut, knot, knot_fixed, pile, intestine, patch, block, seam
 """
 import json
 import math
@@ -700,6 +700,47 @@ def rods(folder):
         {"dt": 0.002, "duration": 1.25, "every": 0.25, "viscosity": 0.6})
     joined_rods(folder)
     touching_rods(folder)
+    sheets(folder)
+
+
+def sheets(folder):
+    """Surfaces and volumes of splines."""
+    cloth = {"counts": [8, 8], "E": 1e5, "thickness": 0.002, "density": 500, "viscosity": 2}
+    # One cloth hangs from two corners, one slides off a nail.
+    rod_scene(folder, "patch", [], {"dt": 0.005, "duration": 1.5, "every": 0.3}, sheets=[
+        {"name": "hanging", "corner": [-0.5, 0, -0.5], "sides": [[1, 0, 0], [0, 0, 1]],
+         "fixed": [[0, 0], [1, 0]], **cloth},
+        {"name": "sliding", "corner": [0.8, 0, -0.5], "sides": [[1, 0, 0], [0, 0, 1]],
+         "fixed": [[0, 0], [0, 1]], "over": [[1.35, 0, 0.02]], **cloth}])
+    # A soft block from a wall.
+    rod_scene(folder, "block", [], {"dt": 0.01, "duration": 1.5, "every": 0.3}, sheets=[
+        {"name": "block", "sides": [[0.25, 0, 0], [0, 0.25, 0], [0, 0, 0.9]],
+         "counts": [4, 4, 7], "E": 1e5, "density": 500, "viscosity": 1,
+         "fixed": [[a / 3, b / 3, 0] for a in range(4) for b in range(4)]}])
+    # A thread through six holes of two cloths pulls their edges together.
+    points, joints = [[-0.45, 0.1, -0.06]], []
+    for k in range(6):
+        x, side = -0.25 + 0.1 * k, k % 2
+        points.append([round(x, 6), 0, 0.08 if side else -0.08])
+        joints.append({"a": "rod thread sliding", "b": "sheet %s %g %g" % (
+            ("left", "right")[side], round((x + 0.4) / 0.8, 6),
+            round(0.04 / 0.44 if side else 0.4 / 0.44, 6))})
+    points.append([0.5, 0.1, 0.1])
+    cloth.update(counts=[9, 6], E=3e4, thickness=0.004, viscosity=4)
+    rod_scene(folder, "seam", [
+        {"name": "thread", "through": points, "spans": 3, "radius": 0.006, "E": 1e6,
+         "rest": "straight",
+         "fixed": [{"at": 0}, {"at": 1, "keys": [
+             {"time": 0}, {"time": 1.2, "translate": [0.35, 0.1, 0.02]}]}]}],
+        {"dt": 0.002, "duration": 1.5, "every": 0.3, "viscosity": 0.3,
+         "gravity": [0, -1, 0]},
+        sheets=[{"name": "left", "corner": [-0.4, 0, -0.48], "sides": [[0.8, 0, 0],
+                                                                      [0, 0, 0.44]],
+                 "fixed": [[0, 0], [1, 0]], **cloth},
+                {"name": "right", "corner": [-0.4, 0, 0.04], "sides": [[0.8, 0, 0],
+                                                                      [0, 0, 0.44]],
+                 "fixed": [[0, 1], [1, 1]], **cloth}],
+        joints=joints)
 
 
 def touching_rods(folder):

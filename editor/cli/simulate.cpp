@@ -20,7 +20,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kPlaces = 33; ///< of each curve in --json
+constexpr int kPlaces = 33;     ///< of each curve in --json
+constexpr int kSheetPlaces = 5; ///< along each side of a sheet
 constexpr int kNotConverged = 7;
 constexpr std::int64_t kMostTold = 10; ///< frames that did not converge
 
@@ -82,6 +83,20 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
                 {"rods", std::move(rods)},
                 {"bodies", std::move(bodies)},
                 {"nets", std::move(nets)}};
+    Json sheets = Json::array();
+    for (const SimulatedSheet& sheet : simulation.sheets(kSheetPlaces))
+    {
+        Json points = Json::array(), sliding = Json::array();
+        for (const Eigen::Vector3d& p : sheet.points)
+            points.push_back(numbers(p));
+        for (const Eigen::Vector3d& at : sheet.sliding)
+            sliding.push_back(std::isnan(at.x()) ? Json() : Json{at.x(), at.y()});
+        sheets.push_back({{"name", sheet.name},
+                          {"points", std::move(points)},
+                          {"sliding", std::move(sliding)}});
+    }
+    if (!sheets.empty())
+        out["sheets"] = std::move(sheets);
     if (report.has_contacts)
         out["contact"] = {{"count", report.contacts},
                           {"nearest", report.nearest ? Json(*report.nearest) : Json()}};

@@ -25,6 +25,7 @@
 #include "solver/dynamics/spring_net.h"
 #include "solver/rods/rod_newton.h"
 #include "solver/rods/rod_stepper.h"
+#include "solver/rods/spline_sheet.h"
 
 namespace cellwarp
 {
@@ -39,7 +40,8 @@ using Eigen::Vector3d;
 Vector3d origin_of(const RodScene& scene)
 {
     if (scene.rods.empty())
-        return Vector3d::Zero();
+        return scene.sheets.empty() ? Vector3d::Zero()
+                                    : vector_of(scene.sheets.front().corner);
     const RodStatement& rod = scene.rods.front();
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
@@ -59,6 +61,52 @@ int parts_of(double turn)
 
 } // namespace
 
+namespace
+{
+
+std::unique_ptr<SplineSheet> sheet_of(const RodScene& scene, std::size_t k,
+                                      const Vector3d& origin)
+{
+    const SheetStatement& of = scene.sheets[k];
+    SheetShape shape{vector_of(of.corner) - origin,
+                     {},
+                     of.counts,
+                     static_cast<int>(of.degree),
+                     of.young,
+                     of.thickness,
+                     of.density};
+    for (const Triple& side : of.sides)
+        shape.sides.push_back(vector_of(side));
+    const std::string where = fmt::format("sheets[{}]", k);
+    std::unique_ptr<SplineSheet> sheet;
+    try
+    {
+        sheet = std::make_unique<SplineSheet>(shape);
+    }
+    catch (const std::invalid_argument& error)
+    {
+        throw malformed({scene.path, 0, where + ".sides"}, error.what());
+    }
+    sheet->gravity = vector_of(scene.gravity);
+    sheet->viscosity = of.viscosity;
+    for (int c = 0; c < sheet->num_controls(); ++c)
+        sheet->velocity.segment<3>(3 * c) = vector_of(of.velocity);
+    for (const Triple& place : of.fixed)
+        sheet->fix(place);
+    constexpr double kNear = 0.01; // of the size
+    for (std::size_t p = 0; p < of.over.size(); ++p)
+    {
+        const Vector3d point = vector_of(of.over[p]) - origin;
+        sheet->slide_over(point);
+        if ((sheet->at(sheet->sliding(p)) - point).norm() > kNear * sheet->size())
+            throw malformed({scene.path, 0, fmt::format("{}.over[{}]", where, p)},
+                            "the sheet is not there at the start");
+    }
+    return sheet;
+}
+
+} // namespace
+
 /// All that moves, in the order of the scene.
 struct Simulation::Parts
 {
@@ -71,6 +119,7 @@ struct Simulation::Parts
     };
     std::vector<Body> bodies;
     std::vector<SpringNet> nets;
+    std::vector<std::unique_ptr<SplineSheet>> sheets;
     /// Rods as objects of joints, those that have some.
     std::map<std::size_t, RodObject> objects;
     std::vector<Joint> joints; ///< of objects numbered through: rods, bodies, nets
@@ -78,7 +127,10 @@ struct Simulation::Parts
     std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
     std::vector<Geometry> meshes;                                 ///< obstacles
 
-    std::size_t count() const { return rods.size() + bodies.size() + nets.size(); }
+    std::size_t count() const
+    {
+        return rods.size() + bodies.size() + nets.size() + sheets.size();
+    }
     RodObject& object_of(std::size_t rod)
     {
         const auto [found, is_new] = objects.try_emplace(rod, rods[rod]->model);
@@ -91,16 +143,21 @@ struct Simulation::Parts
         if (k < rods.size())
             return &object_of(k);
         k -= rods.size();
-        return k < bodies.size() ? static_cast<ArticulableObject*>(&bodies[k].body)
-                                 : &nets[k - bodies.size()];
+        if (k < bodies.size())
+            return &bodies[k].body;
+        k -= bodies.size();
+        return k < nets.size() ? static_cast<ArticulableObject*>(&nets[k])
+                               : sheets[k - nets.size()].get();
     }
     const std::string& name(const RodScene& scene, std::size_t k) const
     {
         if (k < rods.size())
             return rods[k]->name();
         k -= rods.size();
-        return k < bodies.size() ? bodies[k].statement->name
-                                 : scene.nets[k - bodies.size()].name;
+        if (k < bodies.size())
+            return bodies[k].statement->name;
+        k -= bodies.size();
+        return k < nets.size() ? scene.nets[k].name : scene.sheets[k - nets.size()].name;
     }
 };
 
@@ -155,6 +212,8 @@ Simulation::Simulation(const RodScene& scene)
         for (const std::size_t point : of.fixed)
             net.hold(static_cast<int>(point));
     }
+    for (std::size_t k = 0; k < scene_.sheets.size(); ++k)
+        parts_->sheets.push_back(sheet_of(scene_, k, origin_));
     join();
     touch();
     for (const std::unique_ptr<RodPart>& rod : parts_->rods)
@@ -174,6 +233,8 @@ Vector3d Simulation::place_of(const JointEnd& end) const
     }
     if (end.kind == JointEnd::Kind::Net)
         return parts_->nets[end.index].point(static_cast<int>(end.node));
+    if (end.kind == JointEnd::Kind::Sheet)
+        return parts_->sheets[end.index]->at(end.point);
     const RigidBodyState& body = parts_->bodies[end.index].body.state;
     return body.p + body.R * vector_of(end.point);
 }
@@ -197,6 +258,9 @@ Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& sl
     if (end.kind == JointEnd::Kind::Net)
         return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node),
                 std::nullopt};
+    if (end.kind == JointEnd::Kind::Sheet)
+        return {static_cast<int>(rods + bodies + parts_->nets.size() + end.index),
+                parts_->sheets[end.index]->add_place(end.point), std::nullopt};
     RodPart& rod = *parts_->rods[end.index];
     RodObject& object = parts_->object_of(end.index);
     PlaceOnRod place{end.index};
@@ -554,7 +618,14 @@ void Simulation::need_hold(const Group& group,
         is_held = is_held || !body->statement->keys.empty();
     const std::size_t before = parts_->rods.size() + parts_->bodies.size();
     for (const std::size_t k : members)
-        is_held = is_held || (k >= before && !scene_.nets[k - before].fixed.empty());
+        if (const std::size_t nets = scene_.nets.size(); k >= before + nets)
+        {
+            const SheetStatement& sheet = scene_.sheets[k - before - nets];
+            is_held = is_held || !sheet.fixed.empty() || !sheet.over.empty();
+        }
+        else
+            is_held = is_held || (k >= before && !scene_.nets[k - before].fixed.empty());
+    is_held = is_held || !scene_.obstacles.empty();
     if (!is_held)
         throw malformed({scene_.path, 0, "simulate.integrator"},
                         "nothing holds " + group.name +
@@ -816,6 +887,13 @@ SimulationReport Simulation::report()
             add(net.mass(k), momentum, net.point(k).cross(momentum));
         }
     }
+    for (const std::unique_ptr<SplineSheet>& sheet : parts_->sheets)
+    {
+        out.kinetic += sheet->kinetic();
+        out.elastic += sheet->elastic();
+        out.gravity += sheet->weight_energy();
+        add(sheet->mass(), sheet->momentum(), sheet->angular_momentum());
+    }
     for (const std::unique_ptr<Group>& group : groups_)
         out.violation = std::max(out.violation, group->violation);
     if (parts_->contacts)
@@ -867,6 +945,33 @@ std::vector<SimulatedNet> Simulation::nets() const
     return out;
 }
 
+std::vector<SimulatedSheet> Simulation::sheets(int places) const
+{
+    std::vector<SimulatedSheet> out;
+    for (std::size_t k = 0; k < parts_->sheets.size(); ++k)
+    {
+        const SplineSheet& sheet = *parts_->sheets[k];
+        SimulatedSheet& one = out.emplace_back();
+        one.name = scene_.sheets[k].name;
+        const int depth = sheet.is_block() ? places : 1;
+        for (int c = 0; c < depth; ++c)
+            for (int b = 0; b < places; ++b)
+                for (int a = 0; a < places; ++a)
+                    one.points.push_back(
+                        origin_ +
+                        sheet.at({double(a) / (places - 1), double(b) / (places - 1),
+                                  depth > 1 ? double(c) / (places - 1) : 0.0}));
+        for (std::size_t s = 0; s < sheet.num_slides(); ++s)
+        {
+            const SheetPlace at = sheet.sliding(s);
+            const double nan = std::numeric_limits<double>::quiet_NaN();
+            one.sliding.push_back(sheet.has_left(s) ? Vector3d(nan, nan, nan)
+                                                    : Vector3d(at[0], at[1], at[2]));
+        }
+    }
+    return out;
+}
+
 Geometry Simulation::surface(int around) const
 {
     Geometry out;
@@ -878,6 +983,10 @@ Geometry Simulation::surface(int around) const
     const std::vector<SimulatedNet> nets = this->nets();
     for (std::size_t n = 0; n < nets.size(); ++n)
         add_net(scene_.nets[n], nets[n].points, around, out);
+    constexpr int kPlaces = 25; // along each side
+    const std::vector<SimulatedSheet> sheets = this->sheets(kPlaces);
+    for (std::size_t k = 0; k < sheets.size(); ++k)
+        add_sheet(sheets[k].name, sheets[k].points, kPlaces, out);
     return out;
 }
 
@@ -889,6 +998,12 @@ Geometry Simulation::stage(int around) const
     const Vector3d up = -vector_of(scene_.gravity).normalized();
     Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()),
              high = -low;
+    for (const SimulatedSheet& sheet : sheets(2))
+        for (const Vector3d& q : sheet.points)
+        {
+            low = low.cwiseMin(q);
+            high = high.cwiseMax(q);
+        }
     for (const std::unique_ptr<RodPart>& rod : parts_->rods)
         for (const Vector3d& q : rod->rod.rest().controls)
         {

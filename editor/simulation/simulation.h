@@ -44,6 +44,13 @@ struct SimulatedNet
     std::vector<Eigen::Vector3d> points; ///< [m]
 };
 
+struct SimulatedSheet
+{
+    std::string name;
+    std::vector<Eigen::Vector3d> points;  ///< at equal shares, the first side fastest [m]
+    std::vector<Eigen::Vector3d> sliding; ///< shares; of what has left NaN
+};
+
 /// What a moment of the simulation measures.
 struct SimulationReport
 {
@@ -85,6 +92,8 @@ public:
     std::vector<SimulatedRod> rods(int places) const;
     std::vector<SimulatedBody> bodies() const;
     std::vector<SimulatedNet> nets() const;
+    /// \p places along each side.
+    std::vector<SimulatedSheet> sheets(int places) const;
     /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
     /// each a group: \p around corners on each ring.
     Geometry surface(int around) const;

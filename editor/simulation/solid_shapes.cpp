@@ -17,7 +17,8 @@ namespace
 
 using Eigen::Vector3d;
 constexpr Colour kBody = {96, 139, 176}, kNet = {120, 166, 110},
-                 kObstacle = {172, 176, 184};
+                 kObstacle = {172, 176, 184}, kSheet = {120, 166, 110},
+                 kSheetToo = {196, 214, 186};
 
 /// In one colour, closed at its ends.
 void add_solid(const std::vector<std::vector<Vector3d>>& rings, const Colour& colour,
@@ -172,6 +173,50 @@ void add_tile(const Vector3d& normal, double offset, const Vector3d& middle, dou
     add_solid({ring(at - thin * n, half * a, half * b, 4, 0.25 * std::numbers::pi),
                ring(at, half * a, half * b, 4, 0.25 * std::numbers::pi)},
               kObstacle, out);
+    out.groups.back().end_face = out.num_faces();
+}
+
+void add_sheet(const std::string& name, const std::vector<Vector3d>& points, int places,
+               Geometry& out)
+{
+    const int across = places * places;
+    const bool is_block = static_cast<int>(points.size()) > across;
+    const int last = places - 1;
+    out.groups.push_back({name, out.num_faces(), 0});
+    // Each face by itself, with sharp edges: from a corner along two ways.
+    const auto add_face = [&](int corner, int u, int v)
+    {
+        const auto first = static_cast<std::uint32_t>(out.samples.size());
+        for (int j = 0; j < places; ++j)
+            for (int i = 0; i < places; ++i)
+            {
+                out.samples.push_back(points[idx(corner + i * u + j * v)]);
+                // Squares, so that stretch is seen.
+                constexpr int kSquare = 4;
+                out.colours.push_back((i / kSquare + j / kSquare) % 2 == 0 ? kSheet
+                                                                           : kSheetToo);
+            }
+        const auto row = static_cast<std::uint32_t>(places);
+        for (std::uint32_t j = 0; j + 1 < row; ++j)
+            for (std::uint32_t i = 0; i + 1 < row; ++i)
+            {
+                const std::uint32_t a = first + j * row + i;
+                out.corners.insert(out.corners.end(), {a, a + 1, a + row + 1, a + row});
+                out.face_ends.push_back(out.corners.size());
+            }
+    };
+    const std::array<int, 3> step = {1, places, across};
+    if (!is_block)
+    {
+        add_face(0, step[0], step[1]);
+        add_face(0, step[1], step[0]);
+    }
+    for (std::size_t a = 0; a < 3 && is_block; ++a)
+    {
+        const int u = step[(a + 1) % 3], v = step[(a + 2) % 3];
+        add_face(0, v, u);
+        add_face(last * step[a], u, v);
+    }
     out.groups.back().end_face = out.num_faces();
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -37,6 +38,11 @@ void add_mesh(const Geometry& mesh, Geometry& out);
 /// A square of a plane normal . x = offset about the place nearest to \p middle.
 void add_tile(const Eigen::Vector3d& normal, double offset, const Eigen::Vector3d& middle,
               double half, Geometry& out);
+
+/// Both sides of a sheet, or the six faces of a block, of points in a grid of \p places
+/// along each side.
+void add_sheet(const std::string& name, const std::vector<Eigen::Vector3d>& points,
+               int places, Geometry& out);
 
 /// Springs as thin tubes.
 void add_net(const NetStatement& net, const std::vector<Eigen::Vector3d>& points,

@@ -167,30 +167,51 @@ TEST(RodScene, names_the_key_that_is_wrong)
                                           { parse_rod_scene("s.json", scene_of(of)); });
         EXPECT_TRUE(contains(text, words)) << text;
     }
-    for (const auto& [text, words] :
-         {std::pair<std::string, std::string>{R"({"rods": []})", "cellwarp: is missing"},
-          {R"({"cellwarp": 1})", "rods: is missing"},
-          {R"({"cellwarp": 2, "rods": []})", "cellwarp"},
-          {scene_of("{" + line + "}", R"({"dt": 0})"), "simulate.dt"},
-          {scene_of("{" + line + "}", R"({"dt": 1e-12, "duration": 1e9})"),
-           "simulate.duration: takes more than 1e9 steps"},
-          {R"({"cellwarp": 1, "obstacles": [{}], "rods": [{)" + line + "}]}",
-           "obstacles[0]: needs one of plane, sphere and mesh"},
-          {R"({"cellwarp": 1, "obstacles": [{"plane": [0,0,0,1]}], "rods": [{)" + line +
-               "}]}",
-           "obstacles[0].plane: its direction has no length"},
-          {R"({"cellwarp": 1, "obstacles": [{"sphere": [0,0,0,0]}], "rods": [{)" + line +
-               "}]}",
-           "obstacles[0].sphere: need a radius"},
-          {R"({"cellwarp": 1, "contact": 3, "rods": [{)" + line + "}]}",
-           "contact: need true, false"},
-          {R"({"cellwarp": 1, "contact": {"friction": -1}, "rods": [{)" + line + "}]}",
-           "contact.friction"},
-          {R"({"cellwarp": 1, "rods": [{)" + line +
-               R"(, "cut": [{"at": 0.5}]}], "simulate": {"integrator": "static"}})",
-           "rods[0].cut: an equilibrium has no time"},
-          {R"({"cellwarp": 1, "unit": 0.01, "rods": [{)" + line + "}]}",
-           "unit: only metres are supported"}})
+    for (
+        const auto& [text, words] :
+        {std::pair<std::string, std::string>{R"({"rods": []})", "cellwarp: is missing"},
+         {R"({"cellwarp": 1})", "rods: is missing"},
+         {R"({"cellwarp": 2, "rods": []})", "cellwarp"},
+         {scene_of("{" + line + "}", R"({"dt": 0})"), "simulate.dt"},
+         {scene_of("{" + line + "}", R"({"dt": 1e-12, "duration": 1e9})"),
+          "simulate.duration: takes more than 1e9 steps"},
+         {R"({"cellwarp": 1, "obstacles": [{}], "rods": [{)" + line + "}]}",
+          "obstacles[0]: needs one of plane, sphere and mesh"},
+         {R"({"cellwarp": 1, "obstacles": [{"plane": [0,0,0,1]}], "rods": [{)" + line +
+              "}]}",
+          "obstacles[0].plane: its direction has no length"},
+         {R"({"cellwarp": 1, "obstacles": [{"sphere": [0,0,0,0]}], "rods": [{)" + line +
+              "}]}",
+          "obstacles[0].sphere: need a radius"},
+         {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0]]}]})",
+          "sheets[0].sides: need two"},
+         {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0],[0,1,0]], "counts": [3,5]}]})",
+          "sheets[0].counts[0]: need degree + 1"},
+         {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0],[0,1,0]], "counts": [5]}]})",
+          "sheets[0].counts: need one for each side"},
+         {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0],[0,1,0]], "fixed": [[0]]}]})",
+          "sheets[0].fixed[0]: need a share"},
+         {R"({"cellwarp": 1, "sheets": [{"sides": [[1,0,0],[0,1,0],[0,0,1]],
+               "over": [[0,0,0]]}]})",
+          "sheets[0].over: a point within a block"},
+         {R"({"cellwarp": 1, "sheets": [{"name": "s", "sides": [[1,0,0],[0,1,0]]}],
+               "rods": [{)" +
+              line + R"(}], "joints": [{"a": "rod rod1 0", "b": "sheet s 0 2"}]})",
+          "joints[0].b: a share is not within 0 and 1"},
+         {R"({"cellwarp": 1, "sheets": [{"name": "s", "sides": [[1,0,0],[0,1,0]]}],
+               "rods": [{)" +
+              line +
+              R"(}], "joints": [{"a": "rod rod1 0", "b": "sheet s 0 1", "what": ["frame"]}]})",
+          "joints[0].what: a place of a sheet has no frame"},
+         {R"({"cellwarp": 1, "contact": 3, "rods": [{)" + line + "}]}",
+          "contact: need true, false"},
+         {R"({"cellwarp": 1, "contact": {"friction": -1}, "rods": [{)" + line + "}]}",
+          "contact.friction"},
+         {R"({"cellwarp": 1, "rods": [{)" + line +
+              R"(, "cut": [{"at": 0.5}]}], "simulate": {"integrator": "static"}})",
+          "rods[0].cut: an equilibrium has no time"},
+         {R"({"cellwarp": 1, "unit": 0.01, "rods": [{)" + line + "}]}",
+          "unit: only metres are supported"}})
         EXPECT_TRUE(contains(error_of(Fault::Malformed,
                                       [&, &of = text] { parse_rod_scene("s.json", of); }),
                              words))

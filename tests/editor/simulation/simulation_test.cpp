@@ -714,4 +714,47 @@ TEST(Simulation, rods_lie_on_what_is_there_and_on_each_other)
                          "what touches needs implicit-euler"));
 }
 
+TEST(Simulation, sheets_and_blocks_hang_and_are_sewn)
+{
+    Simulation simulation(parse_rod_scene("s.json", R"({"cellwarp": 1, "sheets": [
+        {"name": "cloth", "corner": [-0.5,0,0], "sides": [[1,0,0],[0,0,0.5]],
+         "viscosity": 2, "fixed": [[0,0],[1,0]], "over": [[0.1,0,0.3]]},
+        {"name": "pad", "corner": [2,0,0], "sides": [[0.2,0,0],[0,0.2,0],[0,0,0.4]],
+         "counts": [4,4,5], "viscosity": 2, "fixed": [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]}],
+        "rods": [{"name": "r", "through": [[-0.3,0,0.5],[-0.3,-0.5,0.5]]}],
+        "joints": [{"a": "rod r 0", "b": "sheet cloth 0.2 1"}],
+        "simulate": {"dt": 0.01, "duration": 0.3}})"));
+    const double before = simulation.report().gravity;
+    while (simulation.steps_done() < simulation.num_steps())
+    {
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        EXPECT_LT(report.violation, 1e-8);
+    }
+    const std::vector<SimulatedSheet> sheets = simulation.sheets(3);
+    ASSERT_EQ(sheets.size(), 2u);
+    EXPECT_EQ(sheets[0].points.size(), 9u);
+    EXPECT_EQ(sheets[1].points.size(), 27u);
+    EXPECT_LT((sheets[0].points[2] - Eigen::Vector3d(0.5, 0, 0)).norm(), 1e-9);
+    EXPECT_LT(sheets[0].points[7].y(), -0.01);
+    EXPECT_EQ(sheets[0].sliding.size(), 1u);
+    EXPECT_LT(sheets[1].points[26].y(), 0.195);
+    EXPECT_LT(simulation.report().gravity, before);
+    EXPECT_GE(simulation.surface(8).groups.size(), 3u);
+    for (const auto& [text, words] :
+         {std::pair<std::string, std::string>{R"("sides": [[1,0,0],[2,0,0]])",
+                                              "sheets[0].sides: its sides span nothing"},
+          {R"("sides": [[1,0,0],[0,0,1]], "over": [[5,5,5]])",
+           "sheets[0].over[0]: the sheet is not there"}})
+        EXPECT_TRUE(contains(
+            error_of(Fault::Malformed,
+                     [&, &of = text]
+                     {
+                         Simulation(parse_rod_scene(
+                             "s.json", R"({"cellwarp": 1, "sheets": [{)" + of + "}]}"));
+                     }),
+            words));
+}
+
 } // namespace cellwarp
