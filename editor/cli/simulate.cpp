@@ -98,8 +98,11 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
     if (!sheets.empty())
         out["sheets"] = std::move(sheets);
     if (report.has_contacts)
+    {
+        out["energy"]["contact"] = report.touching;
         out["contact"] = {{"count", report.contacts},
                           {"nearest", report.nearest ? Json(*report.nearest) : Json()}};
+    }
     return out;
 }
 

@@ -126,6 +126,10 @@ struct Simulation::Parts
     std::optional<RodContacts> contacts;
     std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
     std::vector<Geometry> meshes;                                 ///< obstacles
+    // What touched at the end of the last step.
+    ContactReport touching;
+    double touching_energy = 0.0;
+    std::vector<std::vector<double>> touched; ///< parameters of each rod
 
     std::size_t count() const
     {
@@ -531,8 +535,9 @@ void Simulation::touch()
     for (const ObstacleStatement& obstacle : scene_.obstacles)
         contacts.add_obstacle(obstacle_of(obstacle, origin_, parts_->meshes));
     contacts.start(scene_.dt);
+    see_contacts();
     constexpr double kOverlap = 0.9; // of the thickness
-    if (const ContactReport start = contacts.report();
+    if (const ContactReport& start = parts_->touching;
         start.least && *start.least < kOverlap)
         warnings_.push_back(fmt::format("at the start things overlap by up to {:.3g} of "
                                         "their thickness: they push each other away",
@@ -702,9 +707,19 @@ std::int64_t Simulation::steps_done() const
 void Simulation::step()
 {
     const double begin = static_cast<double>(done_) * scene_.dt;
-    const int parts = parts_->contacts && scene_.integrator == "rk4"
-                          ? parts_->contacts->parts(scene_.dt)
-                          : 1;
+    int parts = 1;
+    if (parts_->contacts && scene_.integrator == "rk4")
+    {
+        constexpr int kMost = 256;
+        parts = parts_->contacts->parts(scene_.dt);
+        if (parts > kMost)
+        {
+            parts = kMost;
+            StepReport report;
+            report.stop = MotionStop::TooFast;
+            take(*groups_.front(), report);
+        }
+    }
     for (int part = 0; part < parts; ++part)
         go_on(begin + scene_.dt * part / parts, scene_.dt / parts);
     ++done_;
@@ -719,16 +734,31 @@ void Simulation::go_on(double begin, double dt)
             parts_->rods[r]->model.pushed = forces[r];
     }
     for (const std::unique_ptr<Group>& group : groups_)
-    {
         if (is_static())
             settle(*group);
         else
             advance(*group, begin, dt);
-        // Equilibria change what they need, again and again until nothing does.
+    see_contacts();
+    // Equilibria change what they need, again and again until nothing does.
+    for (const std::unique_ptr<Group>& group : groups_)
         for (int round = 0;
              change(*group, begin + dt) && is_static() && round < kMostRounds; ++round)
+        {
             settle(*group);
-    }
+            see_contacts();
+        }
+}
+
+/// What touches, before anything changes.
+void Simulation::see_contacts()
+{
+    if (!parts_->contacts)
+        return;
+    parts_->touching = parts_->contacts->report();
+    parts_->touching_energy = parts_->contacts->energy();
+    parts_->touched.clear();
+    for (std::size_t r = 0; r < parts_->rods.size(); ++r)
+        parts_->touched.push_back(parts_->contacts->touched(r));
 }
 
 /// Knots and cuts after a step. False: nothing has changed.
@@ -738,10 +768,10 @@ bool Simulation::change(Group& group, double time)
     for (RodPart* const rod : group.rods)
         if (rod->may_change())
         {
-            std::vector<double> touched;
-            for (std::size_t r = 0; parts_->contacts && r < parts_->rods.size(); ++r)
+            std::span<const double> touched;
+            for (std::size_t r = 0; r < parts_->touched.size(); ++r)
                 if (parts_->rods[r].get() == rod)
-                    touched = parts_->contacts->touched(r);
+                    touched = parts_->touched[r];
             has_changed = rod->change(time, touched) || has_changed;
         }
     if (has_changed && group.alone && scene_.integrator == "rk4")
@@ -898,10 +928,10 @@ SimulationReport Simulation::report()
         out.violation = std::max(out.violation, group->violation);
     if (parts_->contacts)
     {
-        const ContactReport touching = parts_->contacts->report();
-        out.contacts = touching.count;
+        out.contacts = parts_->touching.count;
         out.has_contacts = true;
-        out.nearest = touching.least;
+        out.nearest = parts_->touching.least;
+        out.touching = parts_->touching_energy;
     }
     out.iterations = std::exchange(iterations_, 0);
     out.stop = std::exchange(stop_, "converged");
@@ -1025,7 +1055,7 @@ Geometry Simulation::stage(int around) const
             const std::array<double, 4>& p = *obstacle.plane;
             const Vector3d normal(p[0], p[1], p[2]);
             constexpr double kCarries = 0.5;
-            if (normal.normalized().dot(up) > kCarries)
+            if (up.isZero() || normal.normalized().dot(up) > kCarries)
                 add_tile(normal, p[3], 0.5 * (low + high), 0.6 * (high - low).norm(),
                          out);
         }

@@ -64,6 +64,7 @@ struct SimulationReport
     std::string stopped;            ///< what did: the first rod of what is joined
     bool has_contacts = false;      ///< the scene knows of what touches
     int contacts = 0;               ///< pairs of places that do
+    double touching = 0.0;          ///< what they are pressed with [J]
     std::optional<double> nearest;  ///< distance of what is near, of its thickness
     bool is_converged = true;
 };
@@ -122,6 +123,7 @@ private:
     void go_on(double begin, double dt);
     void advance(Group& group, double begin, double dt);
     bool change(Group& group, double time);
+    void see_contacts();
     int explicit_parts(const Group& group) const;
     void settle(Group& group);
     void take(Group& group, const StepReport& report);

@@ -15,13 +15,20 @@ namespace cellwarp
 class BallGrid
 {
 public:
-    /// All pairs (i, j), i < j, with centres nearer than \p reach, by j. Keeps its memory
+    /// All pairs (i, j), i < j, that are apart by less than \p margin. Keeps its memory
     /// from one call to the next.
     const std::vector<std::pair<std::uint32_t, std::uint32_t>>&
-    pairs(std::span<const Eigen::Vector3d> centres, double reach);
+    pairs(std::span<const Eigen::Vector3d> centres, std::span<const double> radii,
+          double margin);
 
 private:
-    std::vector<std::int64_t> cell_;          ///< three a ball
+    struct Cell
+    {
+        std::int64_t x, y, z;
+        int level;
+        bool operator==(const Cell&) const = default;
+    };
+    std::vector<Cell> cells_;                 ///< of the balls
     std::vector<std::uint32_t> first_, next_; ///< lists of balls in the same bucket
     std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs_;
 };

@@ -173,6 +173,7 @@ void RodContacts::place_balls_on(std::size_t number)
                 ball.share[idx(j)] = values.value[0][idx(j)];
             }
             centres_.push_back(place(ball, state.x()));
+            radii_.push_back(radius);
             largest_radius_ = std::max(largest_radius_, radius);
         }
         along += span.length;
@@ -194,6 +195,7 @@ void RodContacts::place_balls()
 {
     balls_.clear();
     centres_.clear();
+    radii_.clear();
     largest_radius_ = 0.0;
     for (std::size_t k = 0; k < rods_.size(); ++k)
         place_balls_on(k);
@@ -249,7 +251,7 @@ void RodContacts::find_contacts(double margin)
     margin_ = margin;
     contacts_.clear();
     if (settings_.between_rods || settings_.with_itself)
-        for (const auto& [i, j] : grid_.pairs(centres_, 2.0 * largest_radius_ + margin))
+        for (const auto& [i, j] : grid_.pairs(centres_, radii_, margin))
         {
             const Ball &a = balls_[i], &b = balls_[j];
             if (a.rod == b.rod ? !settings_.with_itself : !settings_.between_rods)
@@ -425,16 +427,24 @@ void RodContacts::add_product(const std::vector<Eigen::VectorXd>& x,
     }
 }
 
-bool RodContacts::is_beyond() const
+bool RodContacts::is_beyond()
 {
+    bool is_far = false;
     for (std::size_t k = 0; k < balls_.size(); ++k)
     {
         const Ball& ball = balls_[k];
         const double way = (place(ball, rods_[ball.rod].state->x()) - centres_[k]).norm();
-        if (!contacts_.empty() && way > 0.5 * margin_ && way > kMargin * ball.radius)
-            return true;
+        is_far = is_far || (way > 0.5 * margin_ && way > kMargin * ball.radius);
     }
-    return false;
+    // What is pressed so hard that centres pass each other has gone through.
+    for (const Contact& contact : contacts_)
+        is_far = is_far || contact.normal.dot(between(contact, false)) < 0.0;
+    if (!is_far || !contacts_.empty())
+        return is_far;
+    // Nothing was near. Is anything now?
+    place_balls();
+    find_contacts(0.0);
+    return !contacts_.empty();
 }
 
 double RodContacts::energy() const
@@ -468,10 +478,15 @@ int RodContacts::parts(double step)
     place_balls();
     const double way = largest_way(step);
     find_contacts(2.0 * way + kMargin * largest_radius_);
-    constexpr double kMost = 256.0;
+    constexpr double kMost = 1e6;
     double parts = 1.0;
     for (const Contact& contact : contacts_)
-        parts = std::max(parts, way / (kWay * balls_[contact.a].radius));
+    {
+        double radius = balls_[contact.a].radius;
+        if (contact.b >= 0)
+            radius = std::min(radius, balls_[std::size_t(contact.b)].radius);
+        parts = std::max(parts, way / (kWay * radius));
+    }
     return static_cast<int>(std::ceil(std::min(parts, kMost)));
 }
 

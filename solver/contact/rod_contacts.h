@@ -70,7 +70,7 @@ public:
     bool has_product() const override { return has_product_; }
     void add_product(const std::vector<Eigen::VectorXd>& x,
                      std::vector<Eigen::VectorXd>& out) const override;
-    bool is_beyond() const override;
+    bool is_beyond() override;
     double energy() const override;
 
     // Explicit steps.
@@ -136,6 +136,7 @@ private:
     std::vector<std::vector<char>> is_dense_; ///< spans that bend sharply
     std::vector<Ball> balls_;
     std::vector<Eigen::Vector3d> centres_; ///< at the begin of the step
+    std::vector<double> radii_;            ///< of the balls
     std::vector<Contact> contacts_;
     BallGrid grid_;
     double margin_ = 0.0, largest_radius_ = 0.0;

@@ -29,7 +29,7 @@ public:
     virtual void add_product(const std::vector<Eigen::VectorXd>& x,
                              std::vector<Eigen::VectorXd>& out) const = 0;
     /// The states are farther from the begin of the step than start() has looked.
-    virtual bool is_beyond() const = 0;
+    virtual bool is_beyond() = 0;
     /// What it holds, and gives back, at the states [J].
     virtual double energy() const = 0;
 };

@@ -111,7 +111,8 @@ bool ImplicitStepper::try_step(double step, bool is_last, MotionStop& stop,
     const bool is_free = !is_driven();
     for (ArticulableObject* const object : objects_)
         object->start(step);
-    if (coupling_ && !coupling_->start(step) && !is_last)
+    const bool is_slow = !coupling_ || coupling_->start(step);
+    if (!is_slow && !is_last)
         return false;
     const double before = energy().sum;
     MotionOptions options;
@@ -123,8 +124,13 @@ bool ImplicitStepper::try_step(double step, bool is_last, MotionStop& stop,
     report.num_dropped = std::max(report.num_dropped, told.num_dropped);
     report.violation = told.violation;
     stop = told.stop;
-    if (!is_solved(stop) || (coupling_ && coupling_->is_beyond()))
+    if (!is_solved(stop))
         return false;
+    if (!is_slow || (coupling_ && coupling_->is_beyond()))
+    {
+        stop = MotionStop::TooFast;
+        return false;
+    }
     if (!is_free)
         return true;
     const ArticulableObject::Energy now = energy();

@@ -14,6 +14,8 @@ const char* stop_name(MotionStop stop)
         return "converged";
     case MotionStop::EnergyGrew:
         return "energy grew";
+    case MotionStop::TooFast:
+        return "too fast";
     case MotionStop::Contradiction:
         return "contradictory constraints";
     case MotionStop::IterationLimit:

@@ -10,6 +10,7 @@ enum class MotionStop
     NotRun,
     Converged,
     EnergyGrew,    ///< of the smallest part of a step
+    TooFast,       ///< for the smallest part of a step: something may have been missed
     Contradiction, ///< converged; constraints that contradict are met as well as can be
     IterationLimit,
     NoDescent,

@@ -522,8 +522,10 @@ bool RodObject::is_beyond() const
     {
         const RodSlide& slide = model_.slides[k];
         const Sliding& now = state_->sliding[k];
+        // Behind a cut there is another piece.
         if (now.is_free() && !slide.is_endless &&
-            (now.s < slide.begin - room || now.s > slide.end + room))
+            (now.s < slide.begin - (slide.has_cut_behind ? 0.0 : room) ||
+             now.s > slide.end + (slide.has_cut_ahead ? 0.0 : room)))
             return true;
     }
     return false;

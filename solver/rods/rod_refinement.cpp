@@ -159,10 +159,21 @@ void cut(const MovingRod& of, double s)
         const double turns = period > 0.0 ? std::floor((now - at) / period) : 0.0;
         const double before = at + turns * period;
         const bool is_behind = now >= before;
-        if (is_behind)
-            slide.begin = std::max(slide.begin, before);
-        if (!is_behind || period > 0.0)
-            slide.end = std::min(slide.end, is_behind ? before + period : before);
+        if (is_behind && before > slide.begin)
+        {
+            slide.begin = before;
+            slide.has_cut_behind = true;
+        }
+        // At the cut itself the other piece begins.
+        const SplineSpan& last =
+            of.rod.basis().spans()[idx(of.rod.basis().span_of(at - kAtKnot))];
+        const double end =
+            (is_behind ? before + period : before) - kAtKnot * last.length();
+        if ((!is_behind || period > 0.0) && end < slide.end)
+        {
+            slide.end = end;
+            slide.has_cut_ahead = true;
+        }
         slide.is_endless = false;
     }
 }
@@ -264,10 +275,12 @@ std::optional<double> breaking_place(const RodState& state, const BreakingLimits
             if (limits.force)
                 share = std::max(share, rod.section_at(s).stretch *
                                             (length / sigma - 1.0) / *limits.force);
-            const double knot = x < 0.5 ? span.begin : span.end;
+            const double knot = x < 0.5 ? span.begin : rod.basis().wrapped(span.end);
+            // Nor where it is cut already.
             const bool is_end =
-                !rod.basis().is_closed() &&
-                (knot == rod.basis().begin() || knot == rod.basis().end());
+                (!rod.basis().is_closed() &&
+                 (knot == rod.basis().begin() || knot == rod.basis().end())) ||
+                rod.basis().smoothness_before(rod.basis().span_of(knot)) < 0;
             if (share > most && !is_end)
             {
                 most = share;

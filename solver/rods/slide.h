@@ -14,8 +14,9 @@ namespace cellwarp
 
 struct RodSlide
 {
-    double begin = 0.0, end = 0.0;    ///< parameters that it may slide between
-    bool is_endless = false;          ///< once around a closed rod and on
+    double begin = 0.0, end = 0.0; ///< parameters that it may slide between
+    bool is_endless = false;       ///< once around a closed rod and on
+    bool has_cut_behind = false, has_cut_ahead = false; ///< the rod ends there
     bool leaves = false;              ///< released where it arrives there; else it stops
     double sticks = 0.0, slips = 0.0; ///< friction at rest and in motion, sticks >= slips
     /// Inertia of the sliding itself, c of c s'' = lambda . P': above 0 it slows, below

@@ -757,4 +757,35 @@ TEST(Simulation, sheets_and_blocks_hang_and_are_sewn)
             words));
 }
 
+TEST(Simulation, tells_what_touches_while_knots_come_and_go)
+{
+    Simulation simulation(parse_rod_scene("s.json", R"({"cellwarp": 1, "rods": [
+        {"through": [[-0.4,0.1,0],[0.4,0.1,0]], "radius": 0.02, "E": 3e5,
+         "refine": {"insert": 0.2, "remove": 0.15}},
+        {"through": [[0,0,-0.3],[0,0,0.3]], "radius": 0.02, "E": 1e6, "spans": 6,
+         "fixed": [{"at": 0}, {"at": 0.5}, {"at": 1}]}],
+        "contact": true, "simulate": {"dt": 0.002, "duration": 0.5}})"));
+    int changes = 0, touching = 0, knots = 5;
+    while (simulation.steps_done() < simulation.num_steps())
+    {
+        simulation.step();
+        const SimulationReport report = simulation.report();
+        EXPECT_TRUE(report.is_converged) << report.stop;
+        const std::vector<SimulatedRod> rods = simulation.rods(201);
+        double least = 1e9;
+        for (const Eigen::Vector3d& a : rods[0].curve)
+            for (const Eigen::Vector3d& b : rods[1].curve)
+                least = std::min(least, (a - b).norm() / 0.04);
+        if (least < 1.0)
+        {
+            EXPECT_NEAR(report.nearest.value_or(9.0), least, 0.04);
+            ++touching;
+            changes += rods[0].knots != knots;
+        }
+        knots = rods[0].knots;
+    }
+    EXPECT_GT(touching, 30);
+    EXPECT_GT(changes, 1);
+}
+
 } // namespace cellwarp

@@ -267,6 +267,24 @@ TEST(RodContacts, nothing_goes_through_anything_at_any_speed)
         }
 }
 
+TEST(RodContacts, tell_where_something_may_have_gone_through)
+{
+    // Too fast for the smallest part of a step, and too hard for so soft a rod.
+    for (const auto& [speed, stiffness] : {std::pair(1e4, 1e4), {50.0, 1e-3}})
+    {
+        Scene scene({0.0, 1.0, stiffness});
+        Scene::One& rod = scene.add({-0.3, 0.03, 0}, {0.3, 0.03, 0}, 6, 1e7);
+        rod.throw_with({0, -speed, 0});
+        scene.contacts.add_obstacle(
+            mesh_obstacle({{-9, 0, -9}, {9, 0, -9}, {0, 0, 9}}, {{0, 1, 2}}));
+        ImplicitStepper stepper = scene.stepper();
+        MotionStop stop = MotionStop::Converged;
+        for (int k = 0; k < 3 && stop == MotionStop::Converged; ++k)
+            stop = stepper.step(1e-3).stop;
+        EXPECT_EQ(stop, MotionStop::TooFast);
+    }
+}
+
 TEST(RodContacts, knows_no_neighbours_along_a_rod_and_none_around_a_joint)
 {
     // A ring of four times its thickness is no contact of its own.

@@ -363,6 +363,42 @@ TEST(RodRefinement, pieces_fall_side_by_side_and_what_slides_stays_on_its_own)
     EXPECT_NEAR(moving.state.at(0.0).place.norm(), 0.0, 1e-9);
 }
 
+TEST(RodRefinement, what_slides_stops_at_a_cut_or_leaves_there)
+{
+    for (const bool leaves : {false, true})
+    {
+        // The end behind the cut is pulled back through a hole.
+        Moving moving(
+            support::straight_rod(1.0, 12, support::section_of(1e3, 1e-2, 1e-2)));
+        moving.model.terms.pop_back();
+        RodSlide slide{0.0, moving.rod.basis().end()};
+        slide.leaves = leaves;
+        moving.model.slides.push_back(slide);
+        const double s = moving.rod.arc_length().parameter(0.5),
+                     at = moving.rod.arc_length().parameter(0.4);
+        moving.state.sliding.push_back(begun(slide, at));
+        RodConstraint hole;
+        hole.slide = 0;
+        hole.point = moving.state.at(at).place;
+        moving.model.constraints.push_back(hole);
+        cut(moving.all(), s);
+        moving.model.loads.push_back({0.0, {-1, 0, 0}, Vector3d::Zero()});
+        RodStepper stepper(moving.model, Integrator::ImplicitEuler);
+        for (int k = 0; k < 200; ++k)
+            ASSERT_EQ(stepper.step(moving.state, moving.velocity, 5e-3).stop,
+                      MotionStop::Converged);
+        EXPECT_EQ(moving.state.sliding[0].mode,
+                  leaves ? Sliding::Mode::Gone : Sliding::Mode::AtEnd);
+        EXPECT_NEAR(moving.state.sliding[0].s, s, 1e-6);
+        const double end = moving.state.at(s - 1e-6).place.x();
+        if (leaves)
+            EXPECT_LT(end, 0.3);
+        else
+            EXPECT_NEAR(end, 0.4, 1e-3);
+        EXPECT_NEAR(moving.state.at(moving.rod.basis().end()).place.x(), 1.0, 1e-9);
+    }
+}
+
 TEST(RodRefinement, knots_come_where_it_bends_and_go_when_it_is_straight_again)
 {
     Moving moving(support::straight_rod(1.0, 8, support::section_of(1e4, 1.0, 1.0)));
