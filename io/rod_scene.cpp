@@ -553,21 +553,21 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
 
 void read_cut(Reader& reader, CutStatement& cut)
 {
+    constexpr double kEnd = 1e-6; // of the length
     int count = 0;
-    const auto limit = [&](const char* key, double high, std::optional<double>& out)
+    const auto limit =
+        [&](const char* key, double low, double high, std::optional<double>& out)
     {
         if (!reader.object().find(key))
             return;
-        reader.read(key, kTiny, high, out.emplace(0.0));
+        reader.read(key, low, high, out.emplace(0.0));
         ++count;
     };
-    limit("at", 1.0, cut.at);
-    limit("curvature", kHuge, cut.curvature);
-    limit("force", kHuge, cut.force);
+    limit("at", kEnd, 1.0 - kEnd, cut.at);
+    limit("curvature", kTiny, kHuge, cut.curvature);
+    limit("force", kTiny, kHuge, cut.force);
     if (count != 1)
         reader.object().fail("", "needs one of at, curvature and force");
-    if (cut.at && !(*cut.at < 1.0))
-        reader.object().fail("at", "need a share between 0 and 1");
     if (cut.at)
         reader.read("time", 0.0, kHuge, cut.time);
     reader.object().warn_of_the_rest();

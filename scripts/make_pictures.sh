@@ -78,6 +78,7 @@ strip cut 6 200x200 15
 strip knot 6 220x160
 strip pile 6 200x200 25
 strip intestine 6 200x200 20
+strip drape 6 200x220 25
 strip patch 6 220x200 25
 strip block 6 200x200 30
 strip seam 6 220x160 25

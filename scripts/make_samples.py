@@ -18,7 +18,8 @@ soup      thousands of loose triangles in random order; a knot is pulled open
 scan      a cloud with holes and noise, seen from three places; the creature bows
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
-          cut, knot, knot_fixed, pile, intestine, patch, block, seam
+          cut, knot, knot_fixed, pile, intestine, drape, patch, block,
+          seam
 """
 import json
 import math
@@ -790,6 +791,15 @@ def touching_rods(folder):
                      "spans": 12, "radius": 0.008, "E": 5e5, "energy": "discrete"})
     rod_scene(folder, "pile", rods, {"dt": 0.001, "duration": 1.0, "every": 0.1},
               obstacles=[{"plane": [0, 1, 0, 0]}], contact={"friction": 0.3})
+    # Three ropes fall on the creature.
+    rod_scene(folder, "drape", [
+        {"name": "rope%d" % k,
+         "through": [[-1.6, round(2.7 + 0.12 * k, 6), round(0.12 * k - 0.1, 6)],
+                     [1.6, round(2.7 + 0.12 * k, 6), round(0.12 * k - 0.1, 6)]],
+         "spans": 24, "radius": 0.045, "E": 3e5} for k in range(3)],
+        {"dt": 0.001, "duration": 1.0, "every": 0.2, "viscosity": 1},
+        obstacles=[{"mesh": "../creature.obj"}, {"plane": [0, 1, 0, -0.06]}],
+        contact={"friction": 0.5})
     # A soft tube of 165 points falls together in a box.
     coil = []
     for k in range(55):

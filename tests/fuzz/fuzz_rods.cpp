@@ -34,12 +34,23 @@ bool is_small(const RodScene& scene)
     for (const NetStatement& net : scene.nets)
         points += static_cast<double>(net.points.size() + net.springs.size());
     points += static_cast<double>(scene.bodies.size() + scene.joints.size());
+    for (const SheetStatement& sheet : scene.sheets)
+    {
+        double controls = 1.0;
+        for (const int count : sheet.counts)
+            controls *= count;
+        points += controls / 8.0;
+    }
+    // Balls along rods.
+    for (const RodStatement& rod : scene.rods)
+        if (scene.contact && rod.contact_radius && *rod.contact_radius < 1e-3)
+            return false;
     return points <= 12.0;
 }
 
 void run(const RodScene& scene)
 {
-    constexpr int kSteps = 1;
+    constexpr int kSteps = 2;
     Simulation simulation(scene);
     for (int k = 0; k < kSteps && simulation.steps_done() < simulation.num_steps(); ++k)
         simulation.step();
@@ -132,6 +143,52 @@ void add_joined(Choices& choose, RodScene& scene)
     }
 }
 
+/// Knots that come, cuts, what touches, a sheet.
+void add_changes(Choices& choose, RodScene& scene)
+{
+    RodStatement& rod = scene.rods.front();
+    if (choose.below(2) == 0)
+        rod.refine = RefineStatement{0.5 * choose.share() + 0.01, 0.005, 1e-3, 0.05};
+    for (int k = choose.below(3); k > 0; --k)
+    {
+        CutStatement& cut = rod.cuts.emplace_back();
+        if (choose.below(2) == 0)
+            cut.at = 0.001 + 0.998 * choose.share();
+        else if (choose.below(2) == 0)
+            cut.curvature = 10.0 * choose.share() + 1e-3;
+        else
+            cut.force = 10.0 * choose.share() + 1e-3;
+    }
+    if (choose.below(2) == 0)
+    {
+        scene.contact.emplace().friction = choose.below(2) * choose.share();
+        rod.contact_radius = 0.02 + choose.share();
+        ObstacleStatement& obstacle = scene.obstacles.emplace_back();
+        if (choose.below(2) == 0)
+            obstacle.plane = {choose.share(), 1.0, 0.0, choose.share()};
+        else
+            obstacle.sphere = {choose.share(), choose.share(), 0.0, 0.1 + choose.share()};
+    }
+    if (choose.below(3) == 0)
+    {
+        SheetStatement& sheet = scene.sheets.emplace_back();
+        sheet.name = "s";
+        sheet.corner = choose.place();
+        sheet.sides = {choose.place(), choose.place()};
+        sheet.degree = 1 + choose.below(3);
+        sheet.counts = {static_cast<int>(sheet.degree) + 1 + choose.below(2),
+                        static_cast<int>(sheet.degree) + 1};
+        sheet.fixed = {{choose.share(), choose.share(), 0.0}};
+        if (choose.below(2) == 0)
+            sheet.over = {sheet.corner};
+        JointStatement& joint = scene.joints.emplace_back();
+        joint.ends[0].at = choose.share();
+        joint.ends[1].kind = JointEnd::Kind::Sheet;
+        joint.ends[1].point = {choose.share(), choose.share(), 0.0};
+        joint.has_point = true;
+    }
+}
+
 RodScene scene_of(Choices choose)
 {
     static constexpr double kScales[] = {1.0, 1e-3, 1e3, 1e-9, 1e9, 1e15};
@@ -191,6 +248,8 @@ RodScene scene_of(Choices choose)
         rod.loads.push_back({choose.share(), choose.place(), choose.place()});
     if (choose.below(2) == 0)
         add_joined(choose, scene);
+    if (choose.below(2) == 0 && rod.spline != "catmull-rom")
+        add_changes(choose, scene);
     scene.integrator = kRules[choose.below(4)];
     scene.dt = 1e-3 * kScales[choose.below(3)];
     scene.duration = 3.0 * scene.dt;

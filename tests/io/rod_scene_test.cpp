@@ -120,7 +120,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
            "rods[0].cut[0]: needs one of at, curvature and force"},
           {"{" + line + R"(, "cut": [{"at": 0.5, "force": 2}]})",
            "rods[0].cut[0]: needs one of at, curvature and force"},
-          {"{" + line + R"(, "cut": [{"at": 1}]})", "rods[0].cut[0].at: need a share"},
+          {"{" + line + R"(, "cut": [{"at": 1}]})", "rods[0].cut[0].at"},
           {"{" + line + R"(, "cut": [{"curvature": 0}]})", "rods[0].cut[0].curvature"},
           {R"({"points": [[0,0,0],[1,0,0],[2,0,0],[3,1,0]], "spline": "catmull-rom",
                "refine": true})",
