@@ -21,6 +21,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 
 #include <Eigen/Cholesky>
@@ -61,11 +62,21 @@ std::vector<double> means_of(const SplineBasis& basis)
 
 } // namespace
 
-SplineSheet::SplineSheet(const SheetShape& shape)
+SplineSheet::SplineSheet(const SheetShape& of) : order_(of.sides.size())
 {
-    const std::size_t count = shape.sides.size();
-    if ((count != 2 && count != 3) || shape.counts.size() != count)
+    const std::size_t count = of.sides.size();
+    if ((count != 2 && count != 3) || of.counts.size() != count)
         throw std::invalid_argument("needs two or three sides, and a count for each");
+    std::iota(order_.begin(), order_.end(), std::size_t(0));
+    std::stable_sort(order_.begin(), order_.end(),
+                     [&](std::size_t a, std::size_t b)
+                     { return of.counts[a] < of.counts[b]; });
+    SheetShape shape = of;
+    for (std::size_t a = 0; a < count; ++a)
+    {
+        shape.sides[a] = of.sides[order_[a]];
+        shape.counts[a] = of.counts[order_[a]];
+    }
     const double area = shape.sides[0].cross(shape.sides[1]).norm();
     const double volume =
         count == 2 ? area * shape.thickness
@@ -338,15 +349,31 @@ Vector3d SplineSheet::angular_momentum() const
 
 // Places.
 
+SheetPlace SplineSheet::ordered(const SheetPlace& place) const
+{
+    SheetPlace out = {};
+    for (std::size_t a = 0; a < order_.size(); ++a)
+        out[a] = place[order_[a]];
+    return out;
+}
+
+SheetPlace SplineSheet::sliding(std::size_t k) const
+{
+    SheetPlace out = {};
+    for (std::size_t a = 0; a < order_.size(); ++a)
+        out[order_[a]] = slides_[k].foot[a];
+    return out;
+}
+
 int SplineSheet::add_place(const SheetPlace& place)
 {
-    places_.push_back(weights(place));
+    places_.push_back(weights(ordered(place)));
     return static_cast<int>(places_.size()) - 1;
 }
 
 void SplineSheet::fix(const SheetPlace& place)
 {
-    Weights at = weights(place);
+    Weights at = weights(ordered(place));
     const Vector3d point = SplineSheet::at(at, x);
     fixed_.push_back({std::move(at), point});
 }
@@ -362,7 +389,7 @@ void SplineSheet::slide_over(const Vector3d& point)
         for (int j = 0; j <= kTries; ++j)
         {
             const SheetPlace place = {double(i) / kTries, double(j) / kTries, 0.0};
-            if (const double away = (at(place) - point).norm(); away < least)
+            if (const double away = (at(weights(place), x) - point).norm(); away < least)
             {
                 least = away;
                 slide.foot = place;

@@ -51,9 +51,12 @@ public:
 
     bool is_block() const { return bases_.size() == 3; }
     int num_controls() const { return static_cast<int>(x.size() / 3); }
-    Eigen::Vector3d at(const SheetPlace& place) const { return at(weights(place), x); }
+    Eigen::Vector3d at(const SheetPlace& place) const
+    {
+        return at(weights(ordered(place)), x);
+    }
     /// Shares where it slides.
-    SheetPlace sliding(std::size_t k) const { return slides_[k].foot; }
+    SheetPlace sliding(std::size_t k) const;
     bool has_left(std::size_t k) const { return slides_[k].has_left; }
     std::size_t num_slides() const { return slides_.size(); }
     /// M v by the factors of the mass, M = M_a x M_b (x M_c): along one index after the
@@ -139,6 +142,9 @@ private:
         SheetPlace foot;
         bool has_left = false;
     };
+    /// From the order of the statement to that of the sides within: those with the fewest
+    /// control points stand closest in the band.
+    SheetPlace ordered(const SheetPlace& place) const;
     /// How often derived along each side.
     using Orders = std::array<std::size_t, 3>;
     Weights weights(const SheetPlace& place, const Orders& orders = {}) const;
@@ -157,6 +163,7 @@ private:
     bool is_off(const Slide& slide, double share) const;
     Eigen::VectorXd violations(const Eigen::VectorXd& at) const;
 
+    std::vector<std::size_t> order_; ///< of each side its number in the statement
     std::vector<SplineBasis> bases_;
     std::vector<Eigen::MatrixXd> masses_; ///< of each index alone, their sums 1
     std::vector<Eigen::LLT<Eigen::MatrixXd>> mass_factors_;
