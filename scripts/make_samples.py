@@ -799,7 +799,7 @@ def touching_rods(folder):
          "spans": 24, "radius": 0.045, "E": 3e5} for k in range(3)],
         {"dt": 0.001, "duration": 1.0, "every": 0.2, "viscosity": 1},
         obstacles=[{"mesh": "../creature.obj"}, {"plane": [0, 1, 0, -0.06]}],
-        contact={"friction": 0.5})
+        contact={"friction": 0.5, "stiffness": 6e4})
     # A soft tube of 165 points falls together in a box.
     coil = []
     for k in range(55):
