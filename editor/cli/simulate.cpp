@@ -259,8 +259,8 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
     CLI::App* const command = app.add_subcommand(
         "simulate",
         "Spline rods in time: a scene in, frames out.\n\n"
-        "  cellwarp simulate samples/cantilever.json -o bent.obj\n"
-        "  cellwarp simulate samples/pendulum.json -o 'swing-{frame:03}.obj'\n");
+        "  cellwarp simulate samples/rods/cantilever.json -o bent.obj\n"
+        "  cellwarp simulate samples/rods/pendulum.json -o 'swing-{frame:03}.obj'\n");
     command->add_option("SCENE", flags->scene, "scene with rods and simulate (json)")
         ->required();
     command->add_option(
