@@ -66,12 +66,12 @@ void insert_knot(const MovingRod& of, double s)
     Eigen::VectorXd velocity = Eigen::VectorXd::Zero(of.rod.layout().num_unknowns);
     for (int i = 0; i < n; ++i)
     {
-        const auto [coarse, share] = change.knot.row(i);
-        const auto mixed = [&](const std::vector<Vector3d>& p) -> Vector3d
+        const KnotChange::Row row = change.knot.row(i);
+        const auto mixed = [&row](const std::vector<Vector3d>& p) -> Vector3d
         {
-            return share[1] == 0.0 ? p[idx(coarse[0])]
-                                   : Vector3d(share[0] * p[idx(coarse[0])] +
-                                              share[1] * p[idx(coarse[1])]);
+            return row.share[1] == 0.0 ? p[idx(row.coarse[0])]
+                                       : Vector3d(row.share[0] * p[idx(row.coarse[0])] +
+                                                  row.share[1] * p[idx(row.coarse[1])]);
         };
         controls[idx(i)] = mixed(q);
         velocity.segment<3>(of.rod.layout().control[idx(i)]) = mixed(v);
