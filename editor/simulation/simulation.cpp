@@ -349,26 +349,33 @@ void start_nearest(const RodPart& a, const RodPart& b, SlideStatement& of_a,
                 out.push_back(share);
         return out;
     };
+    // Places by length are searches along the rod: each once, not once a pair.
+    const auto places = [](const RodPart& of, const std::vector<double>& shares)
+    {
+        std::vector<Vector3d> out;
+        for (const double share : shares)
+            out.push_back(of.state.at(of.parameter(share)).place);
+        return out;
+    };
     double least = std::numeric_limits<double>::infinity();
     const std::vector<double> shares_of_a = candidates(of_a),
                               shares_of_b = candidates(of_b);
-    for (const double s : shares_of_a)
-    {
-        const Vector3d place = a.state.at(a.parameter(s)).place;
-        for (const double t : shares_of_b)
+    const std::vector<Vector3d> places_of_a = places(a, shares_of_a),
+                                places_of_b = places(b, shares_of_b);
+    for (size_t i = 0; i < shares_of_a.size(); ++i)
+        for (size_t j = 0; j < shares_of_b.size(); ++j)
         {
             // Of a rod on itself not its neighbours.
-            if (&a == &b && std::abs(s - t) < 0.1)
+            if (&a == &b && std::abs(shares_of_a[i] - shares_of_b[j]) < 0.1)
                 continue;
-            const double away = (place - b.state.at(b.parameter(t)).place).norm();
+            const double away = (places_of_a[i] - places_of_b[j]).norm();
             if (away < least)
             {
                 least = away;
-                of_a.start = s;
-                of_b.start = t;
+                of_a.start = shares_of_a[i];
+                of_b.start = shares_of_b[j];
             }
         }
-    }
 }
 
 } // namespace
