@@ -191,6 +191,83 @@ Selector parse_selector(Statement& words, const std::string& file)
     return selector;
 }
 
+/// What a rod or curve says behind its name.
+SplineStatement parse_spline(Role role, Statement& words)
+{
+    using Form = SplineStatement::Form;
+    SplineStatement spline;
+    const std::string form = words.word("form");
+    if (form == "through" || form == "points")
+    {
+        spline.form = form == "through" ? Form::Through : Form::Points;
+        while (!words.is_done() && parse_double(words.peek()))
+            spline.points.push_back(
+                words.vector("point " + std::to_string(spline.points.size())));
+        const std::size_t least = spline.form == Form::Points ? 4 : 2;
+        if (spline.points.size() < least ||
+            spline.points.size() > static_cast<std::size_t>(kMostSplinePoints))
+            words.fail(form, "got " + std::to_string(spline.points.size()) +
+                                 " points, need " + std::to_string(least) + " to " +
+                                 std::to_string(kMostSplinePoints));
+    }
+    else if (form == "from" && role == Role::Rod)
+    {
+        spline.form = Form::Skeleton;
+        if (words.word("source") != "skeleton")
+            words.fail("source", "need 'from skeleton'");
+        if (!words.is_done() && words.peek() == "near")
+        {
+            words.word("near");
+            spline.near = words.word("region name");
+        }
+    }
+    else
+        words.fail("form",
+                   "got " + in_quotes(form) + ", need through" +
+                       (role == Role::Rod ? ", points or from skeleton" : " or points"));
+    const auto positive = [&](const std::string& field)
+    {
+        const double value = words.number(field);
+        if (!(value >= kMinFactor && value <= kMaxFactor))
+            words.fail(field, "got " + shortest(value) + ", need " +
+                                  shortest(kMinFactor) + " to " + shortest(kMaxFactor));
+        return value;
+    };
+    while (!words.is_done())
+    {
+        const std::string word = words.word("option");
+        if (word == "closed" && spline.form != Form::Skeleton)
+            spline.is_closed = true;
+        else if (word == "spans" && spline.form == Form::Through)
+        {
+            spline.spans = words.integer("spans");
+            if (spline.spans < 1 || spline.spans > kMostSpans)
+                words.fail("spans", "got " + std::to_string(spline.spans) +
+                                        ", need 1 to " + std::to_string(kMostSpans));
+        }
+        else if (word == "radius" && role == Role::Rod)
+            spline.radius = positive("radius");
+        else if (word == "stiffness" && role == Role::Rod)
+            spline.stiffness = positive("stiffness");
+        else if (word == "exact" && role == Role::Rod)
+            spline.is_exact = true;
+        else
+            words.fail(
+                "option",
+                "got " + in_quotes(word) + ", need " +
+                    (role == Role::Rod ? "closed, spans, radius, stiffness or exact"
+                                       : "closed or spans") +
+                    (spline.form == Form::Through ? "" : " (spans: of through alone)"));
+    }
+    if (spline.is_closed && spline.points.size() < 3)
+        words.fail("closed", "a closed one needs 3 points");
+    if (spline.form == Form::Through)
+        for (std::size_t k = 1; k < spline.points.size(); ++k)
+            if (spline.points[k] == spline.points[k - 1])
+                words.fail("point " + std::to_string(k), "is where the one before is");
+    return spline;
+}
+
 RegionStatement parse_region(Role role, Statement& words, const std::string& file,
                              std::int64_t line)
 {
@@ -198,6 +275,13 @@ RegionStatement parse_region(Role role, Statement& words, const std::string& fil
     region.role = role;
     region.line = line;
     region.name = words.word("region name");
+    if (role == Role::Rod || role == Role::Curve)
+    {
+        region.selector.kind = Selector::Kind::Spline;
+        region.spline =
+            std::make_shared<const SplineStatement>(parse_spline(role, words));
+        return region;
+    }
     region.selector = parse_selector(words, file);
     if (role == Role::Stiff)
     {
@@ -244,10 +328,49 @@ Operation parse_operation(Statement& words)
         if (operation.matrix->row(3) != Eigen::RowVector4d(0, 0, 0, 1))
             words.fail("matrix", "its last row is not 0 0 0 1");
     }
+    else if (kind == "turn")
+    {
+        operation.kind = Operation::Kind::Turn;
+        operation.degrees = words.number("degrees");
+    }
+    else if (kind == "tangent")
+    {
+        operation.kind = Operation::Kind::Tangent;
+        operation.vector = words.vector("tangent");
+        if (operation.vector.isZero(0))
+            words.fail("tangent", "got 0 0 0, need a direction");
+    }
     else
-        words.fail("operation",
-                   "got " + in_quotes(kind) + ", need translate, rotate, matrix or to");
+        words.fail("operation", "got " + in_quotes(kind) +
+                                    ", need translate, rotate, matrix, to, turn or "
+                                    "tangent");
     return operation;
+}
+
+/// Operations that the role of a region, and the place in a rod or curve, let it make.
+void check_operation(const Operation& operation, bool is_first, Role role,
+                     const MovePlace& place, Statement& words, const std::string& region)
+{
+    using Kind = Operation::Kind;
+    const Kind kind = operation.kind;
+    const bool turns = kind == Kind::Rotate || kind == Kind::Matrix;
+    const bool is_of_rod = kind == Kind::Turn || kind == Kind::Tangent;
+    if (place.kind != MovePlace::Kind::Whole)
+    {
+        if (turns)
+            words.fail(region, "a point of it takes translate, to, turn or tangent");
+        if (is_of_rod && role == Role::Curve)
+            words.fail(region, "a curve has no twist and holds no tangent");
+    }
+    else if (is_of_rod)
+        words.fail(region, "'turn' and 'tangent' are for points of a rod");
+    else if (role == Role::Pin && turns)
+        words.fail(region, "a pin turns freely: it takes translate or to");
+    else if (role != Role::Pin && kind == Kind::To)
+        words.fail(region, "'to' is for a pin, or a point of a rod");
+    if (kind == Kind::To && !is_first)
+        words.fail(region, role == Role::Pin ? "'to' must be a pin's first operation"
+                                             : "'to' must be the first operation");
 }
 
 /// Builds the file statement by statement and knows what may come next.
@@ -290,6 +413,11 @@ public:
                 words.fail(region.name, "is already a " + role_name(known->second.first) +
                                             " region (line " +
                                             std::to_string(known->second.second) + ")");
+            if (!is_new && region.spline)
+                words.fail(region.name, "is already told of (line " +
+                                            std::to_string(known->second.second) + ")");
+            if (region.spline)
+                splines_[region.name] = region.spline;
             stage.regions.push_back(std::move(region));
         }
         else if (keyword == "units")
@@ -305,7 +433,11 @@ public:
         else if (keyword == "frame")
             frame(words, line);
         else if (keyword == "move")
-            move(words, line);
+            move(words, line, false);
+        else if (keyword == "release")
+            move(words, line, true);
+        else if (keyword == "on")
+            on(words, line);
         else if (keyword == "commit")
         {
             if (stage.frames.empty())
@@ -313,11 +445,13 @@ public:
             words.end();
             file_.stages.emplace_back();
             regions_.clear();
+            splines_.clear();
+            guided_.clear();
         }
         else
             words.fail("", "unknown statement (got " + in_quotes(keyword) +
-                               ", need units, fixed, handle, pin, stiff, frame, move or "
-                               "commit)");
+                               ", need units, fixed, handle, pin, stiff, rod, curve, on, "
+                               "frame, move, release or commit)");
     }
 
     HandleFile finish(std::int64_t lines)
@@ -339,7 +473,8 @@ private:
 
     static std::optional<Role> role_named(const std::string& word)
     {
-        for (const Role role : {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff})
+        for (const Role role :
+             {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff, Role::Rod, Role::Curve})
             if (word == role_name(role))
                 return role;
         return std::nullopt;
@@ -361,11 +496,98 @@ private:
         file_.stages.back().frames.push_back({number, {}, line});
     }
 
-    void move(Statement& words, std::int64_t line)
+    void on(Statement& words, std::int64_t line)
+    {
+        Stage& stage = file_.stages.back();
+        if (!stage.frames.empty())
+            words.fail("on", "comes before the frames, or after a commit");
+        OnStatement on;
+        on.line = line;
+        on.pin = words.word("pin name");
+        const auto pin = regions_.find(on.pin);
+        if (pin == regions_.end())
+            words.fail(on.pin, "no region has this name");
+        if (pin->second.first != Role::Pin)
+            words.fail(on.pin, "is a " + role_name(pin->second.first) +
+                                   " region, only a pin can stay on a curve");
+        on.guide = words.word("name of a curve or rod");
+        if (!splines_.contains(on.guide))
+            words.fail(on.guide, "is no curve or rod that was told of before");
+        if (!words.is_done())
+        {
+            if (words.word("at") != "at")
+                words.fail("at", "need 'at' and a share of the length, or nothing");
+            on.at = words.number("at");
+            if (!(*on.at >= 0 && *on.at <= 1))
+                words.fail("at", "got " + shortest(*on.at) + ", need 0 to 1");
+        }
+        words.end();
+        const auto [other, is_first] = guided_.try_emplace(on.pin, line);
+        if (!is_first)
+            words.fail(on.pin, "is already on a curve (line " +
+                                   std::to_string(other->second) + ")");
+        stage.ons.push_back(std::move(on));
+    }
+
+    /// "point K", "start" or "end", if that is what follows.
+    MovePlace move_place(Statement& words, const std::string& region)
+    {
+        MovePlace place;
+        const auto spline = splines_.find(region);
+        if (spline == splines_.end() || words.is_done())
+            return place;
+        const std::string word = words.peek();
+        if (word == "point")
+        {
+            words.word("point");
+            place.kind = MovePlace::Kind::Point;
+            place.point = words.integer("point");
+            const std::size_t count = spline->second->points.size();
+            const bool is_out =
+                place.point < 0 || (count > 0 && place.point >= std::int64_t(count));
+            if (is_out || place.point >= kMostSplinePoints)
+                words.fail("point", "got " + std::to_string(place.point) +
+                                        ", need 0 to " +
+                                        std::to_string(std::int64_t(count) - 1));
+        }
+        else if (word == "start" || word == "end")
+        {
+            words.word(word);
+            place.kind = word == "end" ? MovePlace::Kind::End : MovePlace::Kind::Start;
+            if (spline->second->is_closed && word == "end")
+                words.fail(region, "is closed: it has no end");
+        }
+        return place;
+    }
+
+    /// What "release" names behind the place; nothing: all of it.
+    static HoldParts parts(Statement& words)
+    {
+        if (words.is_done())
+            return {true, true, true};
+        HoldParts released;
+        while (!words.is_done())
+        {
+            const std::string word = words.word("part");
+            if (word == "place")
+                released.place = true;
+            else if (word == "tangent")
+                released.tangent = true;
+            else if (word == "twist")
+                released.twist = true;
+            else
+                words.fail("part",
+                           "got " + in_quotes(word) + ", need place, tangent or twist");
+        }
+        return released;
+    }
+
+    /// \p releases: a release, else a move.
+    void move(Statement& words, std::int64_t line, bool releases)
     {
         Stage& stage = file_.stages.back();
         if (stage.frames.empty())
-            words.fail("move", "no frame stands before it");
+            words.fail(releases ? "release" : "move", "no frame stands before it");
         Move move;
         move.line = line;
         move.region = words.word("region name");
@@ -373,25 +595,34 @@ private:
         if (region == regions_.end())
             words.fail(move.region, "no region has this name");
         const Role role = region->second.first;
-        if (role != Role::Handle && role != Role::Pin)
+        if (role == Role::Fixed || role == Role::Stiff)
             words.fail(move.region, "is a " + role_name(role) +
-                                        " region, only a handle or a pin can be moved");
-        const auto [other, is_first] = moved_.try_emplace(move.region, line);
+                                        " region, only a handle, a pin, a rod or a curve "
+                                        "can be moved");
+        if (const auto guided = guided_.find(move.region); guided != guided_.end())
+            words.fail(move.region, "is on a curve (line " +
+                                        std::to_string(guided->second) +
+                                        "): that moves it");
+        move.place = move_place(words, move.region);
+        const auto [other, is_first] =
+            moved_.try_emplace({move.region, move.place}, line);
         if (!is_first)
             words.fail(move.region, "is moved twice in this frame (line " +
                                         std::to_string(other->second) + ")");
+        if (releases)
+        {
+            if (role != Role::Rod || move.place.kind == MovePlace::Kind::Whole)
+                words.fail(move.region,
+                           "only a point, start or end of a rod is released");
+            move.released = parts(words);
+            stage.frames.back().moves.push_back(std::move(move));
+            return;
+        }
         do
         {
             move.operations.push_back(parse_operation(words));
-            const Operation::Kind kind = move.operations.back().kind;
-            const bool is_pin = role == Role::Pin;
-            if (is_pin &&
-                (kind == Operation::Kind::Rotate || kind == Operation::Kind::Matrix))
-                words.fail(move.region, "a pin turns freely: it takes translate or to");
-            if (!is_pin && kind == Operation::Kind::To)
-                words.fail(move.region, "'to' is for a pin");
-            if (kind == Operation::Kind::To && move.operations.size() > 1)
-                words.fail(move.region, "'to' must be a pin's first operation");
+            check_operation(move.operations.back(), move.operations.size() == 1, role,
+                            move.place, words, move.region);
         } while (!words.is_done());
         stage.frames.back().moves.push_back(std::move(move));
     }
@@ -400,7 +631,10 @@ private:
     bool has_header_ = false;
     std::optional<std::int64_t> last_frame_;
     std::map<std::string, std::pair<Role, std::int64_t>> regions_; ///< role, line
-    std::map<std::string, std::int64_t> moved_; ///< in this frame: line
+    std::map<std::string, std::shared_ptr<const SplineStatement>> splines_;
+    std::map<std::string, std::int64_t> guided_; ///< pins on curves: line
+    /// In this frame: line.
+    std::map<std::pair<std::string, MovePlace>, std::int64_t> moved_;
 };
 
 /// All numbers of a text, with # comments left out.
@@ -491,6 +725,10 @@ std::string role_name(Role role)
         return "pin";
     case Role::Stiff:
         return "stiff";
+    case Role::Rod:
+        return "rod";
+    case Role::Curve:
+        return "curve";
     }
     return {};
 }

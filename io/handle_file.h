@@ -29,10 +29,12 @@ enum class Role
     Fixed,
     Handle,
     Pin,
-    Stiff
+    Stiff,
+    Rod,  ///< a handle that bends
+    Curve ///< a guide: it carries nothing
 };
 
-/// The word of the file: "fixed", "handle", "pin" or "stiff".
+/// The word of the file: "fixed", "handle", "pin", "stiff", "rod" or "curve".
 std::string role_name(Role role);
 
 /// Which samples a region statement names. Numbers are in the file's units.
@@ -47,7 +49,8 @@ struct Selector
         Indices,   ///< ranges
         Labels,    ///< name: file (resolved against the handle file), label
         Group,     ///< name
-        All
+        All,
+        Spline ///< RegionStatement::spline
     };
     Kind kind = Kind::All;
     std::vector<double> numbers;
@@ -56,12 +59,46 @@ struct Selector
     std::int64_t label = 0;
 };
 
+/// The line of a rod or a curve at rest. Numbers are in the file's units.
+struct SplineStatement
+{
+    enum class Form
+    {
+        Through, ///< points on it
+        Points,  ///< control points
+        Skeleton ///< the centre line of the shape, of the limb at region `near`
+    };
+    Form form = Form::Through;
+    std::vector<Eigen::Vector3d> points;
+    std::string near; ///< empty: the longest one
+    bool is_closed = false;
+    std::int64_t spans = 4;          ///< in each gap between two points
+    std::optional<double> radius;    ///< of the tube that it carries; > 0
+    std::optional<double> stiffness; ///< the rod pushes back; > 0
+    bool is_exact = false;           ///< samples in the tube end where the rod has them
+
+    bool operator==(const SplineStatement&) const = default;
+};
+
+/// Most points of a rod or curve, and spans of a gap between two.
+inline constexpr std::int64_t kMostSplinePoints = 1000, kMostSpans = 64;
+
 struct RegionStatement
 {
     Role role = Role::Fixed;
     std::string name;
     Selector selector;
     double factor = 1.0; ///< of a stiff region; > 0
+    std::int64_t line = 0;
+    /// Of a rod or curve alone.
+    std::shared_ptr<const SplineStatement> spline = {};
+};
+
+/// "on PIN GUIDE": the place of a pin stays on a curve or rod.
+struct OnStatement
+{
+    std::string pin, guide;
+    std::optional<double> at; ///< share of its rest length; none: it slides
     std::int64_t line = 0;
 };
 
@@ -73,7 +110,9 @@ struct Operation
         Translate, ///< vector
         Rotate,    ///< vector: axis, degrees, about
         Matrix,    ///< matrix
-        To         ///< vector: where the pin goes
+        To,        ///< vector: where the pin, or the point of a rod, goes
+        Turn,      ///< degrees, about the tangent of a rod
+        Tangent    ///< vector: where the tangent of a rod points
     };
     Kind kind = Kind::Translate;
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
@@ -83,11 +122,38 @@ struct Operation
     std::shared_ptr<const Eigen::Matrix4d> matrix;
 };
 
+/// What a move or a release is about: a region as a whole, or a point of a rod or curve.
+struct MovePlace
+{
+    enum class Kind
+    {
+        Whole,
+        Point,
+        Start,
+        End
+    };
+    Kind kind = Kind::Whole;
+    std::int64_t point = 0; ///< of Kind::Point
+
+    auto operator<=>(const MovePlace&) const = default;
+};
+
+/// What may be held of a rod at a point.
+struct HoldParts
+{
+    bool place = false, tangent = false, twist = false;
+
+    bool operator==(const HoldParts&) const = default;
+};
+
 struct Move
 {
     std::string region;
     std::vector<Operation> operations;
     std::int64_t line = 0;
+    MovePlace place = {};
+    /// Of a release: what is no longer held; then there are no operations.
+    std::optional<HoldParts> released = {};
 };
 
 struct FrameStatement
@@ -102,6 +168,7 @@ struct Stage
 {
     std::vector<RegionStatement> regions;
     std::vector<FrameStatement> frames;
+    std::vector<OnStatement> ons = {};
 };
 
 /// Label files, each read once: whoever asks later, from any thread, gets the same.

@@ -31,6 +31,8 @@ public:
     void region(const RegionStatement& region)
     {
         begin(region);
+        if (region.spline)
+            return spline(*region.spline);
         const Selector& selector = region.selector;
         switch (selector.kind)
         {
@@ -61,6 +63,8 @@ public:
         case Selector::Kind::All:
             word("all");
             break;
+        case Selector::Kind::Spline:
+            break;
         }
         for (const double value : selector.numbers)
             number(value);
@@ -69,10 +73,46 @@ public:
     }
     void move(const Move& move)
     {
-        word("move");
+        word(move.released ? "release" : "move");
         name(move.region);
+        switch (move.place.kind)
+        {
+        case MovePlace::Kind::Whole:
+            break;
+        case MovePlace::Kind::Point:
+            word("point");
+            word(std::to_string(move.place.point));
+            break;
+        case MovePlace::Kind::Start:
+            word("start");
+            break;
+        case MovePlace::Kind::End:
+            word("end");
+            break;
+        }
+        if (move.released && *move.released != HoldParts{true, true, true})
+        {
+            if (move.released->place)
+                word("place");
+            if (move.released->tangent)
+                word("tangent");
+            if (move.released->twist)
+                word("twist");
+        }
         for (const Operation& operation : move.operations)
             this->operation(operation);
+        end();
+    }
+    void on(const OnStatement& on)
+    {
+        word("on");
+        name(on.pin);
+        name(on.guide);
+        if (on.at)
+        {
+            word("at");
+            number(*on.at);
+        }
         end();
     }
     void word(std::string_view text)
@@ -94,6 +134,40 @@ private:
     {
         word(role_name(region.role));
         name(region.name);
+    }
+    void spline(const SplineStatement& spline)
+    {
+        using Form = SplineStatement::Form;
+        word(spline.form == Form::Through  ? "through"
+             : spline.form == Form::Points ? "points"
+                                           : "from skeleton");
+        if (!spline.near.empty())
+        {
+            word("near");
+            name(spline.near);
+        }
+        for (const Eigen::Vector3d& point : spline.points)
+            vector(point);
+        if (spline.is_closed)
+            word("closed");
+        if (spline.spans != SplineStatement().spans)
+        {
+            word("spans");
+            word(std::to_string(spline.spans));
+        }
+        if (spline.radius)
+        {
+            word("radius");
+            number(*spline.radius);
+        }
+        if (spline.stiffness)
+        {
+            word("stiffness");
+            number(*spline.stiffness);
+        }
+        if (spline.is_exact)
+            word("exact");
+        end();
     }
     void ranges(const RegionStatement& region)
     {
@@ -146,6 +220,14 @@ private:
             for (Eigen::Index row = 0; row < 4; ++row)
                 for (Eigen::Index column = 0; column < 4; ++column)
                     number((*operation.matrix)(row, column));
+            break;
+        case Operation::Kind::Turn:
+            word("turn");
+            number(operation.degrees);
+            break;
+        case Operation::Kind::Tangent:
+            word("tangent");
+            vector(operation.vector);
             break;
         }
     }
@@ -206,6 +288,8 @@ std::string handle_text(const HandleFile& file)
         }
         for (const RegionStatement& region : file.stages[s].regions)
             printer.region(region);
+        for (const OnStatement& on : file.stages[s].ons)
+            printer.on(on);
         for (const FrameStatement& frame : file.stages[s].frames)
         {
             printer.word("frame");

@@ -27,7 +27,7 @@ ROOMS = {
     "solver/field": {"solver/field", "solver/cells", "solver/linear", "octree",
                      "octree/base"},
     "editor/session": {"editor/session", "io", "octree", "octree/base", "solver/minimize",
-                       "solver/linear", "solver/cells", "solver/field"},
+                       "solver/linear", "solver/rods", "solver/cells", "solver/field"},
     "editor/apply": {"editor/apply", "editor/session", "io", "octree/base"},
     "editor/study": {"editor/study", "editor/session", "io", "octree", "octree/base",
                      "solver/minimize", "solver/cells", "solver/field"},
@@ -71,14 +71,17 @@ LIBRARIES = {
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
     "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_tree.cpp",
+              "octree/wrap/skeleton.cpp",
               "tests/bench/arap_peer.cpp",
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp"},
+            "solver/rods": {"editor/session/spline_handle.cpp", "editor/simulation",
+                            "solver/contact"},
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
-            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp",
+            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp", "octree/centre_line.cpp",
                             "solver/contact/obstacle.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)
@@ -101,7 +104,8 @@ def problems_of(path, text):
         elif target and ROOMS[room] is not None and target not in ROOMS[room]:
             yield "%s may not include %s" % (room, name)
         for optional, allowed in OPTIONAL.items():
-            if target == optional and room not in (optional, "tests") and path not in allowed:
+            if target == optional and room not in (optional, "tests") and not any(
+                    path == p or path.startswith(p + "/") for p in allowed):
                 yield "%s names the optional part %s" % (path, optional)
         for library, places in LIBRARIES.items():
             if mark == "<" and name.startswith(library) and not any(

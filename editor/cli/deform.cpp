@@ -50,7 +50,9 @@ Json unused_parts(const PartCounts& parts)
         unused.push_back("rbf");
     if (parts.rbf_global == 0)
         unused.push_back("rbf-global");
-    for (const char* part : {"rods", "skeleton", "picking"})
+    if (parts.rods == 0)
+        unused.push_back("rods");
+    for (const char* part : {"skeleton", "picking"})
         unused.push_back(part);
     if (parts.normals == 0)
         unused.push_back("normals");
@@ -181,6 +183,51 @@ Json field_json(const Session& session, const std::string& release)
             {"residual", field->parts().residual / system->rest().frame.diagonal()}};
 }
 
+Json vector_json(const Eigen::Vector3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+/// Points are where the rod's frame has them, forces what holds them there.
+Json rods_json(const std::vector<RodReport>& rods)
+{
+    Json json = Json::array();
+    for (const RodReport& rod : rods)
+    {
+        Json points = Json::array(), forces = Json::array(), held = Json::array();
+        for (std::size_t k = 0; k < rod.points.size(); ++k)
+        {
+            points.push_back(vector_json(rod.points[k]));
+            forces.push_back(vector_json(rod.forces[k]));
+            Json parts = Json::array();
+            if (rod.holds[k].place)
+                parts.push_back("place");
+            if (rod.holds[k].tangent)
+                parts.push_back("tangent");
+            if (rod.holds[k].twist)
+                parts.push_back("twist");
+            held.push_back(parts);
+        }
+        Json pins = Json::array();
+        for (const RodReport::Pin& pin : rod.pins)
+            pins.push_back({{"name", pin.name},
+                            {"at", pin.at},
+                            {"slides", pin.slides},
+                            {"force", vector_json(pin.force)}});
+        json.push_back({{"name", rod.name},
+                        {"kind", rod.is_rod ? "rod" : "curve"},
+                        {"cells", rod.cells},
+                        {"length", rod.length},
+                        {"radius", rod.radius},
+                        {"energy", rod.energy},
+                        {"points", points},
+                        {"held", held},
+                        {"forces", forces},
+                        {"pins", pins}});
+    }
+    return json;
+}
+
 Json volume_json(const std::optional<Volume>& volume)
 {
     return volume ? Json{{"before", volume->before}, {"after", volume->after}}
@@ -292,6 +339,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         for (const FrameReport& report : session.frames())
             json["frames"].push_back(frame_json(report));
         json["field"] = field_json(session, request.release);
+        json["rods"] = rods_json(session.rods());
         json["volume"] = volume_json(session.volume());
         json["ms"] = {{"load", ms.load},   {"cells", ms.cells},
                       {"solve", ms.solve}, {"field", ms.field},

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/picture/figures.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "octree/base/index.h"
 #include "octree/material.h"
 
@@ -24,8 +27,33 @@ Colour colour_of(Role role)
         return {158, 96, 190};
     case Role::Stiff:
         return {110, 168, 96};
+    case Role::Rod:
+        return {222, 104, 84};
+    case Role::Curve:
+        return {70, 150, 200};
     }
     return kPlain;
+}
+
+/// Radii of the lines of rods and curves and of what holds them [diagonal].
+constexpr double kThread = 0.005, kHeld = 0.012;
+constexpr Colour kHeldColour = {60, 60, 66};
+
+/// As balls so close that they look like a thread.
+void add_thread(const std::vector<Eigen::Vector3d>& line, double radius, Colour colour,
+                Figure& figure)
+{
+    constexpr int kMost = 200; // between two places of the line
+    for (std::size_t k = 0; k + 1 < line.size(); ++k)
+    {
+        const double length = (line[k + 1] - line[k]).norm();
+        const int count = static_cast<int>(
+            std::clamp(std::ceil(3.0 * length / radius), 1.0, double(kMost)));
+        for (int i = 0; i < count; ++i)
+            figure.beads.push_back(
+                {line[k] + (line[k + 1] - line[k]) * (double(i) / count), radius,
+                 colour});
+    }
 }
 
 /// Balls that just cover the gaps of a cloud.
@@ -59,6 +87,17 @@ Figure figure_of(const Session& session)
         for (const Region& region : system->regions().regions())
             for (const std::uint32_t i : region.samples)
                 figure.colours[i] = colour_of(region.role);
+    const double diagonal = bounding_box(figure.points).size().norm();
+    for (const RodReport& rod : session.rods())
+    {
+        const Colour colour = rod.is_rod ? colour_of(Role::Rod) : colour_of(Role::Curve);
+        const double thin =
+            std::min(kThread * diagonal, rod.is_rod ? rod.radius : INFINITY);
+        add_thread(rod.line, thin, colour, figure);
+        for (std::size_t k = 0; k < rod.points.size(); ++k)
+            if (rod.is_rod && rod.holds[k].place)
+                figure.beads.push_back({rod.points[k], kHeld * diagonal, kHeldColour});
+    }
     return figure;
 }
 

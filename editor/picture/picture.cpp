@@ -22,10 +22,11 @@ namespace
 
 constexpr int kSamples = 2; ///< an axis of a pixel
 constexpr double kMargin = 1.08;
-constexpr double kCrease = 40.0;    ///< [degree]
-constexpr double kGlass = 0.45;     ///< opacity of boxes
-constexpr double kEdgeWidth = 0.03; ///< of the lines on boxes [edge]
-constexpr float kInk = 0.25f;       ///< brightness of those lines
+constexpr double kCrease = 40.0;     ///< [degree]
+constexpr double kGlass = 0.45;      ///< opacity of boxes
+constexpr double kSeenThrough = 0.7; ///< opacity of beads behind something
+constexpr double kEdgeWidth = 0.03;  ///< of the lines on boxes [edge]
+constexpr float kInk = 0.25f;        ///< brightness of those lines
 
 /// A figure as the ray tracer sees it, in units of the picture's extent.
 class Traced
@@ -33,7 +34,8 @@ class Traced
 public:
     Traced(RTCDevice device, const Figure& figure, const Eigen::Vector3d& centre,
            double extent)
-        : figure_(figure), scene_(rtcNewScene(device)), glass_(rtcNewScene(device))
+        : figure_(figure), scene_(rtcNewScene(device)), glass_(rtcNewScene(device)),
+          beads_(rtcNewScene(device))
     {
         const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3f
         { return ((x - centre) / extent).cast<float>(); };
@@ -98,13 +100,30 @@ public:
             unsigned ignored = 0;
             attach(glass_, boxes, ignored);
         }
+        if (!figure.beads.empty())
+        {
+            const RTCGeometry beads =
+                rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
+            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
+                beads, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float),
+                figure.beads.size()));
+            for (std::size_t i = 0; i < figure.beads.size(); ++i)
+            {
+                Eigen::Map<Eigen::Vector3f>(v + 4 * i) = place(figure.beads[i].place);
+                v[4 * i + 3] = static_cast<float>(figure.beads[i].radius / extent);
+            }
+            unsigned ignored = 0;
+            attach(beads_, beads, ignored);
+        }
         rtcCommitScene(scene_);
         rtcCommitScene(glass_);
+        rtcCommitScene(beads_);
     }
     ~Traced()
     {
         rtcReleaseScene(scene_);
         rtcReleaseScene(glass_);
+        rtcReleaseScene(beads_);
     }
     Traced(const Traced&) = delete;
     Traced& operator=(const Traced&) = delete;
@@ -130,11 +149,12 @@ public:
             const float light = shade(normal, direction) * openness(x, flat, seed, rays);
             seen = opaque(light * colour);
         }
+        const Eigen::Vector4f inside = with_beads(seen, origin, direction, reach);
         if (figure_.boxes.empty())
-            return seen;
+            return inside;
         RTCRayHit box = trace(glass_, origin, direction);
         if (box.hit.geomID == RTC_INVALID_GEOMETRY_ID || box.ray.tfar > reach)
-            return seen;
+            return inside;
         Eigen::Vector3f normal(box.hit.Ng_x, box.hit.Ng_y, box.hit.Ng_z);
         normal.normalize();
         if (normal.dot(direction) > 0)
@@ -147,11 +167,28 @@ public:
         const float cover = is_line ? 0.9f : static_cast<float>(kGlass);
         const Eigen::Vector4f glass = opaque(colour);
         const Eigen::Vector4f behind =
-            seen.w() > 0 ? seen : Eigen::Vector4f(Eigen::Vector4f::Ones());
+            inside.w() > 0 ? inside : Eigen::Vector4f(Eigen::Vector4f::Ones());
         return cover * glass + (1 - cover) * behind;
     }
 
 private:
+    /// What is seen of the beads over \p seen, whose distance is \p reach.
+    Eigen::Vector4f with_beads(const Eigen::Vector4f& seen, const Eigen::Vector3f& origin,
+                               const Eigen::Vector3f& direction, float reach) const
+    {
+        if (figure_.beads.empty())
+            return seen;
+        const RTCRayHit hit = trace(beads_, origin, direction);
+        if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+            return seen;
+        const Eigen::Vector3f normal =
+            Eigen::Vector3f(hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z).normalized();
+        const Eigen::Vector4f bead = opaque(
+            shade(normal, direction) * to_float(figure_.beads[hit.hit.primID].colour));
+        const float cover =
+            hit.ray.tfar < reach ? 1.0f : static_cast<float>(kSeenThrough);
+        return cover * bead + (1 - cover) * seen;
+    }
     static Eigen::Vector4f opaque(const Eigen::Vector3f& c)
     {
         return {c.x(), c.y(), c.z(), 1.0f};
@@ -288,7 +325,7 @@ private:
     }
 
     const Figure& figure_;
-    RTCScene scene_, glass_;
+    RTCScene scene_, glass_, beads_;
     unsigned mesh_id_ = RTC_INVALID_GEOMETRY_ID, ball_id_ = RTC_INVALID_GEOMETRY_ID;
     std::vector<std::uint32_t> balls_;
     std::vector<Eigen::Vector3f> normals_;
@@ -337,6 +374,8 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
         for (const auto& box : figure.boxes)
             for (const Eigen::Vector3d& x : box)
                 include(x);
+        for (const Figure::Bead& bead : figure.beads)
+            include(bead.place);
     }
     const Eigen::Vector3d middle = 0.5 * (low + high);
     const Eigen::Vector3d centre =

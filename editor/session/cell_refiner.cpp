@@ -171,7 +171,7 @@ CellRefiner::differing_regions(const CellSystem& system,
     std::vector<std::vector<int>> regions(body.octree.leaves().size());
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
-        if (!(*regions_)[r].prescribes())
+        if (!(*regions_)[r].moves_as_one())
             continue;
         for (const auto& [cell, share] : system.shares()[r].cells)
         {
@@ -321,7 +321,7 @@ CellSystem CellRefiner::handed_to(const std::shared_ptr<const Body>& body,
         handed_on(rest_->material.grid, old.pieces, old.cells, system.poses(), maps,
                   body->octree, body->pieces, body->cells);
     CellSystem next(body, regions_, system_settings_);
-    next.set_state(poses, system.motions());
+    next.set_state(poses, system);
     return next;
 }
 

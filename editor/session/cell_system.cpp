@@ -22,6 +22,9 @@ namespace
 /// Steps of all regions that differ by no more are one rigid motion.
 constexpr double kSameStep = 1e-12;
 
+/// Places of a rod whose motions the others take part in, at the most.
+constexpr int kMostStations = 16;
+
 /// Regions whose stiffness differs by more than this get a warning.
 constexpr double kExtremeContrast = 1e12;
 
@@ -56,9 +59,12 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());
-    last_motions_ = steps_ = motions_;
+    last_motions_ = motions_;
 
     hold_cells();
+    place_stations();
+    place_guided();
+    steps_.resize(regions_->size() + stations_.size());
     std::vector<Component> components = find_components(cells, constraints_);
     check_memory("equations",
                  RigidMultigrid::memory_estimate(cells.size(), cells.faces.size()),
@@ -66,8 +72,8 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
-    guess_.emplace(cells, glue_, constraints_, region_of_cell_,
-                   static_cast<int>(regions_->size()));
+    guess_.emplace(cells, glue_, constraints_, driving(),
+                   static_cast<int>(steps_.size()));
     for (Component& component : components)
     {
         Part& part = parts_.emplace_back();
@@ -95,6 +101,167 @@ void CellSystem::hold_cells()
     hold_pins();
     for (Constraint& constraint : constraints_)
         constraint.held_now = constraint.held_rest;
+}
+
+/// About one a cell along each rod.
+void CellSystem::place_stations()
+{
+    first_station_.push_back(0);
+    splines_.resize(regions_->size());
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        const Region& region = (*regions_)[r];
+        if (region.spline)
+            splines_[r] = region.spline->rest();
+        if (region.is_rod())
+        {
+            on_rod_.resize(region_of_cell_.size(), 0.0);
+            for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
+                if (region_of_cell_[c] == static_cast<int>(r))
+                    on_rod_[c] = region.spline->nearest(body_->cells.cells[c].centre);
+            const double edge = rest().material.grid.shape().edge;
+            const int count = static_cast<int>(
+                std::clamp(1.0 + std::round(splines_[r]->length() / edge), 2.0,
+                           static_cast<double>(kMostStations)));
+            for (int k = 0; k < count; ++k)
+                stations_.push_back({r, region.spline->parameter_of_share(
+                                            static_cast<double>(k) / (count - 1))});
+        }
+        first_station_.push_back(stations_.size());
+    }
+    last_splines_ = splines_;
+    station_motions_.resize(stations_.size());
+    last_station_motions_ = station_motions_;
+}
+
+RailPlace CellSystem::GuideRail::at(double s) const
+{
+    const SplinePlace place = now_->at(s);
+    return {motion_(place.place) + off_, motion_.R * place.first,
+            motion_.R * place.second};
+}
+
+/// The one cell that holds the place of each pin on a curve; others are free again.
+void CellSystem::place_guided()
+{
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        const Region& region = (*regions_)[r];
+        if (!region.guide)
+            continue;
+        const std::size_t sample = region.samples.front();
+        const Eigen::Vector3d& place = rest().samples[sample];
+        const int own = body_->cell_of_sample[sample];
+        for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
+            if (region_of_cell_[c] == static_cast<int>(r) && static_cast<int>(c) != own)
+            {
+                region_of_cell_[c] = -1;
+                constraints_[c] = Constraint();
+            }
+        if (region_of_cell_[idx(own)] != static_cast<int>(r))
+            throw Error(Fault::Unsolvable,
+                        at({regions_->file(), region.line, region.name},
+                           "another region holds the cell of its sample (smaller cells "
+                           "would part them: raise --across or --max-depth)"));
+        const SplineHandle& spline = *(*regions_)[region.guide->region].spline;
+        on_guide_.resize(regions_->size(), 0.0);
+        on_guide_[r] = region.guide->at ? spline.parameter_of_share(*region.guide->at)
+                                        : spline.nearest(place);
+        Constraint& constraint = constraints_[idx(own)];
+        constraint.hold = region.guide->at ? Hold::Pinned : Hold::Sliding;
+        constraint.held_rest = constraint.held_now = place;
+        guided_.push_back(
+            {r, own, place - spline.rest()->at(on_guide_[r]).place, nullptr});
+    }
+    hold_guided();
+}
+
+/// Where their curves are now.
+void CellSystem::hold_guided()
+{
+    for (Guided& guided : guided_)
+    {
+        const std::size_t curve = (*regions_)[guided.region].guide->region;
+        guided.rail =
+            std::make_unique<GuideRail>(*(*regions_)[curve].spline, splines_[curve],
+                                        motions_[curve], way_left_ * guided.off);
+        Constraint& constraint = constraints_[idx(guided.cell)];
+        constraint.s = on_guide_[guided.region];
+        constraint.rail = constraint.hold == Hold::Sliding ? guided.rail.get() : nullptr;
+        constraint.held_now = guided.rail->at(constraint.s).place;
+        motions_[guided.region] = {Eigen::Matrix3d::Identity(),
+                                   constraint.held_now - constraint.held_rest};
+        poses_[idx(guided.cell)] =
+            held_at_pin(poses_[idx(guided.cell)], constraint,
+                        body_->cells.cells[idx(guided.cell)].centre);
+    }
+}
+
+double CellSystem::share_on_guide(std::size_t region) const
+{
+    return (*regions_)[(*regions_)[region].guide->region].spline->share_of_parameter(
+        on_guide_[region]);
+}
+
+Eigen::Vector3d CellSystem::force_of_guide(std::size_t region) const
+{
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();
+    for (const Guided& guided : guided_)
+        if (guided.region == region)
+            for (const GlueFace& face : glue_.faces)
+                if (face.a == guided.cell || face.b == guided.cell)
+                    force += glue_gradient(face, poses_[idx(face.a)], poses_[idx(face.b)])
+                                 .segment<3>(face.a == guided.cell ? 3 : 9);
+    return force;
+}
+
+/// Of the cells: by their regions, on rods by the stations around.
+std::vector<Driving> CellSystem::driving() const
+{
+    std::vector<Driving> driving(region_of_cell_.begin(), region_of_cell_.end());
+    for (std::size_t c = 0; c < on_rod_.size(); ++c)
+    {
+        const int owner = region_of_cell_[c];
+        if (owner < 0 || !(*regions_)[idx(owner)].is_rod())
+            continue;
+        std::size_t k = first_station_[idx(owner)];
+        const std::size_t last = first_station_[idx(owner) + 1] - 1;
+        while (k + 2 <= last && stations_[k + 1].s <= on_rod_[c])
+            ++k;
+        const double share = std::clamp((on_rod_[c] - stations_[k].s) /
+                                            (stations_[k + 1].s - stations_[k].s),
+                                        0.0, 1.0);
+        const int first = static_cast<int>(regions_->size() + k);
+        driving[c] = {first, first + 1, share};
+    }
+    return driving;
+}
+
+void CellSystem::find_station_motions(std::vector<Motion>& motions) const
+{
+    for (std::size_t k = 0; k < stations_.size(); ++k)
+    {
+        const auto& [region, s] = stations_[k];
+        motions[k] = motions_[region] * splines_[region]->carry(s);
+    }
+}
+
+Pose CellSystem::pose_on_rod(std::size_t cell) const
+{
+    const std::size_t region = idx(region_of_cell_[cell]);
+    const Motion bent = splines_[region]->carry(on_rod_[cell]);
+    const Eigen::Vector3d& centre = body_->cells.cells[cell].centre;
+    if (bent.R.isIdentity(0) && bent.t.isZero(0))
+        return carried(motions_[region], centre);
+    return carried(motions_[region] * bent, centre);
+}
+
+Motion CellSystem::motion_at(std::size_t region, const Eigen::Vector3d& x) const
+{
+    if (!(*regions_)[region].is_rod())
+        return motions_[region];
+    return motions_[region] *
+           splines_[region]->carry((*regions_)[region].spline->nearest(x));
 }
 
 /// A pinned cell is held at the mean of the pin's samples in it. One without any is held
@@ -168,7 +335,7 @@ void CellSystem::place_fades()
     {
         const Region& region = (*regions_)[r];
         std::optional<RegionFade>& fade = fades_.emplace_back();
-        if (!region.prescribes() || region.samples.empty())
+        if (!region.moves_as_one() || region.samples.empty())
             continue;
         std::vector<RegionFade::Node> samples, further;
         for (const std::uint32_t i : region.samples)
@@ -198,20 +365,42 @@ void CellSystem::set_state(std::span<const Pose> poses, std::span<const Motion> 
     std::copy(poses.begin(), poses.end(), poses_.begin());
     move_regions(motions);
     last_motions_ = motions_;
+    last_splines_ = splines_;
+    last_station_motions_ = station_motions_;
+}
+
+void CellSystem::set_state(std::span<const Pose> poses, const CellSystem& other)
+{
+    on_guide_ = other.on_guide_;
+    std::copy(poses.begin(), poses.end(), poses_.begin());
+    move_regions(other.motions_, other.splines_, other.way_left_);
+    last_motions_ = motions_;
+    last_splines_ = splines_;
+    last_station_motions_ = station_motions_;
 }
 
 void CellSystem::set_state(const CellSystemState& state)
 {
-    move_regions(state.motions);
+    on_guide_ = state.on_guide;
+    move_regions(state.motions, state.splines, state.way_left);
     last_motions_ = motions_;
+    last_splines_ = splines_;
+    last_station_motions_ = station_motions_;
     poses_ = state.poses; // also of pinned cells, whose places would be found anew
     minimizer_->forget(poses_, state.is_refreshed);
 }
 
-void CellSystem::move_regions(std::span<const Motion> motions)
+void CellSystem::move_regions(std::span<const Motion> motions,
+                              std::span<const std::shared_ptr<const SplineState>> splines,
+                              double way_left)
 {
+    way_left_ = way_left;
     last_motions_.swap(motions_);
     std::copy(motions.begin(), motions.end(), motions_.begin());
+    last_splines_ = splines_;
+    std::copy(splines.begin(), splines.end(), splines_.begin());
+    last_station_motions_.swap(station_motions_);
+    find_station_motions(station_motions_);
     for (std::size_t c = 0; c < constraints_.size(); ++c)
     {
         const int owner = region_of_cell_[c];
@@ -221,13 +410,15 @@ void CellSystem::move_regions(std::span<const Motion> motions)
         Constraint& constraint = constraints_[c];
         const Eigen::Vector3d& centre = body_->cells.cells[c].centre;
         if (constraint.hold == Hold::Prescribed)
-            poses_[c] = carried(motion, centre);
+            poses_[c] = (*regions_)[idx(owner)].is_rod() ? pose_on_rod(c)
+                                                         : carried(motion, centre);
         else if (constraint.hold == Hold::Pinned)
         {
             constraint.held_now = constraint.held_rest + motion.t;
             poses_[c] = held_at_pin(poses_[c], constraint, centre);
         }
     }
+    hold_guided();
     minimizer_->set_held_points(constraints_);
 }
 
@@ -241,9 +432,11 @@ std::optional<Motion> CellSystem::rigid_step_of(const Component& component) cons
         {
             const std::size_t c = idx(cell);
             const int owner = region_of_cell_[c];
-            if (owner < 0 || (constraints_[c].hold == Hold::Pinned) != is_pin)
+            if (owner < 0 || (constraints_[c].hold != Hold::Prescribed) != is_pin)
                 continue;
             const std::size_t r = idx(owner);
+            if (splines_[r] != last_splines_[r] && (*regions_)[r].is_rod())
+                return std::nullopt; // it has bent
             if (!step)
                 step = steps_[r];
             const double scale = std::max(1.0, steps_[r].t.norm());
@@ -260,8 +453,11 @@ std::optional<Motion> CellSystem::rigid_step_of(const Component& component) cons
 
 void CellSystem::carry_others()
 {
-    for (std::size_t r = 0; r < steps_.size(); ++r)
+    for (std::size_t r = 0; r < motions_.size(); ++r)
         steps_[r] = motions_[r] * inverse(last_motions_[r]);
+    for (std::size_t k = 0; k < stations_.size(); ++k)
+        steps_[motions_.size() + k] =
+            station_motions_[k] * inverse(last_station_motions_[k]);
     for (const Part& part : parts_)
     {
         if (!part.component.is_held)
@@ -277,7 +473,8 @@ void CellSystem::carry_others()
             Pose& pose = poses_[c];
             if (rigid)
                 pose = {rigid->R * pose.R, (*rigid)(pose.p)};
-            if (constraints_[c].hold == Hold::Pinned)
+            if (constraints_[c].hold == Hold::Pinned ||
+                constraints_[c].hold == Hold::Sliding)
                 pose = held_at_pin(pose, constraints_[c], body_->cells.cells[c].centre);
         }
     }
@@ -290,7 +487,16 @@ Residual CellSystem::residual()
 
 SolveReport CellSystem::solve(const SolveOptions& options)
 {
-    return minimizer_->minimize(poses_, options);
+    const SolveReport report = minimizer_->minimize(poses_, options);
+    for (const Guided& guided : guided_)
+    {
+        Constraint& constraint = constraints_[idx(guided.cell)];
+        constraint.s = minimizer_->constraint(guided.cell).s;
+        constraint.held_now = minimizer_->constraint(guided.cell).held_now;
+        on_guide_[guided.region] = constraint.s;
+        motions_[guided.region].t = constraint.held_now - constraint.held_rest;
+    }
+    return report;
 }
 
 double CellSystem::largest_gap() const

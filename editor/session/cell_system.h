@@ -30,6 +30,10 @@ struct CellSystemState
 {
     std::vector<Pose> poses;
     std::vector<Motion> motions; ///< of the regions
+    /// Of the regions: where rods and curves are; null for others.
+    std::vector<std::shared_ptr<const SplineState>> splines;
+    std::vector<double> on_guide; ///< of the regions: parameter of a pin on its curve
+    double way_left = 1.0;        ///< see move_regions()
     /// Whether the preconditioner is no longer that of the rest.
     bool is_refreshed = false;
 };
@@ -57,6 +61,14 @@ public:
     const Glue& glue() const { return glue_; }
     const std::vector<Pose>& poses() const { return poses_; }
     const std::vector<Motion>& motions() const { return motions_; } ///< of the regions
+    /// Of the regions: where rods and curves are, before their motions; null for others.
+    const std::vector<std::shared_ptr<const SplineState>>& splines() const
+    {
+        return splines_;
+    }
+    /// The motion that a region's cell, or what is near it, takes from it: for a rod that
+    /// of its frame nearest to the rest place \p x.
+    Motion motion_at(std::size_t region, const Eigen::Vector3d& x) const;
     const CellMinimizer& minimizer() const { return *minimizer_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
 
@@ -67,7 +79,17 @@ public:
     }
 
     /// Moves the cells of the regions, one motion a region, from rest. The others stay.
-    void move_regions(std::span<const Motion> motions);
+    /// \p splines: one a region, to which rods and curves bend before; empty: as they
+    /// are. Pins on curves go where those lead them, whatever their motions say;
+    /// \p way_left: what part of the way from their rest to the curve they have not gone.
+    void move_regions(std::span<const Motion> motions,
+                      std::span<const std::shared_ptr<const SplineState>> splines = {},
+                      double way_left = 0.0);
+    double way_left() const { return way_left_; }
+    /// The share of its curve's rest length where a pin is, and the force of the curve on
+    /// it [work^2].
+    double share_on_guide(std::size_t region) const;
+    Eigen::Vector3d force_of_guide(std::size_t region) const;
     /// Lets the others take part in the last move: a component whose regions all made one
     /// rigid step makes it as a whole, in others each cell by its share.
     void carry_others();
@@ -78,10 +100,13 @@ public:
     SolveReport solve(const SolveOptions& options);
     /// Starts from other poses, at which the regions have made \p motions.
     void set_state(std::span<const Pose> poses, std::span<const Motion> motions);
+    /// The same with all of another system's regions, in other cells.
+    void set_state(std::span<const Pose> poses, const CellSystem& other);
     /// All that the next solve depends on.
     CellSystemState state() const
     {
-        return {poses_, motions_, minimizer_->is_refreshed()};
+        return {poses_,    motions_,  splines_,
+                on_guide_, way_left_, minimizer_->is_refreshed()};
     }
     /// Goes on from a state of a system in the same cells, to the same bits as from
     /// there.
@@ -101,7 +126,49 @@ private:
         std::vector<int> movable;
     };
 
+    /// A place of a rod, whose motion the others take part in.
+    struct Station
+    {
+        std::size_t region;
+        double s;
+    };
+
+    /// The curve of a pin, where it is now.
+    class GuideRail final : public Rail
+    {
+    public:
+        GuideRail(const SplineHandle& of, const std::shared_ptr<const SplineState>& now,
+                  const Motion& motion, const Eigen::Vector3d& off)
+            : of_(of), now_(now), motion_(motion), off_(off)
+        {
+        }
+        RailPlace at(double s) const override;
+        double begin() const override { return of_.begin(); }
+        double end() const override { return of_.end(); }
+        bool is_closed() const override { return of_.is_closed(); }
+
+    private:
+        const SplineHandle& of_;
+        std::shared_ptr<const SplineState> now_;
+        Motion motion_;
+        Eigen::Vector3d off_; ///< of all places
+    };
+    /// A pin on a curve.
+    struct Guided
+    {
+        std::size_t region;
+        int cell;
+        Eigen::Vector3d off; ///< from the curve at rest to the pin at rest
+        std::unique_ptr<GuideRail> rail;
+    };
+
     void hold_cells();
+    void place_stations();
+    void place_guided();
+    void hold_guided();
+    std::vector<Driving> driving() const;
+    void find_station_motions(std::vector<Motion>& motions) const;
+    Pose pose_on_rod(std::size_t cell) const;
     void hold_pins();
     void warn_of_components();
     void place_fades();
@@ -120,9 +187,18 @@ private:
     std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;
     std::vector<std::string> warnings_;
+    std::vector<double> on_rod_;    ///< parameter of a rod's cell; empty: no rods
+    std::vector<Station> stations_; ///< of all rods
+    std::vector<std::size_t> first_station_; ///< regions + 1 offsets into stations
+    std::vector<Guided> guided_;
     // State.
     std::vector<Pose> poses_;
-    std::vector<Motion> motions_, last_motions_, steps_; ///< a region
+    std::vector<Motion> motions_, last_motions_; ///< a region
+    std::vector<std::shared_ptr<const SplineState>> splines_, last_splines_;
+    std::vector<Motion> station_motions_, last_station_motions_;
+    std::vector<double> on_guide_; ///< a region; empty: none
+    double way_left_ = 1.0;
+    std::vector<Motion> steps_; ///< of the regions, then of the stations
 };
 
 } // namespace cellwarp

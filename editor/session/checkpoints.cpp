@@ -56,9 +56,10 @@ std::size_t bytes_of(const Checkpoint& state)
 {
     std::size_t bytes = sizeof state + bytes_of(state.octree) +
                         bytes_of(state.system.poses) + bytes_of(state.system.motions) +
-                        bytes_of(state.steps) + bytes_of(state.warnings);
-    for (const std::vector<Step>& steps : state.steps)
-        bytes += bytes_of(steps);
+                        bytes_of(state.system.on_guide) + bytes_of(state.aims) +
+                        bytes_of(state.warnings);
+    for (const RegionAim& aim : state.aims)
+        bytes += bytes_of(aim.steps) + bytes_of(aim.holds);
     for (const std::string& warning : state.warnings)
         bytes += warning.size();
     return bytes;

@@ -11,8 +11,8 @@
 
 #include "editor/session/cell_refiner.h"
 #include "editor/session/cell_system.h"
+#include "editor/session/frame_plan.h"
 #include "editor/session/frame_report.h"
-#include "editor/session/handle_trajectory.h"
 #include "editor/session/script_fingerprint.h"
 #include "io/geometry.h"
 
@@ -45,7 +45,7 @@ struct Checkpoint
     std::shared_ptr<const StageStart> start;
     Octree octree;
     CellSystemState system;
-    std::vector<std::vector<Step>> steps; ///< a region
+    std::vector<RegionAim> aims; ///< a region
     SolveReport last_solve;
     std::optional<FrameReport> report; ///< none before the first frame
     std::vector<std::string> warnings;

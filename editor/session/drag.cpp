@@ -33,19 +33,20 @@ Drag::Drag(CellSystem system, const DragSettings& settings,
                      system_->constraints(), faded);
 }
 
-void Drag::blend(std::span<const Motion> motions)
+void Drag::blend()
 {
     for (std::size_t k = 0; k < faded_regions_.size(); ++k)
-        faded_motions_[k] = motions[faded_regions_[k]];
+        faded_motions_[k] = system_->motions()[faded_regions_[k]];
     samples_->apply(system_->poses(), faded_motions_);
 }
 
-DragReport Drag::frame(std::span<const Motion> motions)
+DragReport Drag::frame(std::span<const Motion> motions,
+                       std::span<const std::shared_ptr<const SplineState>> splines)
 {
     assert(motions.size() == system_->regions().size());
     DragReport report;
     Clock::time_point start = Clock::now();
-    system_->move_regions(motions);
+    system_->move_regions(motions, splines);
     system_->carry_others();
     SolveOptions options;
     options.max_iterations = settings_.max_iterations;
@@ -55,7 +56,7 @@ DragReport Drag::frame(std::span<const Motion> motions)
     report.solve = system_->solve(options);
     report.solve_ms = ms_since(start);
     start = Clock::now();
-    blend(motions);
+    blend();
     report.blend_ms = ms_since(start);
     return report;
 }
@@ -63,7 +64,7 @@ DragReport Drag::frame(std::span<const Motion> motions)
 void Drag::start_from(std::span<const Pose> poses, std::span<const Motion> motions)
 {
     system_->set_state(poses, motions);
-    blend(motions);
+    blend();
 }
 
 } // namespace cellwarp

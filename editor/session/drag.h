@@ -40,7 +40,9 @@ public:
     /// Moves the regions (one motion each, from rest), takes a step or two towards
     /// the minimum, and moves all samples along. Frames with the same motions go on
     /// converging.
-    DragReport frame(std::span<const Motion> motions);
+    /// \p splines: see CellSystem::move_regions().
+    DragReport frame(std::span<const Motion> motions,
+                     std::span<const std::shared_ptr<const SplineState>> splines = {});
 
     /// Shows \p poses, at which the regions have made \p motions.
     void start_from(std::span<const Pose> poses, std::span<const Motion> motions);
@@ -50,7 +52,7 @@ public:
     const SampleBlend& samples() const { return *samples_; }
 
 private:
-    void blend(std::span<const Motion> motions);
+    void blend();
 
     DragSettings settings_;
     std::unique_ptr<CellSystem> system_; ///< at a fixed address: the table points into it

@@ -2,7 +2,10 @@
 #include "editor/session/frame_plan.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numbers>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -20,12 +23,23 @@ constexpr double kSameMotion = 1e-12;
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
 
+/// A part of the way of a rod's point, of the diagonal or the rod's length, whichever is
+/// shorter; and of its turn [rad].
+constexpr double kMaxSplineWay = 0.25, kMaxSplineTurn = std::numbers::pi / 4.0;
+
 /// Regions that hold one sample must move it alike.
 void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions,
                     const RestShape& rest, const std::string& file, std::int64_t line)
 {
     for (const RegionSet::Overlap& overlap : regions.overlaps())
     {
+        for (const std::size_t pin : {overlap.a, overlap.b})
+            if (regions[pin].guide)
+                throw malformed(
+                    {file, regions[pin].guide->line, regions[pin].name},
+                    fmt::format("stays on a curve, but {} holds its sample {}",
+                                regions[overlap.a + overlap.b - pin].name,
+                                overlap.sample));
         const Eigen::Vector3d& x = rest.samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
         const double scale =
@@ -40,11 +54,110 @@ void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions
     }
 }
 
+/// The point of a rod or curve that a move is about.
+std::size_t point_of(const Move& move, const SplineHandle& spline,
+                     const std::string& file)
+{
+    switch (move.place.kind)
+    {
+    case MovePlace::Kind::End:
+        return spline.num_points() - 1;
+    case MovePlace::Kind::Point:
+        if (move.place.point >= static_cast<std::int64_t>(spline.num_points()))
+            throw malformed({file, move.line, "point"},
+                            fmt::format("got {}, need 0 to {}", move.place.point,
+                                        spline.num_points() - 1));
+        return static_cast<std::size_t>(move.place.point);
+    default:
+        return 0;
+    }
+}
+
+/// What a move of a point, or its release, makes of what holds it.
+void hold(const Move& move, const Region& region, const Units& units,
+          const std::string& file, std::int64_t frame, SplineHolds& holds)
+{
+    const std::size_t point = point_of(move, *region.spline, file);
+    SplineHold& now = holds[point];
+    if (move.released)
+    {
+        now.parts.place &= !move.released->place;
+        now.parts.tangent &= !move.released->tangent;
+        now.parts.twist &= !move.released->twist;
+        return;
+    }
+    const SplineHold rest = region.spline->rest_holds()[point];
+    std::optional<Eigen::Vector3d> place;
+    for (const Operation& operation : move.operations)
+        switch (operation.kind)
+        {
+        case Operation::Kind::Translate:
+            place = place.value_or(rest.place) + units.vector(operation.vector);
+            break;
+        case Operation::Kind::To:
+            place = units.point(operation.vector);
+            break;
+        case Operation::Kind::Turn:
+            now.parts.twist = true;
+            now.turn = operation.degrees * std::numbers::pi / 180.0;
+            break;
+        case Operation::Kind::Tangent:
+            now.parts.tangent = true;
+            now.tangent = (units.frame.axes *
+                           (operation.vector / operation.vector.cwiseAbs().maxCoeff()))
+                              .normalized();
+            break;
+        default:
+            break;
+        }
+    if (place)
+    {
+        now.parts.place = true;
+        now.place = *place;
+    }
+    if (!now.place.allFinite() || !std::isfinite(now.turn))
+        throw malformed({file, move.line, region.name},
+                        "moves beyond what numbers can hold");
+    if ((now.parts.tangent || now.parts.twist) && !region.spline->has_frame_at(point))
+        throw malformed({file, move.line, region.name},
+                        fmt::format("frame {}: point {} is a control point off the rod: "
+                                    "its place alone is held",
+                                    frame, point));
+}
+
+/// From the rest place of a pin to where it is to be on its curve.
+double way_to_guide(const RegionSet& regions, std::size_t pin, const RestShape& rest)
+{
+    const Region& region = regions[pin];
+    const SplineHandle& spline = *regions[region.guide->region].spline;
+    const Eigen::Vector3d& x = rest.samples[region.samples.front()];
+    const double s = region.guide->at ? spline.parameter_of_share(*region.guide->at)
+                                      : spline.nearest(x);
+    return (spline.rest()->at(s).place - x).norm();
+}
+
+/// How many parts keep each to 45 degrees and a quarter of \p size.
+int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
+{
+    double parts = 1.0;
+    for (std::size_t k = 0; k < to.size(); ++k)
+    {
+        const double way = (to[k].place - from[k].place).norm();
+        const double turn = std::max(
+            std::abs(to[k].turn - from[k].turn),
+            std::acos(std::clamp(to[k].tangent.dot(from[k].tangent), -1.0, 1.0)));
+        parts = std::max({parts, std::ceil(way / (kMaxSplineWay * size) - 1e-9),
+                          std::ceil(turn / kMaxSplineTurn - 1e-9)});
+    }
+    return static_cast<int>(std::min(parts, 64.0));
+}
+
 } // namespace
 
 bool FramePlan::stands() const
 {
-    return std::all_of(paths.begin(), paths.end(),
+    return from_holds == to_holds &&
+           std::all_of(paths.begin(), paths.end(),
                        [](const HandleTrajectory& path)
                        {
                            const Motion from = path.at(0.0), to = path.at(1.0);
@@ -68,19 +181,22 @@ std::vector<Motion> FramePlan::motions(double t) const
 
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
-                     std::vector<std::vector<Step>>& steps,
-                     std::vector<std::string>& warnings)
+                     std::vector<RegionAim>& aims, std::vector<std::string>& warnings)
 {
     const double diagonal = rest.frame.diagonal();
     std::map<std::string, const Move*> moves;
+    std::map<std::string, std::vector<const Move*>> moves_of_points;
     for (const Move& move : frame.moves)
-        moves[move.region] = &move;
+        if (move.place.kind == MovePlace::Kind::Whole)
+            moves[move.region] = &move;
+        else
+            moves_of_points[move.region].push_back(&move);
     FramePlan plan;
     std::vector<Motion> motions;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
         const ModelBox& box = regions.box(r);
-        std::vector<Step> next = steps[r];
+        std::vector<Step> next = aims[r].steps;
         if (const auto found = moves.find(regions[r].name); found != moves.end())
         {
             const Move& move = *found->second;
@@ -94,9 +210,31 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                     " samples, use translate");
             next = steps_of(move, units, regions.centre(r), box.low, file, warnings);
         }
-        const HandleTrajectory& path = plan.paths.emplace_back(steps[r], next);
-        steps[r] = std::move(next);
+        const HandleTrajectory& path = plan.paths.emplace_back(aims[r].steps, next);
+        aims[r].steps = std::move(next);
+        SplineHolds& from = plan.from_holds.emplace_back();
+        SplineHolds& to = plan.to_holds.emplace_back();
+        if (const SplineHandle* const spline = regions[r].spline.get())
+        {
+            from = aims[r].holds.empty() ? spline->rest_holds() : aims[r].holds;
+            to = from;
+            for (const Move* const move : moves_of_points[regions[r].name])
+                hold(*move, regions[r], units, file, frame.number, to);
+            aims[r].holds = to;
+            plan.num_parts = std::max(
+                plan.num_parts,
+                num_parts_of(from, to, std::min(diagonal, spline->rest()->length())));
+        }
         motions.push_back(path.at(1.0));
+        if (regions[r].guide && !aims[r].is_on_guide)
+        {
+            aims[r].is_on_guide = true;
+            plan.num_parts = std::max(
+                plan.num_parts,
+                static_cast<int>(std::min(
+                    64.0, std::ceil(way_to_guide(regions, r, rest) /
+                                    (kMaxSplineWay * std::max(diagonal, 1e-300))))));
+        }
         if (!regions[r].prescribes())
             continue;
         plan.num_parts =

@@ -13,10 +13,20 @@
 namespace cellwarp
 {
 
+/// Where the statements so far have a region.
+struct RegionAim
+{
+    std::vector<Step> steps;
+    SplineHolds holds;        ///< of a rod or curve; empty: as at rest
+    bool is_on_guide = false; ///< a pin on a curve has come there
+};
+
 struct FramePlan
 {
     std::vector<HandleTrajectory> paths; ///< a region
-    int num_parts = 1;                   ///< in which the way is gone
+    /// Of rods and curves, a region; empty for others.
+    std::vector<SplineHolds> from_holds, to_holds;
+    int num_parts = 1; ///< in which the way is gone
 
     /// Whether no region moves.
     bool stands() const;
@@ -26,11 +36,10 @@ struct FramePlan
     std::vector<Motion> motions(double t) const;
 };
 
-/// The way from where \p steps have the regions; they are those of the frame afterwards.
+/// The way from where \p aims have the regions; they are those of the frame afterwards.
 /// \p file names the handle file. Throws Fault::Malformed.
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
-                     std::vector<std::vector<Step>>& steps,
-                     std::vector<std::string>& warnings);
+                     std::vector<RegionAim>& aims, std::vector<std::string>& warnings);
 
 } // namespace cellwarp

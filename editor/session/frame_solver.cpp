@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "editor/session/turn_chains.h"
+#include "io/error.h"
 #include "octree/base/clock.h"
 #include "solver/cells/refinement.h"
 
@@ -135,11 +136,59 @@ struct FrameSolver::Start
     CellSystemState state;
 };
 
+/// What the plan has them begin from; of what was not held, where it is.
+std::vector<SplineHolds> FrameSolver::start_of_holds() const
+{
+    std::vector<SplineHolds> starts = plan_.from_holds;
+    for (std::size_t r = 0; r < starts.size(); ++r)
+    {
+        if (starts[r].empty())
+            continue;
+        const SplineState& now = *system_.splines()[r];
+        const SplineHandle& spline = *system_.regions()[r].spline;
+        const std::vector<Eigen::Vector3d> points = now.points();
+        for (std::size_t k = 0; k < starts[r].size(); ++k)
+        {
+            SplineHold& hold = starts[r][k];
+            if (!hold.parts.place)
+                hold.place = points[k];
+            if (spline.has_frame_at(k) && !hold.parts.tangent)
+                hold.tangent = now.frame_at_point(k).col(2);
+            if (spline.has_frame_at(k) && !hold.parts.twist)
+                hold.turn = now.turn_at_point(k);
+        }
+    }
+    return starts;
+}
+
+/// The rods and curves at \p t of the way. Throws Fault::Unsolvable.
+std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double t) const
+{
+    std::vector<std::shared_ptr<const SplineState>> splines = system_.splines();
+    for (std::size_t r = 0; r < splines.size(); ++r)
+    {
+        if (!splines[r] || plan_.from_holds[r] == plan_.to_holds[r])
+            continue;
+        const Region& region = system_.regions()[r];
+        splines[r] = region.spline->moved(*splines[r],
+                                          between(from_holds_[r], plan_.to_holds[r], t));
+        if (!splines[r])
+            throw Error(Fault::Unsolvable,
+                        at({system_.regions().file(), region.line, region.name},
+                           "frame " + std::to_string(frame_) +
+                               ": the rod finds no rest with what holds it there (a move "
+                               "may be too far)"));
+    }
+    return splines;
+}
+
 /// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
 /// one is solved to the tolerance asked for.
 void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
 {
     way.parts = plan_.num_parts;
+    from_holds_ = start_of_holds();
+    const double left = system_.way_left();
     way.is_wound = plan_.is_wound();
     std::optional<TurnChains> chains;
     if (way.is_wound)
@@ -154,7 +203,8 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
             way.part = way.parts;
         if (chains)
             way.turns -= chains->turns(system_.poses());
-        system_.move_regions(plan_.motions(static_cast<double>(way.part) / way.parts));
+        const double share = static_cast<double>(way.part) / way.parts;
+        system_.move_regions(plan_.motions(share), bent(share), left * (1.0 - share));
         if (way.gradient_scale == 0.0)
         {
             const Residual first = system_.residual();

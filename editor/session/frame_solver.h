@@ -47,13 +47,16 @@ private:
     bool may_miss_a_minimum(const Way& way) const;
     void start_again(const Start& start, Way& way, FrameReport& report);
     void part_regions(FrameReport& report);
+    std::vector<SplineHolds> start_of_holds() const;
+    std::vector<std::shared_ptr<const SplineState>> bent(double t) const;
 
     CellSystem& system_;
     CellRefiner& refiner_;
     const FramePlan& plan_;
     const SessionSettings& settings_;
     std::size_t frames_done_;
-    std::int64_t frame_ = 0; ///< its number
+    std::int64_t frame_ = 0;              ///< its number
+    std::vector<SplineHolds> from_holds_; ///< of rods and curves, where they begin
     bool is_left_wound_ = false;
 };
 

@@ -156,6 +156,9 @@ std::vector<Step> steps_of(const Move& move, const Units& units,
         case Operation::Kind::To:
             step.vector = units.point(operation.vector) - place;
             break;
+        case Operation::Kind::Turn: // of the points of rods: frame_plan.cpp
+        case Operation::Kind::Tangent:
+            break;
         case Operation::Kind::Rotate:
         {
             step.kind = Step::Kind::Rotate;

@@ -21,6 +21,8 @@ struct Units
     WorkFrame frame;
     bool is_relative = false;
     ModelBox box; ///< of the rest samples [model unit]
+    /// Of a coarsest cell [work]; where there are none yet, a share of the diagonal.
+    double cell_edge = 0.0;
 
     Eigen::Vector3d point(const Eigen::Vector3d& given) const;  ///< [work]
     Eigen::Vector3d vector(const Eigen::Vector3d& given) const; ///< [work]

@@ -122,13 +122,13 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
     };
     for (std::size_t r = 0; r < regions.size(); ++r)
         for (const auto& [cell, share] : shares[r].cells)
-            if (regions[r].prescribes() && share >= kMajority)
+            if (regions[r].moves_as_one() && share >= kMajority)
                 take(r, cell, share);
     // Without a majority anywhere, or in a component that holds samples of it, a region
     // takes the cells there that it has most of, unless a larger share holds them.
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (!regions[r].prescribes())
+        if (!regions[r].moves_as_one())
             continue;
         std::map<int, double> largest; // of a component
         for (const int home : shares[r].homes)
@@ -146,6 +146,11 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
                 take(r, cell, share);
         }
     }
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        if (regions[r].is_rod())
+            for (const auto& [cell, share] : shares[r].cells)
+                if (owner[idx(cell)] < 0)
+                    owner[idx(cell)] = static_cast<int>(r);
     return owner;
 }
 
@@ -221,7 +226,7 @@ std::vector<int> crowded_cells(const RegionSet& regions,
     std::vector<int> crowded;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (!regions[r].prescribes())
+        if (!regions[r].moves_as_one())
             continue;
         std::vector<bool> is_left(cells.size(), false);
         for (const auto& [cell, share] : shares[r].cells)
@@ -306,7 +311,11 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
     const auto holder = [&](int cell)
     {
         const int region = region_of_cell[idx(cell)];
-        return region >= 0 && regions[idx(region)].role != Role::Pin ? region : -1;
+        // Pins and rods hold cells one by one: they end where the cells do.
+        return region >= 0 && regions[idx(region)].moves_as_one() &&
+                       regions[idx(region)].role != Role::Pin
+                   ? region
+                   : -1;
     };
     std::vector<BorderGlue> borders;
     for (std::size_t f = 0; f < body.cells.faces.size(); ++f)

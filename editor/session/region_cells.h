@@ -16,7 +16,8 @@ namespace cellwarp
 /// Which region prescribes each cell, by index; -1 if none. The share must be at
 /// least half; of two such regions the larger share, then the first. A region that
 /// reaches no such cell, or none in a component that holds samples of it, takes all cells
-/// there within 1e-6 of its largest share. Throws Fault::Unsolvable if a region is left
+/// there within 1e-6 of its largest share. A rod has what others leave of the cells that
+/// its tube meets, of two rods the first. Throws Fault::Unsolvable if a region is left
 /// without a cell, at all or in such a component, because others hold them.
 std::vector<int> prescribing_regions(const RegionSet& regions,
                                      std::span<const RegionShares> shares,
@@ -32,9 +33,9 @@ std::vector<double> cell_factors(const RegionSet& regions,
                                  std::span<const RegionShares> shares,
                                  std::size_t num_cells);
 
-/// The faces of \p body between cells that a region moves as a whole and cells that it
-/// does not. There glue begins where the region ends, to a voxel, and ends in the middle
-/// of the free cell.
+/// The faces of \p body between cells that a region moves as a whole, by one motion, and
+/// cells that it does not. There glue begins where the region ends, to a voxel, and ends
+/// in the middle of the free cell.
 std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
                                     std::span<const int> region_of_cell);
 

@@ -43,6 +43,31 @@ void voxel_range(const RegionShape& shape, const VoxelGrid& grid, const WorkFram
     last = (grid.locate(high).array() + 1).cwiseMin(last.array());
 }
 
+/// Those of the material that a line passes through: a thin tube may miss their centres.
+void add_voxels_on(const std::vector<Eigen::Vector3d>& line, const VoxelGrid& grid,
+                   std::vector<std::uint32_t>& voxels)
+{
+    const double step = 0.25 * grid.shape().voxel();
+    for (std::size_t k = 0; k + 1 < line.size(); ++k)
+    {
+        const Eigen::Vector3d along = line[k + 1] - line[k];
+        const double length = along.norm();
+        const int count = static_cast<int>(
+            std::min(1.0 + std::ceil(length / step), 4.0 * grid.counts().sum()));
+        for (int i = 0; i <= count; ++i)
+        {
+            const Eigen::Vector3d x = line[k] + along * (double(i) / count);
+            if ((x.array() < 0.0).any() ||
+                (x.array() > grid.counts().cast<double>().array() * grid.shape().voxel())
+                    .any())
+                continue;
+            const std::size_t voxel = grid.index(grid.locate(x));
+            if (grid.material()[voxel])
+                voxels.push_back(static_cast<std::uint32_t>(voxel));
+        }
+    }
+}
+
 /// The voxels whose centres lie in the shapes of a region, each once, ascending.
 std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShape& rest)
 {
@@ -62,6 +87,8 @@ std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShap
                         voxels.push_back(static_cast<std::uint32_t>(voxel));
                 }
     }
+    if (region.is_rod())
+        add_voxels_on(region.spline->polyline(), grid, voxels);
     std::sort(voxels.begin(), voxels.end());
     voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
     return voxels;
@@ -101,7 +128,13 @@ RegionSet::RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region>
 {
     find_voxels();
     for (std::size_t r = 0; r < size(); ++r)
-        if (regions_[r].samples.empty() && voxels_[r].empty())
+        if (regions_[r].is_rod() && voxels_[r].empty() && regions_[r].samples.empty())
+            throw Error(Fault::Unsolvable,
+                        at({file_, regions_[r].line, regions_[r].name},
+                           "its tube meets no material" +
+                               nearest_sample_note(regions_[r], model_samples(*shape_))));
+        else if (regions_[r].samples.empty() && voxels_[r].empty() &&
+                 regions_[r].role != Role::Curve)
             throw malformed({file_, regions_[r].line, regions_[r].name},
                             "selects nothing of the model" +
                                 nearest_sample_note(regions_[r], model_samples(*shape_)));
@@ -172,7 +205,7 @@ void RegionSet::find_overlaps()
     for (std::size_t r = 0; r < size(); ++r)
         for (const std::uint32_t i : regions_[r].samples)
         {
-            if (!regions_[r].prescribes())
+            if (!regions_[r].moves_as_one())
                 break;
             if (first_region[i] >= 0)
                 overlaps_.push_back({idx(first_region[i]), r, i});
@@ -225,14 +258,15 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
             // Where none of its voxels is in a component that holds samples of it,
             // because it ends there within a voxel or others outnumber its samples: the
             // cells that hold these stand for it.
-            if (regions_[r].prescribes() || voxels_[r].empty())
+            if (regions_[r].moves_as_one() || voxels_[r].empty())
                 for (const std::uint32_t i : samples_without(part, component, r, body))
                 {
                     const std::size_t piece = idx(body.cell_of_sample[i]);
                     part[piece] = kTokenShare * body.cells.cells[piece].volume;
                 }
             for (const std::uint32_t i : regions_[r].samples)
-                homes.push_back(component[idx(body.cell_of_sample[i])]);
+                if (!regions_[r].is_rod())
+                    homes.push_back(component[idx(body.cell_of_sample[i])]);
             std::sort(homes.begin(), homes.end());
             homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)

@@ -30,10 +30,11 @@ class RegionSet
 {
 public:
     /// A voxel belongs to a region by its centre if it lies in a shape, and by its
-    /// nearest sample through the material if that is listed. A region that holds samples
+    /// nearest sample through the material if that is listed; to a rod also if its line
+    /// passes through it. A region that holds samples
     /// but no voxel centre counts as the list of its samples. \p file is where the
     /// regions stand, for messages. Throws Fault::Malformed for a region that selects
-    /// nothing.
+    /// nothing, Fault::Unsolvable for a rod whose tube meets no material.
     RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region> regions,
               std::string file);
 
@@ -50,7 +51,7 @@ public:
     bool holds_voxel(std::size_t region, std::size_t voxel) const;
 
     /// Of all regions in the cells of a body of this shape. Every component of the body
-    /// that holds samples of a region has a share of it, be it a token.
+    /// that holds samples of a region has a share of it, be it a token; none of a curve.
     std::vector<RegionShares> shares(const Body& body) const;
 
     /// The box of a region's samples, or of its voxels' centres if it has none: how far
@@ -62,7 +63,8 @@ public:
         return shape_->frame.to_work(regions_[region].centre);
     }
 
-    /// A sample that two regions hold: their motions must agree about it.
+    /// A sample that two regions hold that move as one: their motions must agree about
+    /// it.
     struct Overlap
     {
         std::size_t a, b;

@@ -5,10 +5,13 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
+#include "editor/session/body.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/centre_line.h"
 
 namespace cellwarp
 {
@@ -89,6 +92,124 @@ RegionShape shape_of(const Selector& selector, const Units& units)
     }
 }
 
+/// Samples that are no farther apart are at one place [diagonal].
+constexpr double kOnePlace = 1e-9;
+
+/// Pieces of a tube in one shape: few shapes, and boxes that leave out most of space.
+constexpr std::size_t kPiecesOfTube = 16;
+
+/// What part of the diagonal a cell is taken for where there are none yet.
+constexpr double kUsualEdge = 1.0 / 32.0;
+
+/// A rod's tube, or nothing of a curve.
+std::vector<RegionShape> tube_of(const SplineHandle& spline, const Units& units)
+{
+    std::vector<RegionShape> shapes;
+    std::vector<Eigen::Vector3d> line;
+    for (const Eigen::Vector3d& x : spline.polyline())
+        line.push_back(units.frame.to_model(x));
+    const double r = units.frame.length_to_model(spline.radius());
+    for (std::size_t first = 0; first + 1 < line.size(); first += kPiecesOfTube)
+    {
+        const std::vector<Eigen::Vector3d> part(
+            line.begin() + std::ptrdiff_t(first),
+            line.begin() +
+                std::ptrdiff_t(std::min(first + kPiecesOfTube + 1, line.size())));
+        Eigen::Vector3d low = part[0], high = part[0];
+        for (const Eigen::Vector3d& x : part)
+        {
+            low = low.cwiseMin(x);
+            high = high.cwiseMax(x);
+        }
+        low.array() -= r;
+        high.array() += r;
+        const auto from_line = [=](const Eigen::Vector3d& x)
+        {
+            double least = INFINITY;
+            for (std::size_t k = 0; k + 1 < part.size(); ++k)
+            {
+                const Eigen::Vector3d along = part[k + 1] - part[k];
+                const double squared = along.squaredNorm();
+                const double t =
+                    squared > 0 ? std::clamp((x - part[k]).dot(along) / squared, 0.0, 1.0)
+                                : 0.0;
+                least = std::min(least, (x - part[k] - t * along).squaredNorm());
+            }
+            return std::sqrt(least);
+        };
+        shapes.push_back(
+            {[=](const Eigen::Vector3d& x)
+             {
+                 return (x.array() >= low.array()).all() &&
+                        (x.array() <= high.array()).all() && from_line(x) <= r;
+             },
+             [=](const Eigen::Vector3d& x) { return from_line(x) - r; }, low, high});
+    }
+    return shapes;
+}
+
+/// Half a coarsest cell, unless the statement tells.
+double radius_of(const SplineStatement& statement, const Units& units)
+{
+    if (statement.radius)
+    {
+        const double unit = units.is_relative ? units.box.size().norm() : 1.0;
+        return std::ldexp(*statement.radius * unit, units.frame.exponent);
+    }
+    return 0.5 *
+           (units.cell_edge > 0 ? units.cell_edge : kUsualEdge * units.frame.diagonal());
+}
+
+/// A rod stays nearer to the centre line than this, of the limb's radius and of its
+/// length.
+constexpr double kOffCentre = 0.15, kOffLength = 0.004;
+
+/// Of the limb at \p near, or the whole shape [work]. Throws Fault::Unsolvable.
+std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
+                                           const Geometry& geometry,
+                                           const std::vector<Eigen::Vector3d>& samples,
+                                           const std::vector<std::uint32_t>& near,
+                                           const Units& units, const std::string& file)
+{
+    Shape shape;
+    shape.triangles = triangles_of(geometry);
+    for (const Eigen::Vector3d& x : samples)
+        shape.samples.push_back(units.frame.to_work(x));
+    const CentreLine line = centre_line(shape, near);
+    if (line.places.empty())
+        throw Error(Fault::Unsolvable,
+                    at({file, statement.line, statement.name},
+                       "the shape has no centre line there (this needs a closed surface, "
+                       "or samples that one can be wrapped around, and a build with "
+                       "CGAL)"));
+    double length = 0.0;
+    for (std::size_t k = 1; k < line.places.size(); ++k)
+        length += (line.places[k] - line.places[k - 1]).norm();
+    return points_for_rod(line.places,
+                          std::max(kOffCentre * line.radius, kOffLength * length));
+}
+
+void add_spline(const RegionStatement& statement, std::vector<Eigen::Vector3d> points,
+                const Units& units, const std::string& file, Region& region)
+{
+    const bool is_rod = statement.role == Role::Rod;
+    SplineStatement spline = *statement.spline;
+    if (spline.form == SplineStatement::Form::Skeleton)
+        spline.form = SplineStatement::Form::Through;
+    try
+    {
+        region.spline =
+            make_spline_handle(spline, points, is_rod, radius_of(spline, units));
+    }
+    catch (const std::invalid_argument& error)
+    {
+        throw malformed({file, statement.line, statement.name}, error.what());
+    }
+    region.stiffness = statement.spline->stiffness;
+    if (is_rod)
+        region.shapes = tube_of(*region.spline, units);
+}
+
 /// The samples that a list selector names, without what coincides with them.
 std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
                                           const Geometry& geometry,
@@ -163,7 +284,7 @@ Eigen::Vector3d centre_of(const Region& region,
 bool is_geometric(Selector::Kind kind)
 {
     return kind != Selector::Kind::Indices && kind != Selector::Kind::Labels &&
-           kind != Selector::Kind::Group;
+           kind != Selector::Kind::Group && kind != Selector::Kind::Spline;
 }
 
 } // namespace
@@ -191,6 +312,59 @@ std::string nearest_sample_note(const Region& region,
                                        ", is " + shortest(least) + " away)";
 }
 
+namespace
+{
+
+/// Those that it lists, or that lie in its shapes.
+void find_samples(const std::vector<Eigen::Vector3d>& samples, const ModelBox& box,
+                  Region& region)
+{
+    region.samples.clear();
+    if (region.shapes.empty())
+        region.samples = region.listed;
+    else
+    {
+        std::vector<bool> is_listed(samples.size(), false);
+        for (const std::uint32_t i : region.listed)
+            is_listed[i] = true;
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            if (is_listed[i] || region.holds(samples[i]))
+                region.samples.push_back(static_cast<std::uint32_t>(i));
+    }
+    region.centre = centre_of(region, samples, box);
+}
+
+} // namespace
+
+void put_on_guides(std::span<const OnStatement> statements,
+                   const std::vector<Eigen::Vector3d>& samples, const std::string& file,
+                   std::vector<Region>& regions)
+{
+    const auto named = [&](const std::string& name)
+    {
+        return std::find_if(regions.begin(), regions.end(),
+                            [&](const Region& region) { return region.name == name; });
+    };
+    const double diagonal = samples.empty() ? 0.0 : bounding_box(samples).size().norm();
+    for (const OnStatement& on : statements)
+    {
+        const auto pin = named(on.pin), guide = named(on.guide);
+        if (pin == regions.end() || guide == regions.end())
+            continue; // the file is not whole: it was refused
+        for (const std::uint32_t i : pin->samples)
+            if ((samples[i] - samples[pin->samples.front()]).norm() >
+                kOnePlace * diagonal)
+                throw malformed({file, on.line, on.pin},
+                                "'on' needs a pin of one place; this one has " +
+                                    std::to_string(pin->samples.size()) + " samples");
+        if (pin->samples.empty())
+            throw malformed({file, on.line, on.pin},
+                            "'on' needs a pin of one place; this one has no sample");
+        pin->guide = Region::Guide{static_cast<std::size_t>(guide - regions.begin()),
+                                   on.at, on.line};
+    }
+}
+
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
@@ -199,6 +373,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
+    std::vector<std::pair<const RegionStatement*, std::size_t>> of_skeleton;
     for (const RegionStatement& statement : statements)
     {
         const auto [found, is_new] = by_name.try_emplace(statement.name, regions.size());
@@ -218,7 +393,16 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                 std::to_string(region.line) + " (got " +
                                 shortest(statement.factor) + ", need " +
                                 shortest(region.factor) + ")");
-        if (is_geometric(statement.selector.kind))
+        if (statement.spline && statement.spline->form != SplineStatement::Form::Skeleton)
+        {
+            std::vector<Eigen::Vector3d> points;
+            for (const Eigen::Vector3d& point : statement.spline->points)
+                points.push_back(units.point(point));
+            add_spline(statement, std::move(points), units, file.path, region);
+        }
+        else if (statement.spline)
+            of_skeleton.emplace_back(&statement, found->second);
+        else if (is_geometric(statement.selector.kind))
             region.shapes.push_back(shape_of(statement.selector, units));
         else
         {
@@ -228,27 +412,34 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
         }
     }
     std::optional<CoincidentSamples> own_coincident;
+    const auto coincident = [&]() -> const CoincidentSamples&
+    {
+        if (!known_coincident && !own_coincident)
+            own_coincident.emplace(samples, units.box);
+        return known_coincident ? *known_coincident : *own_coincident;
+    };
     for (Region& region : regions)
     {
         if (!region.listed.empty())
+            region.listed = coincident().of(region.listed);
+        find_samples(samples, units.box, region);
+    }
+    for (const auto& [statement, r] : of_skeleton)
+    {
+        std::vector<std::uint32_t> near;
+        if (const std::string& name = statement->spline->near; !name.empty())
         {
-            if (!known_coincident && !own_coincident)
-                own_coincident.emplace(samples, units.box);
-            region.listed = (known_coincident ? *known_coincident : *own_coincident)
-                                .of(region.listed);
+            const auto found = by_name.find(name);
+            if (found == by_name.end() || regions[found->second].samples.empty())
+                throw malformed({file.path, statement->line, statement->name},
+                                "near: " + in_quotes(name) +
+                                    " is no region with samples of this stage");
+            near = regions[found->second].samples;
         }
-        std::vector<bool> is_listed(region.shapes.empty() ? 0 : samples.size(), false);
-        if (region.shapes.empty())
-            region.samples = region.listed;
-        else
-        {
-            for (const std::uint32_t i : region.listed)
-                is_listed[i] = true;
-            for (std::size_t i = 0; i < samples.size(); ++i)
-                if (is_listed[i] || region.holds(samples[i]))
-                    region.samples.push_back(static_cast<std::uint32_t>(i));
-        }
-        region.centre = centre_of(region, samples, units.box);
+        add_spline(*statement,
+                   centre_points(*statement, geometry, samples, near, units, file.path),
+                   units, file.path, regions[r]);
+        find_samples(samples, units.box, regions[r]);
     }
     return regions;
 }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,7 @@
 
 #include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
+#include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 
@@ -44,21 +47,42 @@ struct Region
     /// Sorted; the ones named one by one (lists, labels, groups), with all that coincide.
     std::vector<std::uint32_t> listed;
     std::vector<RegionShape> shapes; ///< one a geometric selector
+    /// Of a rod or curve. The tube of a rod is its shapes.
+    std::shared_ptr<const SplineHandle> spline = {};
+    std::optional<double> stiffness = {}; ///< of a rod that pushes back
+    /// The curve or rod that a pin of one place stays on.
+    struct Guide
+    {
+        std::size_t region = 0;   ///< by index
+        std::optional<double> at; ///< share of its rest length; none: it slides
+        std::int64_t line = 0;
+    };
+    std::optional<Guide> guide = {};
 
-    bool prescribes() const { return role != Role::Stiff; }
+    bool is_rod() const { return role == Role::Rod; }
+    /// Its cells' places are given, or a point of each.
+    bool prescribes() const { return role != Role::Stiff && role != Role::Curve; }
+    /// By one motion of all.
+    bool moves_as_one() const { return prescribes() && role != Role::Rod; }
     bool holds(const Eigen::Vector3d& model_point) const;
 };
 
 /// Resolves statements of \p file. \p samples: the rest samples [model unit], in the
 /// order of \p geometry, which gives the groups; \p known_coincident: of them, where
 /// somebody has them already. Throws Fault::Malformed for a group or label that does not
-/// exist, an index out of range, a label file of another length, and what reading that
-/// one throws.
+/// exist, an index out of range, a label file of another length, a rod or curve without
+/// length, and what reading a label file throws.
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
                                     const CoincidentSamples* known_coincident = nullptr);
+
+/// Puts pins on curves and rods. Throws Fault::Malformed for a pin that is not of one
+/// place.
+void put_on_guides(std::span<const OnStatement> statements,
+                   const std::vector<Eigen::Vector3d>& samples, const std::string& file,
+                   std::vector<Region>& regions);
 
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
 std::string nearest_sample_note(const Region& region,

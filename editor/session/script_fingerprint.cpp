@@ -62,6 +62,25 @@ void add(Fingerprint& fingerprint, const RegionStatement& region)
     }
     fingerprint.add(selector.name);
     fingerprint.add(selector.label);
+    if (!region.spline)
+        return;
+    const SplineStatement& spline = *region.spline;
+    fingerprint.add(number_of(spline.form));
+    fingerprint.add(std::uint64_t(spline.points.size()));
+    for (const Eigen::Vector3d& point : spline.points)
+        fingerprint.add(point);
+    fingerprint.add(spline.near);
+    fingerprint.add(std::uint64_t(spline.is_closed) + 2 * spline.is_exact);
+    fingerprint.add(spline.spans);
+    fingerprint.add(spline.radius.value_or(0.0));
+    fingerprint.add(spline.stiffness.value_or(0.0));
+}
+
+void add(Fingerprint& fingerprint, const OnStatement& on)
+{
+    fingerprint.add(on.pin);
+    fingerprint.add(on.guide);
+    fingerprint.add(on.at.value_or(-1.0));
 }
 
 void add(Fingerprint& fingerprint, const FrameStatement& frame)
@@ -71,6 +90,14 @@ void add(Fingerprint& fingerprint, const FrameStatement& frame)
     for (const Move& move : frame.moves)
     {
         fingerprint.add(move.region);
+        if (move.place.kind != MovePlace::Kind::Whole)
+        {
+            fingerprint.add(number_of(move.place.kind));
+            fingerprint.add(move.place.point);
+        }
+        if (move.released)
+            fingerprint.add(std::uint64_t(1) + 2 * move.released->place +
+                            4 * move.released->tangent + 8 * move.released->twist);
         fingerprint.add(std::uint64_t(move.operations.size()));
         for (const Operation& operation : move.operations)
         {
@@ -93,6 +120,8 @@ void add(Fingerprint& fingerprint, const Stage& stage, After&& after)
 {
     for (const RegionStatement& region : stage.regions)
         add(fingerprint, region);
+    for (const OnStatement& on : stage.ons)
+        add(fingerprint, on);
     after(fingerprint);
     for (const FrameStatement& frame : stage.frames)
     {

@@ -33,16 +33,15 @@ struct Session::StageState
 {
     StageState(std::shared_ptr<const StageStart> of_stage, CellSystem in_cells)
         : start(std::move(of_stage)), refiner(start->refiner),
-          system(std::move(in_cells)), steps(system.regions().size())
+          system(std::move(in_cells)), aims(system.regions().size())
     {
     }
 
     std::shared_ptr<const StageStart> start;
     CellRefiner refiner;
     CellSystem system;
-    std::vector<std::vector<Step>>
-        steps;      ///< of the regions, at the end of the last frame
-    FramePlan plan; ///< of the frame that is solved
+    std::vector<RegionAim> aims; ///< of the regions, at the end of the last frame
+    FramePlan plan;              ///< of the frame that is solved
     SolveReport last_solve;
     std::optional<FieldFitter> fitter; ///< of the system's cells
     std::unique_ptr<Field> field;
@@ -132,12 +131,14 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const RestShape& shape = *rest_->shape;
     const std::vector<Eigen::Vector3d>& samples = rest_->samples.samples;
     warnings_.insert(warnings_.end(), shape.warnings.begin(), shape.warnings.end());
-    const Units units{shape.frame, handles_.is_relative, bounding_box(samples)};
+    const Units units{shape.frame, handles_.is_relative, bounding_box(samples),
+                      shape.material.grid.shape().edge};
+    const Stage& stage = handles_.stages[stage_];
+    std::vector<Region> resolved =
+        resolve_regions(stage.regions, *geometry_, samples, units, handles_);
+    put_on_guides(stage.ons, samples, handles_.path, resolved);
     const auto regions = std::make_shared<const RegionSet>(
-        rest_->shape,
-        resolve_regions(handles_.stages[stage_].regions, *geometry_, samples, units,
-                        handles_),
-        handles_.path);
+        rest_->shape, std::move(resolved), handles_.path);
     const auto start = std::make_shared<StageStart>(StageStart{
         rest_, regions, units,
         CellRefiner(rest_->shape, regions, settings_.cells, system_settings())});
@@ -145,6 +146,8 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
     warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
+    for (const Region& region : regions->regions())
+        parts_.rods += region.spline != nullptr;
     state_ = std::make_unique<StageState>(start, std::move(system));
     check_memory_of(settings_.field);
     check_frames();
@@ -214,7 +217,7 @@ void Session::go_to(const Checkpoint& kept)
         CellSystem(std::make_shared<const Body>(cut(rest_->shape, state.octree)),
                    state.start->regions, system_settings()));
     state_->system.set_state(state.system);
-    state_->steps = state.steps;
+    state_->aims = state.aims;
     state_->last_solve = state.last_solve;
     warnings_ = state.warnings;
     reports_.clear();
@@ -237,7 +240,7 @@ void Session::add_checkpoint()
                     s.start,
                     s.system.body().octree,
                     s.system.state(),
-                    s.steps,
+                    s.aims,
                     s.last_solve,
                     std::nullopt,
                     warnings_,
@@ -264,14 +267,13 @@ void Session::check_memory_of(const FieldChoice& field) const
                                 in_bytes(settings_.cells.max_memory)));
 }
 
-/// The way from where \p steps have the regions; they are those of the frame afterwards.
-FramePlan Session::plan(const FrameStatement& frame,
-                        std::vector<std::vector<Step>>& steps,
+/// The way from where \p aims have the regions; they are those of the frame afterwards.
+FramePlan Session::plan(const FrameStatement& frame, std::vector<RegionAim>& aims,
                         std::vector<std::string>& warnings) const
 {
     const CellSystem& system = state_->system;
     return plan_frame(frame, system.regions(), state_->start->units, system.rest(),
-                      handles_.path, steps, warnings);
+                      handles_.path, aims, warnings);
 }
 
 /// All frames of the stage that are left, so that a wrong one fails before the next is
@@ -279,10 +281,10 @@ FramePlan Session::plan(const FrameStatement& frame,
 void Session::check_frames()
 {
     std::vector<std::string> of_frames;
-    std::vector<std::vector<Step>> steps = state_->steps;
+    std::vector<RegionAim> aims = state_->aims;
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
     for (std::size_t f = frame_; f < frames.size(); ++f)
-        plan(frames[f], steps, of_frames);
+        plan(frames[f], aims, of_frames);
     if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
@@ -316,7 +318,7 @@ struct Session::Standing
     std::shared_ptr<const StageStart> start;
     std::shared_ptr<const Body> body;
     CellSystemState system;
-    std::vector<std::vector<Step>> steps;
+    std::vector<RegionAim> aims;
     SolveReport last_solve;
     std::vector<std::string> warnings;
     std::size_t frames_done, num_reports, num_committed;
@@ -330,7 +332,7 @@ Session::Standing Session::standing() const
             s.start,
             s.system.shared_body(),
             s.system.state(),
-            s.steps,
+            s.aims,
             s.last_solve,
             warnings_,
             frames_done_,
@@ -355,7 +357,7 @@ void Session::stand_at(const Standing& standing)
         standing.start,
         CellSystem(standing.body, standing.start->regions, system_settings()));
     state->system.set_state(standing.system);
-    state->steps = standing.steps;
+    state->aims = standing.aims;
     state->last_solve = standing.last_solve;
     state_ = std::move(state);
 }
@@ -399,7 +401,7 @@ void Session::solve_next(bool wants_samples, double cells_ms)
 {
     FrameStatement& statement = handles_.stages[stage_].frames[frame_];
     std::vector<std::string> told_before;
-    state_->plan = plan(statement, state_->steps,
+    state_->plan = plan(statement, state_->aims,
                         settings_.keeps_checkpoints ? warnings_ : told_before);
     FrameReport& report = reports_.emplace_back();
     report.frame = statement.number;
@@ -558,7 +560,7 @@ bool Session::move_samples(FrameReport& report)
     const double diagonal = frame.diagonal();
     for (std::size_t r = 0; r < s.system.regions().size(); ++r)
     {
-        if (!s.system.regions()[r].prescribes())
+        if (!s.system.regions()[r].moves_as_one())
             continue;
         const Motion motion = s.system.motions()[r];
         for (const std::uint32_t i : s.system.regions()[r].samples)
@@ -603,6 +605,11 @@ bool Session::commit_to_end()
         if (!commit())
             return false;
     return true;
+}
+
+std::vector<RodReport> Session::rods() const
+{
+    return state_ ? rod_reports(state_->system, state_->aims) : std::vector<RodReport>();
 }
 
 FieldFile Session::field_file() const

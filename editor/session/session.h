@@ -18,6 +18,7 @@
 #include "editor/session/checkpoints.h"
 #include "editor/session/frame_plan.h"
 #include "editor/session/frame_report.h"
+#include "editor/session/rod_report.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/session_settings.h"
 #include "editor/session/volume.h"
@@ -33,7 +34,7 @@ namespace cellwarp
 struct PartCounts
 {
     int interior = 0, refinement = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0,
-        faces = 0;
+        faces = 0, rods = 0;
 };
 
 class Session
@@ -77,6 +78,8 @@ public:
     const std::vector<FrameReport>& frames() const { return reports_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
     const PartCounts& parts() const { return parts_; }
+    /// Of this stage, in the order of their statements.
+    std::vector<RodReport> rods() const;
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
     /// What deformed().samples would be by another field of the same poses. Throws
@@ -116,7 +119,7 @@ private:
     bool commit();
     bool commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
-    FramePlan plan(const FrameStatement& frame, std::vector<std::vector<Step>>& steps,
+    FramePlan plan(const FrameStatement& frame, std::vector<RegionAim>& aims,
                    std::vector<std::string>& warnings) const;
     void check_frames();
     void solve_frame(FrameReport& report);

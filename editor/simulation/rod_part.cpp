@@ -67,23 +67,9 @@ Spline by_controls(const RodStatement& rod, std::vector<Eigen::Vector3d> points)
         return made(
             SplineBasis::open(n % 3 == 1 ? 3 : n - 1, SplineBasis::bezier_knots(n)));
     }
-    if (n < degree + 1)
-        throw std::invalid_argument("needs at least degree + 1 = " +
-                                    std::to_string(degree + 1) + " control points");
-    if (rod.is_closed || rod.spline == "uniform")
-    {
-        if (!rod.is_closed)
-            return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
-        std::vector<double> turn;
-        for (int i = 0; i <= n; ++i)
-            turn.push_back(i);
-        return made(SplineBasis::closed(degree, turn));
-    }
-    // Mean parameters of the control points' own chord.
-    std::vector<double> s = {0.0};
-    for (int i = 1; i < n; ++i)
-        s.push_back(s.back() + (points[idx(i)] - points[idx(i - 1)]).norm());
-    return made(SplineBasis::open(degree, averaged_knots(s, degree)));
+    if (rod.spline == "uniform" && !rod.is_closed && n > degree)
+        return made(SplineBasis::open(degree, SplineBasis::uniform_knots(degree, n)));
+    return spline_by_controls(std::move(points), rod.is_closed, degree);
 }
 
 Spline curve_of(const RodStatement& rod, const Eigen::Vector3d& origin)

@@ -36,6 +36,10 @@ Colour role_colour(Role role)
         return {184, 112, 214, 0};
     case Role::Stiff:
         return {64, 168, 142, 0};
+    case Role::Rod:
+        return {226, 112, 72, 0};
+    case Role::Curve:
+        return {92, 170, 220, 0};
     }
     return free_colour();
 }

@@ -13,7 +13,7 @@ public:
     /// \pre \p energy is linearised
     CellPreconditioner(const CellEnergy& energy, const Cells& cells)
         : energy_(energy), places_(grid_places(energy.state, cells)),
-          multigrid_(energy.total, places_, energy.state.unknown_poses())
+          multigrid_(energy.total, places_, block_places(energy.state))
     {
     }
     void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override
@@ -22,8 +22,7 @@ public:
     }
     void refresh() override
     {
-        multigrid_ =
-            RigidMultigrid(energy_.total, places_, energy_.state.unknown_poses());
+        multigrid_ = RigidMultigrid(energy_.total, places_, block_places(energy_.state));
     }
     const RigidMultigrid& multigrid() const { return multigrid_; }
 
@@ -39,10 +38,10 @@ CellMinimizer::CellMinimizer(const Cells& cells, const Glue& glue,
     : energy_(std::make_unique<CellEnergy>(cells, glue, constraints, components,
                                            has_rigid_steps))
 {
+    energy_->state.set_held_points(constraints);
     energy_->total.linearise(kGaussNewton);
     preconditioner_ = std::make_unique<CellPreconditioner>(*energy_, cells);
     solver_ = std::make_unique<NewtonSolver>(energy_->total, *preconditioner_);
-    energy_->state.set_held_points(constraints);
 }
 
 CellMinimizer::~CellMinimizer() = default;

@@ -53,8 +53,14 @@ public:
     /// \p poses if \p is_refreshed or one was made anew, and else that of the rest.
     void forget(std::span<const Pose> poses, bool is_refreshed);
 
-    /// Where the held points of pinned cells are to be from now on.
+    /// Where the held points of pinned cells, and the curves of sliding ones, are to be
+    /// from now on.
     void set_held_points(std::span<const Constraint> constraints);
+    /// Where a sliding cell has come to.
+    const Constraint& constraint(int cell) const
+    {
+        return energy_->state.constraint(cell);
+    }
 
     Residual residual(std::span<const Pose> poses);
 

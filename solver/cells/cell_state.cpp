@@ -7,9 +7,18 @@
 // centre follows,
 //   p' = X + rot(R omega) q = p + (R omega) x q + ...,
 // which is a twist with v = (R omega) x q: its gradient is R^T (g_omega + q x g_v).
+// A sliding cell, whose held point X = P(s) stays on a curve, has one unknown more, the
+// way d along the curve: v = (R omega) x q + tau d, tau = P' / |P'|, and s changes by
+// d / |P'|. No multiplier is needed: the curve's force is what is left of the gradient.
+// A twist of these is made as
+//   p' = p + v + 1/2 omega x v + ...,    but    p' = P(s + ds) + rot(omega) q
+//      = p + v + 1/2 omega x (omega x q) + 1/2 kappa d^2 + ...,  kappa = P'' / |P'|^2,
+// so the second derivatives have, beside those of twists, f . kappa of (d, d) and
+// -1/2 tau x f of (omega, d), f the derivative by p. [theory-rods (38)]
 #include "solver/cells/cell_state.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -28,25 +37,50 @@ CellState::CellState(const Cells& cells, std::span<const Constraint> constraints
         centres_.push_back(cells.cells[i].centre);
         poses_.push_back({Eigen::Matrix3d::Identity(), centres_[i]});
         const Hold hold = constraints_[i].hold;
-        const bool is_unknown = hold == Hold::Free || hold == Hold::Pinned;
+        const bool is_unknown =
+            hold == Hold::Free || hold == Hold::Pinned || hold == Hold::Sliding;
         unknown_of_cell_.push_back(is_unknown ? num_unknown_cells() : -1);
         if (!is_unknown)
             continue;
         cell_of_unknown_.push_back(static_cast<int>(i));
-        sizes_.push_back(hold == Hold::Free ? 6 : 3);
+        sizes_.push_back(hold == Hold::Free ? 6 : hold == Hold::Pinned ? 3 : 4);
         first_.push_back(next);
         next += sizes_.back();
         constraints_[i].held_now = constraints_[i].held_rest;
     }
     base_ = poses_;
+    if (std::find(sizes_.begin(), sizes_.end(), 4) != sizes_.end())
+    {
+        along_.assign(sizes_.size(), Eigen::Vector3d::UnitX());
+        bend_.assign(sizes_.size(), Eigen::Vector3d::Zero());
+        speed_.assign(sizes_.size(), 1.0);
+        base_s_.assign(sizes_.size(), 0.0);
+        base_speed_ = speed_;
+    }
 }
 
-std::vector<Pose> CellState::unknown_poses() const
+/// The curve of a sliding cell where it is now.
+void CellState::find_rail(std::size_t unknown)
 {
-    std::vector<Pose> poses;
-    for (const int cell : cell_of_unknown_)
-        poses.push_back(pose(cell));
-    return poses;
+    Constraint& constraint = constraints_[idx(cell_of_unknown_[unknown])];
+    if (!constraint.rail)
+        return;
+    const RailPlace rail = constraint.rail->at(constraint.s);
+    constraint.held_now = rail.place;
+    const double speed = rail.first.norm();
+    // A cusp has no direction: there it only turns.
+    speed_[unknown] = speed > 0.0 ? speed : INFINITY;
+    along_[unknown] = rail.first / speed_[unknown];
+    bend_[unknown] = rail.second / (speed_[unknown] * speed_[unknown]);
+}
+
+bool CellState::is_stopped(int unknown, double force) const
+{
+    const Constraint& now = constraint(cell_of_unknown(unknown));
+    if (!now.rail || now.rail->is_closed())
+        return false;
+    return (now.s <= now.rail->begin() && force < 0.0) ||
+           (now.s >= now.rail->end() && force > 0.0);
 }
 
 void CellState::set_poses(std::span<const Pose> poses)
@@ -58,7 +92,18 @@ void CellState::set_poses(std::span<const Pose> poses)
 void CellState::set_held_points(std::span<const Constraint> constraints)
 {
     for (std::size_t i = 0; i < constraints_.size(); ++i)
+    {
         constraints_[i].held_now = constraints[i].held_now;
+        constraints_[i].rail = constraints[i].rail;
+        constraints_[i].s = constraints[i].s;
+    }
+    for (std::size_t u = 0; u < along_.size(); ++u)
+        if (sizes_[u] == 4)
+        {
+            find_rail(u);
+            base_s_[u] = constraints_[idx(cell_of_unknown_[u])].s;
+            base_speed_[u] = speed_[u];
+        }
 }
 
 CellState::Basis CellState::basis(int unknown) const
@@ -67,8 +112,12 @@ CellState::Basis CellState::basis(int unknown) const
     const Eigen::Matrix3d& R = pose(cell).R;
     Basis basis = Basis::Zero(6, at(sizes_, unknown));
     basis.topLeftCorner<3, 3>() = R;
-    if (is_pinned(unknown))
+    if (is_pinned(unknown) || is_sliding(unknown))
+    {
         basis.bottomLeftCorner<3, 3>() = -cross_matrix(arm_of_pin(cell)) * R;
+        if (is_sliding(unknown))
+            basis.bottomRightCorner<3, 1>() = along(unknown);
+    }
     else
         basis.bottomRightCorner<3, 3>() = R;
     return basis;
@@ -89,7 +138,15 @@ void CellState::move(const Eigen::VectorXd& step, double length)
                 twist.tail<3>() = length * (R * Eigen::Map<const Eigen::Vector3d>(x + 3));
             poses_[cell] = has_rigid_steps_ ? moved(base_[cell], twist)
                                             : shape_matched(base_[cell], twist);
-            if (sizes_[u] == 3)
+            if (sizes_[u] == 4 && constraints_[cell].rail)
+            {
+                const Rail& rail = *constraints_[cell].rail;
+                const double s = base_s_[u] + length * x[3] / base_speed_[u];
+                constraints_[cell].s =
+                    rail.is_closed() ? s : std::clamp(s, rail.begin(), rail.end());
+                find_rail(u);
+            }
+            if (sizes_[u] != 6)
                 poses_[cell] =
                     held_at_pin(poses_[cell], constraints_[cell], centres_[cell]);
         });
@@ -98,6 +155,27 @@ void CellState::move(const Eigen::VectorXd& step, double length)
 void CellState::settle()
 {
     std::copy(poses_.begin(), poses_.end(), base_.begin());
+    for (std::size_t u = 0; u < base_s_.size(); ++u)
+    {
+        base_s_[u] = constraints_[idx(cell_of_unknown_[u])].s;
+        base_speed_[u] = speed_[u];
+    }
+}
+
+std::vector<BlockPlace> block_places(const CellState& state)
+{
+    std::vector<BlockPlace> places;
+    for (int u = 0; u < state.num_unknown_cells(); ++u)
+    {
+        const int cell = state.cell_of_unknown(u);
+        BlockPlace& place = places.emplace_back();
+        place.pose = state.pose(cell);
+        if (!state.is_sliding(u))
+            continue;
+        place.pose.p = state.constraint(cell).held_now;
+        place.along = state.along(u);
+    }
+    return places;
 }
 
 std::vector<GridPlace> grid_places(const CellState& state, const Cells& cells)

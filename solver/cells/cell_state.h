@@ -17,9 +17,9 @@
 namespace cellwarp
 {
 
-/// The poses of all cells, of which the free and the pinned ones are unknown: blocks of 6
-/// and of 3, in the order of the cells. cell_state.cpp says what the unknowns are.
-/// Nothing is allocated after construction.
+/// The poses of all cells, of which the free, the pinned and the sliding ones are
+/// unknown: blocks of 6, of 3 and of 4, in the order of the cells. cell_state.cpp says
+/// what the unknowns are. Nothing is allocated after construction.
 class CellState final : public State
 {
 public:
@@ -33,12 +33,13 @@ public:
 
     const std::vector<Pose>& poses() const { return poses_; }
     const Pose& pose(int cell) const { return poses_[idx(cell)]; }
-    /// Those of the unknown cells, in their order.
-    std::vector<Pose> unknown_poses() const;
     /// Current and base state.
     void set_poses(std::span<const Pose> poses);
-    /// Where the held points of pinned cells are to be from now on.
+    /// Where the held points of pinned cells, and the curves of sliding ones, are to be
+    /// from now on.
     void set_held_points(std::span<const Constraint> constraints);
+    /// What holds a cell, and where.
+    const Constraint& constraint(int cell) const { return constraints_[idx(cell)]; }
 
     int num_cells() const { return static_cast<int>(poses_.size()); }
     int num_unknown_cells() const { return static_cast<int>(cell_of_unknown_.size()); }
@@ -46,6 +47,14 @@ public:
     /// -1 for a cell whose pose is given.
     int unknown_of_cell(int cell) const { return at(unknown_of_cell_, cell); }
     bool is_pinned(int unknown) const { return at(sizes_, unknown) == 3; }
+    bool is_sliding(int unknown) const { return at(sizes_, unknown) == 4; }
+    /// Of a sliding cell: the direction of its curve, and the change of that along it
+    /// [1 / length].
+    const Eigen::Vector3d& along(int unknown) const { return along_[idx(unknown)]; }
+    Eigen::Vector3d bend(int unknown) const { return bend_[idx(unknown)]; }
+    /// Whether a force along its curve, positive towards larger parameters, would take it
+    /// over an end.
+    bool is_stopped(int unknown, double force) const;
     /// Where its numbers begin among those of all states.
     int first(int unknown) const { return at(first_, unknown); }
 
@@ -61,7 +70,9 @@ public:
 
 private:
     static int at(const std::vector<int>& v, int i) { return v[idx(i)]; }
-    /// From the held point of a pinned cell to its centre, now.
+    void find_rail(std::size_t unknown);
+
+    /// From the held point of a pinned or sliding cell to its centre, now.
     Eigen::Vector3d arm_of_pin(int cell) const
     {
         const std::size_t c = idx(cell);
@@ -74,6 +85,10 @@ private:
     std::vector<int> unknown_of_cell_, cell_of_unknown_;
     std::vector<int> sizes_, first_; ///< of the unknowns
     std::vector<Pose> poses_, base_;
+    // Of the unknowns, where some slide; else empty.
+    std::vector<Eigen::Vector3d> along_, bend_;
+    std::vector<double> speed_;               ///< |dP/ds|
+    std::vector<double> base_s_, base_speed_; ///< of the base
 };
 
 inline Twist CellState::world(int unknown, const double* x) const
@@ -84,6 +99,8 @@ inline Twist CellState::world(int unknown, const double* x) const
     twist.head<3>() = R * Eigen::Map<const Eigen::Vector3d>(x);
     if (is_pinned(unknown))
         twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell));
+    else if (is_sliding(unknown))
+        twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell)) + x[3] * along(unknown);
     else
         twist.tail<3>() = R * Eigen::Map<const Eigen::Vector3d>(x + 3);
     return twist;
@@ -93,15 +110,31 @@ inline void CellState::add_body(int unknown, const Twist& twist, double* y) cons
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
-    if (is_pinned(unknown))
+    if (is_pinned(unknown) || is_sliding(unknown))
+    {
         Eigen::Map<Eigen::Vector3d>(y) +=
             R.transpose() * (twist.head<3>() + arm_of_pin(cell).cross(twist.tail<3>()));
+        if (is_sliding(unknown))
+            y[3] += along(unknown).dot(twist.tail<3>());
+    }
     else
     {
         Eigen::Map<Eigen::Vector3d>(y).noalias() += R.transpose() * twist.head<3>();
         Eigen::Map<Eigen::Vector3d>(y + 3).noalias() += R.transpose() * twist.tail<3>();
     }
 }
+
+/// Where a block of unknowns is and what its axes are.
+struct BlockPlace
+{
+    Pose pose;
+    /// Of a block of 4: where its fourth unknown leads; its place then is that of what
+    /// slides.
+    Eigen::Vector3d along = Eigen::Vector3d::Zero();
+};
+
+/// Of the unknown cells; of what slides where it is held.
+std::vector<BlockPlace> block_places(const CellState& state);
 
 /// Where the leaves of the unknown cells lie.
 std::vector<GridPlace> grid_places(const CellState& state, const Cells& cells);

@@ -58,7 +58,7 @@ std::vector<Component> find_components(const Cells& cells,
         {
             const Constraint& constraint = constraints[idx(cell)];
             has_prescribed |= constraint.hold == Hold::Prescribed;
-            if (constraint.hold == Hold::Pinned)
+            if (constraint.hold == Hold::Pinned || constraint.hold == Hold::Sliding)
                 pins.push_back(constraint.held_rest);
         }
         component.is_held = has_prescribed || !pins.empty();

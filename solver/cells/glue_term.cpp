@@ -31,7 +31,8 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
             for (const int cell : component.cells)
             {
                 const int unknown = state.unknown_of_cell(cell);
-                if (unknown >= 0 && state.is_pinned(unknown))
+                if (unknown >= 0 &&
+                    (state.is_pinned(unknown) || state.is_sliding(unknown)))
                     turns_freely_[idx(unknown)] = true;
             }
     std::vector<std::pair<std::pair<int, int>, int>> faces;
@@ -52,6 +53,9 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
     }
     diagonals_.resize(unknowns);
     proximal_.assign(unknowns, 0.0);
+    const std::span<const int> sizes = state.block_sizes();
+    if (std::find(sizes.begin(), sizes.end(), 4) != sizes.end())
+        sliding_.resize(unknowns);
     couplings_.resize(glue_.faces.size());
     face_values_.resize(glue_.faces.size());
     face_gradients_.resize(glue_.faces.size());
@@ -103,8 +107,19 @@ void GlueTerm::add_gradient(Eigen::VectorXd& out) const
                      for (const int f : faces_of(cell))
                          sum += face_gradients_[idx(f)].segment<6>(
                              glue_.faces[idx(f)].a == cell ? 0 : 6);
-                     state_.add_body(unknown, sum, out.data() + state_.first(unknown));
+                     double* const own = out.data() + state_.first(unknown);
+                     const double before = state_.is_sliding(unknown) ? own[3] : 0.0;
+                     state_.add_body(unknown, sum, own);
+                     if (is_stopped(unknown, sum))
+                         own[3] = before;
                  });
+}
+
+/// Whether the end of its curve keeps a sliding cell, by the derivative of its twist.
+bool GlueTerm::is_stopped(int unknown, const Twist& gradient) const
+{
+    return state_.is_sliding(unknown) &&
+           state_.is_stopped(unknown, -state_.along(unknown).dot(gradient.tail<3>()));
 }
 
 double GlueTerm::uncancelled() const
@@ -163,6 +178,7 @@ void GlueTerm::linearise(Curvature curvature)
                          sum += face.a == cell ? glue_diagonal_a(face, a, b, curvature)
                                                : glue_diagonal_b(face, a, b, curvature);
                      }
+                     find_sliding(static_cast<int>(u), curvature);
                      proximal_[u] =
                          turns_freely_[u]
                              ? kProximal * std::abs(sum.topLeftCorner<3, 3>().trace()) /
@@ -171,13 +187,41 @@ void GlueTerm::linearise(Curvature curvature)
                  });
 }
 
+/// What the curve of a sliding cell adds: cell_state.cpp.
+void GlueTerm::find_sliding(int unknown, Curvature curvature)
+{
+    if (!state_.is_sliding(unknown))
+        return;
+    const int cell = state_.cell_of_unknown(unknown);
+    Twist sum = Twist::Zero();
+    for (const int f : faces_of(cell))
+    {
+        const GlueFace& face = glue_.faces[idx(f)];
+        sum += glue_gradient(face, state_.pose(face.a), state_.pose(face.b))
+                   .segment<6>(face.a == cell ? 0 : 6);
+    }
+    const Eigen::Vector3d force = sum.tail<3>();
+    Sliding& own = sliding_[idx(unknown)];
+    own.is_stopped = is_stopped(unknown, sum);
+    own.stiffness = own.is_stopped
+                        ? diagonals_[idx(unknown)].bottomRightCorner<3, 3>().trace() / 3.0
+                        : curvature.share * force.dot(state_.bend(unknown));
+    own.turn = own.is_stopped ? Eigen::Vector3d::Zero().eval()
+                              : Eigen::Vector3d(-0.5 * curvature.share *
+                                                (state_.pose(cell).R.transpose() *
+                                                 state_.along(unknown).cross(force)));
+}
+
 void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
 {
     parallel_for(state_.num_unknown_cells(), kSmallBodies,
                  [&](int unknown)
                  {
-                     twists_[idx(state_.cell_of_unknown(unknown))] =
-                         state_.world(unknown, x.data() + state_.first(unknown));
+                     Twist& twist = twists_[idx(state_.cell_of_unknown(unknown))];
+                     const double* const own = x.data() + state_.first(unknown);
+                     twist = state_.world(unknown, own);
+                     if (state_.is_sliding(unknown) && sliding_[idx(unknown)].is_stopped)
+                         twist.tail<3>() -= own[3] * state_.along(unknown);
                  });
     parallel_for(diagonals_.size(), kSmallBodies,
                  [&](std::size_t u)
@@ -198,8 +242,30 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                      double* const y_block = y.data() + state_.first(unknown);
                      for (int k = 0; k < state_.block_sizes()[u]; ++k)
                          y_block[k] += proximal_[u] * x_block[k];
+                     if (!state_.is_sliding(unknown))
+                     {
+                         state_.add_body(unknown, sum, y_block);
+                         return;
+                     }
+                     const Sliding& sliding = sliding_[u];
+                     const double before = y_block[3];
                      state_.add_body(unknown, sum, y_block);
+                     if (sliding.is_stopped)
+                         y_block[3] = before;
+                     Eigen::Map<Eigen::Vector3d>(y_block) += x_block[3] * sliding.turn;
+                     y_block[3] +=
+                         sliding.stiffness * x_block[3] +
+                         sliding.turn.dot(Eigen::Map<const Eigen::Vector3d>(x_block));
                  });
+}
+
+/// The twists that the unknowns of a cell make, as far as its curve lets them.
+CellState::Basis GlueTerm::basis(int unknown) const
+{
+    CellState::Basis basis = state_.basis(unknown);
+    if (state_.is_sliding(unknown) && sliding_[idx(unknown)].is_stopped)
+        basis.col(3).setZero();
+    return basis;
 }
 
 void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
@@ -208,10 +274,15 @@ void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) co
     if (unknown < 0 || unknown >= state_.num_unknown_cells())
         return;
     const std::size_t u = idx(unknown);
-    const CellState::Basis own = state_.basis(unknown);
+    const CellState::Basis own = basis(unknown);
     const CellState::Basis image = diagonals_[u] * own;
     out.noalias() += own.transpose().lazyProduct(image);
     out.diagonal().array() += proximal_[u];
+    if (!state_.is_sliding(unknown))
+        return;
+    out(3, 3) += sliding_[u].stiffness;
+    out.block<3, 1>(0, 3) += sliding_[u].turn;
+    out.block<1, 3>(3, 0) += sliding_[u].turn.transpose();
 }
 
 void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
@@ -223,8 +294,8 @@ void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
     Eigen::Matrix<double, 6, 6> H = couplings_[f].matrix();
     if (glue_.faces[f].a != state_.cell_of_unknown(row))
         H.transposeInPlace();
-    const CellState::Basis image = H * state_.basis(column);
-    out.noalias() += state_.basis(row).transpose().lazyProduct(image);
+    const CellState::Basis image = H * basis(column);
+    out.noalias() += basis(row).transpose().lazyProduct(image);
 }
 
 } // namespace cellwarp

@@ -40,6 +40,9 @@ public:
 private:
     std::span<const int> faces_of(int cell) const;
     void find_face_gradients() const;
+    bool is_stopped(int unknown, const Twist& gradient) const;
+    void find_sliding(int unknown, Curvature curvature);
+    CellState::Basis basis(int unknown) const;
 
     const CellState& state_;
     Glue glue_;
@@ -50,6 +53,14 @@ private:
     std::vector<Eigen::Matrix<double, 6, 6>> diagonals_;
     std::vector<GlueCoupling> couplings_;
     std::vector<double> proximal_;
+    /// What the curve of a sliding cell adds.
+    struct Sliding
+    {
+        bool is_stopped = false;                        ///< at an end: it only turns
+        double stiffness = 0.0;                         ///< of its way along the curve
+        Eigen::Vector3d turn = Eigen::Vector3d::Zero(); ///< of its way and its turn
+    };
+    std::vector<Sliding> sliding_; ///< a cell that is unknown; empty: none slides
     // Scratch.
     mutable std::vector<double> face_values_;
     mutable std::vector<Eigen::Matrix<double, 12, 1>> face_gradients_;

@@ -6,9 +6,10 @@
 // features give way and fold, more cells still mean more iterations.
 //
 // Shares s_r solve sum_j w_ij (s_i - s_j) = 0 over the glue, 1 in cells of region r, 0 in
-// those of others: found by conjugate gradients, no better than a guess deserves. Steps
-// are blended as dual quaternions [Kavan07], along screws; with positive real parts they
-// are added by the shortest turns from where the cells are.
+// those of others, and in the cells of a rod linear between two of its places: found by
+// conjugate gradients, no better than a guess deserves. Steps are blended as dual
+// quaternions [Kavan07], along screws; with positive real parts they are added by the
+// shortest turns from where the cells are.
 #include "solver/cells/initial_guess.h"
 
 #include <algorithm>
@@ -44,12 +45,12 @@ struct Graph : Links
 {
     std::vector<double> weight;   ///< of each link
     std::vector<double> diagonal; ///< sum of the weights
-    std::vector<int> region;      ///< of each node, -1: free
+    std::vector<Driving> driving; ///< of each node
 
     /// sum_j w_ij (x_i - x_j) in free nodes, 0 in others.
     void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
     {
-        parallel_ranges(region.size(), 1024,
+        parallel_ranges(driving.size(), 1024,
                         [&](std::size_t begin, std::size_t end)
                         {
                             for (std::size_t i = begin; i < end; ++i)
@@ -60,7 +61,7 @@ struct Graph : Links
 private:
     double row(std::size_t i, const Eigen::VectorXd& x) const
     {
-        if (region[i] >= 0)
+        if (!driving[i].is_free())
             return 0.0;
         double sum = diagonal[i] * x[static_cast<Eigen::Index>(i)];
         for (std::size_t k = begin(i); k < end(i); ++k)
@@ -69,12 +70,12 @@ private:
     }
 };
 
-Graph graph_of(const Glue& glue, std::vector<int> region)
+Graph graph_of(const Glue& glue, std::vector<Driving> driving)
 {
     Graph graph;
     graph.first = glue.first_face;
-    graph.diagonal.assign(region.size(), 0.0);
-    for (std::size_t i = 0; i < region.size(); ++i)
+    graph.diagonal.assign(driving.size(), 0.0);
+    for (std::size_t i = 0; i < driving.size(); ++i)
         for (std::size_t k = graph.begin(i); k < graph.end(i); ++k)
         {
             const GlueFace& face = glue.faces[idx(glue.faces_of_cell[k])];
@@ -82,7 +83,7 @@ Graph graph_of(const Glue& glue, std::vector<int> region)
             graph.weight.push_back(face.stiffness);
             graph.diagonal[i] += face.stiffness;
         }
-    graph.region = std::move(region);
+    graph.driving = std::move(driving);
     return graph;
 }
 
@@ -119,7 +120,13 @@ Graph joined(const Graph& graph, const Grouping& grouping)
         }
         next.first.push_back(static_cast<int>(next.column.size()));
         next.diagonal.push_back(sum);
-        next.region.push_back(graph.region[idx(grouping.members.of(g).front())]);
+        // Of one rod members differ in how far along it they are.
+        Driving driving = graph.driving[idx(grouping.members.of(g).front())];
+        double share = 0.0;
+        for (const int member : grouping.members.of(g))
+            share += graph.driving[idx(member)].share;
+        driving.share = share / static_cast<double>(grouping.members.of(g).size());
+        next.driving.push_back(driving);
     }
     return next;
 }
@@ -171,17 +178,22 @@ struct Cascade
         {
             const Graph& graph = graphs.back();
             const bool is_mixed = blocks.is_mixed();
-            Grouping grouping = blocks.join(
-                graph, [&](std::size_t i, std::size_t k)
-                { return graph.region[i] == graph.region[idx(graph.column[k])]; });
-            if (!is_mixed && grouping.members.size() == graph.region.size())
+            Grouping grouping =
+                blocks.join(graph,
+                            [&](std::size_t i, std::size_t k)
+                            {
+                                const Driving &a = graph.driving[i],
+                                              &b = graph.driving[idx(graph.column[k])];
+                                return a.first == b.first && a.second == b.second;
+                            });
+            if (!is_mixed && grouping.members.size() == graph.driving.size())
                 return;
             graphs.push_back(joined(graph, grouping));
             groupings.push_back(std::move(grouping));
         }
     }
-    /// The share of a region in each cell.
-    Eigen::VectorXd share(int region) const
+    /// The share of a motion in each cell.
+    Eigen::VectorXd share(int motion) const
     {
         Eigen::VectorXd x;
         for (std::size_t level = graphs.size(); level-- > 0;)
@@ -191,8 +203,8 @@ struct Cascade
             for (Eigen::Index i = 0; i < finer.size(); ++i)
             {
                 const std::size_t node = idx(i);
-                const int own = graph.region[node];
-                finer[i] = own >= 0 ? (own == region ? 1.0 : 0.0)
+                const Driving& own = graph.driving[node];
+                finer[i] = !own.is_free() ? own.share_of(motion)
                            : level + 1 == graphs.size()
                                ? 0.0
                                : x[groupings[level].group_of_node[node]];
@@ -233,22 +245,25 @@ Motion motion_of(const Eigen::Vector4d& real, const Eigen::Vector4d& dual)
 
 InitialGuess::InitialGuess(const Cells& cells, const Glue& glue,
                            std::span<const Constraint> constraints,
-                           std::span<const int> region_of_cell, int num_regions)
+                           std::span<const Driving> driving, int num_motions)
 {
     const std::size_t n = cells.size();
-    std::vector<int> region(n);
-    std::vector<bool> is_there(idx(num_regions), false);
+    std::vector<Driving> of_nodes(n);
+    std::vector<bool> is_there(idx(num_motions), false);
     std::vector<GridPlace> places;
     for (std::size_t i = 0; i < n; ++i)
     {
         places.push_back(grid_place(cells, static_cast<int>(i)));
-        region[i] = constraints[i].hold == Hold::Free ? -1 : region_of_cell[i];
-        if (region[i] >= 0)
-            is_there[idx(region[i])] = true;
+        if (constraints[i].hold == Hold::Free)
+            continue;
+        of_nodes[i] = driving[i];
+        for (const int motion : {driving[i].first, driving[i].second})
+            if (motion >= 0)
+                is_there[idx(motion)] = true;
     }
-    const Cascade cascade(graph_of(glue, std::move(region)), places);
+    const Cascade cascade(graph_of(glue, std::move(of_nodes)), places);
     std::vector<std::vector<Share>> of_cell(n);
-    for (int r = 0; r < num_regions; ++r)
+    for (int r = 0; r < num_motions; ++r)
     {
         if (!is_there[idx(r)])
             continue;
@@ -265,11 +280,11 @@ InitialGuess::InitialGuess(const Cells& cells, const Glue& glue,
     }
 }
 
-double InitialGuess::share(int cell, int region) const
+double InitialGuess::share(int cell, int motion) const
 {
     const std::size_t c = idx(cell);
     for (int k = first_[c]; k < first_[c + 1]; ++k)
-        if (shares_[idx(k)].region == region)
+        if (shares_[idx(k)].motion == motion)
             return static_cast<double>(shares_[idx(k)].value);
     return 0.0;
 }
@@ -284,12 +299,12 @@ void InitialGuess::carry(std::span<const Motion> steps, std::span<const int> cel
             std::span(shares_).subspan(first, idx(first_[i + 1]) - first);
         if (shares.empty())
             return;
-        const Motion& one = steps[idx(shares[0].region)];
+        const Motion& one = steps[idx(shares[0].motion)];
         bool is_one = true;
         Eigen::Vector4d real = Eigen::Vector4d::Zero(), dual = real;
         for (const Share& share : shares)
         {
-            const Motion& step = steps[idx(share.region)];
+            const Motion& step = steps[idx(share.motion)];
             is_one = is_one && step.R == one.R && step.t == one.t;
             const DualQuaternion q(step);
             real += static_cast<double>(share.value) * q.real;

@@ -6,6 +6,10 @@
 // A_C has the form of glue between the bodies and the same rigid null space, so it goes
 // on like that until few bodies are left, which are solved for exactly.
 //
+// What turns about a point only takes part in the turn. What slides along a curve, at P
+// in the direction tau, takes tau . (v + omega x (P - C)) of the shift: its shift is a
+// vector in these levels like any other, of which only the part along tau counts.
+//
 // Correction. Groups are rigid, so a level can be strained only between its bodies. Take
 // cells of edge h under the strain e: each of their faces opens by e h. Of bodies of edge
 // 2 h every second face opens, by 2 e h: half as many faces with four times the energy
@@ -67,7 +71,7 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
         LevelTransfer& t = transfers[i];
         t.turn = static_cast<float>(turn / A.scale[i][0]);
         t.shift = 0.0f;
-        if (!bodies.shifts[i])
+        if (bodies.shift[i].isZero(0))
             continue;
         t.shift = static_cast<float>(shift / A.scale[i][3]);
         for (int k = 0; k < 3; ++k)
@@ -80,9 +84,10 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
 
 struct RigidMultigrid::Levels
 {
-    std::vector<int> sizes, first;     ///< of the unknowns
-    std::vector<Vector6> scale;        ///< of the finest level
-    std::vector<Eigen::Matrix3d> axes; ///< of each unknown, when this was made
+    std::vector<int> sizes, first;      ///< of the unknowns
+    std::vector<Vector6> scale;         ///< of the finest level
+    std::vector<Eigen::Matrix3d> axes;  ///< of each unknown, when this was made
+    std::vector<Eigen::Vector3d> along; ///< of each unknown that slides, then
     std::vector<SmoothedLevel> levels;
     // The coarsest level, solved for exactly.
     BlockMatrix matrix;
@@ -143,7 +148,7 @@ void RigidMultigrid::Levels::solve_coarsest()
 
 RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
                                std::span<const GridPlace> places,
-                               std::span<const Pose> poses)
+                               std::span<const BlockPlace> poses)
     : levels_(std::make_unique<Levels>())
 {
     Levels& own = *levels_;
@@ -154,14 +159,20 @@ RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
     if (own.sizes.empty())
         return;
     RigidRows A = rows_of(matrix, poses);
-    for (const Pose& pose : poses)
-        own.axes.push_back(pose.R);
+    for (const BlockPlace& place : poses)
+    {
+        own.axes.push_back(place.pose.R);
+        own.along.push_back(place.along);
+    }
     own.scale = A.scale;
     RigidBodies bodies;
     for (std::size_t i = 0; i < places.size(); ++i)
     {
-        bodies.centre.push_back(poses[i].p);
-        bodies.shifts.push_back(own.sizes[i] == 6);
+        bodies.centre.push_back(poses[i].pose.p);
+        const Eigen::Vector3d& along = poses[i].along;
+        bodies.shift.push_back(own.sizes[i] == 6   ? Eigen::Matrix3d::Identity().eval()
+                               : own.sizes[i] == 3 ? Eigen::Matrix3d::Zero().eval()
+                                                   : (along * along.transpose()).eval());
     }
     OctreeBlocks blocks(places);
     for (;;)
@@ -205,18 +216,23 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
         return;
     }
     SmoothedLevel& finest = own.levels.front();
-    for_each_body(finest.count(),
-                  [&](std::size_t i)
-                  {
-                      for (int k = 0; k < own.sizes[i]; k += 3)
-                      {
-                          const Eigen::Vector3d part = own.axes[i] *
-                                                       r.segment<3>(own.first[i] + k) *
-                                                       (own.scale[i][k] / largest);
-                          for (int axis = 0; axis < 3; ++axis)
-                              finest.right[i][k + axis] = static_cast<float>(part[axis]);
-                      }
-                  });
+    for_each_body(
+        finest.count(),
+        [&](std::size_t i)
+        {
+            const bool slides = own.sizes[i] == 4;
+            for (int k = 0; k < own.sizes[i]; k += 3)
+            {
+                const double scale = own.scale[i][k] / largest;
+                const Eigen::Vector3d part =
+                    slides && k == 3
+                        ? Eigen::Vector3d(own.along[i] * (r[own.first[i] + 3] * scale))
+                        : Eigen::Vector3d(own.axes[i] * r.segment<3>(own.first[i] + k) *
+                                          scale);
+                for (int axis = 0; axis < 3; ++axis)
+                    finest.right[i][k + axis] = static_cast<float>(part[axis]);
+            }
+        });
     for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
         own.levels[l].before(own.levels[l + 1]);
     own.solve_coarsest();
@@ -230,9 +246,12 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
                           Eigen::Vector3d part;
                           for (int axis = 0; axis < 3; ++axis)
                               part[axis] = finest.x[i][k + axis];
-                          z.segment<3>(own.first[i] + k) = own.axes[i].transpose() *
-                                                           part *
-                                                           (largest * own.scale[i][k]);
+                          const double scale = largest * own.scale[i][k];
+                          if (own.sizes[i] == 4 && k == 3)
+                              z[own.first[i] + 3] = own.along[i].dot(part) * scale;
+                          else
+                              z.segment<3>(own.first[i] + k) =
+                                  own.axes[i].transpose() * part * scale;
                       }
                   });
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Eigenvalues>
+
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
@@ -47,9 +49,46 @@ void turn_block(const Eigen::Matrix3d& row, const Eigen::Matrix3d& column, Matri
                 row * block.block<3, 3>(i, j).eval() * column.transpose();
 }
 
+/// What an unknown of a block does in common axes, a column each.
+Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> columns_of(const BlockPlace& place,
+                                                             int size)
+{
+    Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> columns =
+        Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>::Zero(6, size);
+    columns.topLeftCorner<3, 3>() = place.pose.R;
+    if (size == 4)
+        columns.bottomRightCorner<3, 1>() = place.along;
+    else if (size == 6)
+        columns.bottomRightCorner<3, 3>() = place.pose.R;
+    return columns;
+}
+
+/// Directions in which nothing holds a body because none of its members shifts there get
+/// a stiffness of their own, so that it can be solved for. Returns onto the others.
+Eigen::Matrix3d held_in_idle_directions(Eigen::Ref<Eigen::Matrix3d> linear)
+{
+    constexpr double kNone = 1e-10; // of the largest
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(linear);
+    const double largest = eigen.eigenvalues()[2];
+    if (!(largest > 0.0))
+    {
+        linear.setIdentity();
+        return Eigen::Matrix3d::Zero();
+    }
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    for (int k = 0; k < 3; ++k)
+        if (eigen.eigenvalues()[k] <= kNone * largest)
+        {
+            const Eigen::Vector3d idle = eigen.eigenvectors().col(k);
+            linear += largest * idle * idle.transpose();
+            shift -= idle * idle.transpose();
+        }
+    return shift;
+}
+
 } // namespace
 
-RigidRows rows_of(const BlockOperator& matrix, std::span<const Pose> poses)
+RigidRows rows_of(const BlockOperator& matrix, std::span<const BlockPlace> poses)
 {
     const std::span<const int> sizes = matrix.block_sizes();
     const std::span<const std::pair<int, int>> pairs = matrix.pairs();
@@ -78,28 +117,45 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const Pose> poses)
         A.column[idx(at_column)] = row;
         places.emplace_back(at_row, at_column);
     }
-    for_each_body(static_cast<int>(sizes.size()),
-                  [&](std::size_t i)
-                  {
-                      Matrix6& D = A.block[idx(A.first[i])];
-                      D.setIdentity();
-                      matrix.diagonal_block(static_cast<int>(i),
-                                            D.topLeftCorner(sizes[i], sizes[i]));
-                      turn_block(poses[i].R, poses[i].R, D);
-                  });
-    for_each_body(static_cast<int>(pairs.size()),
-                  [&](std::size_t k)
-                  {
-                      const int rows = sizes[idx(pairs[k].first)];
-                      const int columns = sizes[idx(pairs[k].second)];
-                      Matrix6& block = A.block[idx(places[k].first)];
-                      block.setZero();
-                      matrix.pair_block(static_cast<int>(k),
-                                        block.topLeftCorner(rows, columns));
-                      turn_block(poses[idx(pairs[k].first)].R,
-                                 poses[idx(pairs[k].second)].R, block);
-                      A.block[idx(places[k].second)] = block.transpose();
-                  });
+    for_each_body(
+        static_cast<int>(sizes.size()),
+        [&](std::size_t i)
+        {
+            Matrix6& D = A.block[idx(A.first[i])];
+            D.setIdentity();
+            matrix.diagonal_block(static_cast<int>(i),
+                                  D.topLeftCorner(sizes[i], sizes[i]));
+            if (sizes[i] != 4)
+            {
+                turn_block(poses[i].pose.R, poses[i].pose.R, D);
+                return;
+            }
+            const auto columns = columns_of(poses[i], 4);
+            const double along = D(3, 3);
+            D = (columns * D.topLeftCorner<4, 4>() * columns.transpose()).eval();
+            D.bottomRightCorner<3, 3>() +=
+                along * (Eigen::Matrix3d::Identity() -
+                         poses[i].along * poses[i].along.transpose());
+        });
+    for_each_body(
+        static_cast<int>(pairs.size()),
+        [&](std::size_t k)
+        {
+            const int rows = sizes[idx(pairs[k].first)];
+            const int columns = sizes[idx(pairs[k].second)];
+            Matrix6& block = A.block[idx(places[k].first)];
+            block.setZero();
+            matrix.pair_block(static_cast<int>(k), block.topLeftCorner(rows, columns));
+            const BlockPlace &row = poses[idx(pairs[k].first)],
+                             &column = poses[idx(pairs[k].second)];
+            if (rows != 4 && columns != 4)
+                turn_block(row.pose.R, column.pose.R, block);
+            else
+                block = (columns_of(row, rows) * block.topLeftCorner(rows, columns) *
+                         columns_of(column, columns).transpose())
+                            .eval();
+            A.block[idx(places[k].second)] = block.transpose();
+        });
     scale_rows(A);
     return A;
 }
@@ -113,13 +169,13 @@ RigidBodies joined_bodies(const RigidBodies& bodies, const Members& members)
         for (const int i : members.of(b))
             sum += bodies.centre[idx(i)];
         next.centre.push_back(sum / static_cast<double>(members.of(b).size()));
-        next.shifts.push_back(true);
+        next.shift.push_back(Eigen::Matrix3d::Identity());
     }
     return next;
 }
 
 RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
-                      const Grouping& grouping, const RigidBodies& next_bodies)
+                      const Grouping& grouping, RigidBodies& next_bodies)
 {
     const std::vector<int>& body = grouping.group_of_node;
     const auto arm = [&](std::size_t i) -> Eigen::Matrix3d
@@ -129,10 +185,10 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
     {
         Matrix6 B = A.scale[i].cwiseInverse().asDiagonal() * scaled *
                     A.scale[j].cwiseInverse().asDiagonal();
-        if (!bodies.shifts[i])
-            B.bottomRows<3>().setZero();
-        if (!bodies.shifts[j])
-            B.rightCols<3>().setZero();
+        if (!bodies.is_free(i))
+            B.bottomRows<3>() = (bodies.shift[i] * B.bottomRows<3>()).eval();
+        if (!bodies.is_free(j))
+            B.rightCols<3>() = (B.rightCols<3>() * bodies.shift[j]).eval();
         B.leftCols<3>() -= B.rightCols<3>() * arm(j);
         B.topRows<3>() += arm(i) * B.bottomRows<3>();
         return B;
@@ -159,10 +215,13 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
                               found->second += carried(i, j, A.block[k]);
                           }
                       }
-                      // A body of one cell that only turns has nothing to shift.
+                      const std::span<const int> members = grouping.members.of(b);
+                      if (std::any_of(members.begin(), members.end(),
+                                      [&](int i) { return bodies.is_free(idx(i)); }))
+                          return;
                       Matrix6& D = row.front().second;
-                      if (D.bottomRightCorner<3, 3>().trace() == 0.0)
-                          D.bottomRightCorner<3, 3>().setIdentity();
+                      next_bodies.shift[b] =
+                          held_in_idle_directions(D.bottomRightCorner<3, 3>());
                   });
     RigidRows next;
     std::size_t num_blocks = 0;

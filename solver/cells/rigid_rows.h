@@ -12,6 +12,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/rigid_motion.h"
+#include "solver/cells/cell_state.h"
 #include "solver/cells/grouping.h"
 #include "solver/linear/linear_operator.h"
 
@@ -41,19 +42,23 @@ struct RigidRows : Links
 struct RigidBodies
 {
     std::vector<Eigen::Vector3d> centre;
-    std::vector<bool> shifts; ///< false: it turns about a point and does nothing else
+    /// Onto the directions in which it shifts: all; none of what turns about a point and
+    /// does nothing else; one of what slides along a curve.
+    std::vector<Eigen::Matrix3d> shift;
+
+    bool is_free(std::size_t body) const { return shift[body].isIdentity(0); }
 };
 
-/// The rows of the finest level, in common axes; a pose a block. A block of 3 gets three
-/// more unknowns that do nothing.
-RigidRows rows_of(const BlockOperator& matrix, std::span<const Pose> poses);
+/// The rows of the finest level, in common axes; a place a block. A block of 3 gets three
+/// more unknowns that do nothing, one of 4 two.
+RigidRows rows_of(const BlockOperator& matrix, std::span<const BlockPlace> places);
 
 /// A body of each group, about the mean of its members' centres.
 RigidBodies joined_bodies(const RigidBodies& bodies, const Members& members);
 
-/// A_C of all bodies.
+/// A_C of all bodies. Of the next bodies it finds how they shift.
 RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
-                      const Grouping& grouping, const RigidBodies& next_bodies);
+                      const Grouping& grouping, RigidBodies& next_bodies);
 
 /// Loops over few bodies are not worth a second thread.
 template <class Body>

@@ -226,9 +226,15 @@ std::vector<std::pair<int, double>> turn_at(const RodState& state, double s,
 }
 
 HeldBasis::HeldBasis(const RodConstraint& constraint, const SplineBasis& basis)
-    : s(constraint.s), other(constraint.other), at(basis.values(s)),
-      there(basis.values(other))
+    : s(constraint.s), other(constraint.other), control(constraint.control),
+      at(basis.values(s)), there(basis.values(other))
 {
+    if (constraint.control < 0)
+        return;
+    at = BasisValues();
+    at.count = 1;
+    at.control[0] = constraint.control;
+    at.value[0][0] = 1.0;
 }
 
 std::vector<ConstraintRow> rows_of(const RodConstraint& c, const RodState& state,

@@ -38,6 +38,9 @@ struct RodConstraint
     Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();
     Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
     double distance = 0.0; ///< [m]
+    /// The control point that a Point holds instead of a place of the curve; -1: none. Of
+    /// rods whose knots do not change.
+    int control = -1;
     /// The slide of the model (slide.h) whose place takes that of `s`; -1: none. Of
     /// Point, Plane and Axis.
     int slide = -1;
@@ -60,6 +63,7 @@ struct ConstraintRow
 struct HeldBasis
 {
     double s = 0.0, other = 0.0;
+    int control = -1;
     BasisValues at, there;
 
     HeldBasis(const RodConstraint& constraint, const SplineBasis& basis);

@@ -137,6 +137,66 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
     return refined(coarse, spans);
 }
 
+std::vector<Eigen::Vector3d> few_points(std::span<const Eigen::Vector3d> line,
+                                        double tolerance)
+{
+    std::vector<std::size_t> chosen = {0, line.size() - 1};
+    const auto points = [&]
+    {
+        std::vector<Eigen::Vector3d> out;
+        for (const std::size_t k : chosen)
+            out.push_back(line[k]);
+        return out;
+    };
+    while (chosen.size() < line.size())
+    {
+        std::vector<double> at;
+        const Spline spline = spline_through(points(), false, 1, 3, &at);
+        double worst = tolerance;
+        std::size_t missed = 0;
+        for (std::size_t gap = 0; gap + 1 < chosen.size(); ++gap)
+            for (std::size_t k = chosen[gap] + 1; k < chosen[gap + 1]; ++k)
+            {
+                constexpr int kTries = 32;
+                double least = INFINITY;
+                for (int t = 0; t <= kTries; ++t)
+                    least = std::min(
+                        least,
+                        (spline.at(at[gap] + (at[gap + 1] - at[gap]) * t / kTries).place -
+                         line[k])
+                            .norm());
+                if (least > worst)
+                {
+                    worst = least;
+                    missed = k;
+                }
+            }
+        if (missed == 0)
+            break;
+        chosen.insert(std::lower_bound(chosen.begin(), chosen.end(), missed), missed);
+    }
+    return points();
+}
+
+Spline spline_by_controls(std::vector<Eigen::Vector3d> controls, bool is_closed,
+                          int degree)
+{
+    const int n = static_cast<int>(controls.size());
+    if (n < degree + 1)
+        throw std::invalid_argument("needs at least degree + 1 = " +
+                                    std::to_string(degree + 1) + " control points");
+    std::vector<double> s = {0.0};
+    if (is_closed)
+    {
+        for (int i = 1; i <= n; ++i)
+            s.push_back(i);
+        return {SplineBasis::closed(degree, s), std::move(controls)};
+    }
+    for (int i = 1; i < n; ++i)
+        s.push_back(s.back() + (controls[idx(i)] - controls[idx(i - 1)]).norm());
+    return {SplineBasis::open(degree, averaged_knots(s, degree)), std::move(controls)};
+}
+
 std::vector<double> averaged_knots(std::span<const double> parameters, int degree)
 {
     std::vector<double> knots(idx(degree + 1), parameters.front());

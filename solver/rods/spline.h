@@ -41,6 +41,17 @@ struct Spline
 Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, int spans,
                       int degree = 3, std::vector<double>* parameters = nullptr);
 
+/// As few of \p line, ends included, as that the cubic through them (see
+/// spline_through()) passes all of them no farther off than \p tolerance: each time the
+/// one that it misses by most.
+std::vector<Eigen::Vector3d> few_points(std::span<const Eigen::Vector3d> line,
+                                        double tolerance);
+
+/// The spline of these control points, knots at means of the parameters of their own
+/// chord; closed: uniform knots. Throws std::invalid_argument for fewer than degree + 1.
+Spline spline_by_controls(std::vector<Eigen::Vector3d> controls, bool is_closed,
+                          int degree = 3);
+
 /// Clamped knots at the means of \p degree successive of these ascending parameters, one
 /// a control point.
 std::vector<double> averaged_knots(std::span<const double> parameters, int degree);

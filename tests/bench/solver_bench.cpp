@@ -161,7 +161,8 @@ public:
     }
     InitialGuess spread() const
     {
-        return {built_.cells, glue_, constraints_, region_of_cell_, 2};
+        return {built_.cells, glue_, constraints_,
+                std::vector<Driving>(region_of_cell_.begin(), region_of_cell_.end()), 2};
     }
     /// The other cells have been carried along, as a session does.
     const std::vector<Pose>& start()
@@ -193,7 +194,7 @@ public:
     }
     RigidMultigrid new_multigrid() const
     {
-        return {energy_->total, places_, energy_->state.unknown_poses()};
+        return {energy_->total, places_, block_places(energy_->state)};
     }
     RigidMultigrid& multigrid()
     {

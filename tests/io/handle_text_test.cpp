@@ -60,6 +60,25 @@ std::string meaning_of(const HandleFile& file)
                 value(from);
                 value(to);
             }
+            if (region.spline)
+            {
+                const SplineStatement& spline = *region.spline;
+                value(spline.form);
+                for (const Eigen::Vector3d& point : spline.points)
+                    vector(point);
+                word(spline.near);
+                value(spline.is_closed);
+                value(spline.spans);
+                value(spline.radius.value_or(0.0));
+                value(spline.stiffness.value_or(0.0));
+                value(spline.is_exact);
+            }
+        }
+        for (const OnStatement& on : stage.ons)
+        {
+            word(on.pin);
+            word(on.guide);
+            value(on.at.value_or(-1.0));
         }
         for (const FrameStatement& frame : stage.frames)
         {
@@ -67,6 +86,10 @@ std::string meaning_of(const HandleFile& file)
             for (const Move& move : frame.moves)
             {
                 word(move.region);
+                value(move.place.kind);
+                value(move.place.point);
+                if (move.released)
+                    value(*move.released);
                 for (const Operation& operation : move.operations)
                 {
                     value(operation.kind);
@@ -174,9 +197,68 @@ Selector any_selector(std::mt19937& rng)
         selector.name = any_name(rng);
         break;
     case Selector::Kind::All:
+    case Selector::Kind::Spline:
         break;
     }
     return selector;
+}
+
+SplineStatement any_spline(std::mt19937& rng, Role role)
+{
+    using Form = SplineStatement::Form;
+    SplineStatement spline;
+    spline.form = static_cast<Form>(rng() % (role == Role::Rod ? 3 : 2));
+    if (spline.form == Form::Skeleton)
+        spline.near = any_name(rng);
+    else
+        for (int k = 4 + int(rng() % 4); k > 0; --k)
+            spline.points.push_back(any_vector(rng) + 1e-3 * k * any_direction(rng));
+    for (std::size_t k = 1; k < spline.points.size(); ++k)
+        if (spline.points[k] == spline.points[k - 1])
+            spline.points[k].x() = k;
+    spline.is_closed = spline.form != Form::Skeleton && rng() % 2;
+    if (spline.form == Form::Through)
+        spline.spans = 1 + std::int64_t(rng() % 8);
+    if (role == Role::Rod && rng() % 2)
+        spline.radius = std::ldexp(double(1 + rng()), -20);
+    if (role == Role::Rod && rng() % 2)
+        spline.stiffness = std::ldexp(double(1 + rng()), -20);
+    spline.is_exact = role == Role::Rod && rng() % 2;
+    return spline;
+}
+
+/// Of a point of a rod.
+Move any_hold(std::mt19937& rng, const RegionStatement& rod)
+{
+    Move move;
+    move.region = rod.name;
+    move.place.kind =
+        static_cast<MovePlace::Kind>(1 + rng() % (rod.spline->is_closed ? 2 : 3));
+    if (move.place.kind == MovePlace::Kind::Point)
+        move.place.point = std::int64_t(rng() % 4);
+    if (rng() % 3 == 0)
+    {
+        move.released = {rng() % 2 == 0, rng() % 2 == 0, true};
+        return move;
+    }
+    Operation operation;
+    switch (rng() % 3)
+    {
+    case 0:
+        operation.kind = Operation::Kind::To;
+        operation.vector = any_vector(rng);
+        break;
+    case 1:
+        operation.kind = Operation::Kind::Turn;
+        operation.degrees = any_number(rng);
+        break;
+    default:
+        operation.kind = Operation::Kind::Tangent;
+        operation.vector = any_direction(rng);
+        break;
+    }
+    move.operations.push_back(operation);
+    return move;
 }
 
 Operation any_operation(std::mt19937& rng, bool is_pin, bool is_first)
@@ -221,15 +303,39 @@ HandleFile any_file(std::mt19937& rng)
         for (int regions = 1; regions < 7; ++regions)
         {
             RegionStatement region;
-            region.role = static_cast<Role>(rng() % 4);
+            region.role = static_cast<Role>(rng() % 6);
             region.name = any_name(rng) + std::to_string(regions);
             if (region.role == Role::Stiff)
                 region.factor = std::ldexp(double(1 + rng()), int(rng() % 80) - 40);
+            if (region.role == Role::Rod || region.role == Role::Curve)
+            {
+                region.selector.kind = Selector::Kind::Spline;
+                region.spline =
+                    std::make_shared<const SplineStatement>(any_spline(rng, region.role));
+                stage.regions.push_back(region);
+                continue;
+            }
             for (std::size_t statements = 1 + rng() % 3; statements > 0; --statements)
             {
                 region.selector = any_selector(rng);
                 stage.regions.push_back(region);
             }
+        }
+        std::string pin, guide;
+        for (const RegionStatement& region : stage.regions)
+        {
+            if (region.role == Role::Pin)
+                pin = region.name;
+            if (region.spline)
+                guide = region.name;
+        }
+        if (!pin.empty() && !guide.empty())
+        {
+            OnStatement& on = stage.ons.emplace_back();
+            on.pin = pin;
+            on.guide = guide;
+            if (rng() % 2)
+                on.at = std::ldexp(double(rng()), -32);
         }
         for (std::size_t frames = 1 + rng() % 3; frames > 0; --frames)
         {
@@ -240,9 +346,13 @@ HandleFile any_file(std::mt19937& rng)
             for (const RegionStatement& region : stage.regions)
             {
                 const bool is_pin = region.role == Role::Pin;
-                if (region.name == last || (!is_pin && region.role != Role::Handle))
+                const bool is_on = !stage.ons.empty() && region.name == stage.ons[0].pin;
+                if (region.name == last || is_on ||
+                    (!is_pin && !region.spline && region.role != Role::Handle))
                     continue;
                 last = region.name;
+                if (region.role == Role::Rod && rng() % 2)
+                    frame.moves.push_back(any_hold(rng, region));
                 Move& move = frame.moves.emplace_back();
                 move.region = region.name;
                 for (std::size_t k = 0; k <= rng() % 3; ++k)

@@ -2,6 +2,7 @@
 // Cells with their glue and what holds them: what every test of the solver begins with.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "octree/cells.h"
@@ -11,6 +12,23 @@
 
 namespace cellwarp::support
 {
+
+/// x = (a + pitch s, r cos s, r sin s), shifted.
+struct Helix final : Rail
+{
+    Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+    double radius = 1.0, pitch = 0.4, first = -10.0, last = 10.0;
+    bool closed = false;
+
+    RailPlace at(double s) const override
+    {
+        const double c = radius * std::cos(s), d = radius * std::sin(s);
+        return {shift + Eigen::Vector3d(pitch * s, c, d), {pitch, -d, c}, {0.0, -c, -d}};
+    }
+    double begin() const override { return first; }
+    double end() const override { return last; }
+    bool is_closed() const override { return closed; }
+};
 
 struct HeldBody
 {
@@ -36,6 +54,11 @@ struct HeldBody
     void pin(std::size_t cell, const Eigen::Vector3d& point)
     {
         constraints[cell] = {Hold::Pinned, point, point};
+    }
+    /// Lets the cell slide along a curve at one of its points.
+    void slide(std::size_t cell, const Eigen::Vector3d& point, const Rail& rail, double s)
+    {
+        constraints[cell] = {Hold::Sliding, point, rail.at(s).place, &rail, s};
     }
     /// The energy at rest, when all is held that is to be.
     CellEnergy energy()

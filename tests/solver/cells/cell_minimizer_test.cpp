@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/parallel.h"
+#include "tests/support/held_body.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -260,6 +261,65 @@ TEST(CellMinimizer, a_pinned_cell_stays_at_its_point_and_turns)
                           1e-12);
                 EXPECT_GT(rotation_vector(poses[i].R).norm(), 0.3);
             }
+    }
+    EXPECT_NEAR(energies[0], energies[1], 1e-9 * energies[0]);
+}
+
+TEST(CellMinimizer, a_cell_on_a_curve_slides_until_nothing_pulls_along_it)
+{
+    // Straight across the bar's end, askew: from the first place it is drawn back along
+    // the line to where the bar is least strained.
+    struct Askew final : Rail
+    {
+        RailPlace at(double s) const override
+        {
+            const Eigen::Vector3d d(0.6, 0.0, 0.8);
+            return {Eigen::Vector3d(7.0, 0.5, 2.0) + s * d, d, Eigen::Vector3d::Zero()};
+        }
+        double begin() const override { return -9.0; }
+        double end() const override { return 9.0; }
+        bool is_closed() const override { return false; }
+    } askew;
+    Problem p(8, 1, 1, Motion());
+    std::size_t last = 0;
+    for (std::size_t i = 0; i < p.constraints.size(); ++i)
+        if (p.bar.cells.cells[i].centre.x() > 7)
+            last = i;
+    const Eigen::Vector3d point(8.0, 0.5, 0.5);
+    p.constraints[last] = {Hold::Sliding, point, askew.at(0.0).place, &askew, 0.0};
+    p.poses[last] =
+        held_at_pin(p.poses[last], p.constraints[last], p.bar.cells.cells[last].centre);
+    p.components = find_components(p.bar.cells, p.constraints);
+    std::vector<double> energies;
+    for (const Method method : {Method::GaussNewton, Method::Newton})
+    {
+        std::vector<Pose> poses = p.poses;
+        CellMinimizer minimizer = p.minimizer();
+        const SolveReport report = minimizer.minimize(
+            poses,
+            {.method = method, .max_iterations = 300, .gradient_tolerance = 1e-10});
+        EXPECT_EQ(report.stop, Stop::Converged);
+        EXPECT_FALSE(report.is_saddle);
+        energies.push_back(report.energy_after);
+        const Eigen::Vector3d place =
+            image(poses[last], p.bar.cells.cells[last].centre, point);
+        EXPECT_LT((place - askew.at(minimizer.constraint(int(last)).s).place).norm(),
+                  1e-12);
+        // No other place of the line is better: held there the energy is larger.
+        for (const double away : {-0.2, 0.2})
+        {
+            Problem held = p;
+            Constraint& constraint = held.constraints[last];
+            constraint.hold = Hold::Pinned;
+            constraint.held_now =
+                askew.at(minimizer.constraint(int(last)).s + away).place;
+            held.poses[last] = held_at_pin(held.poses[last], constraint,
+                                           held.bar.cells.cells[last].centre);
+            held.components = find_components(held.bar.cells, held.constraints);
+            CellMinimizer other = held.minimizer();
+            EXPECT_GT(other.minimize(held.poses, {.max_iterations = 300}).energy_after,
+                      report.energy_after);
+        }
     }
     EXPECT_NEAR(energies[0], energies[1], 1e-9 * energies[0]);
 }

@@ -17,6 +17,7 @@ namespace cellwarp
 {
 
 using support::HeldBody;
+using support::Helix;
 using support::random_vector;
 
 namespace
@@ -34,7 +35,8 @@ std::vector<Pose> random_poses(const HeldBody& body, std::mt19937& rng)
     for (std::size_t i = 0; i < poses.size(); ++i)
     {
         poses[i] = {support::random_rotation(rng), poses[i].p + random_vector(rng, 0.5)};
-        if (body.constraints[i].hold == Hold::Pinned)
+        if (body.constraints[i].hold == Hold::Pinned ||
+            body.constraints[i].hold == Hold::Sliding)
             poses[i] =
                 held_at_pin(poses[i], body.constraints[i], body.cells.cells[i].centre);
     }
@@ -347,6 +349,85 @@ TEST(GlueTerm, moves_unknown_cells_from_the_base_and_pinned_ones_about_their_poi
                        constraint.held_now)
                           .norm(),
                       1e-14);
+        }
+    }
+}
+
+TEST(GlueTerm, has_the_derivatives_of_cells_that_slide_along_curves)
+{
+    const Helix helix, other = []
+    {
+        Helix curve;
+        curve.shift = {0.3, -0.2, 0.9};
+        curve.radius = 0.7;
+        return curve;
+    }();
+    for (const unsigned seed : {1u, 2u, 3u})
+    {
+        std::mt19937 rng(seed);
+        HeldBody body(support::bar(3, 2, 2).cells);
+        body.prescribe(is_in_first_layer);
+        body.slide(body.cells.size() - 1, {2.9, 1.6, 1.2}, helix, 1.3);
+        body.slide(body.cells.size() - 2, {2.2, 0.4, 1.7}, other, -0.6);
+        CellEnergy energy = body.energy();
+        energy.state.set_held_points(body.constraints);
+        energy.state.set_poses(random_poses(body, rng));
+        support::check_energy(energy.total, rng);
+        // What moves stays on its curve.
+        Eigen::VectorXd gradient;
+        energy.total.gradient(gradient);
+        energy.total.move(gradient.normalized(), 0.7);
+        for (std::size_t i = body.cells.size() - 2; i < body.cells.size(); ++i)
+        {
+            const Constraint& now = energy.state.constraint(int(i));
+            EXPECT_NE(now.s, body.constraints[i].s);
+            EXPECT_LT((now.held_now - now.rail->at(now.s).place).norm(), 1e-15);
+            EXPECT_LT((image(energy.state.poses()[i], body.cells.cells[i].centre,
+                             now.held_rest) -
+                       now.held_now)
+                          .norm(),
+                      1e-14);
+        }
+    }
+}
+
+TEST(GlueTerm, a_cell_at_the_end_of_its_curve_goes_no_farther_but_comes_back)
+{
+    Helix line;
+    line.radius = 0.0;
+    line.pitch = 1.0;
+    line.first = 0.0;
+    line.last = 3.5;
+    line.shift = {0, 0.5, 0.5};
+    HeldBody body(support::bar(4, 1, 1).cells);
+    body.prescribe(is_in_first_layer);
+    body.slide(3, {3.5, 0.5, 0.5}, line, 3.5);
+    CellEnergy energy = body.energy();
+    energy.state.set_held_points(body.constraints);
+    std::vector<Pose> poses = body.rest();
+    Eigen::VectorXd gradient;
+    for (const double pull : {0.1, -0.1})
+    {
+        // Its neighbours stand off to one side: they draw it along.
+        poses[1].p.x() = 1.5 + pull;
+        poses[2].p.x() = 2.5 + pull;
+        energy.state.set_poses(poses);
+        energy.total.gradient(gradient);
+        const int along = energy.state.first(energy.state.unknown_of_cell(3)) + 3;
+        energy.total.linearise(kExact);
+        Eigen::VectorXd x = Eigen::VectorXd::Unit(energy.total.num_unknowns(), along), y;
+        energy.total.multiply(x, y);
+        EXPECT_GT(y[along], 0.0);
+        y[along] = 0.0;
+        if (pull > 0)
+        {
+            EXPECT_EQ(gradient[along], 0.0);
+            EXPECT_EQ(y.norm(), 0.0);
+        }
+        else
+        {
+            EXPECT_GT(gradient[along], 0.0);
+            EXPECT_GT(y.norm(), 0.0);
         }
     }
 }

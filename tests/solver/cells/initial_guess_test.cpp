@@ -45,7 +45,8 @@ struct Bar
     }
     InitialGuess spread() const
     {
-        return {body.cells, body.glue, body.constraints, region_of_cell, 2};
+        return {body.cells, body.glue, body.constraints,
+                std::vector<Driving>(region_of_cell.begin(), region_of_cell.end()), 2};
     }
     const Cell& cell(int i) const { return body.cells.cells[idx(i)]; }
 };
@@ -187,7 +188,9 @@ TEST(InitialGuess, a_component_follows_the_one_region_that_holds_it)
         }
     }
     ASSERT_EQ(find_components(body.cells, body.constraints).size(), 3u);
-    const InitialGuess spread(body.cells, body.glue, body.constraints, region_of_cell, 3);
+    const InitialGuess spread(
+        body.cells, body.glue, body.constraints,
+        std::vector<Driving>(region_of_cell.begin(), region_of_cell.end()), 3);
     std::mt19937 rng(2);
     std::vector<Motion> steps(3);
     for (Motion& step : steps)
@@ -219,10 +222,11 @@ TEST(InitialGuess, regions_without_cells_and_bodies_without_regions_do_no_harm)
 {
     HeldBody body(support::bar(4, 1, 1).cells);
     find_components(body.cells, body.constraints);
-    const std::vector<int> region_of_cell(4, -1), all_cells = {0, 1, 2, 3};
+    const std::vector<Driving> driving(4);
+    const std::vector<int> all_cells = {0, 1, 2, 3};
     for (const int regions : {0, 2})
     {
-        const InitialGuess spread(body.cells, body.glue, body.constraints, region_of_cell,
+        const InitialGuess spread(body.cells, body.glue, body.constraints, driving,
                                   regions);
         std::vector<Pose> poses = body.rest();
         spread.carry(std::vector<Motion>(idx(regions)), all_cells, poses);

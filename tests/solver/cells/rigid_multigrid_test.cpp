@@ -82,7 +82,7 @@ private:
     {
         energy.total.linearise(kGaussNewton);
         return RigidMultigrid(energy.total, grid_places(energy.state, body.cells),
-                              energy.state.unknown_poses());
+                              block_places(energy.state));
     }
 };
 
@@ -449,8 +449,7 @@ TEST(RigidMultigrid, is_built_within_its_estimate)
         energy.total.linearise(kGaussNewton);
         const std::vector<GridPlace> places = grid_places(energy.state, body.cells);
         const support::MostMemory most;
-        const RigidMultigrid multigrid(energy.total, places,
-                                       energy.state.unknown_poses());
+        const RigidMultigrid multigrid(energy.total, places, block_places(energy.state));
         const double bytes = static_cast<double>(most.bytes());
         EXPECT_LT(multigrid.bytes(), bytes);
         const double estimate =

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Built instead of spline_handle.cpp where rods are left out.
+#include "editor/session/spline_handle.h"
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+[[noreturn]] void refuse()
+{
+    throw Error(Fault::Usage, "this build has no rods and curves (CELLWARP_RODS)");
+}
+
+} // namespace
+
+std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d>, double)
+{
+    refuse();
+}
+
+std::shared_ptr<const SplineHandle>
+make_spline_handle(const SplineStatement&, std::span<const Eigen::Vector3d>, bool, double)
+{
+    refuse();
+}
+
+} // namespace cellwarp

@@ -1,0 +1,467 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A rod is solved with YI = GJ = 1 and YA L^2 = 1e4 YI [theory-rods (35)]: as long as it
+// only leads, nothing but these ratios counts. Its energy and forces are scaled to those
+// of a round rod of the tube's radius R, YI = 2 pi R^4 / 4, afterwards.
+//
+// A curve bends only as told: through given points it is the spline of least integral of
+// |P''|^2 over the parameters of its rest. That is linear in the places, so the rest and
+// one matrix tell all of it; by control points the matrix is the identity.
+#include "editor/session/spline_handle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "octree/base/index.h"
+#include "solver/rods/elasticity.h"
+#include "solver/rods/rod_model.h"
+#include "solver/rods/rod_newton.h"
+#include "solver/rods/spline.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// YA L^2 / YI.
+constexpr double kSlender = 1e4;
+
+/// Straight pieces of a span.
+constexpr int kPieces = 8;
+
+/// A twist that is held where the tangent is not is told again for the tangent that came
+/// out, so often, until it turns by no more [rad].
+constexpr int kRounds = 20;
+constexpr double kSameTangent = 1e-11;
+
+/// Newton's steps of a rod.
+constexpr int kIterations = 200;
+
+SplinePlace place_of(const CurvePoint& point)
+{
+    return {point.place, point.first, point.second};
+}
+
+/// The shortest turn from one unit vector to another.
+Matrix3d hop(const Vector3d& from, const Vector3d& to)
+{
+    return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+}
+
+/// How control points follow places: those of points on the curve, the others by the
+/// least integral of |P''|^2.
+Eigen::MatrixXd controls_by_points(const Spline& spline, std::span<const double> at)
+{
+    const int n = spline.basis.num_controls(), m = static_cast<int>(at.size());
+    Eigen::MatrixXd system = Eigen::MatrixXd::Zero(n + m, n + m);
+    for (std::size_t e = 0; e < spline.basis.spans().size(); ++e)
+    {
+        const SplineSpan& span = spline.basis.spans()[e];
+        // P'' is linear in a span: two Gauss points are exact.
+        for (const double place :
+             {0.5 - 0.5 / std::sqrt(3.0), 0.5 + 0.5 / std::sqrt(3.0)})
+        {
+            const BasisValues values = spline.basis.values_in(
+                static_cast<int>(e), span.begin + place * span.length());
+            for (int i = 0; i < values.count; ++i)
+                for (int j = 0; j < values.count; ++j)
+                    system(values.control[idx(i)], values.control[idx(j)]) +=
+                        0.5 * span.length() * values.value[2][idx(i)] *
+                        values.value[2][idx(j)];
+        }
+    }
+    const double scale = system.topLeftCorner(n, n).diagonal().maxCoeff();
+    for (int k = 0; k < m; ++k)
+    {
+        const BasisValues values = spline.basis.values(at[idx(k)]);
+        for (int i = 0; i < values.count; ++i)
+            system(n + k, values.control[idx(i)]) =
+                system(values.control[idx(i)], n + k) = scale * values.value[0][idx(i)];
+    }
+    Eigen::MatrixXd right = Eigen::MatrixXd::Zero(n + m, m);
+    right.bottomRows(m) = scale * Eigen::MatrixXd::Identity(m, m);
+    return Eigen::FullPivLU<Eigen::MatrixXd>(system).solve(right).topRows(n);
+}
+
+class Handle;
+
+class State final : public SplineState
+{
+public:
+    State(const Handle& of, RodState state, bool is_rest, double energy,
+          std::vector<Vector3d> forces)
+        : of_(of), state_(std::move(state)), is_rest_(is_rest), energy_(energy),
+          forces_(std::move(forces))
+    {
+    }
+
+    const RodState& rod() const { return state_; }
+    SplinePlace at(double s) const override { return place_of(state_.at(s)); }
+    Motion carry(double s) const override;
+    double energy() const override { return energy_; }
+    double length() const override { return ArcLength(state_.curve()).total(); }
+    std::vector<Vector3d> forces() const override { return forces_; }
+    std::vector<Vector3d> points() const override;
+    Matrix3d frame_at_point(std::size_t point) const override;
+    double turn_at_point(std::size_t point) const override;
+
+private:
+    const Handle& of_;
+    RodState state_;
+    bool is_rest_;
+    double energy_;
+    std::vector<Vector3d> forces_;
+};
+
+class Handle final : public SplineHandle
+{
+public:
+    Handle(const SplineStatement& statement, std::span<const Vector3d> points,
+           bool is_rod, double radius)
+        : is_rod_(is_rod), by_controls_(statement.form == SplineStatement::Form::Points),
+          radius_(radius), points_(points.begin(), points.end()),
+          rod_(curve(statement, points), section(statement, points), {}), rest_(rod_)
+    {
+        const Spline& spline = rod_.rest();
+        if (by_controls_)
+            for (std::size_t k = 0; k < points_.size(); ++k)
+                at_points_.push_back(nearest_on_curve(points_[k]));
+        if (by_controls_ && !is_closed())
+        {
+            at_points_.front() = begin();
+            at_points_.back() = end();
+        }
+        if (!is_rod && !by_controls_)
+            follow_ = controls_by_points(spline, at_points_);
+        for (const SplineSpan& span : spline.basis.spans())
+            for (int piece = 0; piece < kPieces; ++piece)
+                add_place(span.begin + piece * span.length() / kPieces);
+        add_place(spline.basis.end());
+        is_rest_shared_ = std::make_shared<const State>(
+            *this, rest_, true, 0.0,
+            std::vector<Vector3d>(num_points(), Vector3d::Zero()));
+    }
+
+    bool is_rod() const override { return is_rod_; }
+    double radius() const override { return radius_; }
+    std::size_t num_points() const override { return points_.size(); }
+    double parameter_of_point(std::size_t k) const override { return at_points_[k]; }
+    double parameter_of_share(double share) const override
+    {
+        return rod_.arc_length().parameter(share);
+    }
+    double share_of_parameter(double s) const override
+    {
+        return rod_.arc_length().at(s) / rod_.arc_length().total();
+    }
+    bool is_closed() const override { return rod_.basis().is_closed(); }
+    bool has_frame_at(std::size_t point) const override
+    {
+        return !by_controls_ ||
+               (!is_closed() && (point == 0 || point + 1 == num_points()));
+    }
+    double begin() const override { return rod_.basis().begin(); }
+    double end() const override { return rod_.basis().end(); }
+    const std::vector<Vector3d>& polyline() const override { return polyline_; }
+    std::shared_ptr<const SplineState> rest() const override { return is_rest_shared_; }
+    double nearest(const Vector3d& x) const override;
+    SplineHolds rest_holds() const override;
+    std::shared_ptr<const SplineState> moved(const SplineState& from,
+                                             const SplineHolds& holds) const override;
+
+    bool by_controls() const { return by_controls_; }
+    const Rod& rod() const { return rod_; }
+    const RodState& rest_state() const { return rest_; }
+
+private:
+    Spline curve(const SplineStatement& statement, std::span<const Vector3d> points)
+    {
+        if (by_controls_)
+            return spline_by_controls({points.begin(), points.end()},
+                                      statement.is_closed);
+        return spline_through(points, statement.is_closed,
+                              static_cast<int>(statement.spans), 3, &at_points_);
+    }
+    std::function<Section(double)> section(const SplineStatement& statement,
+                                           std::span<const Vector3d> points)
+    {
+        std::vector<double> unused;
+        const Spline spline = curve(statement, points);
+        const double length = ArcLength(spline).total();
+        Section section;
+        section.stretch = kSlender / (length * length);
+        section.bending = {1.0, 1.0};
+        section.twist = 1.0;
+        section.mass = 1.0 / length;
+        section.radius = radius_;
+        return [section](double) { return section; };
+    }
+    void add_place(double s)
+    {
+        at_polyline_.push_back(s);
+        polyline_.push_back(rod_.rest().at(s).place);
+    }
+    double nearest_on_curve(const Vector3d& x) const;
+    double polished(double s, double reach, const Vector3d& x) const;
+    std::vector<RodConstraint> constraints(const RodState& now,
+                                           const SplineHolds& holds) const;
+    std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
+
+    bool is_rod_, by_controls_;
+    double radius_;
+    std::vector<Vector3d> points_;
+    std::vector<double> at_points_; ///< parameters
+    Rod rod_;
+    RodState rest_;
+    std::vector<Vector3d> polyline_;
+    std::vector<double> at_polyline_;
+    Eigen::MatrixXd follow_; ///< of a curve through points: control points by points
+    std::shared_ptr<const State> is_rest_shared_;
+};
+
+Motion State::carry(double s) const
+{
+    if (is_rest_)
+        return {};
+    const Matrix3d turn = state_.frame(s) * of_.rest_state().frame(s).transpose();
+    Motion motion;
+    motion.R = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
+    motion.t = state_.at(s).place - motion.R * of_.rest_state().at(s).place;
+    return motion;
+}
+
+std::vector<Vector3d> State::points() const
+{
+    std::vector<Vector3d> points;
+    for (std::size_t k = 0; k < of_.num_points(); ++k)
+        points.push_back(of_.by_controls() ? state_.control(static_cast<int>(k))
+                                           : state_.at(of_.parameter_of_point(k)).place);
+    return points;
+}
+
+Matrix3d State::frame_at_point(std::size_t point) const
+{
+    return state_.frame(of_.parameter_of_point(point));
+}
+
+double State::turn_at_point(std::size_t point) const
+{
+    const double s = of_.parameter_of_point(point);
+    const Matrix3d now = state_.frame(s), rest = of_.rest_state().frame(s);
+    const Vector3d carried = hop(rest.col(2), now.col(2)) * rest.col(0);
+    return std::atan2(now.col(2).dot(carried.cross(now.col(0))), carried.dot(now.col(0)));
+}
+
+double Handle::polished(double s, double reach, const Vector3d& x) const
+{
+    constexpr int kMost = 20;
+    for (int k = 0; k < kMost; ++k)
+    {
+        const CurvePoint at = rod_.rest().at(s);
+        const Vector3d away = at.place - x;
+        const double slope = at.first.squaredNorm();
+        const double step =
+            -away.dot(at.first) / (slope + std::max(away.dot(at.second), -0.5 * slope));
+        const double wanted = s + std::clamp(step, -reach, reach);
+        const double next = is_closed() ? rod_.basis().wrapped(wanted)
+                                        : std::clamp(wanted, begin(), end());
+        if (std::abs(next - s) <= 1e-14 * (end() - begin()))
+            return next;
+        s = next;
+    }
+    return s;
+}
+
+double Handle::nearest(const Vector3d& x) const
+{
+    double least = std::numeric_limits<double>::infinity(), best = begin(), reach = 0.0;
+    for (std::size_t k = 0; k + 1 < polyline_.size(); ++k)
+    {
+        const Vector3d along = polyline_[k + 1] - polyline_[k];
+        const double squared = along.squaredNorm();
+        const double t =
+            squared > 0 ? std::clamp((x - polyline_[k]).dot(along) / squared, 0.0, 1.0)
+                        : 0.0;
+        const double away = (polyline_[k] + t * along - x).squaredNorm();
+        if (away < least)
+        {
+            least = away;
+            reach = at_polyline_[k + 1] - at_polyline_[k];
+            best = at_polyline_[k] + t * reach;
+        }
+    }
+    return polished(best, reach, x);
+}
+
+/// Before the polyline is there.
+double Handle::nearest_on_curve(const Vector3d& x) const
+{
+    constexpr int kTries = 1000;
+    double least = std::numeric_limits<double>::infinity(), best = begin();
+    for (int k = 0; k <= kTries; ++k)
+    {
+        const double s = begin() + (end() - begin()) * k / kTries;
+        const double away = (rod_.rest().at(s).place - x).squaredNorm();
+        if (away < least)
+        {
+            least = away;
+            best = s;
+        }
+    }
+    return polished(best, (end() - begin()) / kTries, x);
+}
+
+SplineHolds Handle::rest_holds() const
+{
+    SplineHolds holds(num_points());
+    for (std::size_t k = 0; k < holds.size(); ++k)
+    {
+        const bool is_end = k == 0 || (!is_closed() && k + 1 == holds.size());
+        if (!is_rod_)
+            holds[k].parts = {true, false, false};
+        else if (is_end)
+            holds[k].parts = {true, true, true};
+        holds[k].place = points_[k];
+        holds[k].tangent = rest_.at(at_points_[k]).first.normalized();
+    }
+    return holds;
+}
+
+/// What \p holds ask for; of a twist without a tangent, as seen from \p now.
+std::vector<RodConstraint> Handle::constraints(const RodState& now,
+                                               const SplineHolds& holds) const
+{
+    std::vector<RodConstraint> out;
+    for (std::size_t k = 0; k < holds.size(); ++k)
+    {
+        const SplineHold& hold = holds[k];
+        RodConstraint constraint;
+        constraint.s = at_points_[k];
+        if (hold.parts.place)
+        {
+            constraint.hold = HoldKind::Point;
+            constraint.point = hold.place;
+            // Clamped ends of an open spline are its outer control points.
+            if (by_controls_)
+                constraint.control = static_cast<int>(k);
+            out.push_back(constraint);
+            constraint.control = -1;
+        }
+        if (!hold.parts.tangent && !hold.parts.twist)
+            continue;
+        const Matrix3d rest = rest_.frame(constraint.s);
+        const Vector3d tangent =
+            hold.parts.tangent ? hold.tangent : now.frame(constraint.s).col(2).eval();
+        const Matrix3d frame =
+            Eigen::AngleAxisd(hold.turn, tangent) * hop(rest.col(2), tangent) * rest;
+        constraint.frame = frame;
+        if (hold.parts.tangent && hold.parts.twist)
+            constraint.hold = HoldKind::Frame;
+        else if (hold.parts.tangent)
+        {
+            constraint.hold = HoldKind::Tangent;
+            constraint.direction = tangent;
+        }
+        else
+        {
+            constraint.hold = HoldKind::TwistAngle;
+            constraint.direction = frame.col(0);
+        }
+        out.push_back(constraint);
+    }
+    return out;
+}
+
+/// A curve, where its points are.
+std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
+{
+    Eigen::MatrixX3d shift(holds.size(), 3);
+    for (std::size_t k = 0; k < holds.size(); ++k)
+        shift.row(static_cast<Eigen::Index>(k)) =
+            (holds[k].place - points_[k]).transpose();
+    const Eigen::MatrixX3d moved = by_controls_ ? shift : follow_ * shift;
+    Eigen::VectorXd x = rest_.x();
+    for (int k = 0; k < rod_.num_controls(); ++k)
+        x.segment<3>(rod_.layout().control[idx(k)]) += moved.row(k).transpose();
+    RodState state = rest_;
+    state.move_to(x);
+    return std::make_shared<const State>(
+        *this, std::move(state), shift.isZero(0), 0.0,
+        std::vector<Vector3d>(holds.size(), Vector3d::Zero()));
+}
+
+std::shared_ptr<const SplineState> Handle::moved(const SplineState& from,
+                                                 const SplineHolds& holds) const
+{
+    if (!is_rod_)
+        return led(holds);
+    if (holds == rest_holds())
+        return is_rest_shared_;
+    RodModel model(rod_);
+    model.terms.push_back(exact_elasticity(rod_));
+    RodState state = static_cast<const State&>(from).rod();
+    RodNewton newton(model);
+    MotionOptions options;
+    options.max_iterations = kIterations;
+    for (int round = 0; round < kRounds; ++round)
+    {
+        const RodState before = state;
+        model.constraints = constraints(before, holds);
+        const MotionReport report = newton.solve(state, options);
+        if (!is_solved(report.stop))
+            return nullptr;
+        double turn = 0.0;
+        for (std::size_t k = 0; k < holds.size(); ++k)
+            if (holds[k].parts.twist && !holds[k].parts.tangent)
+                turn = std::max(turn, (state.frame(at_points_[k]).col(2) -
+                                       before.frame(at_points_[k]).col(2))
+                                          .norm());
+        if (turn <= kSameTangent)
+            break;
+    }
+    // As a round rod of the tube's radius, [theory-rods (35)].
+    const double stiffness = 0.5 * std::numbers::pi * std::pow(radius_, 4);
+    std::vector<Vector3d> forces(holds.size(), Vector3d::Zero());
+    Eigen::Index row = 0;
+    std::size_t next = 0;
+    for (std::size_t k = 0; k < holds.size(); ++k)
+    {
+        const HoldParts& parts = holds[k].parts;
+        if (parts.place)
+        {
+            if (row + 3 <= newton.multipliers().size())
+                forces[k] = stiffness * newton.multipliers().segment<3>(row);
+            row += num_rows(model.constraints[next++].hold);
+        }
+        if (parts.tangent || parts.twist)
+            row += num_rows(model.constraints[next++].hold);
+    }
+    const double energy = stiffness * model.elastic_energy(state);
+    return std::make_shared<const State>(*this, std::move(state), false, energy,
+                                         std::move(forces));
+}
+
+} // namespace
+
+std::vector<Vector3d> points_for_rod(std::span<const Vector3d> line, double tolerance)
+{
+    return few_points(line, tolerance);
+}
+
+std::shared_ptr<const SplineHandle> make_spline_handle(const SplineStatement& statement,
+                                                       std::span<const Vector3d> points,
+                                                       bool is_rod, double radius)
+{
+    return std::make_shared<const Handle>(statement, points, is_rod, radius);
+}
+
+} // namespace cellwarp

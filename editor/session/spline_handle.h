@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rods and curves of an edit session: how they lie at rest, what holds them, and where
+// that takes them. A rod finds its least energy; a curve goes where its points are put.
+//
+// All of it is in rest coordinates [work]: the motion of a rod as a whole comes after it,
+// so that a rod moved as a whole moves to the last digit as any other region does.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/handle_file.h"
+#include "octree/base/rigid_motion.h"
+
+namespace cellwarp
+{
+
+/// What one point of the statement is held by. Without tangent a direction is that of
+/// rest.
+struct SplineHold
+{
+    HoldParts parts;
+    Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    Eigen::Vector3d tangent = Eigen::Vector3d::Zero(); ///< unit
+    double turn = 0.0;                                 ///< about the tangent [rad]
+
+    bool operator==(const SplineHold&) const = default;
+};
+
+/// One a point.
+using SplineHolds = std::vector<SplineHold>;
+
+/// P, dP/ds and its derivative, by the parameter s.
+struct SplinePlace
+{
+    Eigen::Vector3d place, first, second;
+};
+
+/// Where a rod or curve is. Immutable.
+class SplineState
+{
+public:
+    virtual ~SplineState() = default;
+    virtual SplinePlace at(double s) const = 0;
+    /// The motion of space that its frame has made at \p s, from rest; exactly the
+    /// identity at rest. theory-rods (36).
+    virtual Motion carry(double s) const = 0;
+    /// Of stretch, bending and twist of a rod, of stiffness 1: of a round rod of the
+    /// tube's radius in a body whose energy is that of the cells [work^3].
+    virtual double energy() const = 0;
+    virtual double length() const = 0; ///< [work]
+    /// What holds each point pulls the rod with, in the same units [work^2].
+    virtual std::vector<Eigen::Vector3d> forces() const = 0;
+    /// Where the points of the statement are.
+    virtual std::vector<Eigen::Vector3d> points() const = 0;
+    /// Frame at a point: columns two directions across, tangent.
+    virtual Eigen::Matrix3d frame_at_point(std::size_t point) const = 0;
+    /// By how much it is turned about the tangent there, against the shortest way from
+    /// rest [rad].
+    virtual double turn_at_point(std::size_t point) const = 0;
+};
+
+/// At rest. Immutable.
+class SplineHandle
+{
+public:
+    virtual ~SplineHandle() = default;
+
+    virtual bool is_rod() const = 0;
+    virtual double radius() const = 0; ///< of the tube
+    virtual std::size_t num_points() const = 0;
+    /// Of a point of the statement.
+    virtual double parameter_of_point(std::size_t point) const = 0;
+    virtual double parameter_of_share(double share) const = 0;
+    virtual double share_of_parameter(double s) const = 0;
+    virtual bool is_closed() const = 0;
+    /// Whether a point is on the curve: inner control points are not.
+    virtual bool has_frame_at(std::size_t point) const = 0;
+    virtual double begin() const = 0;
+    virtual double end() const = 0;
+    /// Of the place nearest to \p x, not beyond an end.
+    virtual double nearest(const Eigen::Vector3d& x) const = 0;
+    /// Straight pieces that follow it closely.
+    virtual const std::vector<Eigen::Vector3d>& polyline() const = 0;
+    /// What holds it until something is said: both ends of a rod, all of a curve.
+    virtual SplineHolds rest_holds() const = 0;
+    virtual std::shared_ptr<const SplineState> rest() const = 0;
+
+    /// To where \p holds take it, from \p from on. Nothing: it found no rest.
+    virtual std::shared_ptr<const SplineState> moved(const SplineState& from,
+                                                     const SplineHolds& holds) const = 0;
+};
+
+/// As few places of a line as a rod through them needs to follow it. Fault::Usage where
+/// rods are not built.
+std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d> line,
+                                            double tolerance);
+
+/// \p points [work]; \p radius of its tube [work]. Throws std::invalid_argument for a
+/// line without length, and Fault::Usage where rods are not built.
+std::shared_ptr<const SplineHandle>
+make_spline_handle(const SplineStatement& statement,
+                   std::span<const Eigen::Vector3d> points, bool is_rod, double radius);
+
+/// Between two states of holds, at \p t in [0, 1]; exactly \p to at 1. \p from has
+/// places and tangents of all points.
+SplineHolds between(const SplineHolds& from, const SplineHolds& to, double t);
+
+} // namespace cellwarp

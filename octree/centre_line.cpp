@@ -1,0 +1,328 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The curve skeleton of a surface has spurs, which end within the thickness of what they
+// leave: they are cut off. What is left branches where limbs begin. The limb at a region
+// is the way from the tip nearest to it inwards, through branchings inside the region
+// (the fingers of a hand), to the first one outside.
+#include "octree/centre_line.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+#include "octree/wrap/skeleton.h"
+#include "octree/wrap/wrap.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Surfaces of more triangles are wrapped first: the flow's time grows faster than they
+/// do, and a limb shows in a few thousand as well.
+constexpr std::size_t kMostTriangles = 20000;
+
+/// The ball of the wrap, and its distance [diagonal]; it rolls over what samples leave
+/// open.
+constexpr double kBall = 1.0 / 40.0, kOffset = 1.0 / 400.0, kSpacings = 3.0;
+
+/// A spur is shorter than so many radii of where it leaves.
+constexpr double kSpur = 1.2;
+
+/// Places of the line, and rounds of smoothing.
+constexpr int kPlaces = 97, kRounds = 30;
+
+/// How far towards the surface the tip goes.
+constexpr double kToTip = 0.85;
+
+struct Graph
+{
+    const CurveSkeleton& skeleton;
+    std::vector<std::vector<int>> neighbours;
+    std::vector<double> radius;
+    std::vector<bool> is_gone;
+
+    explicit Graph(const CurveSkeleton& of)
+        : skeleton(of), neighbours(of.points.size()), radius(of.points.size(), 0.0),
+          is_gone(of.points.size(), false)
+    {
+        for (const auto& [a, b] : of.edges)
+        {
+            neighbours[idx(a)].push_back(b);
+            neighbours[idx(b)].push_back(a);
+        }
+        for (std::size_t i = 0; i < of.points.size(); ++i)
+        {
+            std::vector<double> away;
+            for (const Eigen::Vector3d& x : of.around[i])
+                away.push_back((x - of.points[i]).norm());
+            if (away.empty())
+                continue;
+            std::nth_element(away.begin(), away.begin() + std::ptrdiff_t(away.size() / 2),
+                             away.end());
+            radius[i] = away[away.size() / 2];
+        }
+    }
+    double length(int a, int b) const
+    {
+        return (skeleton.points[idx(a)] - skeleton.points[idx(b)]).norm();
+    }
+    std::vector<int> around(int node) const
+    {
+        std::vector<int> out;
+        for (const int other : neighbours[idx(node)])
+            if (!is_gone[idx(other)])
+                out.push_back(other);
+        return out;
+    }
+    int degree(int node) const { return static_cast<int>(around(node).size()); }
+    std::vector<int> tips() const
+    {
+        std::vector<int> tips;
+        for (std::size_t i = 0; i < is_gone.size(); ++i)
+            if (!is_gone[i] && degree(int(i)) == 1)
+                tips.push_back(int(i));
+        return tips;
+    }
+    /// From a tip to the branching, or other tip, where its branch ends.
+    std::vector<int> branch(int tip) const
+    {
+        std::vector<int> way = {tip};
+        for (int before = -1;;)
+        {
+            int next = -1;
+            for (const int other : around(way.back()))
+                if (other != before)
+                    next = other;
+            if (next < 0 || way.size() > is_gone.size())
+                return way;
+            before = way.back();
+            way.push_back(next);
+            if (degree(next) != 2)
+                return way;
+        }
+    }
+    double length_of(const std::vector<int>& way) const
+    {
+        double sum = 0.0;
+        for (std::size_t k = 1; k < way.size(); ++k)
+            sum += length(way[k - 1], way[k]);
+        return sum;
+    }
+    /// Cuts off branches that end within the thickness of what they leave, the shortest
+    /// first.
+    void cut_spurs()
+    {
+        for (;;)
+        {
+            std::vector<int> shortest;
+            double least = 1.0;
+            for (const int tip : tips())
+            {
+                const std::vector<int> way = branch(tip);
+                if (degree(way.back()) < 3)
+                    continue;
+                const double share =
+                    length_of(way) / (kSpur * std::max(radius[idx(way.back())], 1e-300));
+                if (share < least)
+                {
+                    least = share;
+                    shortest = way;
+                }
+            }
+            if (shortest.empty())
+                return;
+            shortest.pop_back();
+            for (const int node : shortest)
+                is_gone[idx(node)] = true;
+        }
+    }
+    /// Shortest ways from a node: distance and the node before.
+    std::pair<std::vector<double>, std::vector<int>> ways_from(int start) const
+    {
+        std::vector<double> away(is_gone.size(), std::numeric_limits<double>::infinity());
+        std::vector<int> before(is_gone.size(), -1), open = {start};
+        away[idx(start)] = 0.0;
+        while (!open.empty())
+        {
+            const auto nearest = std::min_element(
+                open.begin(), open.end(),
+                [&](int a, int b) { return away[idx(a)] < away[idx(b)]; });
+            const int node = *nearest;
+            open.erase(nearest);
+            for (const int other : around(node))
+                if (const double d = away[idx(node)] + length(node, other);
+                    d < away[idx(other)])
+                {
+                    away[idx(other)] = d;
+                    before[idx(other)] = node;
+                    if (std::find(open.begin(), open.end(), other) == open.end())
+                        open.push_back(other);
+                }
+        }
+        return {away, before};
+    }
+    int farthest_from(int start, std::vector<int>* way = nullptr) const
+    {
+        const auto [away, before] = ways_from(start);
+        int best = start;
+        for (std::size_t i = 0; i < away.size(); ++i)
+            if (!is_gone[i] && std::isfinite(away[i]) && away[i] > away[idx(best)])
+                best = int(i);
+        if (way)
+            for (int node = best; node >= 0; node = before[idx(node)])
+                way->push_back(node);
+        return best;
+    }
+};
+
+/// From where the limb begins to its tip.
+std::vector<int> limb_at(const Graph& graph, const std::vector<Eigen::Vector3d>& region)
+{
+    const PointTree tree(region);
+    const auto away = [&](int node) {
+        return std::sqrt(tree.nearest(graph.skeleton.points[idx(node)]).distance_squared);
+    };
+    int tip = -1;
+    for (const int other : graph.tips())
+        if (tip < 0 || away(other) < away(tip))
+            tip = other;
+    if (tip < 0)
+        return {};
+    // Inwards is the way to what lies farthest off.
+    std::vector<int> way;
+    graph.farthest_from(tip, &way);
+    std::reverse(way.begin(), way.end()); // from the tip on
+    std::size_t end = 1;
+    while (end + 1 < way.size() && (graph.degree(way[end]) < 3 ||
+                                    away(way[end]) <= 1.5 * graph.radius[idx(way[end])]))
+        ++end;
+    way.resize(std::min(end + 1, way.size()));
+    std::reverse(way.begin(), way.end());
+    return way;
+}
+
+std::vector<Eigen::Vector3d> resampled(const std::vector<Eigen::Vector3d>& line,
+                                       int count)
+{
+    std::vector<double> at = {0.0};
+    for (std::size_t k = 1; k < line.size(); ++k)
+        at.push_back(at.back() + (line[k] - line[k - 1]).norm());
+    std::vector<Eigen::Vector3d> out;
+    std::size_t k = 0;
+    for (int i = 0; i < count; ++i)
+    {
+        const double s = at.back() * i / (count - 1);
+        while (k + 2 < line.size() && at[k + 1] < s)
+            ++k;
+        const double gap = at[k + 1] - at[k];
+        const double t = gap > 0 ? std::clamp((s - at[k]) / gap, 0.0, 1.0) : 0.0;
+        out.push_back(line[k] + t * (line[k + 1] - line[k]));
+    }
+    return out;
+}
+
+/// On towards the surface around a tip, in the direction of the line there.
+void extend_to_tip(const std::vector<Eigen::Vector3d>& around, double radius,
+                   std::vector<Eigen::Vector3d>& line)
+{
+    const Eigen::Vector3d tip = line.back();
+    std::size_t back = line.size() - 1;
+    while (back > 0 && (line[back] - tip).norm() < 2.0 * radius)
+        --back;
+    const Eigen::Vector3d along = (tip - line[back]).stableNormalized();
+    double most = 0.0;
+    for (const Eigen::Vector3d& x : around)
+        most = std::max(most, (x - tip).dot(along));
+    if (most > 0.0)
+        line.push_back(tip + kToTip * most * along);
+}
+
+Shape surface_of(const Shape& shape)
+{
+    if (shape.triangles.size() <= kMostTriangles && !shape.triangles.empty())
+        return shape;
+    Eigen::Vector3d low = shape.samples.front(), high = low;
+    for (const Eigen::Vector3d& x : shape.samples)
+    {
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    const double diagonal = (high - low).norm();
+    const double ball =
+        std::max(kBall * diagonal, kSpacings * point_spacing(shape.samples));
+    return alpha_wrap(shape.samples, ball, std::max(kOffset * diagonal, 0.05 * ball));
+}
+
+} // namespace
+
+CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& near)
+{
+    CentreLine line;
+    if (shape.samples.size() < 4)
+        return line;
+    CurveSkeleton skeleton = curve_skeleton(surface_of(shape));
+    if (skeleton.edges.empty() && shape.triangles.size() <= kMostTriangles)
+    {
+        // It was not closed.
+        Shape samples;
+        samples.samples = shape.samples;
+        skeleton = curve_skeleton(surface_of(samples));
+    }
+    if (skeleton.edges.empty())
+        return line;
+    Graph graph(skeleton);
+    graph.cut_spurs();
+    std::vector<int> way;
+    if (near.empty())
+    {
+        const std::vector<int> tips = graph.tips();
+        if (tips.empty())
+            return line;
+        graph.farthest_from(graph.farthest_from(tips.front()), &way);
+    }
+    else
+    {
+        std::vector<Eigen::Vector3d> region;
+        for (const std::uint32_t i : near)
+            region.push_back(shape.samples[i]);
+        way = limb_at(graph, region);
+    }
+    if (way.size() < 2)
+        return line;
+    std::vector<Eigen::Vector3d> places;
+    line.radius = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < way.size(); ++k)
+    {
+        places.push_back(skeleton.points[idx(way[k])]);
+        if (k + 1 < way.size() && graph.radius[idx(way[k])] > 0.0)
+            line.radius = std::min(line.radius, graph.radius[idx(way[k])]);
+    }
+    if (!std::isfinite(line.radius))
+        line.radius = 0.0;
+    if (graph.degree(way.back()) == 1)
+        extend_to_tip(skeleton.around[idx(way.back())], graph.radius[idx(way.back())],
+                      places);
+    if (graph.degree(way.front()) == 1)
+    {
+        std::reverse(places.begin(), places.end());
+        extend_to_tip(skeleton.around[idx(way.front())], graph.radius[idx(way.front())],
+                      places);
+        std::reverse(places.begin(), places.end());
+    }
+    places = resampled(places, kPlaces);
+    for (int round = 0; round < kRounds; ++round)
+    {
+        std::vector<Eigen::Vector3d> next = places;
+        for (std::size_t k = 1; k + 1 < places.size(); ++k)
+            next[k] = 0.5 * places[k] + 0.25 * (places[k - 1] + places[k + 1]);
+        places = std::move(next);
+    }
+    line.places = resampled(places, kPlaces);
+    return line;
+}
+
+} // namespace cellwarp

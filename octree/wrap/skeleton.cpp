@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/wrap/skeleton.h"
+
+#include <CGAL/Polygon_mesh_processing/connected_components.h>
+#include <CGAL/Polygon_mesh_processing/polygon_mesh_to_polygon_soup.h>
+#include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
+#include <CGAL/Simple_cartesian.h>
+#include <CGAL/Surface_mesh.h>
+#include <CGAL/boost/graph/helpers.h>
+#include <CGAL/extract_mean_curvature_flow_skeleton.h>
+
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Point = CGAL::Simple_cartesian<double>::Point_3;
+using Mesh = CGAL::Surface_mesh<Point>;
+using Skeletonization = CGAL::Mean_curvature_flow_skeletonization<Mesh>;
+
+Eigen::Vector3d vector_of(const Point& p)
+{
+    return {p.x(), p.y(), p.z()};
+}
+
+/// The largest part of a surface that is closed and of one sheet.
+Mesh closed_part(const Shape& surface)
+{
+    std::vector<Point> points;
+    for (const Eigen::Vector3d& x : surface.samples)
+        points.emplace_back(x.x(), x.y(), x.z());
+    std::vector<std::vector<std::size_t>> faces;
+    for (const Triangle& triangle : surface.triangles)
+        faces.push_back({triangle[0], triangle[1], triangle[2]});
+    Mesh mesh;
+    if (!CGAL::Polygon_mesh_processing::is_polygon_soup_a_polygon_mesh(faces))
+        return mesh;
+    CGAL::Polygon_mesh_processing::polygon_soup_to_polygon_mesh(points, faces, mesh);
+    for (const Mesh::Vertex_index vertex : mesh.vertices())
+        if (mesh.is_isolated(vertex))
+            mesh.remove_vertex(vertex);
+    mesh.collect_garbage();
+    CGAL::Polygon_mesh_processing::keep_largest_connected_components(mesh, 1);
+    mesh.collect_garbage();
+    if (!CGAL::is_closed(mesh) || mesh.number_of_faces() < 4)
+        mesh.clear();
+    return mesh;
+}
+
+} // namespace
+
+bool has_curve_skeleton()
+{
+    return true;
+}
+
+CurveSkeleton curve_skeleton(const Shape& surface)
+{
+    CurveSkeleton skeleton;
+    const Mesh mesh = closed_part(surface);
+    if (mesh.is_empty())
+        return skeleton;
+    Skeletonization::Skeleton graph;
+    Skeletonization flow(mesh);
+    flow.contract_until_convergence();
+    flow.convert_to_skeleton(graph);
+    for (const auto vertex : CGAL::make_range(vertices(graph)))
+    {
+        skeleton.points.push_back(vector_of(graph[vertex].point));
+        std::vector<Eigen::Vector3d>& around = skeleton.around.emplace_back();
+        for (const Mesh::Vertex_index origin : graph[vertex].vertices)
+            around.push_back(vector_of(mesh.point(origin)));
+    }
+    for (const auto edge : CGAL::make_range(edges(graph)))
+        skeleton.edges.push_back({static_cast<int>(source(edge, graph)),
+                                  static_cast<int>(target(edge, graph))});
+    return skeleton;
+}
+
+} // namespace cellwarp
