@@ -2,13 +2,19 @@
 // The curve skeleton of a surface has spurs, which end within the thickness of what they
 // leave: they are cut off. What is left branches where limbs begin. The limb at a region
 // is the way from the tip nearest to it inwards, through branchings inside the region
-// (the fingers of a hand), to the first one outside.
+// (the fingers of a hand), to the first one outside. The flow cuts corners, and where a
+// limb bends it even leaves it: each place of the way goes first to the middle of what
+// came to it, then to that of the ring that the surface makes around it.
 #include "octree/centre_line.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
+
+#include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
@@ -33,7 +39,14 @@ constexpr double kBall = 1.0 / 40.0, kOffset = 1.0 / 400.0, kSpacings = 3.0;
 constexpr double kSpur = 1.2;
 
 /// Places of the line, and rounds of smoothing.
-constexpr int kPlaces = 97, kRounds = 30;
+constexpr int kPlaces = 97, kRounds = 40;
+
+/// A ring is looked for in so many directions, and is one if most of them meet it.
+constexpr int kDirections = 12, kLeastDirections = 9;
+
+/// How far along and across, in radii; and how often the middle is looked for anew.
+constexpr double kAlong = 0.6, kAcross = 2.5;
+constexpr int kCentrings = 4;
 
 /// How far towards the surface the tip goes.
 constexpr double kToTip = 0.85;
@@ -45,7 +58,7 @@ struct Graph
     std::vector<double> radius;
     std::vector<bool> is_gone;
 
-    explicit Graph(const CurveSkeleton& of)
+    Graph(const CurveSkeleton& of, const std::vector<Eigen::Vector3d>& surface)
         : skeleton(of), neighbours(of.points.size()), radius(of.points.size(), 0.0),
           is_gone(of.points.size(), false)
     {
@@ -54,17 +67,9 @@ struct Graph
             neighbours[idx(a)].push_back(b);
             neighbours[idx(b)].push_back(a);
         }
+        const PointTree tree(surface);
         for (std::size_t i = 0; i < of.points.size(); ++i)
-        {
-            std::vector<double> away;
-            for (const Eigen::Vector3d& x : of.around[i])
-                away.push_back((x - of.points[i]).norm());
-            if (away.empty())
-                continue;
-            std::nth_element(away.begin(), away.begin() + std::ptrdiff_t(away.size() / 2),
-                             away.end());
-            radius[i] = away[away.size() / 2];
-        }
+            radius[i] = std::sqrt(tree.nearest(of.points[i]).distance_squared);
     }
     double length(int a, int b) const
     {
@@ -140,6 +145,25 @@ struct Graph
                 is_gone[idx(node)] = true;
         }
     }
+    /// Of what came to a place of a way and its neighbours; a branching stays where it
+    /// is.
+    Eigen::Vector3d middle(const std::vector<int>& way, std::size_t k) const
+    {
+        const int node = way[k];
+        if (degree(node) != 2)
+            return skeleton.points[idx(node)];
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        std::size_t count = 0;
+        for (std::size_t other = k - 1; other <= k + 1; ++other)
+            if (degree(way[other]) == 2)
+                for (const Eigen::Vector3d& x : skeleton.around[idx(way[other])])
+                {
+                    sum += x;
+                    ++count;
+                }
+        return count == 0 ? skeleton.points[idx(node)]
+                          : Eigen::Vector3d(sum / static_cast<double>(count));
+    }
     /// Shortest ways from a node: distance and the node before.
     std::pair<std::vector<double>, std::vector<int>> ways_from(int start) const
     {
@@ -205,6 +229,74 @@ std::vector<int> limb_at(const Graph& graph, const std::vector<Eigen::Vector3d>&
     return way;
 }
 
+void smooth(std::vector<Eigen::Vector3d>& places, int rounds)
+{
+    for (int round = 0; round < rounds; ++round)
+    {
+        std::vector<Eigen::Vector3d> next = places;
+        for (std::size_t k = 1; k + 1 < places.size(); ++k)
+            next[k] = 0.5 * places[k] + 0.25 * (places[k - 1] + places[k + 1]);
+        places = std::move(next);
+    }
+}
+
+/// The middle of the ring of surface around a line's place; the place where there is
+/// none. \p r: the distance of the surface.
+Eigen::Vector3d middle_of_ring(const std::vector<Eigen::Vector3d>& surface,
+                               const Eigen::Vector3d& place, const Eigen::Vector3d& along,
+                               double r)
+{
+    const Eigen::Vector3d one = along.unitOrthogonal(), other = along.cross(one);
+    std::array<double, kDirections> least;
+    least.fill(kAcross * r);
+    std::array<Eigen::Vector3d, kDirections> nearest;
+    for (const Eigen::Vector3d& x : surface)
+    {
+        const Eigen::Vector3d off = x - place;
+        if (std::abs(off.dot(along)) > kAlong * r || off.squaredNorm() > 9.0 * r * r)
+            continue;
+        const double u = off.dot(one), v = off.dot(other), away = std::hypot(u, v);
+        const double turn = std::atan2(v, u) / (2.0 * std::numbers::pi) + 0.5;
+        const std::size_t k =
+            std::min(idx(static_cast<int>(turn * kDirections)), least.size() - 1);
+        if (away < least[k])
+        {
+            least[k] = away;
+            nearest[k] = u * one + v * other;
+        }
+    }
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    int count = 0;
+    for (std::size_t k = 0; k < least.size(); ++k)
+        if (least[k] < kAcross * r)
+        {
+            sum += nearest[k];
+            ++count;
+        }
+    return count < kLeastDirections ? place
+                                    : Eigen::Vector3d(place + sum / double(count));
+}
+
+/// All but the ends to the middle of what is around them.
+void centre(const std::vector<Eigen::Vector3d>& surface,
+            std::vector<Eigen::Vector3d>& places)
+{
+    const PointTree tree(surface);
+    for (int round = 0; round < kCentrings; ++round)
+    {
+        const std::vector<Eigen::Vector3d> before = places;
+        for (std::size_t k = 1; k + 1 < places.size(); ++k)
+        {
+            const Eigen::Vector3d along =
+                (before[k + 1] - before[k - 1]).stableNormalized();
+            const double r = std::sqrt(tree.nearest(before[k]).distance_squared);
+            if (r > 0.0 && along.norm() > 0.5)
+                places[k] = middle_of_ring(surface, before[k], along, r);
+        }
+        smooth(places, 2);
+    }
+}
+
 std::vector<Eigen::Vector3d> resampled(const std::vector<Eigen::Vector3d>& line,
                                        int count)
 {
@@ -264,17 +356,19 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
     CentreLine line;
     if (shape.samples.size() < 4)
         return line;
-    CurveSkeleton skeleton = curve_skeleton(surface_of(shape));
+    Shape surface = surface_of(shape);
+    CurveSkeleton skeleton = curve_skeleton(surface);
     if (skeleton.edges.empty() && shape.triangles.size() <= kMostTriangles)
     {
         // It was not closed.
         Shape samples;
         samples.samples = shape.samples;
-        skeleton = curve_skeleton(surface_of(samples));
+        surface = surface_of(samples);
+        skeleton = curve_skeleton(surface);
     }
     if (skeleton.edges.empty())
         return line;
-    Graph graph(skeleton);
+    Graph graph(skeleton, surface.samples);
     graph.cut_spurs();
     std::vector<int> way;
     if (near.empty())
@@ -297,7 +391,7 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
     line.radius = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < way.size(); ++k)
     {
-        places.push_back(skeleton.points[idx(way[k])]);
+        places.push_back(graph.middle(way, k));
         if (k + 1 < way.size() && graph.radius[idx(way[k])] > 0.0)
             line.radius = std::min(line.radius, graph.radius[idx(way[k])]);
     }
@@ -314,13 +408,9 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
         std::reverse(places.begin(), places.end());
     }
     places = resampled(places, kPlaces);
-    for (int round = 0; round < kRounds; ++round)
-    {
-        std::vector<Eigen::Vector3d> next = places;
-        for (std::size_t k = 1; k + 1 < places.size(); ++k)
-            next[k] = 0.5 * places[k] + 0.25 * (places[k - 1] + places[k + 1]);
-        places = std::move(next);
-    }
+    smooth(places, kRounds);
+    centre(surface.samples, places);
+    smooth(places, kRounds);
     line.places = resampled(places, kPlaces);
     return line;
 }

@@ -21,6 +21,9 @@ using Point = CGAL::Simple_cartesian<double>::Point_3;
 using Mesh = CGAL::Surface_mesh<Point>;
 using Skeletonization = CGAL::Mean_curvature_flow_skeletonization<Mesh>;
 
+/// Weights of the flow: how slowly it contracts, and how much it keeps to the middle.
+constexpr double kQuality = 0.05, kCentred = 1.0;
+
 Eigen::Vector3d vector_of(const Point& p)
 {
     return {p.x(), p.y(), p.z()};
@@ -65,6 +68,8 @@ CurveSkeleton curve_skeleton(const Shape& surface)
         return skeleton;
     Skeletonization::Skeleton graph;
     Skeletonization flow(mesh);
+    flow.set_quality_speed_tradeoff(kQuality);
+    flow.set_medially_centered_speed_tradeoff(kCentred);
     flow.contract_until_convergence();
     flow.convert_to_skeleton(graph);
     for (const auto vertex : CGAL::make_range(vertices(graph)))
