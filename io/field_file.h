@@ -33,7 +33,7 @@ struct StoredRegion
 {
     std::array<double, 12> motion = {};   ///< "motion": R by rows, t
     double radius = 0.0;                  ///< "radius" of the fade
-    std::uint8_t may_turn = 0;            ///< "may turn": a pin
+    std::uint8_t may_turn = 0;            ///< "may turn": 1 a pin, 2 a rod
     std::vector<double> nodes;            ///< "nodes": 3 each
     std::vector<std::int32_t> node_cells; ///< "node cells": whose material holds a node
     std::vector<double> misses; ///< "misses": 12 a node: miss, gradient by columns

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 #include "io/bytes.h"
 #include "io/geometry.h"
@@ -605,9 +606,10 @@ private:
                                         "): that moves it");
         move.place = move_place(words, move.region);
         const auto [other, is_first] =
-            moved_.try_emplace({move.region, move.place}, line);
+            moved_.try_emplace({move.region, move.place, releases}, line);
         if (!is_first)
-            words.fail(move.region, "is moved twice in this frame (line " +
+            words.fail(move.region, std::string(releases ? "is released" : "is moved") +
+                                        " twice in this frame (line " +
                                         std::to_string(other->second) + ")");
         if (releases)
         {
@@ -633,8 +635,8 @@ private:
     std::map<std::string, std::pair<Role, std::int64_t>> regions_; ///< role, line
     std::map<std::string, std::shared_ptr<const SplineStatement>> splines_;
     std::map<std::string, std::int64_t> guided_; ///< pins on curves: line
-    /// In this frame: line.
-    std::map<std::pair<std::string, MovePlace>, std::int64_t> moved_;
+    /// In this frame, by whether it is a release: line.
+    std::map<std::tuple<std::string, MovePlace, bool>, std::int64_t> moved_;
 };
 
 /// All numbers of a text, with # comments left out.

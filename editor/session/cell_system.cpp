@@ -331,17 +331,29 @@ void CellSystem::place_fades()
 {
     const std::vector<std::vector<Eigen::Vector3d>> borders =
         border_points(body_->cells, constraints_);
+    // Samples whose place is another region's before it is a rod's.
+    std::vector<bool> is_taken(on_rod_.empty() ? 0 : rest().samples.size(), false);
+    for (std::size_t r = 0; !is_taken.empty() && r < regions_->size(); ++r)
+        if ((*regions_)[r].moves_as_one())
+            for (const std::uint32_t i : (*regions_)[r].samples)
+                is_taken[i] = true;
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
         const Region& region = (*regions_)[r];
         std::optional<RegionFade>& fade = fades_.emplace_back();
-        if (!region.moves_as_one() || region.samples.empty())
+        if (!(region.moves_as_one() || region.is_exact) || region.samples.empty())
             continue;
         std::vector<RegionFade::Node> samples, further;
         for (const std::uint32_t i : region.samples)
-            samples.push_back({rest().samples[i], body_->cell_of_sample[i]});
+            if (region.moves_as_one() || !is_taken[i])
+                samples.push_back({rest().samples[i], body_->cell_of_sample[i]});
+        if (samples.empty())
+            continue;
+        if (region.is_exact)
+            for (const std::uint32_t i : region.samples)
+                is_taken[i] = true;
         for (std::size_t c = 0; c < constraints_.size(); ++c)
-            if (region_of_cell_[c] == static_cast<int>(r) &&
+            if (region_of_cell_[c] == static_cast<int>(r) && region.moves_as_one() &&
                 constraints_[c].hold == Hold::Prescribed)
                 for (const Eigen::Vector3d& point : borders[c])
                     further.push_back({point, static_cast<int>(c)});

@@ -108,7 +108,7 @@ StoredRegion stored_region(const MovedRegion& region)
     append_motion(region.motion.R, region.motion.t, motion);
     std::copy(motion.begin(), motion.end(), out.motion.begin());
     out.radius = region.fade->radius();
-    out.may_turn = region.may_turn;
+    out.may_turn = region.bends ? 2 : region.may_turn;
     for (const Eigen::Vector3d& node : region.fade->nodes())
         append(node, out.nodes);
     out.node_cells = region.fade->node_cells();
@@ -335,7 +335,8 @@ FieldParts Deformation::Map::read_field(const StoredField& stored)
         moved.fade = &fades.emplace_back(cells, nodes, region.near_cells, region.radius);
         moved.motion = {by_rows(region.motion.data()),
                         Eigen::Vector3d(region.motion.data() + 9)};
-        moved.may_turn = region.may_turn != 0;
+        moved.may_turn = region.may_turn == 1;
+        moved.bends = region.may_turn == 2;
         moved.deep_cells = region.deep_cells;
         parts.regions.push_back(std::move(moved));
     }

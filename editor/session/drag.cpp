@@ -15,8 +15,8 @@ Drag::Drag(CellSystem system, const DragSettings& settings,
     std::vector<FadedRegion> faded;
     for (std::size_t r = 0; r < system_->regions().size(); ++r)
     {
-        if (!system_->fade(r))
-            continue;
+        if (!system_->fade(r) || system_->regions()[r].is_rod())
+            continue; // exact samples of rods are so on release
         FadedRegion& region = faded.emplace_back();
         region.fade = system_->fade(r);
         region.may_turn = system_->regions()[r].role == Role::Pin;

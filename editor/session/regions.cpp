@@ -193,6 +193,9 @@ void add_spline(const RegionStatement& statement, std::vector<Eigen::Vector3d> p
                 const Units& units, const std::string& file, Region& region)
 {
     const bool is_rod = statement.role == Role::Rod;
+    if (statement.spline->stiffness)
+        throw malformed({file, statement.line, statement.name},
+                        "stiffness: rods lead the cells only, none pushes back yet");
     SplineStatement spline = *statement.spline;
     if (spline.form == SplineStatement::Form::Skeleton)
         spline.form = SplineStatement::Form::Through;
@@ -205,7 +208,7 @@ void add_spline(const RegionStatement& statement, std::vector<Eigen::Vector3d> p
     {
         throw malformed({file, statement.line, statement.name}, error.what());
     }
-    region.stiffness = statement.spline->stiffness;
+    region.is_exact = statement.spline->is_exact;
     if (is_rod)
         region.shapes = tube_of(*region.spline, units);
 }

@@ -501,9 +501,17 @@ std::vector<MovedRegion> Session::moved_regions() const
     const StageState& s = *state_;
     std::vector<MovedRegion> moved;
     for (std::size_t r = 0; r < s.system.regions().size(); ++r)
-        if (s.system.fade(r))
-            moved.push_back({s.system.fade(r), s.system.motions()[r],
-                             s.system.regions()[r].role == Role::Pin});
+        if (const RegionFade* const fade = s.system.fade(r))
+        {
+            MovedRegion& region = moved.emplace_back();
+            region.fade = fade;
+            region.motion = s.system.motions()[r];
+            region.may_turn = s.system.regions()[r].role == Role::Pin;
+            region.bends = s.system.regions()[r].is_rod();
+            if (region.bends)
+                for (const Eigen::Vector3d& x : fade->nodes())
+                    region.node_motions.push_back(s.system.motion_at(r, x));
+        }
     return moved;
 }
 
@@ -561,7 +569,7 @@ bool Session::move_samples(FrameReport& report)
     for (std::size_t r = 0; r < s.system.regions().size(); ++r)
     {
         if (!s.system.regions()[r].moves_as_one())
-            continue;
+            continue; // of rods what is exact is so by its misses
         const Motion motion = s.system.motions()[r];
         for (const std::uint32_t i : s.system.regions()[r].samples)
         {

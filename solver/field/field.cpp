@@ -395,7 +395,8 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
     {
         if (stop.stop_requested())
             return std::nullopt;
-        follows.push_back(followers_of(region.motion, parts));
+        follows.push_back(region.bends ? std::vector<bool>(cells_.size(), false)
+                                       : followers_of(region.motion, parts));
         find_misses(without, follows.back(), region);
     }
     for (std::size_t r = 0; r < regions.size(); ++r)
@@ -441,6 +442,13 @@ void FieldFitter::find_misses(const Field& field, const std::vector<bool>& follo
     for (std::size_t k = 0; k < missed.size(); ++k)
     {
         FieldValue& miss = region.misses[missed[k]];
+        if (region.bends)
+        {
+            const Motion& own_motion = region.node_motions[missed[k]];
+            miss.displacement = (own_motion.R - Eigen::Matrix3d::Identity()) * places[k] +
+                                own_motion.t - found[k].displacement;
+            continue;
+        }
         miss.displacement = turn * places[k] + region.motion.t - found[k].displacement;
         if (!region.may_turn)
             miss.gradient = turn - found[k].gradient;

@@ -401,6 +401,12 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
     if (scratch.reach.node_of >= 0)
     {
         const MovedRegion& region = regions_[idx(scratch.reach.node_of)];
+        if (region.bends)
+        {
+            value.displacement +=
+                region.fade->average_displacement(x, region.misses, scratch.near);
+            return;
+        }
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
         return;

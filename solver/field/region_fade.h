@@ -108,7 +108,10 @@ struct MovedRegion
     const RegionFade* fade = nullptr;
     Motion motion;
     bool may_turn = false; ///< a pin: the motion tells where nodes go, not how they turn
-    std::vector<FieldValue> misses = {}; ///< one a node: motion minus field
+    /// A rod: each node has a motion of its own, which tells where it goes.
+    bool bends = false;
+    std::vector<Motion> node_motions = {}; ///< of what bends, for FieldFitter
+    std::vector<FieldValue> misses = {};   ///< one a node: motion minus field
     /// Cells, ascending, in which the field is the motion, up to rounding, and no
     /// correction counts.
     std::vector<int> deep_cells = {};

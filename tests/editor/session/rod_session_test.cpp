@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rods as handles: a session whose statements name them.
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "editor/session/deformation.h"
+#include "editor/session/session.h"
+#include "io/geometry_file.h"
+#include "io/number.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+#include "octree/wrap/skeleton.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+Geometry model(const Shape& shape)
+{
+    return scan_geometry("model.obj", support::obj_text(shape)).geometry;
+}
+
+HandleFile handles(const std::string& text)
+{
+    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
+}
+
+SessionSettings settings(int across, int depth = 0)
+{
+    SessionSettings s;
+    s.cells.across = across;
+    s.cells.max_depth = depth;
+    if (depth > 0)
+        s.cells.threshold = 2e-4;
+    return s;
+}
+
+Session played(const Shape& shape, const std::string& text, const SessionSettings& s)
+{
+    Session session(model(shape), handles(text), s);
+    while (session.next_frame(true))
+        EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged);
+    return session;
+}
+
+double largest_difference(const std::vector<Vector3d>& a, const std::vector<Vector3d>& b)
+{
+    double largest = 0.0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        largest = std::max(largest, (a[i] - b[i]).norm());
+    return largest;
+}
+
+/// 1 x 1 x 4, with a rod in its axis.
+Shape bar()
+{
+    return support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4);
+}
+const std::string kSpine = "rod spine through 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4\n";
+const std::string kBend =
+    kSpine + "frame 1\nmove spine end translate 0 2 -1 tangent 0 1 0\n";
+
+std::string vector_text(const Vector3d& v)
+{
+    return " " + shortest(v.x()) + " " + shortest(v.y()) + " " + shortest(v.z());
+}
+
+} // namespace
+
+TEST(RodSession, a_rod_that_nothing_moves_leaves_every_sample_where_it_is)
+{
+    const Shape shape = bar();
+    const Session session = played(shape, kSpine + "frame 1\n", settings(12));
+    EXPECT_EQ(session.deformed().samples, shape.samples);
+    ASSERT_EQ(session.rods().size(), 1u);
+    EXPECT_GT(session.rods()[0].cells, 10u);
+    EXPECT_NEAR(session.rods()[0].length, 4.0, 1e-12);
+    EXPECT_EQ(session.rods()[0].energy, 0.0);
+    EXPECT_EQ(session.parts().rods, 1);
+    EXPECT_EQ(played(shape, "fixed all all\nframe 1\n", settings(12)).parts().rods, 0);
+}
+
+TEST(RodSession, a_rod_moved_as_a_whole_carries_the_shape_rigidly)
+{
+    const Shape shape = bar();
+    const std::string move = " rotate 1 2 3 70 about 0 1 0 translate 0.3 -1 2\n";
+    const Session by_rod =
+        played(shape, kSpine + "frame 1\nmove spine" + move, settings(12));
+    const Session by_handle =
+        played(shape, "handle all all\nframe 1\nmove all" + move, settings(12));
+    EXPECT_LT(largest_difference(by_rod.deformed().samples, by_handle.deformed().samples),
+              1e-12);
+    EXPECT_EQ(by_rod.frames()[0].solve.iterations, 0);
+    EXPECT_EQ(by_rod.rods()[0].energy, 0.0);
+    // Also what was bent before.
+    const Session bent = played(shape, kBend, settings(12));
+    const Session moved = played(shape, kBend + "move spine" + move, settings(12));
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(70.0 * std::numbers::pi / 180.0, Vector3d(1, 2, 3).normalized())
+            .toRotationMatrix();
+    const Vector3d about(0, 1, 0), shift(0.3, -1, 2);
+    double worst = 0.0;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        worst =
+            std::max(worst, (moved.deformed().samples[i] -
+                             (R * (bent.deformed().samples[i] - about) + about + shift))
+                                .norm());
+    EXPECT_LT(worst, 1e-6);
+    EXPECT_NEAR(moved.rods()[0].energy, bent.rods()[0].energy,
+                1e-9 * bent.rods()[0].energy);
+}
+
+TEST(RodSession, held_points_end_where_they_are_told_and_cells_follow_the_frames)
+{
+    const Session session = played(
+        bar(), kBend + "move spine point 2 translate 0.3 0 0\nframe 2\n", settings(12));
+    const RodReport rod = session.rods()[0];
+    EXPECT_LT((rod.points[0] - Vector3d(0, 0, 0)).norm(), 4e-9);
+    EXPECT_LT((rod.points[2] - Vector3d(0.3, 0, 2)).norm(), 4e-9);
+    EXPECT_LT((rod.points[4] - Vector3d(0, 2, 3)).norm(), 4e-9);
+    EXPECT_TRUE(rod.holds[2].place);
+    EXPECT_FALSE(rod.holds[2].tangent);
+    EXPECT_FALSE(rod.holds[1].place);
+    // Forces hold the rod in balance.
+    Vector3d sum = Vector3d::Zero();
+    double largest = 0.0;
+    for (const Vector3d& force : rod.forces)
+    {
+        sum += force;
+        largest = std::max(largest, force.norm());
+    }
+    EXPECT_GT(largest, 0.0);
+    EXPECT_LT(sum.norm(), 1e-7 * largest);
+    EXPECT_EQ(rod.forces[1].norm(), 0.0);
+    // A carried cell's centre keeps its place in the rod's frame there.
+    const CellSystem& system = *session.system();
+    std::size_t carried_cells = 0;
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+    {
+        const int owner = system.region_of_cell()[c];
+        if (owner < 0)
+            continue;
+        ++carried_cells;
+        const Vector3d& centre = system.body().cells.cells[c].centre;
+        const Motion motion = system.motion_at(idx(owner), centre);
+        EXPECT_LT((system.poses()[c].p - motion(centre)).norm(), 1e-14);
+        EXPECT_LT((system.poses()[c].R - motion.R).norm(), 1e-14);
+    }
+    EXPECT_EQ(carried_cells, rod.cells);
+}
+
+TEST(RodSession, a_rod_led_along_an_arc_has_the_energy_of_its_curvature)
+{
+    // A quarter circle of the same length: kappa = (pi / 2) / 4 everywhere, YI kappa^2 L
+    // / 2, YI = 2 pi R^4 / 4.
+    const double radius = 4.0 / (std::numbers::pi / 2.0), tube = 0.1;
+    const auto on_arc = [&](double share)
+    {
+        const double a = share * std::numbers::pi / 2.0;
+        return Vector3d(0, radius * (1.0 - std::cos(a)), radius * std::sin(a));
+    };
+    const std::string text =
+        "rod spine through 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4 spans 8 radius 0.1\n"
+        "frame 1\nmove spine end to" +
+        vector_text(on_arc(1.0)) + " tangent 0 1 0\n";
+    const RodReport rod = played(bar(), text, settings(12)).rods()[0];
+    const double stiffness = 2.0 * std::numbers::pi * std::pow(tube, 4) / 4.0;
+    const double curvature = (std::numbers::pi / 2.0) / 4.0;
+    EXPECT_NEAR(rod.energy / (stiffness * curvature * curvature * 4.0 / 2.0), 1.0, 2e-4);
+    for (std::size_t k = 0; k < 5; ++k)
+        EXPECT_LT((rod.points[k] - on_arc(k / 4.0)).norm(), 1e-3);
+}
+
+TEST(RodSession, a_turned_end_twists_the_bar_evenly)
+{
+    const Session session =
+        played(bar(), kSpine + "frame 1\nmove spine end turn 120\n", settings(12));
+    const CellSystem& system = *session.system();
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+        if (system.region_of_cell()[c] >= 0)
+        {
+            const double z =
+                system.rest().frame.to_model(system.body().cells.cells[c].centre).z();
+            const Vector3d turn = rotation_vector(system.poses()[c].R);
+            EXPECT_NEAR(turn.z(), z / 4.0 * 120.0 * std::numbers::pi / 180.0, 1e-6);
+            EXPECT_LT(turn.head<2>().norm(), 1e-9);
+        }
+}
+
+TEST(RodSession, what_is_released_is_no_longer_held)
+{
+    const std::string pushed =
+        kSpine + "frame 1\nmove spine point 2 translate 1 0 0\nmove spine end turn 90\n";
+    const Session held = played(bar(), pushed + "frame 2\n", settings(12));
+    const Session free = played(
+        bar(), pushed + "frame 2\nrelease spine point 2\nrelease spine end twist\n",
+        settings(12));
+    EXPECT_LT((held.rods()[0].points[2] - Vector3d(1, 0, 2)).norm(), 4e-9);
+    EXPECT_GT(held.rods()[0].energy, 1e-6);
+    // Nothing else holds it off the axis, nor turns it.
+    EXPECT_LT(free.rods()[0].points[2].head<2>().norm(), 1e-6);
+    EXPECT_LT(free.rods()[0].energy, 1e-9 * held.rods()[0].energy);
+    EXPECT_EQ(free.rods()[0].holds[4], (HoldParts{true, true, false}));
+    EXPECT_LT(largest_difference(free.deformed().samples, bar().samples), 1e-5);
+}
+
+TEST(RodSession, smaller_cells_follow_the_same_rod)
+{
+    const Session coarse = played(bar(), kBend, settings(12));
+    const Session fine = played(bar(), kBend, settings(12, 2));
+    EXPECT_GT(fine.system()->body().cells.size(), coarse.system()->body().cells.size());
+    EXPECT_EQ(fine.rods()[0].points, coarse.rods()[0].points);
+    EXPECT_LT(largest_difference(fine.deformed().samples, coarse.deformed().samples),
+              0.1);
+}
+
+TEST(RodSession, cells_of_regions_stay_theirs_and_of_two_rods_the_first)
+{
+    const std::string text =
+        "fixed foot box -1 -1 -1 1 1 0.5\n" + kSpine +
+        "rod other through 0.4 0 2  0.4 0 3  0.4 0 4\nframe 1\nmove spine "
+        "end translate 0 1 0\n";
+    const Session session = played(bar(), text, settings(12));
+    const CellSystem& system = *session.system();
+    std::array<int, 3> cells = {};
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+        if (const int owner = system.region_of_cell()[c]; owner >= 0)
+        {
+            ++cells[idx(owner)];
+            const double z =
+                system.rest().frame.to_model(system.body().cells.cells[c].centre).z();
+            EXPECT_EQ(owner == 0, z < 0.5);
+        }
+    EXPECT_GT(cells[0], 0);
+    EXPECT_GT(cells[1], 0);
+    EXPECT_GT(cells[2], 0);
+    EXPECT_LT(cells[2], cells[1]); // what the first has left of its tube
+}
+
+TEST(RodSession, exact_rods_carry_the_samples_in_their_tube_exactly)
+{
+    const std::string text =
+        "rod spine through 0.3 0.3 0  0.3 0.3 2  0.3 0.3 4 radius 0.3 exact\n"
+        "frame 1\nmove spine end translate 0 2 -1 tangent 0 1 0\n";
+    const Shape shape = bar();
+    const Session session = played(shape, text, settings(12));
+    const CellSystem& system = *session.system();
+    const WorkFrame& frame = system.rest().frame;
+    const Region& region = system.regions()[0];
+    ASSERT_GT(region.samples.size(), 20u);
+    for (const std::uint32_t i : region.samples)
+    {
+        const Vector3d x = frame.to_work(shape.samples[i]);
+        EXPECT_LT(
+            (session.deformed().samples[i] - frame.to_model(system.motion_at(0, x)(x)))
+                .norm(),
+            4e-9);
+    }
+    // What was kept as a field says the same of them.
+    Session again(model(shape), handles(text),
+                  []
+                  {
+                      SessionSettings s = settings(12);
+                      s.keeps_fields = true;
+                      return s;
+                  }());
+    again.next_frame(true);
+    const Deformation kept(again.field_file(), "f.cwf", 0.0);
+    std::vector<Vector3d> carried = shape.samples;
+    kept.carry({carried});
+    EXPECT_LT(largest_difference(carried, session.deformed().samples), 1e-12);
+}
+
+TEST(RodSession, statements_that_change_under_way_give_what_a_new_session_gives)
+{
+    SessionSettings keeps = settings(12, 1);
+    keeps.keeps_checkpoints = true;
+    const std::string first = kBend, second = first + "frame 2\nmove spine end turn 60\n",
+                      third = first + "frame 2\nrelease spine end tangent\n"
+                                      "move spine point 1 translate 0.2 0 0\n";
+    Session edited(model(bar()), handles(second), keeps);
+    for (const std::string& text : {second, third, first, third})
+    {
+        edited.set_script(handles(text));
+        while (edited.next_frame(true))
+            ;
+        Session fresh(model(bar()), handles(text), keeps);
+        while (fresh.next_frame(true))
+            ;
+        EXPECT_EQ(edited.deformed().samples, fresh.deformed().samples);
+        EXPECT_EQ(edited.rods()[0].points, fresh.rods()[0].points);
+    }
+}
+
+TEST(RodSession, threads_do_not_change_a_bit)
+{
+    std::vector<std::vector<Vector3d>> results;
+    for (const int threads : {1, 2, 4})
+    {
+        const ThreadLimit limit(threads);
+        results.push_back(played(bar(), kBend, settings(12, 1)).deformed().samples);
+    }
+    EXPECT_EQ(results[1], results[0]);
+    EXPECT_EQ(results[2], results[0]);
+}
+
+TEST(RodSession, after_a_commit_rods_start_anew)
+{
+    const Session session =
+        played(bar(),
+               kBend + "commit\nrod other through 0 0 0  0 0.5 1.9  0 2 3\nframe 2\n"
+                       "move other end translate 0.5 0 0\n",
+               settings(12));
+    ASSERT_EQ(session.rods().size(), 1u);
+    EXPECT_EQ(session.rods()[0].name, "other");
+    EXPECT_LT((session.rods()[0].points[2] - Vector3d(0.5, 2, 3)).norm(), 1e-8);
+}
+
+TEST(RodSession, control_points_and_closed_rods_are_led_as_well)
+{
+    const RodReport by_controls =
+        played(bar(),
+               "rod spine points 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4\nframe 1\n"
+               "move spine point 2 translate 0.5 0 0\n",
+               settings(12))
+            .rods()[0];
+    EXPECT_LT((by_controls.points[2] - Vector3d(0.5, 0, 2)).norm(), 4e-9);
+    const RodReport closed =
+        played(bar(),
+               "rod ring through 0.3 0 1  0 0.3 1  -0.3 0 1  0 -0.3 1 closed\nframe 1\n"
+               "move ring point 2 translate 0 0 0.4\n",
+               settings(12))
+            .rods()[0];
+    EXPECT_LT((closed.points[0] - Vector3d(0.3, 0, 1)).norm(), 4e-9);
+    EXPECT_LT((closed.points[2] - Vector3d(-0.3, 0, 1.4)).norm(), 4e-9);
+}
+
+TEST(RodSession, mirrored_and_turned_scenes_give_mirrored_and_turned_results)
+{
+    const Shape shape = support::l_prism();
+    const auto text = [](const std::function<Vector3d(const Vector3d&)>& map,
+                         const std::function<Vector3d(const Vector3d&)>& turn)
+    {
+        std::string line = "rod spine through";
+        for (const Vector3d& x :
+             {Vector3d(0.4, 0.5, 0.5), Vector3d(2, 0.5, 0.5), Vector3d(3.6, 0.5, 0.5)})
+            line += vector_text(map(x));
+        return line + "\nframe 1\nmove spine end translate" +
+               vector_text(turn({-0.3, 0.4, 0.7})) + "\nrelease spine end tangent\n";
+    };
+    const auto same = [](const Vector3d& x) { return x; };
+    const Session plain = played(shape, text(same, same), settings(16));
+    for (const bool is_mirror : {true, false})
+    {
+        const auto map = [&](const Vector3d& x) -> Vector3d
+        {
+            return is_mirror ? Vector3d(4.0 - x.x(), x.y(), x.z())
+                             : Vector3d(2.0 - x.y(), x.x(), x.z());
+        };
+        const auto turn = [&](const Vector3d& v) -> Vector3d
+        { return map(v) - map(Vector3d::Zero()); };
+        Shape other = shape;
+        for (Vector3d& x : other.samples)
+            x = map(x);
+        if (is_mirror)
+            for (Triangle& triangle : other.triangles)
+                std::swap(triangle[0], triangle[1]);
+        const Session moved = played(other, text(map, turn), settings(16));
+        double worst = 0.0;
+        for (std::size_t i = 0; i < shape.samples.size(); ++i)
+            worst = std::max(
+                worst,
+                (moved.deformed().samples[i] - map(plain.deformed().samples[i])).norm());
+        EXPECT_LT(worst, 1e-5) << is_mirror;
+    }
+}
+
+TEST(RodSession, a_rod_from_the_skeleton_lies_in_the_middle)
+{
+    if (!has_curve_skeleton())
+        GTEST_SKIP() << "built without CGAL";
+    const Shape shape = bar();
+    const Session session = played(shape,
+                                   "fixed tip box -1 -1 3.9 1 1 5\n"
+                                   "rod all from skeleton\n"
+                                   "rod limb from skeleton near tip\nframe 1\n",
+                                   settings(12));
+    for (const RodReport& rod : session.rods())
+    {
+        EXPECT_GT(rod.length, 2.5);
+        for (const Vector3d& x : rod.line)
+            EXPECT_LT(x.head<2>().norm(), 0.15) << x.transpose();
+    }
+    // Towards the tip.
+    EXPECT_GT(session.rods()[1].points.back().z(), session.rods()[1].points[0].z());
+}
+
+TEST(RodSession, what_cannot_be_is_told)
+{
+    const auto told = [](Fault fault, const std::string& text)
+    {
+        return error_of(
+            fault,
+            [&] { Session(model(bar()), handles(text + "frame 1\n"), settings(8)); });
+    };
+    const Fault none = Fault::Unsolvable, wrong = Fault::Malformed;
+    EXPECT_TRUE(contains(told(none, "rod far through 9 9 9  9 9 12\n"),
+                         "h.handles:2: far: its tube meets no material"));
+    EXPECT_TRUE(contains(told(none, "fixed all all\n" + kSpine), "spine"));
+    EXPECT_TRUE(contains(told(wrong, "rod r from skeleton near nobody\n"), "nobody"));
+    EXPECT_TRUE(contains(told(wrong, "rod r points 1 1 1  1 1 1  1 1 1  1 1 1\n"),
+                         "h.handles:2: r:"));
+    EXPECT_TRUE(
+        contains(told(wrong, "rod r through 0 0 0  0 0 4 stiffness 2\n"), "stiffness"));
+    EXPECT_TRUE(contains(told(wrong, "rod r points 0 0 0  0 0 1  0 0 2  0 0 4\nframe 0\n"
+                                     "move r point 1 turn 20\n"),
+                         "point 1 is a control point off the rod"));
+}
+
+} // namespace cellwarp
