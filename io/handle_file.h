@@ -218,6 +218,9 @@ bool is_handle_name(std::string_view name);
 /// the last has a frame, each move an operation.
 std::string handle_text(const HandleFile& file);
 
+/// The line of one region, as handle_text() writes it for a file at \p path.
+std::string region_text(const RegionStatement& region, const std::string& path);
+
 /// The deformation survey's pair as a handle file: labels 0 fixed, 1 free,
 /// 2 handle of \p sel, and the one matrix of \p def, as frame 1.
 HandleFile read_survey_pair(const std::string& sel, const std::string& def);

@@ -264,6 +264,13 @@ bool is_handle_name(std::string_view name)
            !(is_quoted && name.find('"') != std::string_view::npos);
 }
 
+std::string region_text(const RegionStatement& region, const std::string& path)
+{
+    Printer printer(path);
+    printer.region(region);
+    return printer.take();
+}
+
 std::string handle_text(const HandleFile& file)
 {
     Printer printer(file.path);

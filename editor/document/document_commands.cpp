@@ -17,9 +17,10 @@ namespace
 constexpr const char* kNoRest =
     " lies on a shape that is not there yet: wait for the result of what comes before it";
 
+/// Whether samples can be of one such region alone.
 bool prescribes(Role role)
 {
-    return role != Role::Stiff;
+    return role == Role::Fixed || role == Role::Handle || role == Role::Pin;
 }
 
 std::vector<std::uint32_t> without(const std::vector<std::uint32_t>& samples,
@@ -42,13 +43,16 @@ RegionStatement statement_of(const std::string& name, Role role, double factor,
     return statement;
 }
 
+constexpr const char* kSpline = " is a rod or a curve: points tell it, no samples do";
+
 bool is_same(const RegionStatement& a, const RegionStatement& b)
 {
     return a.role == b.role && a.name == b.name && a.factor == b.factor &&
            a.selector.kind == b.selector.kind &&
            a.selector.numbers == b.selector.numbers &&
            a.selector.ranges == b.selector.ranges && a.selector.name == b.selector.name &&
-           a.selector.label == b.selector.label;
+           a.selector.label == b.selector.label && !a.spline == !b.spline &&
+           (!a.spline || *a.spline == *b.spline);
 }
 
 /// The part of two lists in which they differ.
@@ -79,6 +83,9 @@ std::vector<RegionDraft> Document::State::drafts()
     std::vector<RegionDraft> drafts;
     for (const EditedRegion& region : regions)
     {
+        // After a commit rods and curves start anew, from statements of their own.
+        if (region.is_spline() && !frames().empty())
+            continue;
         RegionDraft& draft = drafts.emplace_back(RegionDraft{{}, &region});
         if (!frames().empty() && !samples_of(region).empty())
             draft.statements = {
@@ -175,6 +182,8 @@ std::string Document::add_region(Role role, const std::string& name)
 {
     State& s = *state_;
     const std::vector<std::uint32_t> samples = s.selected();
+    if (role == Role::Rod || role == Role::Curve)
+        throw usage("a rod or curve is told by points, not by samples");
     const std::string given = name.empty() ? s.free_name(role) : name;
     s.check_new_name(given);
     std::vector<RegionDraft> drafts = s.drafts();
@@ -191,6 +200,8 @@ void Document::set_samples(const std::string& region)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
+    if (old.is_spline())
+        throw usage(in_quotes(region) + kSpline);
     const std::vector<std::uint32_t> samples = s.selected();
     std::vector<RegionDraft> drafts = s.drafts();
     for (RegionDraft& draft : drafts)
@@ -204,6 +215,11 @@ void Document::remove_region(const std::string& region)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
+    if (s.frames().empty())
+        for (const OnStatement& on : s.stage().ons)
+            if (on.pin == region || on.guide == region)
+                throw usage(in_quotes(on.pin) + " stays on " + in_quotes(on.guide) +
+                            ": that is told in the handle file and ends there");
     std::vector<RegionDraft> drafts = s.drafts();
     std::erase_if(drafts, [&](const RegionDraft& draft) { return draft.region == &old; });
     s.push_regions("Remove " + region, drafts);
@@ -225,6 +241,8 @@ void Document::set_role(const std::string& region, Role role, double factor)
     const EditedRegion& old = s.find(region);
     if (!(factor > 0) || !std::isfinite(factor))
         throw usage("stiffness: need a factor above 0 (got " + shortest(factor) + ")");
+    if (old.is_spline() || role == Role::Rod || role == Role::Curve)
+        throw usage(in_quotes(region) + kSpline);
     if (old.role == role && (role != Role::Stiff || old.factor == factor))
         return;
     std::vector<RegionDraft> drafts = s.drafts();
@@ -246,7 +264,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     const EditedRegion& old = s.find(region);
     if (!old.moves())
         throw usage(in_quotes(region) + " is " + role_name(old.role) +
-                    ": only handles and pins move");
+                    (old.is_guided ? " that stays on a curve: this moves it"
+                                   : ": only handles, pins and rods move"));
     if (!placement.translation.allFinite() || !placement.axis.allFinite() ||
         !std::isfinite(placement.degrees) || !(placement.axis.norm() > 0))
         throw usage("a place needs finite numbers");

@@ -72,11 +72,9 @@ struct Document::State
     ModelBox rest_box;
     std::uint64_t revision = 0, result_revision = 0;
 
-    std::vector<RegionStatement>& statements()
-    {
-        return edited.handles.stages.back().regions;
-    }
-    std::vector<FrameStatement>& frames() { return edited.handles.stages.back().frames; }
+    Stage& stage() { return edited.handles.stages.back(); }
+    std::vector<RegionStatement>& statements() { return stage().regions; }
+    std::vector<FrameStatement>& frames() { return stage().frames; }
 
     bool knows_rest() const
     {
@@ -112,7 +110,8 @@ struct Document::State
         const Move* last = nullptr;
         for (std::size_t f = all.size(); f-- > 0 && !last;)
             for (const Move& move : all[f].moves)
-                if (move.region == region.name)
+                if (move.region == region.name &&
+                    move.place.kind == MovePlace::Kind::Whole)
                     last = &move;
         if (!last)
             return;
@@ -143,7 +142,12 @@ struct Document::State
             for (const std::uint32_t i : found[r].samples)
                 of_sample[i] = static_cast<std::int32_t>(r);
         for (EditedRegion& region : found)
+        {
+            region.is_guided = std::any_of(stage().ons.begin(), stage().ons.end(),
+                                           [&](const OnStatement& one)
+                                           { return one.pin == region.name; });
             find_placement(region, on);
+        }
         regions = std::move(found);
         region_of_sample = std::move(of_sample);
     }

@@ -75,6 +75,17 @@ public:
             for (Move& move : frame.moves)
                 if (move.region == old)
                     move.region = now;
+        for (OnStatement& on : last_stage(edited_).ons)
+            for (std::string* const name : {&on.pin, &on.guide})
+                if (*name == old)
+                    *name = now;
+        for (RegionStatement& region : last_stage(edited_).regions)
+            if (region.spline && region.spline->near == old)
+            {
+                SplineStatement spline = *region.spline;
+                spline.near = now;
+                region.spline = std::make_shared<const SplineStatement>(spline);
+            }
     }
 
     void operator()(const FramesAdded& change)
@@ -120,10 +131,12 @@ private:
 
 // --- as text -------------------------------------------------------------------------
 
-constexpr std::array kRoles = {"fixed", "handle", "pin", "stiff"};
-constexpr std::array kSelectors = {"box",     "sphere", "capsule", "halfspace",
-                                   "indices", "labels", "group",   "all"};
-constexpr std::array kOperations = {"translate", "rotate", "matrix", "to"};
+constexpr std::array kRoles = {"fixed", "handle", "pin", "stiff", "rod", "curve"};
+constexpr std::array kSelectors = {"box",    "sphere", "capsule", "halfspace", "indices",
+                                   "labels", "group",  "all",     "spline"};
+constexpr std::array kOperations = {"translate", "rotate", "matrix",
+                                    "to",        "turn",   "tangent"};
+constexpr std::array kPlaces = {"whole", "point", "start", "end"};
 
 template <class Kind, std::size_t n>
 const char* word_of(Kind kind, const std::array<const char*, n>& words)
@@ -190,12 +203,25 @@ Json json_of(const RegionStatement& region)
         json["of"] = selector.name;
     if (selector.label != 0)
         json["label"] = selector.label;
+    // Rods and curves as a handle file has them.
+    if (region.spline)
+        json["line"] = region_text(region, "");
     return json;
 }
 
 RegionStatement region_of(const Json& json)
 {
     RegionStatement region;
+    if (json.contains("line"))
+    {
+        const HandleFile file = parse_handles(
+            "line", "cellwarp-handles 1\n" + json["line"].get<std::string>());
+        if (file.stages[0].regions.size() != 1 || !file.stages[0].regions[0].spline)
+            throw std::invalid_argument("the line is no rod and no curve");
+        region = file.stages[0].regions[0];
+        region.line = 0;
+        return region;
+    }
     region.role = kind_of<Role>(json.at("role"), kRoles);
     region.name = json.at("name").get<std::string>();
     region.factor = json.at("factor").get<double>();
@@ -236,7 +262,8 @@ Json json_of(const Operation& operation)
         return json;
     }
     json["vector"] = json_of(operation.vector);
-    if (operation.kind == Operation::Kind::Rotate)
+    if (operation.kind == Operation::Kind::Rotate ||
+        operation.kind == Operation::Kind::Turn)
         json["degrees"] = operation.degrees;
     if (operation.about)
         json["about"] = json_of(*operation.about);
@@ -269,7 +296,13 @@ Json json_of(const FrameStatement& frame)
         Json operations = Json::array();
         for (const Operation& operation : move.operations)
             operations.push_back(json_of(operation));
-        moves.push_back({{"region", move.region}, {"do", operations}});
+        Json& json =
+            moves.emplace_back(Json{{"region", move.region}, {"do", operations}});
+        if (move.place.kind != MovePlace::Kind::Whole)
+            json["at"] = {word_of(move.place.kind, kPlaces), move.place.point};
+        if (move.released)
+            json["released"] = {move.released->place, move.released->tangent,
+                                move.released->twist};
     }
     return {{"number", frame.number}, {"moves", moves}};
 }
@@ -282,6 +315,16 @@ FrameStatement frame_of(const Json& json)
     {
         Move& move = frame.moves.emplace_back();
         move.region = move_json.at("region").get<std::string>();
+        if (move_json.contains("at"))
+        {
+            move.place.kind = kind_of<MovePlace::Kind>(move_json["at"].at(0), kPlaces);
+            move.place.point = move_json["at"].at(1).get<std::int64_t>();
+        }
+        if (move_json.contains("released"))
+        {
+            const auto parts = move_json["released"].get<std::array<bool, 3>>();
+            move.released = HoldParts{parts[0], parts[1], parts[2]};
+        }
         for (const Json& operation : move_json.at("do"))
             move.operations.push_back(operation_of(operation));
     }

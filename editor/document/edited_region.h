@@ -43,7 +43,12 @@ struct EditedRegion
     /// those that the model would have.
     bool knows_samples = true, knows_placement = true;
 
-    bool moves() const { return role == Role::Handle || role == Role::Pin; }
+    bool is_guided = false; ///< a pin that stays on a curve
+    bool is_spline() const { return role == Role::Rod || role == Role::Curve; }
+    bool moves() const
+    {
+        return role == Role::Handle || (role == Role::Pin && !is_guided) || is_spline();
+    }
 };
 
 /// What a stage's statements are read on.

@@ -180,9 +180,10 @@ struct SolveWorker::State
         const auto& regions = system.regions().regions();
         const SessionSettings preview = settings_of(request.scene, true);
         if (std::any_of(regions.begin(), regions.end(),
-                        [](const Region& region) {
+                        [](const Region& region)
+                        {
                             return region.role == Role::Handle ||
-                                   region.role == Role::Pin;
+                                   region.role == Role::Pin || region.spline != nullptr;
                         }))
             out.drag.emplace(
                 DragSource{model,

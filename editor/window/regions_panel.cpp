@@ -150,6 +150,12 @@ void show_name(EditorApp& app, PanelState& state, const EditedRegion& region)
 void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
     label("Role");
+    if (region.is_spline())
+    {
+        ImGui::TextUnformatted(region.role == Role::Rod ? "Rod" : "Curve");
+        tip("Told by points, in the handle file");
+        return;
+    }
     ImGui::SetNextItemWidth(region.role == Role::Stiff ? letters(9.0f) : -1);
     if (ImGui::BeginCombo("##role", name_of(region.role)))
     {
@@ -199,7 +205,7 @@ bool show_numbers(EditorApp& app, const EditedRegion& region, Placement& value,
                            speed, nullptr, nullptr, "%.4g");
     is_held |= ImGui::IsItemActive();
     tip("Along x, y and z [model unit]. Drag, or double-click to type");
-    if (region.role != Role::Handle)
+    if (region.role == Role::Pin)
         return is_held;
     label("Turn");
     ImGui::SetNextItemWidth(-1);
