@@ -30,6 +30,18 @@ pair vase obj
 pair cloud ply --view 35 30
 pair hand ply --view 20 10
 pair coil obj --view 30 15
+# Posed by rods, and what slides along curves.
+posed() {  # sample, its frame, more flags of render
+    name=$1
+    "$cellwarp" render "$here/samples/$name.json" --frame "$2" -o "$folder/$name.png" --overwrite \
+        --size 480x400 $3
+}
+posed hose last "--view 60 20"
+posed tail last "--view 100 15"
+"$cellwarp" render "$here/samples/spine.json" --strip=3 --size 320x360 --view 25 15 \
+    -o "$folder/spine.png" --overwrite
+"$cellwarp" render "$here/samples/ring.json" --strip=3 --size 320x280 --view 20 30 \
+    -o "$folder/ring.png" --overwrite
 pair chain obj --view 35 10
 pair soup stl --view 15 15
 pair scan xyz --view 25 15

@@ -15,6 +15,9 @@ hand      five fingers 1 % of the diagonal apart; three are bent
 coil      a spring whose turns are 1 % apart; it is pulled up and tilted
 chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
+hose      a straight hose; a rod in it goes through eight points
+ring      a ring that slides along a bent bar by three of its points
+posed     scenes of the creature with rods: spine (bent and twisted), tail (curled)
 scan      a cloud with holes and noise, seen from three places; the creature bows
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
@@ -167,6 +170,95 @@ def capsule(p, a, b, ra, rb):
     t = sum(x * y for x, y in zip(ap, ab)) / max(1e-12, sum(x * x for x in ab))
     t = min(1.0, max(0.0, t))
     return math.dist(p, [a[k] + t * ab[k] for k in range(3)]) - (ra + t * (rb - ra))
+
+
+def hose(folder, rings=121, around=24, name="hose"):
+    """Straight; a rod in its axis poses it through eight points."""
+    path = [(0.0, 0.0, 8.0 * i / (rings - 1)) for i in range(rings)]
+    points, faces = tube(path, 0.3, around)
+    check_closed(faces)
+    write(folder, name + ".obj", obj(points, faces, "a hose, 8 long, straight"))
+    rest = " ".join(" 0 0 %g" % (8.0 * k / 7) for k in range(8))
+    # Of about the same length as at rest, from point to point.
+    way = [(0, 0, 0), (0, 0.1, 1.1), (0.1, 0.9, 1.85), (0.45, 1.9, 1.6), (1.2, 2.15, 0.8),
+           (1.9, 1.5, 0.25), (2.7, 0.8, 0.6), (3.1, 0.6, 1.7)]
+    moves = "\n".join("move hose point %d to %g %g %g" % ((k,) + p)
+                      for k, p in enumerate(way) if k)
+    scene(folder, name, name + ".obj", """cellwarp-handles 1
+# A rod in the hose's axis goes through eight points; its far end turns as it likes.
+rod hose through%s
+frame 1
+%s
+release hose end tangent twist
+""" % (rest, moves))
+
+
+def ring(folder):
+    """A bent bar, and a ring that three of its inner points keep on it."""
+    big, wire, hole, thick = 1.5, 0.2, 0.24, 0.1
+
+    def on_bar(angle, off=0.0, turn=0.0):
+        a = math.radians(angle)
+        r = big + off * math.cos(turn)
+        return [r * math.cos(a), r * math.sin(a), off * math.sin(turn)]
+
+    points, faces = tube([on_bar(0.9 * i) for i in range(101)], wire, 16)
+    start, rows, around, first = 12.0, 36, 16, len(points)
+    for i in range(rows):
+        turn = 2 * math.pi * i / rows
+        for j in range(around):
+            phi = 2 * math.pi * j / around
+            off = hole + thick * (1 - math.cos(phi))
+            points.append(on_bar(start + math.degrees(thick * math.sin(phi) / big), off, turn))
+    for i in range(rows):
+        for j in range(around):
+            k, l = (i + 1) % rows, (j + 1) % around
+            faces.append([first + i * around + j, first + k * around + j,
+                          first + k * around + l, first + i * around + l])
+    check_closed(faces)
+    write(folder, "ring.obj", obj(points, faces, "a bent bar with a ring around it"))
+    lines = ["cellwarp-handles 1",
+             "# Three inner points of the ring slide along the bar; a fourth, outside, is",
+             "# led: the ring follows, and stays around the bar.",
+             "fixed bar indices 0-%d" % (first - 1)]
+    for n in range(3):
+        turn = 2 * math.pi * n / 3
+        lines.append("pin inner%d indices %d" % (n, first + n * (rows // 3) * around))
+        lines.append("curve rail%d through" % n + " ".join(
+            "  %.6g %.6g %.6g" % tuple(on_bar(a, hole, turn)) for a in (2, 12, 30, 45, 60, 75, 88)))
+    outer = first + (rows // 4) * around + around // 2
+    lines.append("pin grip indices %d" % outer)
+    lines += ["on inner%d rail%d" % (n, n) for n in range(3)]
+    for n, angle in enumerate((40, 70)):
+        lines.append("frame %d" % (n + 1))
+        lines.append("move grip to %.6g %.6g %.6g"
+                     % tuple(on_bar(angle, hole + 2 * thick, math.pi / 2)))
+    scene(folder, "ring", "ring.obj", "\n".join(lines) + "\n",
+          ',\n  "cells": {"gap": 0.006}')
+
+
+def posed(folder):
+    """The creature again, bent by rods."""
+    scene(folder, "spine", "creature.obj", """cellwarp-handles 1
+# A rod through the spine, bent aside and twisted; the legs stay.
+fixed legs  box -2 -1 -1  2 0.62 0.6
+rod   spine through 0 0.85 0  0 1.2 0  0 1.55 0  0 1.9 0.03  0 2.2 0.05  radius 0.1
+frame 1
+move spine end translate 0.75 -0.2 0.05  tangent 0.8 0.55 0.1  turn 50
+frame 2
+move spine end translate -0.45 -0.45 0.75  tangent -0.4 0.45 0.8  turn -35
+""")
+    scene(folder, "tail", "creature.obj", """cellwarp-handles 1
+# Four points of the tail, and what lies between finds its place.
+fixed body box -2 -1 -0.32  2 3 2
+rod   tail through 0 0.78 -0.25  0 0.6 -0.52  0 0.58 -0.7  0 0.66 -0.87  0 0.75 -1.05  radius 0.03
+frame 1
+move tail point 1 to 0 0.72 -0.55
+move tail point 2 to 0 0.85 -0.7
+move tail point 3 to 0 1.04 -0.68
+move tail point 4 to 0 1.12 -0.5
+release tail end tangent twist
+""")
 
 
 def creature_parts():
@@ -953,7 +1045,8 @@ def main():
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
-    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan, rods):
+    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan,
+                 hose, ring, posed, rods):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

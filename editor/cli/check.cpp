@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/rods_json.h"
 #include "io/geometry_file.h"
 
 namespace cellwarp
@@ -32,14 +33,16 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::size_t samples = session.geometry().samples.size();
     std::string text;
     if (common.is_json)
-        text =
-            Json{{"model", request.model}, {"samples", samples},   {"cells", cells},
-                 {"regions", regions},     {"frames", num_frames}, {"warnings", warnings}}
-                .dump(2) +
-            "\n";
+        text = Json{{"model", request.model}, {"samples", samples},
+                    {"cells", cells},         {"regions", regions},
+                    {"frames", num_frames},   {"rods", rods_json(session.rods())},
+                    {"warnings", warnings}}
+                   .dump(2) +
+               "\n";
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
-                           flags.model, samples, cells, regions, num_frames);
+                           flags.model, samples, cells, regions, num_frames) +
+               rods_text(session.rods());
     write_file("-", text, Overwrite::Yes);
     return 0;
 }

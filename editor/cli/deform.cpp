@@ -7,6 +7,7 @@
 
 #include "editor/cli/command.h"
 #include "editor/cli/output_name.h"
+#include "editor/cli/rods_json.h"
 #include "editor/session/peak_memory.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -181,51 +182,6 @@ Json field_json(const Session& session, const std::string& release)
             {"centres", field->parts().num_centres},
             {"clusters", field->num_clusters()},
             {"residual", field->parts().residual / system->rest().frame.diagonal()}};
-}
-
-Json vector_json(const Eigen::Vector3d& v)
-{
-    return {v.x(), v.y(), v.z()};
-}
-
-/// Points are where the rod's frame has them, forces what holds them there.
-Json rods_json(const std::vector<RodReport>& rods)
-{
-    Json json = Json::array();
-    for (const RodReport& rod : rods)
-    {
-        Json points = Json::array(), forces = Json::array(), held = Json::array();
-        for (std::size_t k = 0; k < rod.points.size(); ++k)
-        {
-            points.push_back(vector_json(rod.points[k]));
-            forces.push_back(vector_json(rod.forces[k]));
-            Json parts = Json::array();
-            if (rod.holds[k].place)
-                parts.push_back("place");
-            if (rod.holds[k].tangent)
-                parts.push_back("tangent");
-            if (rod.holds[k].twist)
-                parts.push_back("twist");
-            held.push_back(parts);
-        }
-        Json pins = Json::array();
-        for (const RodReport::Pin& pin : rod.pins)
-            pins.push_back({{"name", pin.name},
-                            {"at", pin.at},
-                            {"slides", pin.slides},
-                            {"force", vector_json(pin.force)}});
-        json.push_back({{"name", rod.name},
-                        {"kind", rod.is_rod ? "rod" : "curve"},
-                        {"cells", rod.cells},
-                        {"length", rod.length},
-                        {"radius", rod.radius},
-                        {"energy", rod.energy},
-                        {"points", points},
-                        {"held", held},
-                        {"forces", forces},
-                        {"pins", pins}});
-    }
-    return json;
 }
 
 Json volume_json(const std::optional<Volume>& volume)

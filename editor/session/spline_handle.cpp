@@ -179,6 +179,7 @@ public:
                                              const SplineHolds& holds) const override;
 
     bool by_controls() const { return by_controls_; }
+    const std::vector<Vector3d>& points() const { return points_; }
     const Rod& rod() const { return rod_; }
     const RodState& rest_state() const { return rest_; }
 
@@ -241,6 +242,8 @@ Motion State::carry(double s) const
 
 std::vector<Vector3d> State::points() const
 {
+    if (is_rest_)
+        return of_.points();
     std::vector<Vector3d> points;
     for (std::size_t k = 0; k < of_.num_points(); ++k)
         points.push_back(of_.by_controls() ? state_.control(static_cast<int>(k))

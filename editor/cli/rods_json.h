@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rods and curves of an edit session, as --json and `check` tell them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "editor/cli/command.h"
+#include "editor/session/rod_report.h"
+
+namespace cellwarp
+{
+
+/// Points are where the rod's frame has them, forces what holds them there.
+Json rods_json(const std::vector<RodReport>& rods);
+
+/// A few lines a rod or curve: what it carries, its points, its pins.
+std::string rods_text(const std::vector<RodReport>& rods);
+
+} // namespace cellwarp
