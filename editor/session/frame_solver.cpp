@@ -19,6 +19,9 @@ namespace
 /// Tolerance of the steps on the way: good enough to start the next one.
 constexpr double kTravelTolerance = 1e-3;
 
+/// The least part of such a step that a rod goes by itself.
+constexpr double kLeastPart = 1.0 / 64.0;
+
 /// Iterations of a step on the way, at most.
 constexpr int kTravelIterations = 30;
 
@@ -161,8 +164,10 @@ std::vector<SplineHolds> FrameSolver::start_of_holds() const
     return starts;
 }
 
-/// The rods and curves at \p t of the way. Throws Fault::Unsolvable.
-std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double t) const
+/// The rods and curves at \p t of the way, from where they are, at \p last of it. Where a
+/// rod does not get there at once it goes in smaller parts. Throws Fault::Unsolvable.
+std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double last,
+                                                                  double t) const
 {
     std::vector<std::shared_ptr<const SplineState>> splines = system_.splines();
     for (std::size_t r = 0; r < splines.size(); ++r)
@@ -170,14 +175,24 @@ std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double t) cons
         if (!splines[r] || plan_.from_holds[r] == plan_.to_holds[r])
             continue;
         const Region& region = system_.regions()[r];
-        splines[r] = region.spline->moved(*splines[r],
-                                          between(from_holds_[r], plan_.to_holds[r], t));
-        if (!splines[r])
-            throw Error(Fault::Unsolvable,
-                        at({system_.regions().file(), region.line, region.name},
-                           "frame " + std::to_string(frame_) +
-                               ": the rod finds no rest with what holds it there (a move "
-                               "may be too far)"));
+        double done = last, part = t - last;
+        while (done < t)
+        {
+            const double next = std::min(done + part, t);
+            if (std::shared_ptr<const SplineState> moved = region.spline->moved(
+                    *splines[r], between(from_holds_[r], plan_.to_holds[r], next),
+                    part * 0.5 < kLeastPart * (t - last)))
+            {
+                splines[r] = std::move(moved);
+                done = next;
+            }
+            else if ((part *= 0.5) < kLeastPart * (t - last))
+                throw Error(Fault::Unsolvable,
+                            at({system_.regions().file(), region.line, region.name},
+                               "frame " + std::to_string(frame_) +
+                                   ": the rod finds no rest with what holds it there (a "
+                                   "move may be too far)"));
+        }
     }
     return splines;
 }
@@ -189,6 +204,7 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
     way.parts = plan_.num_parts;
     from_holds_ = start_of_holds();
     const double left = system_.way_left();
+    double gone = 0.0; ///< of the way
     way.is_wound = plan_.is_wound();
     std::optional<TurnChains> chains;
     if (way.is_wound)
@@ -204,7 +220,9 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
         if (chains)
             way.turns -= chains->turns(system_.poses());
         const double share = static_cast<double>(way.part) / way.parts;
-        system_.move_regions(plan_.motions(share), bent(share), left * (1.0 - share));
+        system_.move_regions(plan_.motions(share), bent(gone, share),
+                             left * (1.0 - share));
+        gone = share;
         if (way.gradient_scale == 0.0)
         {
             const Residual first = system_.residual();

@@ -48,7 +48,7 @@ private:
     void start_again(const Start& start, Way& way, FrameReport& report);
     void part_regions(FrameReport& report);
     std::vector<SplineHolds> start_of_holds() const;
-    std::vector<std::shared_ptr<const SplineState>> bent(double t) const;
+    std::vector<std::shared_ptr<const SplineState>> bent(double last, double t) const;
 
     CellSystem& system_;
     CellRefiner& refiner_;

@@ -18,6 +18,7 @@
 #include <Eigen/LU>
 
 #include "octree/base/index.h"
+#include "solver/dynamics/implicit_stepper.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
 #include "solver/rods/rod_newton.h"
@@ -176,7 +177,8 @@ public:
     double nearest(const Vector3d& x) const override;
     SplineHolds rest_holds() const override;
     std::shared_ptr<const SplineState> moved(const SplineState& from,
-                                             const SplineHolds& holds) const override;
+                                             const SplineHolds& holds,
+                                             bool tries_all) const override;
 
     bool by_controls() const { return by_controls_; }
     const std::vector<Vector3d>& points() const { return points_; }
@@ -215,6 +217,7 @@ private:
     double polished(double s, double reach, const Vector3d& x) const;
     std::vector<RodConstraint> constraints(const RodState& now,
                                            const SplineHolds& holds) const;
+    bool finds_rest(RodModel& model, const RodState& before, RodState& state) const;
     std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
 
     bool is_rod_, by_controls_;
@@ -384,6 +387,18 @@ std::vector<RodConstraint> Handle::constraints(const RodState& now,
     return out;
 }
 
+/// Where Newton's method alone does not get there: by damped steps in time, as if it were
+/// as heavy as needed, and then once more for the last digits.
+bool Handle::finds_rest(RodModel& model, const RodState& before, RodState& state) const
+{
+    state = before;
+    Eigen::VectorXd velocity = Eigen::VectorXd::Zero(model.num_unknowns());
+    RodObject object(model);
+    object.bind(state, velocity);
+    ImplicitStepper stepper({&object});
+    return is_solved(stepper.settle().stop);
+}
+
 /// A curve, where its points are.
 std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
 {
@@ -402,8 +417,8 @@ std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()));
 }
 
-std::shared_ptr<const SplineState> Handle::moved(const SplineState& from,
-                                                 const SplineHolds& holds) const
+std::shared_ptr<const SplineState>
+Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const
 {
     if (!is_rod_)
         return led(holds);
@@ -420,7 +435,7 @@ std::shared_ptr<const SplineState> Handle::moved(const SplineState& from,
         const RodState before = state;
         model.constraints = constraints(before, holds);
         const MotionReport report = newton.solve(state, options);
-        if (!is_solved(report.stop))
+        if (!is_solved(report.stop) && (!tries_all || !finds_rest(model, before, state)))
             return nullptr;
         double turn = 0.0;
         for (std::size_t k = 0; k < holds.size(); ++k)

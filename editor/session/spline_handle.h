@@ -90,9 +90,10 @@ public:
     virtual SplineHolds rest_holds() const = 0;
     virtual std::shared_ptr<const SplineState> rest() const = 0;
 
-    /// To where \p holds take it, from \p from on. Nothing: it found no rest.
-    virtual std::shared_ptr<const SplineState> moved(const SplineState& from,
-                                                     const SplineHolds& holds) const = 0;
+    /// To where \p holds take it, from \p from on; \p tries_all: also by slower ways.
+    /// Nothing: it found no rest.
+    virtual std::shared_ptr<const SplineState>
+    moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const = 0;
 };
 
 /// As few places of a line as a rod through them needs to follow it. Fault::Usage where
