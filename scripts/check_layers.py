@@ -72,7 +72,7 @@ LIBRARIES = {
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
     "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_tree.cpp",
-              "octree/wrap/skeleton.cpp",
+              "octree/wrap/skeleton_main.cpp",
               "tests/bench/arap_peer.cpp",
               "tests/bench/tet_fill.cpp"},
 }

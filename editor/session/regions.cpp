@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include "editor/session/body.h"
@@ -175,7 +176,16 @@ std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
     shape.triangles = triangles_of(geometry);
     for (const Eigen::Vector3d& x : samples)
         shape.samples.push_back(units.frame.to_work(x));
-    const CentreLine line = centre_line(shape, near);
+    CentreLine line;
+    try
+    {
+        line = centre_line(shape, near);
+    }
+    catch (const std::system_error& error)
+    {
+        throw Error(Fault::File,
+                    at({file, statement.line, statement.name}, error.what()));
+    }
     if (line.places.empty())
         throw Error(Fault::Unsolvable,
                     at({file, statement.line, statement.name},

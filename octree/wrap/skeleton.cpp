@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// The library runs in a program of its own: skeleton_main.cpp tells why.
 #include "octree/wrap/skeleton.h"
 
-#include <CGAL/Polygon_mesh_processing/connected_components.h>
-#include <CGAL/Polygon_mesh_processing/polygon_mesh_to_polygon_soup.h>
-#include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
-#include <CGAL/Simple_cartesian.h>
-#include <CGAL/Surface_mesh.h>
-#include <CGAL/boost/graph/helpers.h>
-#include <CGAL/extract_mean_curvature_flow_skeleton.h>
+#include <array>
+#include <cerrno>
+#include <filesystem>
+#include <system_error>
 
-#include "octree/base/index.h"
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "octree/wrap/skeleton_bytes.h"
 
 namespace cellwarp
 {
@@ -17,41 +20,57 @@ namespace cellwarp
 namespace
 {
 
-using Point = CGAL::Simple_cartesian<double>::Point_3;
-using Mesh = CGAL::Surface_mesh<Point>;
-using Skeletonization = CGAL::Mean_curvature_flow_skeletonization<Mesh>;
+constexpr char kProgram[] = "cellwarp-skeleton";
 
-/// Weights of the flow: how slowly it contracts, and how much it keeps to the middle.
-constexpr double kQuality = 0.05, kCentred = 1.0;
-
-Eigen::Vector3d vector_of(const Point& p)
+[[noreturn]] void fail(int error)
 {
-    return {p.x(), p.y(), p.z()};
+    throw std::system_error(error, std::generic_category(),
+                            std::string("cannot start ") + kProgram);
 }
 
-/// The largest part of a surface that is closed and of one sheet.
-Mesh closed_part(const Shape& surface)
+/// A file of memory, closed at the end.
+class MemoryFile
 {
-    std::vector<Point> points;
-    for (const Eigen::Vector3d& x : surface.samples)
-        points.emplace_back(x.x(), x.y(), x.z());
-    std::vector<std::vector<std::size_t>> faces;
-    for (const Triangle& triangle : surface.triangles)
-        faces.push_back({triangle[0], triangle[1], triangle[2]});
-    Mesh mesh;
-    if (!CGAL::Polygon_mesh_processing::is_polygon_soup_a_polygon_mesh(faces))
-        return mesh;
-    CGAL::Polygon_mesh_processing::polygon_soup_to_polygon_mesh(points, faces, mesh);
-    for (const Mesh::Vertex_index vertex : mesh.vertices())
-        if (mesh.is_isolated(vertex))
-            mesh.remove_vertex(vertex);
-    mesh.collect_garbage();
-    CGAL::Polygon_mesh_processing::keep_largest_connected_components(mesh, 1);
-    mesh.collect_garbage();
-    if (!CGAL::is_closed(mesh) || mesh.number_of_faces() < 4)
-        mesh.clear();
-    return mesh;
-}
+public:
+    explicit MemoryFile(const char* name) : file_(::memfd_create(name, MFD_CLOEXEC))
+    {
+        if (file_ < 0)
+            fail(errno);
+    }
+    ~MemoryFile() { ::close(file_); }
+    MemoryFile(const MemoryFile&) = delete;
+    MemoryFile& operator=(const MemoryFile&) = delete;
+    int get() const { return file_; }
+    void write(std::string_view bytes)
+    {
+        for (std::size_t at = 0; at < bytes.size();)
+        {
+            const ssize_t count = ::pwrite(file_, bytes.data() + at, bytes.size() - at,
+                                           static_cast<off_t>(at));
+            if (count < 0 && errno != EINTR)
+                fail(errno);
+            at += count > 0 ? static_cast<std::size_t>(count) : 0;
+        }
+    }
+    std::string read() const
+    {
+        std::string bytes;
+        char part[65536];
+        for (;;)
+        {
+            const ssize_t count =
+                ::pread(file_, part, sizeof part, static_cast<off_t>(bytes.size()));
+            if (count < 0 && errno == EINTR)
+                continue;
+            if (count <= 0)
+                return bytes;
+            bytes.append(part, static_cast<std::size_t>(count));
+        }
+    }
+
+private:
+    int file_;
+};
 
 } // namespace
 
@@ -62,26 +81,34 @@ bool has_curve_skeleton()
 
 CurveSkeleton curve_skeleton(const Shape& surface)
 {
+    std::error_code error;
+    const std::filesystem::path self =
+        std::filesystem::read_symlink("/proc/self/exe", error);
+    if (error)
+        fail(error.value());
+    std::string program = (self.parent_path() / kProgram).string();
+    MemoryFile in("surface"), out("skeleton");
+    in.write(bytes_of(surface));
+    posix_spawn_file_actions_t streams;
+    ::posix_spawn_file_actions_init(&streams);
+    ::posix_spawn_file_actions_adddup2(&streams, in.get(), 0);
+    ::posix_spawn_file_actions_adddup2(&streams, out.get(), 1);
+    const std::array<char*, 2> words = {program.data(), nullptr};
+    pid_t process = -1;
+    // Without the caller's surroundings, so that nothing of them changes what it does.
+    char* no_surroundings[] = {nullptr};
+    const int failure = ::posix_spawn(&process, program.c_str(), &streams, nullptr,
+                                      words.data(), no_surroundings);
+    ::posix_spawn_file_actions_destroy(&streams);
+    if (failure != 0)
+        fail(failure);
+    int status = 0;
+    while (::waitpid(process, &status, 0) < 0 && errno == EINTR)
+        ;
     CurveSkeleton skeleton;
-    const Mesh mesh = closed_part(surface);
-    if (mesh.is_empty())
-        return skeleton;
-    Skeletonization::Skeleton graph;
-    Skeletonization flow(mesh);
-    flow.set_quality_speed_tradeoff(kQuality);
-    flow.set_medially_centered_speed_tradeoff(kCentred);
-    flow.contract_until_convergence();
-    flow.convert_to_skeleton(graph);
-    for (const auto vertex : CGAL::make_range(vertices(graph)))
-    {
-        skeleton.points.push_back(vector_of(graph[vertex].point));
-        std::vector<Eigen::Vector3d>& around = skeleton.around.emplace_back();
-        for (const Mesh::Vertex_index origin : graph[vertex].vertices)
-            around.push_back(vector_of(mesh.point(origin)));
-    }
-    for (const auto edge : CGAL::make_range(edges(graph)))
-        skeleton.edges.push_back({static_cast<int>(source(edge, graph)),
-                                  static_cast<int>(target(edge, graph))});
+    if (!WIFEXITED(status) || WEXITSTATUS(status) != 0 ||
+        !read_bytes(out.read(), skeleton))
+        return {}; // the library gave up
     return skeleton;
 }
 

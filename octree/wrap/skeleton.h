@@ -26,7 +26,8 @@ bool has_curve_skeleton();
 
 /// Of the largest part of \p surface that is closed by itself, by mean curvature flow
 /// [Tagliasacchi12]. Depends on the surface alone. Empty where no part is a closed
-/// surface of two or more triangles a vertex, and in a build without CGAL.
+/// surface, and in a build without CGAL. Throws std::system_error where its program
+/// cannot be started.
 CurveSkeleton curve_skeleton(const Shape& surface);
 
 } // namespace cellwarp

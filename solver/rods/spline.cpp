@@ -137,6 +137,27 @@ Spline spline_through(std::span<const Eigen::Vector3d> points, bool is_closed, i
     return refined(coarse, spans);
 }
 
+namespace
+{
+
+/// Of a point from straight pieces.
+double distance_of(std::span<const Eigen::Vector3d> pieces, const Eigen::Vector3d& x)
+{
+    double least = INFINITY;
+    for (std::size_t k = 0; k + 1 < pieces.size(); ++k)
+    {
+        const Eigen::Vector3d along = pieces[k + 1] - pieces[k];
+        const double squared = along.squaredNorm();
+        const double t = squared > 0
+                             ? std::clamp((x - pieces[k]).dot(along) / squared, 0.0, 1.0)
+                             : 0.0;
+        least = std::min(least, (x - pieces[k] - t * along).norm());
+    }
+    return least;
+}
+
+} // namespace
+
 std::vector<Eigen::Vector3d> few_points(std::span<const Eigen::Vector3d> line,
                                         double tolerance)
 {
@@ -155,22 +176,19 @@ std::vector<Eigen::Vector3d> few_points(std::span<const Eigen::Vector3d> line,
         double worst = tolerance;
         std::size_t missed = 0;
         for (std::size_t gap = 0; gap + 1 < chosen.size(); ++gap)
+        {
+            constexpr int kPieces = 32;
+            std::vector<Eigen::Vector3d> pieces;
+            for (int t = 0; t <= kPieces; ++t)
+                pieces.push_back(
+                    spline.at(at[gap] + (at[gap + 1] - at[gap]) * t / kPieces).place);
             for (std::size_t k = chosen[gap] + 1; k < chosen[gap + 1]; ++k)
-            {
-                constexpr int kTries = 32;
-                double least = INFINITY;
-                for (int t = 0; t <= kTries; ++t)
-                    least = std::min(
-                        least,
-                        (spline.at(at[gap] + (at[gap + 1] - at[gap]) * t / kTries).place -
-                         line[k])
-                            .norm());
-                if (least > worst)
+                if (const double away = distance_of(pieces, line[k]); away > worst)
                 {
-                    worst = least;
+                    worst = away;
                     missed = k;
                 }
-            }
+        }
         if (missed == 0)
             break;
         chosen.insert(std::lower_bound(chosen.begin(), chosen.end(), missed), missed);

@@ -67,6 +67,11 @@ HANDLES = (b"cellwarp-handles 1\nunits relative\nfixed a box 0 0 0 1 1 1\nhandle
            b"pin c indices 1 2-3\nstiff g indices 4 factor 2\nstiff d capsule 0 0 0 1 1 1 0.1 20\nfixed e labels \"x y\" 2\n"
            b"frame 1\nmove b rotate 0 0 1 45 about 0 0 0 translate 0 1 0\nmove c to 0 0 0\ncommit\n"
            b"handle f halfspace 0 0 1 2\nframe 3\nmove f matrix 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n")
+RODS = (b"cellwarp-handles 1\nrod a through 0 0 0 1 0 0 1 1 0 closed spans 2 radius 0.1 exact\n"
+        b"rod b points 0 0 0 1 0 0 2 0 0 3 0 0 stiffness 2\nrod c from skeleton near \"x y\"\n"
+        b"curve d through 0 0 0 1 0 0\npin e indices 1\non e d at 0.5\nframe 1\n"
+        b"move a point 1 to 0 0 1 turn 30 tangent 0 1 0\nrelease a start twist\n"
+        b"move b end translate 0 0 1\nmove d rotate 0 0 1 3\n")
 SCENE = (b'{"cellwarp": 1, "model": "a.obj", "handles": "b", "cells": {"fill": "shell", "across": 3,'
          b'"frame": {"origin": [0,0,0], "axes": [[1,0,0],[0,1,0],[0,0,1]], "size": [1,1,1]}},'
          b'"field": {"release": "rbf"}}')
@@ -105,7 +110,7 @@ SEEDS = {
     "fuzz_glb": [glb()],
     "fuzz_xyz": [b"0 0 0 0 0 1\n1 0 0 0 0 1\n", b"//X Y Z R G B\n0 0 0 1 2 3\n", b"1;2;3\n"],
     "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
-    "fuzz_session_files": [b"\0" + HANDLES, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
+    "fuzz_session_files": [b"\0" + HANDLES, b"\0" + RODS, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
                            b"\0030 0\n1 1\n" + struct.pack("<d", 3.0)],
     # A flag, a place, a mask; then the file, or the records to write.
     "fuzz_journal": [b"\0\0\0\0\0" + journal(), b"\0\0\0\0\0" + journal()[:-3],

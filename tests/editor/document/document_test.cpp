@@ -52,6 +52,28 @@ Placement shifted(double x)
 
 } // namespace
 
+TEST(Document, edits_of_rods_and_curves_read_back_the_same)
+{
+    const HandleFile file = parse_handles(
+        "h.handles",
+        "cellwarp-handles 1\nrod \"my spine\" through 0 0 0  0 0.1 1  0 0 2 closed spans "
+        "2 "
+        "radius 0.3 exact\ncurve rail points 0 0 0  1 0 0  2 0 0  3 1 0\n"
+        "frame 1\nmove \"my spine\" point 1 translate 0 1 0 turn 30 tangent 0 0 1\n"
+        "release \"my spine\" start twist\nmove rail rotate 0 0 1 20\n");
+    Edit edit;
+    edit.name = "Draw";
+    edit.changes = {RegionChange{0, {}, file.stages[0].regions},
+                    FramesAdded{file.stages[0].frames}};
+    Edited edited;
+    edited.handles.path = file.path;
+    edited.handles.stages.resize(1);
+    apply(parse_edit(edit_text(edit), "journal"), edited);
+    EXPECT_EQ(handle_text(edited.handles), handle_text(file));
+    take_back(edit, edited);
+    EXPECT_TRUE(edited.handles.stages[0].regions.empty());
+}
+
 TEST(Document, names_the_selection_and_takes_it_from_other_regions)
 {
     const Bar bar;

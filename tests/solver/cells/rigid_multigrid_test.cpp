@@ -335,6 +335,50 @@ TEST(RigidMultigrid, serves_pinned_cells_and_what_turns_about_one_pin)
     EXPECT_LE(steps_at_rest(on_three), 20);
 }
 
+TEST(RigidMultigrid, serves_cells_that_slide_along_curves)
+{
+    // A row of places of the top slides along curves: as many steps as if it were held.
+    const auto body = [](bool slides, const std::vector<support::Helix>& rails)
+    {
+        HeldBody of(support::bar(20, 6, 6).cells);
+        of.prescribe([](const Cell& cell) { return cell.centre.x() < 1.0; });
+        std::size_t k = 0;
+        for (std::size_t i = 0; i < of.cells.size(); ++i)
+        {
+            const Eigen::Vector3d& c = of.cells.cells[i].centre;
+            if (c.z() < 5.0 || c.y() < 5.0 || c.x() < 1.0)
+                continue;
+            const Eigen::Vector3d place = c + Eigen::Vector3d(0.2, -0.1, 0.5);
+            if (!slides)
+                of.pin(i, place);
+            else if (k < rails.size())
+                of.slide(i, place, rails[k], 0.3);
+            ++k;
+        }
+        return of;
+    };
+    std::vector<support::Helix> rails(19);
+    for (std::size_t k = 0; k < rails.size(); ++k)
+    {
+        rails[k].radius = 0.5 + 0.1 * static_cast<double>(k % 5);
+        rails[k].pitch = 1.0;
+        rails[k].shift = Eigen::Vector3d(static_cast<double>(k), 5, 6);
+    }
+    HeldBody held = body(false, rails), sliding = body(true, rails);
+    const int of_held = Prepared(held).steps();
+    Prepared prepared(sliding);
+    // In a state where the curves are what they are.
+    prepared.energy.state.set_held_points(sliding.constraints);
+    prepared.energy.total.linearise(kGaussNewton);
+    prepared.multigrid = RigidMultigrid(prepared.energy.total,
+                                        grid_places(prepared.energy.state, sliding.cells),
+                                        block_places(prepared.energy.state));
+    const int of_sliding = prepared.steps();
+    EXPECT_LE(of_sliding, 1.5 * of_held);
+    RecordProperty("held", of_held);
+    RecordProperty("sliding", of_sliding);
+}
+
 TEST(RigidMultigrid, serves_components_held_in_different_ways)
 {
     // The first by prescribed cells, the second by nothing, the third by one pin.

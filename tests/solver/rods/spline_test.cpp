@@ -166,6 +166,58 @@ TEST(Spline, goes_through_its_points)
                  std::invalid_argument);
 }
 
+TEST(Spline, few_of_many_places_tell_a_line)
+{
+    // An arc needs some, a straight line its ends alone.
+    std::vector<Eigen::Vector3d> arc, straight;
+    for (int k = 0; k <= 100; ++k)
+    {
+        const double a = std::numbers::pi * k / 100;
+        arc.emplace_back(std::cos(a), std::sin(a), 0.2 * a);
+        straight.emplace_back(k, 0.5 * k, 1.0);
+    }
+    EXPECT_EQ(few_points(straight, 1e-6).size(), 2u);
+    std::size_t before = 2;
+    for (const double tolerance : {1e-1, 1e-2, 1e-3})
+    {
+        const std::vector<Eigen::Vector3d> few = few_points(arc, tolerance);
+        EXPECT_GE(few.size(), before);
+        EXPECT_LT(few.size(), 40u);
+        before = few.size();
+        EXPECT_EQ(few.front(), arc.front());
+        EXPECT_EQ(few.back(), arc.back());
+        const Spline spline = spline_through(few, false, 4);
+        for (const Eigen::Vector3d& x : arc)
+        {
+            double least = 1.0;
+            for (int k = 0; k <= 2000; ++k)
+                least = std::min(
+                    least,
+                    (spline
+                         .at(spline.basis.begin() +
+                             (spline.basis.end() - spline.basis.begin()) * k / 2000)
+                         .place -
+                     x)
+                        .norm());
+            EXPECT_LT(least, 1.05 * tolerance + 1e-3);
+        }
+    }
+}
+
+TEST(Spline, control_points_make_the_curve_that_ends_at_the_outer_ones)
+{
+    const std::vector<Eigen::Vector3d> controls = random_points(7, 3);
+    const Spline open = spline_by_controls(controls, false);
+    EXPECT_LT((open.at(open.basis.begin()).place - controls.front()).norm(), 1e-14);
+    EXPECT_LT((open.at(open.basis.end()).place - controls.back()).norm(), 1e-14);
+    const Spline closed = spline_by_controls(controls, true);
+    EXPECT_LT(
+        (closed.at(closed.basis.begin()).place - closed.at(closed.basis.end()).place)
+            .norm(),
+        1e-14);
+    EXPECT_THROW(spline_by_controls(random_points(3, 1), false), std::invalid_argument);
+}
+
 TEST(Spline, what_is_no_curve_is_refused)
 {
     const auto refused = [](const auto& make)
