@@ -605,8 +605,19 @@ private:
                                         std::to_string(guided->second) +
                                         "): that moves it");
         move.place = move_place(words, move.region);
+        MovePlace point = move.place; // by its number, if that is known
+        if (const auto spline = splines_.find(move.region);
+            spline != splines_.end() && !spline->second->points.empty() &&
+            point.kind != MovePlace::Kind::Whole)
+        {
+            if (point.kind != MovePlace::Kind::Point)
+                point.point = point.kind == MovePlace::Kind::End
+                                  ? std::int64_t(spline->second->points.size()) - 1
+                                  : 0;
+            point.kind = MovePlace::Kind::Point;
+        }
         const auto [other, is_first] =
-            moved_.try_emplace({move.region, move.place, releases}, line);
+            moved_.try_emplace({move.region, point, releases}, line);
         if (!is_first)
             words.fail(move.region, std::string(releases ? "is released" : "is moved") +
                                         " twice in this frame (line " +

@@ -36,7 +36,7 @@ constexpr std::size_t kMostTriangles = 20000;
 constexpr double kBall = 1.0 / 40.0, kOffset = 1.0 / 400.0, kSpacings = 3.0;
 
 /// A spur is shorter than so many radii of where it leaves.
-constexpr double kSpur = 1.2;
+constexpr double kSpur = 2.0;
 
 /// Places of the line, and rounds of smoothing.
 constexpr int kPlaces = 97, kRounds = 40;

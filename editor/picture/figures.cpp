@@ -94,6 +94,8 @@ Figure figure_of(const Session& session)
         const double thin =
             std::min(kThread * diagonal, rod.is_rod ? rod.radius : INFINITY);
         add_thread(rod.line, thin, colour, figure);
+        for (const RodReport::Pin& pin : rod.pins)
+            figure.beads.push_back({pin.place, kHeld * diagonal, colour_of(Role::Pin)});
         for (std::size_t k = 0; k < rod.points.size(); ++k)
             if (rod.is_rod && rod.holds[k].place)
                 figure.beads.push_back({rod.points[k], kHeld * diagonal, kHeldColour});

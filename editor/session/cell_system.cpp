@@ -158,11 +158,14 @@ void CellSystem::place_guided()
                 region_of_cell_[c] = -1;
                 constraints_[c] = Constraint();
             }
-        if (region_of_cell_[idx(own)] != static_cast<int>(r))
+        if (const int other = region_of_cell_[idx(own)]; other != static_cast<int>(r))
             throw Error(Fault::Unsolvable,
                         at({regions_->file(), region.line, region.name},
-                           "another region holds the cell of its sample (smaller cells "
-                           "would part them: raise --across or --max-depth)"));
+                           (other < 0 ? std::string("no region")
+                                      : role_name((*regions_)[idx(other)].role) +
+                                            " region " + (*regions_)[idx(other)].name) +
+                               " holds the cell of its sample (smaller cells would part "
+                               "them: raise --across or --max-depth)"));
         const SplineHandle& spline = *(*regions_)[region.guide->region].spline;
         on_guide_.resize(regions_->size(), 0.0);
         on_guide_[r] = region.guide->at ? spline.parameter_of_share(*region.guide->at)
@@ -182,9 +185,9 @@ void CellSystem::hold_guided()
     for (Guided& guided : guided_)
     {
         const std::size_t curve = (*regions_)[guided.region].guide->region;
-        guided.rail =
-            std::make_unique<GuideRail>(*(*regions_)[curve].spline, splines_[curve],
-                                        motions_[curve], way_left_ * guided.off);
+        if (!guided.rail) // its place stays: constraints and states point there
+            guided.rail = std::make_unique<GuideRail>(*(*regions_)[curve].spline);
+        guided.rail->set(splines_[curve], motions_[curve], way_left_ * guided.off);
         Constraint& constraint = constraints_[idx(guided.cell)];
         constraint.s = on_guide_[guided.region];
         constraint.rail = constraint.hold == Hold::Sliding ? guided.rail.get() : nullptr;
@@ -201,6 +204,11 @@ double CellSystem::share_on_guide(std::size_t region) const
 {
     return (*regions_)[(*regions_)[region].guide->region].spline->share_of_parameter(
         on_guide_[region]);
+}
+
+Eigen::Vector3d CellSystem::place_on_guide(std::size_t region) const
+{
+    return rest().samples[(*regions_)[region].samples.front()] + motions_[region].t;
 }
 
 Eigen::Vector3d CellSystem::force_of_guide(std::size_t region) const

@@ -89,6 +89,7 @@ public:
     /// The share of its curve's rest length where a pin is, and the force of the curve on
     /// it [work^2].
     double share_on_guide(std::size_t region) const;
+    Eigen::Vector3d place_on_guide(std::size_t region) const; ///< [work]
     Eigen::Vector3d force_of_guide(std::size_t region) const;
     /// Lets the others take part in the last move: a component whose regions all made one
     /// rigid step makes it as a whole, in others each cell by its share.
@@ -137,10 +138,13 @@ private:
     class GuideRail final : public Rail
     {
     public:
-        GuideRail(const SplineHandle& of, const std::shared_ptr<const SplineState>& now,
-                  const Motion& motion, const Eigen::Vector3d& off)
-            : of_(of), now_(now), motion_(motion), off_(off)
+        explicit GuideRail(const SplineHandle& of) : of_(of) {}
+        void set(const std::shared_ptr<const SplineState>& now, const Motion& motion,
+                 const Eigen::Vector3d& off)
         {
+            now_ = now;
+            motion_ = motion;
+            off_ = off;
         }
         RailPlace at(double s) const override;
         double begin() const override { return of_.begin(); }
@@ -151,7 +155,7 @@ private:
         const SplineHandle& of_;
         std::shared_ptr<const SplineState> now_;
         Motion motion_;
-        Eigen::Vector3d off_; ///< of all places
+        Eigen::Vector3d off_ = Eigen::Vector3d::Zero(); ///< of all places
     };
     /// A pin on a curve.
     struct Guided

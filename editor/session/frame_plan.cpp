@@ -26,6 +26,7 @@ constexpr double kExtremeMove = 100.0;
 /// A part of the way of a rod's point, of the diagonal or the rod's length, whichever is
 /// shorter; and of its turn [rad].
 constexpr double kMaxSplineWay = 0.25, kMaxSplineTurn = std::numbers::pi / 4.0;
+constexpr int kMostParts = 64;
 
 /// Regions that hold one sample must move it alike.
 void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions,
@@ -98,9 +99,19 @@ void hold(const Move& move, const Region& region, const Units& units,
             place = units.point(operation.vector);
             break;
         case Operation::Kind::Turn:
+        {
+            const double turn = operation.degrees * std::numbers::pi / 180.0;
+            if (!(std::abs(turn - now.turn) <= kMostParts * kMaxSplineTurn))
+                throw malformed(
+                    {file, move.line, region.name},
+                    fmt::format("frame {}: a turn goes {}° in one frame at "
+                                "the most: more need several frames",
+                                frame,
+                                kMostParts * kMaxSplineTurn * 180.0 / std::numbers::pi));
             now.parts.twist = true;
-            now.turn = operation.degrees * std::numbers::pi / 180.0;
+            now.turn = turn;
             break;
+        }
         case Operation::Kind::Tangent:
             now.parts.tangent = true;
             now.tangent = (units.frame.axes *
@@ -149,7 +160,7 @@ int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
         parts = std::max({parts, std::ceil(way / (kMaxSplineWay * size) - 1e-9),
                           std::ceil(turn / kMaxSplineTurn - 1e-9)});
     }
-    return static_cast<int>(std::min(parts, 64.0));
+    return static_cast<int>(std::min(parts, static_cast<double>(kMostParts)));
 }
 
 } // namespace
@@ -229,11 +240,12 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
         if (regions[r].guide && !aims[r].is_on_guide)
         {
             aims[r].is_on_guide = true;
-            plan.num_parts = std::max(
-                plan.num_parts,
-                static_cast<int>(std::min(
-                    64.0, std::ceil(way_to_guide(regions, r, rest) /
-                                    (kMaxSplineWay * std::max(diagonal, 1e-300))))));
+            plan.num_parts =
+                std::max(plan.num_parts,
+                         static_cast<int>(std::min(
+                             static_cast<double>(kMostParts),
+                             std::ceil(way_to_guide(regions, r, rest) /
+                                       (kMaxSplineWay * std::max(diagonal, 1e-300))))));
         }
         if (!regions[r].prescribes())
             continue;

@@ -45,7 +45,8 @@ RodReport report_of(const CellSystem& system, std::size_t r, const SplineHolds& 
         if (const std::optional<Region::Guide>& guide = system.regions()[p].guide;
             guide && guide->region == r)
             report.pins.push_back(
-                {system.regions()[p].name, system.share_on_guide(p), !guide->at,
+                {system.regions()[p].name, frame.to_model(system.place_on_guide(p)),
+                 system.share_on_guide(p), !guide->at,
                  unit * frame.vector_to_model(system.force_of_guide(p))});
     return report;
 }

@@ -31,6 +31,7 @@ struct RodReport
     struct Pin
     {
         std::string name;
+        Eigen::Vector3d place; ///< where it is
         double at = 0.0;       ///< share of its rest length
         bool slides = false;   ///< else it is held there
         Eigen::Vector3d force; ///< of the curve on the pin [model unit^2]

@@ -52,9 +52,13 @@ SplinePlace place_of(const CurvePoint& point)
     return {point.place, point.first, point.second};
 }
 
-/// The shortest turn from one unit vector to another.
+/// The shortest turn from one unit vector to another; to the opposite one as between()
+/// goes there.
 Matrix3d hop(const Vector3d& from, const Vector3d& to)
 {
+    if (from.dot(to) < -1.0 + 1e-12)
+        return Eigen::AngleAxisd(std::numbers::pi, from.unitOrthogonal())
+            .toRotationMatrix();
     return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
 }
 
@@ -217,6 +221,8 @@ private:
     double polished(double s, double reach, const Vector3d& x) const;
     std::vector<RodConstraint> constraints(const RodState& now,
                                            const SplineHolds& holds) const;
+    void hold_what_is_free(const RodState& now, const SplineHolds& holds,
+                           std::vector<RodConstraint>& out) const;
     bool finds_rest(RodModel& model, const RodState& before, RodState& state) const;
     std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
 
@@ -387,6 +393,47 @@ std::vector<RodConstraint> Handle::constraints(const RodState& now,
     return out;
 }
 
+/// Motions that \p holds leave free, of the rod as a whole or of a straight one about its
+/// own line, cost nothing, and the equations would not say where it stays: as it is at
+/// \p now. Nothing pulls at what this adds.
+void Handle::hold_what_is_free(const RodState& now, const SplineHolds& holds,
+                               std::vector<RodConstraint>& out) const
+{
+    int places = 0;
+    bool has_tangent = false, has_twist = false;
+    std::size_t at = 0;
+    for (std::size_t k = holds.size(); k-- > 0;)
+    {
+        const HoldParts& parts = holds[k].parts;
+        places += parts.place;
+        has_tangent |= parts.tangent;
+        has_twist |= parts.twist;
+        if (parts.place && has_frame_at(k))
+            at = k;
+    }
+    RodConstraint constraint;
+    constraint.s = has_frame_at(at) ? at_points_[at] : begin();
+    const Matrix3d frame = now.frame(constraint.s);
+    if (places == 0)
+    {
+        constraint.hold = HoldKind::Point;
+        constraint.point = now.at(constraint.s).place;
+        out.push_back(constraint);
+    }
+    if (places <= 1 && !has_tangent)
+    {
+        constraint.hold = HoldKind::Tangent;
+        constraint.direction = frame.col(2);
+        out.push_back(constraint);
+    }
+    if (!has_twist && (places <= 2 || rod_.is_straight()))
+    {
+        constraint.hold = HoldKind::TwistAngle;
+        constraint.direction = frame.col(0);
+        out.push_back(constraint);
+    }
+}
+
 /// Where Newton's method alone does not get there: by damped steps in time, as if it were
 /// as heavy as needed, and then once more for the last digits.
 bool Handle::finds_rest(RodModel& model, const RodState& before, RodState& state) const
@@ -434,6 +481,7 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     {
         const RodState before = state;
         model.constraints = constraints(before, holds);
+        hold_what_is_free(before, holds, model.constraints);
         const MotionReport report = newton.solve(state, options);
         if (!is_solved(report.stop) && (!tries_all || !finds_rest(model, before, state)))
             return nullptr;

@@ -373,11 +373,18 @@ Geometry bar_geometry(std::size_t num_samples)
     return geometry;
 }
 
+/// What is in the user's hand.
+enum class Held
+{
+    Region,
+    Rod ///< the last point of a rod in the axis, of five
+};
+
 /// The bar, its lower end held and the other in the user's hand.
 class DragScene
 {
 public:
-    DragScene(int along, std::size_t num_samples)
+    DragScene(int along, std::size_t num_samples, Held held) : held_(held)
     {
         const Geometry geometry = bar_geometry(num_samples);
         CellSettings cells;
@@ -385,11 +392,17 @@ public:
         const auto body = std::make_shared<const Body>(
             build_body(build_rest_shape(geometry, geometry.samples, cells), cells));
         const double layers = 2.0 * kDragLength / along;
+        const std::string head =
+            held == Held::Rod
+                ? "rod head through 0 0.5 0.5  1 0.5 0.5  2 0.5 0.5  3 0.5 0.5  4 0.5 0.5"
+                : fmt::format("handle head box {} 0 0 {} 1 1", kDragLength - layers,
+                              kDragLength);
         const HandleFile file = parse_handles(
             "bar.handles", fmt::format("cellwarp-handles 1\nfixed foot box 0 0 0 {} 1 1\n"
-                                       "handle head box {} 0 0 {} 1 1\nframe 1\n",
-                                       layers, kDragLength - layers, kDragLength));
-        const Units units{body->rest->frame, false, bounding_box(geometry.samples)};
+                                       "{}\nframe 1\n",
+                                       layers, head));
+        const Units units{body->rest->frame, false, bounding_box(geometry.samples),
+                          body->rest->material.grid.shape().edge};
         const auto regions = std::make_shared<const RegionSet>(
             body->rest,
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,
@@ -400,6 +413,20 @@ public:
     }
 
     Drag& drag() { return *drag_; }
+    /// A frame: what is in the hand shifted.
+    DragReport frame(const std::vector<Motion>& motions)
+    {
+        if (held_ == Held::Region)
+            return drag_->frame(motions);
+        const SplineHandle& rod = *drag_->system().regions()[1].spline;
+        SplineHolds holds = rod.rest_holds();
+        holds.back().place += motions[1].t;
+        holds.back().parts.tangent = holds.back().parts.twist = false;
+        std::vector<std::shared_ptr<const SplineState>> splines =
+            drag_->system().splines();
+        splines[1] = rod.moved(*splines[1], holds, false);
+        return drag_->frame(std::vector<Motion>(2), splines);
+    }
     std::size_t num_cells() const { return drag_->system().body().cells.size(); }
     /// Once around a circle across the bar, from rest to rest.
     std::vector<std::vector<Motion>> circle(std::size_t num_frames) const
@@ -420,6 +447,7 @@ public:
     }
 
 private:
+    Held held_;
     std::optional<Drag> drag_;
 };
 
@@ -431,7 +459,7 @@ double frame(DragScene& scene, Counters& counters)
     const std::vector<std::vector<Motion>> motions = scene.circle(kFrames);
     // The first frames of a drag take their scratch from the heap.
     for (int warm = 0; warm < 2; ++warm)
-        scene.drag().frame(motions.back());
+        scene.frame(motions.back());
     std::vector<double> seconds, solve_ms, blend_ms;
     for (std::vector<double>* times : {&seconds, &solve_ms, &blend_ms})
         times->reserve(kFrames);
@@ -441,7 +469,7 @@ double frame(DragScene& scene, Counters& counters)
     while (seconds.size() < kFrames && seconds_since(begin) < kTooLong)
     {
         const Clock::time_point start = Clock::now();
-        const DragReport report = scene.drag().frame(motions[seconds.size()]);
+        const DragReport report = scene.frame(motions[seconds.size()]);
         seconds.push_back(seconds_since(start));
         solve_ms.push_back(report.solve_ms);
         blend_ms.push_back(report.blend_ms);
@@ -545,17 +573,22 @@ void add_families()
 
 void add_frames()
 {
-    const auto add_frame = [](const std::string& name, int along, std::size_t samples)
+    const auto add_frame = [](const std::string& name, int along, std::size_t samples,
+                              Held held = Held::Region)
     {
         add(name,
             [=](Counters& counters)
             {
-                DragScene scene(along, samples);
+                DragScene scene(along, samples, held);
                 return frame(scene, counters);
             });
     };
     for (std::size_t samples = 10000; samples <= 10000000; samples *= 10)
         add_frame(fmt::format("frame/{}", samples), 32, samples);
+    for (const std::size_t samples : {43000, 1000000})
+        for (const auto& [name, held] :
+             {std::pair("region", Held::Region), {"rod", Held::Rod}})
+            add_frame(fmt::format("frame_of/{}/{}", name, samples), 32, samples, held);
     for (std::size_t i = 0; i + 1 < std::size(kAlong); ++i)
         add_frame(fmt::format("frame_cells/{}", kAlong[i] * kAcross[i] * kAcross[i]),
                   kAlong[i], 50000);

@@ -217,6 +217,29 @@ TEST(RodSession, what_is_released_is_no_longer_held)
     EXPECT_LT(largest_difference(free.deformed().samples, bar().samples), 1e-5);
 }
 
+TEST(RodSession, what_nothing_holds_any_more_stays_as_it_is)
+{
+    for (const std::string moves :
+         {"release spine start\nrelease spine end\n",
+          "release spine start\nrelease spine end place tangent\n",
+          "release spine start twist\nrelease spine end twist\n",
+          "release spine start tangent twist\nrelease spine end tangent twist\n"})
+    {
+        const Session session = played(bar(), kSpine + "frame 1\n" + moves, settings(12));
+        EXPECT_LT(largest_difference(session.deformed().samples, bar().samples), 1e-9)
+            << moves;
+    }
+    // One place alone leads all of it, unbent.
+    const Session led = played(bar(),
+                               kSpine + "frame 1\nrelease spine start\nrelease spine "
+                                        "end\nmove spine point 1 translate 1 2 3\n",
+                               settings(12));
+    for (std::size_t i = 0; i < bar().samples.size(); ++i)
+        EXPECT_LT(
+            (led.deformed().samples[i] - bar().samples[i] - Vector3d(1, 2, 3)).norm(),
+            1e-6);
+}
+
 TEST(RodSession, smaller_cells_follow_the_same_rod)
 {
     const Session coarse = played(bar(), kBend, settings(12));
@@ -419,6 +442,16 @@ TEST(RodSession, what_cannot_be_is_told)
     EXPECT_TRUE(contains(told(none, "rod far through 9 9 9  9 9 12\n"),
                          "h.handles:2: far: its tube meets no material"));
     EXPECT_TRUE(contains(told(none, "fixed all all\n" + kSpine), "spine"));
+    EXPECT_TRUE(contains(told(wrong, kSpine + "frame 0\nmove spine end turn 5000\n"),
+                         "several frames"));
+    EXPECT_TRUE(contains(error_of(wrong,
+                                  [&]
+                                  {
+                                      handles(kSpine +
+                                              "frame 0\nmove spine start turn 5\n"
+                                              "move spine point 0 turn 6\n");
+                                  }),
+                         "is moved twice in this frame (line 4)"));
     EXPECT_TRUE(contains(told(wrong, "rod r from skeleton near nobody\n"), "nobody"));
     EXPECT_TRUE(contains(told(wrong, "rod r points 1 1 1  1 1 1  1 1 1  1 1 1\n"),
                          "h.handles:2: r:"));
