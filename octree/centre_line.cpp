@@ -49,7 +49,7 @@ constexpr double kAlong = 0.6, kAcross = 2.5;
 constexpr int kCentrings = 4;
 
 /// How far towards the surface the tip goes.
-constexpr double kToTip = 0.85;
+constexpr double kToTip = 0.75;
 
 struct Graph
 {
@@ -57,10 +57,11 @@ struct Graph
     std::vector<std::vector<int>> neighbours;
     std::vector<double> radius;
     std::vector<bool> is_gone;
+    std::vector<std::vector<Eigen::Vector3d>> around_; ///< what came to each place
 
     Graph(const CurveSkeleton& of, const std::vector<Eigen::Vector3d>& surface)
         : skeleton(of), neighbours(of.points.size()), radius(of.points.size(), 0.0),
-          is_gone(of.points.size(), false)
+          is_gone(of.points.size(), false), around_(of.around)
     {
         for (const auto& [a, b] : of.edges)
         {
@@ -118,32 +119,61 @@ struct Graph
         return sum;
     }
     /// Cuts off branches that end within the thickness of what they leave, the shortest
-    /// first.
+    /// first and with it all such of the same place: of the four to the corners of a
+    /// bar's end none is its axis. What came to them comes to that place.
     void cut_spurs()
     {
         for (;;)
         {
-            std::vector<int> shortest;
+            int place = -1;
             double least = 1.0;
             for (const int tip : tips())
-            {
-                const std::vector<int> way = branch(tip);
-                if (degree(way.back()) < 3)
-                    continue;
-                const double share =
-                    length_of(way) / (kSpur * std::max(radius[idx(way.back())], 1e-300));
-                if (share < least)
+                if (const auto [share, foot] = spur_of(tip); share < least)
                 {
                     least = share;
-                    shortest = way;
+                    place = foot;
                 }
-            }
-            if (shortest.empty())
+            if (place < 0)
                 return;
-            shortest.pop_back();
-            for (const int node : shortest)
+            std::vector<std::pair<double, int>> spurs; // length, tip
+            for (const int tip : tips())
+                if (const auto [share, foot] = spur_of(tip); foot == place && share < 1.0)
+                    spurs.emplace_back(share, tip);
+            std::sort(spurs.begin(), spurs.end());
+            // Where there is nothing else the longest two are the line.
+            const int others = degree(place) - static_cast<int>(spurs.size());
+            if (others == 0)
+                spurs.resize(spurs.size() - std::min<std::size_t>(2, spurs.size()));
+            std::vector<int> cut; // before any is gone: then the place is none any more
+            for (const auto& [share, tip] : spurs)
+            {
+                const std::vector<int> way = branch(tip);
+                cut.insert(cut.end(), way.begin(), way.end() - 1);
+            }
+            for (const int node : cut)
+            {
                 is_gone[idx(node)] = true;
+                around_[idx(place)].insert(around_[idx(place)].end(),
+                                           around_[idx(node)].begin(),
+                                           around_[idx(node)].end());
+            }
+            if (spurs.empty())
+                return;
         }
+    }
+    /// How long a tip's branch is, of what makes it a spur, and where it leaves; infinite
+    /// of one that leaves nothing.
+    std::pair<double, int> spur_of(int tip) const
+    {
+        const std::vector<int> way = branch(tip);
+        const int foot = way.back();
+        if (degree(foot) < 3)
+            return {INFINITY, -1};
+        return {length_of(way) / (kSpur * std::max(radius[idx(foot)], 1e-300)), foot};
+    }
+    const std::vector<Eigen::Vector3d>& around_of(int node) const
+    {
+        return around_[idx(node)];
     }
     /// Of what came to a place of a way and its neighbours; a branching stays where it
     /// is.
@@ -398,12 +428,11 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
     if (!std::isfinite(line.radius))
         line.radius = 0.0;
     if (graph.degree(way.back()) == 1)
-        extend_to_tip(skeleton.around[idx(way.back())], graph.radius[idx(way.back())],
-                      places);
+        extend_to_tip(graph.around_of(way.back()), graph.radius[idx(way.back())], places);
     if (graph.degree(way.front()) == 1)
     {
         std::reverse(places.begin(), places.end());
-        extend_to_tip(skeleton.around[idx(way.front())], graph.radius[idx(way.front())],
+        extend_to_tip(graph.around_of(way.front()), graph.radius[idx(way.front())],
                       places);
         std::reverse(places.begin(), places.end());
     }
