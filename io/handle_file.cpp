@@ -497,6 +497,14 @@ private:
         file_.stages.back().frames.push_back({number, {}, line});
     }
 
+    Role role_of(const std::string& region, const Statement& words) const
+    {
+        const auto found = regions_.find(region);
+        if (found == regions_.end())
+            words.fail(region, "no region has this name");
+        return found->second.first;
+    }
+
     void on(Statement& words, std::int64_t line)
     {
         Stage& stage = file_.stages.back();
@@ -505,11 +513,8 @@ private:
         OnStatement on;
         on.line = line;
         on.pin = words.word("pin name");
-        const auto pin = regions_.find(on.pin);
-        if (pin == regions_.end())
-            words.fail(on.pin, "no region has this name");
-        if (pin->second.first != Role::Pin)
-            words.fail(on.pin, "is a " + role_name(pin->second.first) +
+        if (const Role role = role_of(on.pin, words); role != Role::Pin)
+            words.fail(on.pin, "is a " + role_name(role) +
                                    " region, only a pin can stay on a curve");
         on.guide = words.word("name of a curve or rod");
         if (!splines_.contains(on.guide))
@@ -592,10 +597,7 @@ private:
         Move move;
         move.line = line;
         move.region = words.word("region name");
-        const auto region = regions_.find(move.region);
-        if (region == regions_.end())
-            words.fail(move.region, "no region has this name");
-        const Role role = region->second.first;
+        const Role role = role_of(move.region, words);
         if (role == Role::Fixed || role == Role::Stiff)
             words.fail(move.region, "is a " + role_name(role) +
                                         " region, only a handle, a pin, a rod or a curve "

@@ -136,7 +136,7 @@ void CellSystem::place_stations()
 
 RailPlace CellSystem::GuideRail::at(double s) const
 {
-    const SplinePlace place = now_->at(s);
+    const RailPlace place = now_->at(s);
     return {motion_(place.place) + off_, motion_.R * place.first,
             motion_.R * place.second};
 }
@@ -380,13 +380,19 @@ void CellSystem::check_memory(const char* what, double bytes,
                                 in_bytes(settings.max_memory)));
 }
 
+/// The next step of the regions begins where they are.
+void CellSystem::settle_regions()
+{
+    last_motions_ = motions_;
+    last_splines_ = splines_;
+    last_station_motions_ = station_motions_;
+}
+
 void CellSystem::set_state(std::span<const Pose> poses, std::span<const Motion> motions)
 {
     std::copy(poses.begin(), poses.end(), poses_.begin());
     move_regions(motions);
-    last_motions_ = motions_;
-    last_splines_ = splines_;
-    last_station_motions_ = station_motions_;
+    settle_regions();
 }
 
 void CellSystem::set_state(std::span<const Pose> poses, const CellSystem& other)
@@ -394,18 +400,14 @@ void CellSystem::set_state(std::span<const Pose> poses, const CellSystem& other)
     on_guide_ = other.on_guide_;
     std::copy(poses.begin(), poses.end(), poses_.begin());
     move_regions(other.motions_, other.splines_, other.way_left_);
-    last_motions_ = motions_;
-    last_splines_ = splines_;
-    last_station_motions_ = station_motions_;
+    settle_regions();
 }
 
 void CellSystem::set_state(const CellSystemState& state)
 {
     on_guide_ = state.on_guide;
     move_regions(state.motions, state.splines, state.way_left);
-    last_motions_ = motions_;
-    last_splines_ = splines_;
-    last_station_motions_ = station_motions_;
+    settle_regions();
     poses_ = state.poses; // also of pinned cells, whose places would be found anew
     minimizer_->forget(poses_, state.is_refreshed);
 }

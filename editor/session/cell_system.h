@@ -169,6 +169,7 @@ private:
     void hold_cells();
     void place_stations();
     void place_guided();
+    void settle_regions();
     void hold_guided();
     std::vector<Driving> driving() const;
     void find_station_motions(std::vector<Motion>& motions) const;

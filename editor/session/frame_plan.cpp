@@ -23,11 +23,6 @@ constexpr double kSameMotion = 1e-12;
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
 
-/// A part of the way of a rod's point, of the diagonal or the rod's length, whichever is
-/// shorter; and of its turn [rad].
-constexpr double kMaxSplineWay = 0.25, kMaxSplineTurn = std::numbers::pi / 4.0;
-constexpr int kMostParts = 64;
-
 /// Regions that hold one sample must move it alike.
 void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions,
                     const RestShape& rest, const std::string& file, std::int64_t line)
@@ -101,13 +96,13 @@ void hold(const Move& move, const Region& region, const Units& units,
         case Operation::Kind::Turn:
         {
             const double turn = operation.degrees * std::numbers::pi / 180.0;
-            if (!(std::abs(turn - now.turn) <= kMostParts * kMaxSplineTurn))
+            if (!(std::abs(turn - now.turn) <= kMostParts * kTurnOfPart))
                 throw malformed(
                     {file, move.line, region.name},
                     fmt::format("frame {}: a turn goes {}° in one frame at "
                                 "the most: more need several frames",
                                 frame,
-                                kMostParts * kMaxSplineTurn * 180.0 / std::numbers::pi));
+                                kMostParts * kTurnOfPart * 180.0 / std::numbers::pi));
             now.parts.twist = true;
             now.turn = turn;
             break;
@@ -147,20 +142,22 @@ double way_to_guide(const RegionSet& regions, std::size_t pin, const RestShape& 
     return (spline.rest()->at(s).place - x).norm();
 }
 
-/// How many parts keep each to 45 degrees and a quarter of \p size.
+/// In how many parts the points of a rod or curve go their way; \p size: what they go a
+/// quarter of at the most.
 int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
 {
-    double parts = 1.0;
+    int parts = 1;
     for (std::size_t k = 0; k < to.size(); ++k)
     {
-        const double way = (to[k].place - from[k].place).norm();
         const double turn = std::max(
             std::abs(to[k].turn - from[k].turn),
             std::acos(std::clamp(to[k].tangent.dot(from[k].tangent), -1.0, 1.0)));
-        parts = std::max({parts, std::ceil(way / (kMaxSplineWay * size) - 1e-9),
-                          std::ceil(turn / kMaxSplineTurn - 1e-9)});
+        parts = std::max(
+            parts,
+            parts_of_way(turn,
+                         size > 0 ? (to[k].place - from[k].place).norm() / size : 0.0));
     }
-    return static_cast<int>(std::min(parts, static_cast<double>(kMostParts)));
+    return parts;
 }
 
 } // namespace
@@ -240,12 +237,10 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
         if (regions[r].guide && !aims[r].is_on_guide)
         {
             aims[r].is_on_guide = true;
-            plan.num_parts =
-                std::max(plan.num_parts,
-                         static_cast<int>(std::min(
-                             static_cast<double>(kMostParts),
-                             std::ceil(way_to_guide(regions, r, rest) /
-                                       (kMaxSplineWay * std::max(diagonal, 1e-300))))));
+            plan.num_parts = std::max(
+                plan.num_parts,
+                parts_of_way(0.0, diagonal > 0 ? way_to_guide(regions, r, rest) / diagonal
+                                               : 0.0));
         }
         if (!regions[r].prescribes())
             continue;

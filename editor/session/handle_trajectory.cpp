@@ -21,10 +21,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kMaxTurn = std::numbers::pi / 4.0; ///< of a part [rad]
-constexpr double kMaxWay = 0.25;                    ///< of a part [diagonal]
-constexpr int kMaxParts = 64;
-
 /// Steps of a path along which its length is measured: finer than any part.
 constexpr int kProbes = 64;
 
@@ -192,6 +188,14 @@ Motion motion_of(const std::vector<Step>& steps)
     return motion;
 }
 
+int parts_of_way(double turn, double way)
+{
+    // A hair of tolerance: 45 degrees are one part whatever the rounding.
+    const double parts = std::max(turn / kTurnOfPart, way / kWayOfPart) - 1e-9;
+    return static_cast<int>(
+        std::clamp(std::ceil(parts), 1.0, static_cast<double>(kMostParts)));
+}
+
 HandleTrajectory::HandleTrajectory(std::vector<Step> from, std::vector<Step> to)
     : from_(std::move(from)), to_(std::move(to))
 {
@@ -248,11 +252,7 @@ int HandleTrajectory::num_parts(const Eigen::Vector3d& low, const Eigen::Vector3
         wound += std::abs(to_[i].angle - from_[i].angle);
     turn = std::max(turn, wound);
     const double way = *std::max_element(ways.begin(), ways.end());
-    // A hair of tolerance: 45 degrees are one part whatever the rounding.
-    const double parts =
-        std::max(turn / kMaxTurn, diagonal > 0 ? way / (kMaxWay * diagonal) : 0.0) - 1e-9;
-    return static_cast<int>(
-        std::clamp(std::ceil(parts), 1.0, static_cast<double>(kMaxParts)));
+    return parts_of_way(turn, diagonal > 0 ? way / diagonal : 0.0);
 }
 
 } // namespace cellwarp

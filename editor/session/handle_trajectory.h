@@ -3,6 +3,7 @@
 // frame's motion to the next in small steps.
 #pragma once
 
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -51,6 +52,14 @@ struct Step
 std::vector<Step> steps_of(const Move& move, const Units& units,
                            const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
                            const std::string& file, std::vector<std::string>& warnings);
+
+/// What a frame is gone in: parts of at most this turn [rad], and this way of what is to
+/// be beside [diagonal, or another length]; so many at the most.
+inline constexpr double kTurnOfPart = std::numbers::pi / 4.0, kWayOfPart = 0.25;
+inline constexpr int kMostParts = 64;
+
+/// How many equal parts a turn [rad] and a way [of that length] are gone in.
+int parts_of_way(double turn, double way);
 
 /// All steps, one after the other.
 Motion motion_of(const std::vector<Step>& steps);

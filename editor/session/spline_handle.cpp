@@ -18,6 +18,7 @@
 #include <Eigen/LU>
 
 #include "octree/base/index.h"
+#include "octree/base/segment.h"
 #include "solver/dynamics/implicit_stepper.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
@@ -46,11 +47,6 @@ constexpr double kSameTangent = 1e-11;
 
 /// Newton's steps of a rod.
 constexpr int kIterations = 200;
-
-SplinePlace place_of(const CurvePoint& point)
-{
-    return {point.place, point.first, point.second};
-}
 
 /// The shortest turn from one unit vector to another; to the opposite one as between()
 /// goes there.
@@ -110,7 +106,11 @@ public:
     }
 
     const RodState& rod() const { return state_; }
-    SplinePlace at(double s) const override { return place_of(state_.at(s)); }
+    RailPlace at(double s) const override
+    {
+        const CurvePoint point = state_.at(s);
+        return {point.place, point.first, point.second};
+    }
     Motion carry(double s) const override;
     double energy() const override { return energy_; }
     double length() const override { return ArcLength(state_.curve()).total(); }
@@ -298,12 +298,9 @@ double Handle::nearest(const Vector3d& x) const
     double least = std::numeric_limits<double>::infinity(), best = begin(), reach = 0.0;
     for (std::size_t k = 0; k + 1 < polyline_.size(); ++k)
     {
-        const Vector3d along = polyline_[k + 1] - polyline_[k];
-        const double squared = along.squaredNorm();
-        const double t =
-            squared > 0 ? std::clamp((x - polyline_[k]).dot(along) / squared, 0.0, 1.0)
-                        : 0.0;
-        const double away = (polyline_[k] + t * along - x).squaredNorm();
+        const double t = nearest_share(polyline_[k], polyline_[k + 1], x);
+        const double away =
+            (polyline_[k] + t * (polyline_[k + 1] - polyline_[k]) - x).squaredNorm();
         if (away < least)
         {
             least = away;

@@ -15,6 +15,7 @@
 
 #include "io/handle_file.h"
 #include "octree/base/rigid_motion.h"
+#include "solver/cells/constraints.h"
 
 namespace cellwarp
 {
@@ -34,18 +35,12 @@ struct SplineHold
 /// One a point.
 using SplineHolds = std::vector<SplineHold>;
 
-/// P, dP/ds and its derivative, by the parameter s.
-struct SplinePlace
-{
-    Eigen::Vector3d place, first, second;
-};
-
 /// Where a rod or curve is. Immutable.
 class SplineState
 {
 public:
     virtual ~SplineState() = default;
-    virtual SplinePlace at(double s) const = 0;
+    virtual RailPlace at(double s) const = 0;
     /// The motion of space that its frame has made at \p s, from rest; exactly the
     /// identity at rest. theory-rods (36).
     virtual Motion carry(double s) const = 0;

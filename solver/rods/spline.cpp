@@ -11,6 +11,7 @@
 #include <Eigen/SparseLU>
 
 #include "octree/base/index.h"
+#include "octree/base/segment.h"
 #include "solver/rods/gauss.h"
 
 namespace cellwarp
@@ -146,12 +147,8 @@ double distance_of(std::span<const Eigen::Vector3d> pieces, const Eigen::Vector3
     double least = INFINITY;
     for (std::size_t k = 0; k + 1 < pieces.size(); ++k)
     {
-        const Eigen::Vector3d along = pieces[k + 1] - pieces[k];
-        const double squared = along.squaredNorm();
-        const double t = squared > 0
-                             ? std::clamp((x - pieces[k]).dot(along) / squared, 0.0, 1.0)
-                             : 0.0;
-        least = std::min(least, (x - pieces[k] - t * along).norm());
+        const double t = nearest_share(pieces[k], pieces[k + 1], x);
+        least = std::min(least, (x - pieces[k] - t * (pieces[k + 1] - pieces[k])).norm());
     }
     return least;
 }

@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/session.h"
-#include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "tests/support/shapes.h"
+#include "octree/base/segment.h"
+#include "tests/support/scripts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -16,21 +16,14 @@ namespace cellwarp
 
 using support::contains;
 using support::error_of;
+using support::handles;
+using support::long_bar;
+using support::model;
 
 namespace
 {
 
 using Eigen::Vector3d;
-
-Geometry model(const Shape& shape)
-{
-    return scan_geometry("model.obj", support::obj_text(shape)).geometry;
-}
-
-HandleFile handles(const std::string& text)
-{
-    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
-}
 
 SessionSettings settings(int across)
 {
@@ -48,11 +41,6 @@ Session played(const Shape& shape, const std::string& text, const SessionSetting
     return session;
 }
 
-/// 1 x 1 x 4 with a sample in the middle of its far end.
-Shape bar()
-{
-    return support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4);
-}
 const std::string kFoot = "fixed foot box -1 -1 -1 1 1 0.5\n";
 const std::string kTip = kFoot + "pin tip sphere 0 0 4 0.01\n";
 const std::string kRail = kTip + "curve rail through 0 -1 4.2  0 0.6 4.4  0 2 3.8\n";
@@ -71,10 +59,8 @@ double distance_of_line(const std::vector<Vector3d>& line, const Vector3d& x)
     double least = INFINITY;
     for (std::size_t k = 0; k + 1 < line.size(); ++k)
     {
-        const Vector3d along = line[k + 1] - line[k];
-        const double t =
-            std::clamp((x - line[k]).dot(along) / along.squaredNorm(), 0.0, 1.0);
-        least = std::min(least, (x - line[k] - t * along).norm());
+        const double t = nearest_share(line[k], line[k + 1], x);
+        least = std::min(least, (x - line[k] - t * (line[k + 1] - line[k])).norm());
     }
     return least;
 }
@@ -83,7 +69,7 @@ double distance_of_line(const std::vector<Vector3d>& line, const Vector3d& x)
 
 TEST(GuideSession, a_pin_at_a_share_of_a_curve_is_there_exactly)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     for (const double share : {0.0, 0.5, 1.0})
     {
         const Session session = played(
@@ -100,7 +86,7 @@ TEST(GuideSession, a_pin_at_a_share_of_a_curve_is_there_exactly)
 
 TEST(GuideSession, a_pin_that_slides_stays_on_its_curve_where_nothing_pulls_along_it)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const Session session = played(shape, kRail + "on tip rail\nframe 1\n", settings(12));
     const RodReport rail = session.rods()[0];
     const Vector3d place = session.deformed().samples[tip_of(shape)];
@@ -128,7 +114,7 @@ TEST(GuideSession, a_pin_that_slides_stays_on_its_curve_where_nothing_pulls_alon
 
 TEST(GuideSession, a_curve_that_moves_takes_its_pins_along)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const std::string moved =
         kRail + "on tip rail at 0.5\nframe 1\nframe 2\nmove rail translate 0 0 0.5\n"
                 "frame 3\nmove rail point 1 translate 0 0.3 0.3\n"
@@ -165,7 +151,7 @@ TEST(GuideSession, a_pin_stays_on_a_rod_as_well)
 
 TEST(GuideSession, all_moved_alike_is_moved_rigidly)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const std::string rigid = " rotate 1 2 3 80 about 0 0 1 translate 1 2 0\n";
     const std::string first = "handle foot box -1 -1 -1 1 1 0.5\n"
                               "pin tip sphere 0 0 4 0.01\n"
@@ -185,13 +171,13 @@ TEST(GuideSession, undone_and_done_again_it_is_the_same_to_the_bit)
     keeps.keeps_checkpoints = true;
     const std::string first = kRail + "on tip rail\nframe 1\n",
                       second = first + "frame 2\nmove rail translate 0 0.2 0.4\n";
-    Session edited(model(bar()), handles(second), keeps);
+    Session edited(model(long_bar()), handles(second), keeps);
     for (const std::string& text : {second, first, second})
     {
         edited.set_script(handles(text));
         while (edited.next_frame(true))
             ;
-        Session fresh(model(bar()), handles(text), keeps);
+        Session fresh(model(long_bar()), handles(text), keeps);
         while (fresh.next_frame(true))
             ;
         EXPECT_EQ(edited.deformed().samples, fresh.deformed().samples);
@@ -200,7 +186,7 @@ TEST(GuideSession, undone_and_done_again_it_is_the_same_to_the_bit)
     for (const int threads : {1, 2})
     {
         const ThreadLimit limit(threads);
-        results.push_back(played(bar(), second, settings(12)).deformed().samples);
+        results.push_back(played(long_bar(), second, settings(12)).deformed().samples);
     }
     EXPECT_EQ(results[0], results[1]);
 }
@@ -210,8 +196,8 @@ TEST(GuideSession, what_cannot_be_is_told)
     const auto told = [](Fault fault, const std::string& text)
     {
         return error_of(
-            fault,
-            [&] { Session(model(bar()), handles(text + "frame 1\n"), settings(8)); });
+            fault, [&]
+            { Session(model(long_bar()), handles(text + "frame 1\n"), settings(8)); });
     };
     const auto refused = [](const std::string& text)
     { return error_of(Fault::Malformed, [&] { handles(text); }); };

@@ -9,12 +9,11 @@
 
 #include "editor/session/deformation.h"
 #include "editor/session/session.h"
-#include "io/geometry_file.h"
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/wrap/skeleton.h"
-#include "tests/support/shapes.h"
+#include "tests/support/scripts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -22,21 +21,14 @@ namespace cellwarp
 
 using support::contains;
 using support::error_of;
+using support::handles;
+using support::long_bar;
+using support::model;
 
 namespace
 {
 
 using Eigen::Vector3d;
-
-Geometry model(const Shape& shape)
-{
-    return scan_geometry("model.obj", support::obj_text(shape)).geometry;
-}
-
-HandleFile handles(const std::string& text)
-{
-    return parse_handles("h.handles", "cellwarp-handles 1\n" + text);
-}
 
 SessionSettings settings(int across, int depth = 0)
 {
@@ -64,11 +56,6 @@ double largest_difference(const std::vector<Vector3d>& a, const std::vector<Vect
     return largest;
 }
 
-/// 1 x 1 x 4, with a rod in its axis.
-Shape bar()
-{
-    return support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4);
-}
 const std::string kSpine = "rod spine through 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4\n";
 const std::string kBend =
     kSpine + "frame 1\nmove spine end translate 0 2 -1 tangent 0 1 0\n";
@@ -82,7 +69,7 @@ std::string vector_text(const Vector3d& v)
 
 TEST(RodSession, a_rod_that_nothing_moves_leaves_every_sample_where_it_is)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const Session session = played(shape, kSpine + "frame 1\n", settings(12));
     EXPECT_EQ(session.deformed().samples, shape.samples);
     ASSERT_EQ(session.rods().size(), 1u);
@@ -95,7 +82,7 @@ TEST(RodSession, a_rod_that_nothing_moves_leaves_every_sample_where_it_is)
 
 TEST(RodSession, a_rod_moved_as_a_whole_carries_the_shape_rigidly)
 {
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const std::string move = " rotate 1 2 3 70 about 0 1 0 translate 0.3 -1 2\n";
     const Session by_rod =
         played(shape, kSpine + "frame 1\nmove spine" + move, settings(12));
@@ -125,8 +112,9 @@ TEST(RodSession, a_rod_moved_as_a_whole_carries_the_shape_rigidly)
 
 TEST(RodSession, held_points_end_where_they_are_told_and_cells_follow_the_frames)
 {
-    const Session session = played(
-        bar(), kBend + "move spine point 2 translate 0.3 0 0\nframe 2\n", settings(12));
+    const Session session =
+        played(long_bar(), kBend + "move spine point 2 translate 0.3 0 0\nframe 2\n",
+               settings(12));
     const RodReport rod = session.rods()[0];
     EXPECT_LT((rod.points[0] - Vector3d(0, 0, 0)).norm(), 4e-9);
     EXPECT_LT((rod.points[2] - Vector3d(0.3, 0, 2)).norm(), 4e-9);
@@ -176,7 +164,7 @@ TEST(RodSession, a_rod_led_along_an_arc_has_the_energy_of_its_curvature)
         "rod spine through 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4 spans 8 radius 0.1\n"
         "frame 1\nmove spine end to" +
         vector_text(on_arc(1.0)) + " tangent 0 1 0\n";
-    const RodReport rod = played(bar(), text, settings(12)).rods()[0];
+    const RodReport rod = played(long_bar(), text, settings(12)).rods()[0];
     const double stiffness = 2.0 * std::numbers::pi * std::pow(tube, 4) / 4.0;
     const double curvature = (std::numbers::pi / 2.0) / 4.0;
     EXPECT_NEAR(rod.energy / (stiffness * curvature * curvature * 4.0 / 2.0), 1.0, 2e-4);
@@ -187,7 +175,7 @@ TEST(RodSession, a_rod_led_along_an_arc_has_the_energy_of_its_curvature)
 TEST(RodSession, a_turned_end_twists_the_bar_evenly)
 {
     const Session session =
-        played(bar(), kSpine + "frame 1\nmove spine end turn 120\n", settings(12));
+        played(long_bar(), kSpine + "frame 1\nmove spine end turn 120\n", settings(12));
     const CellSystem& system = *session.system();
     for (std::size_t c = 0; c < system.poses().size(); ++c)
         if (system.region_of_cell()[c] >= 0)
@@ -204,9 +192,9 @@ TEST(RodSession, what_is_released_is_no_longer_held)
 {
     const std::string pushed =
         kSpine + "frame 1\nmove spine point 2 translate 1 0 0\nmove spine end turn 90\n";
-    const Session held = played(bar(), pushed + "frame 2\n", settings(12));
+    const Session held = played(long_bar(), pushed + "frame 2\n", settings(12));
     const Session free = played(
-        bar(), pushed + "frame 2\nrelease spine point 2\nrelease spine end twist\n",
+        long_bar(), pushed + "frame 2\nrelease spine point 2\nrelease spine end twist\n",
         settings(12));
     EXPECT_LT((held.rods()[0].points[2] - Vector3d(1, 0, 2)).norm(), 4e-9);
     EXPECT_GT(held.rods()[0].energy, 1e-6);
@@ -214,7 +202,7 @@ TEST(RodSession, what_is_released_is_no_longer_held)
     EXPECT_LT(free.rods()[0].points[2].head<2>().norm(), 1e-6);
     EXPECT_LT(free.rods()[0].energy, 1e-9 * held.rods()[0].energy);
     EXPECT_EQ(free.rods()[0].holds[4], (HoldParts{true, true, false}));
-    EXPECT_LT(largest_difference(free.deformed().samples, bar().samples), 1e-5);
+    EXPECT_LT(largest_difference(free.deformed().samples, long_bar().samples), 1e-5);
 }
 
 TEST(RodSession, what_nothing_holds_any_more_stays_as_it_is)
@@ -225,25 +213,27 @@ TEST(RodSession, what_nothing_holds_any_more_stays_as_it_is)
           "release spine start twist\nrelease spine end twist\n",
           "release spine start tangent twist\nrelease spine end tangent twist\n"})
     {
-        const Session session = played(bar(), kSpine + "frame 1\n" + moves, settings(12));
-        EXPECT_LT(largest_difference(session.deformed().samples, bar().samples), 1e-9)
+        const Session session =
+            played(long_bar(), kSpine + "frame 1\n" + moves, settings(12));
+        EXPECT_LT(largest_difference(session.deformed().samples, long_bar().samples),
+                  1e-9)
             << moves;
     }
     // One place alone leads all of it, unbent.
-    const Session led = played(bar(),
+    const Session led = played(long_bar(),
                                kSpine + "frame 1\nrelease spine start\nrelease spine "
                                         "end\nmove spine point 1 translate 1 2 3\n",
                                settings(12));
-    for (std::size_t i = 0; i < bar().samples.size(); ++i)
-        EXPECT_LT(
-            (led.deformed().samples[i] - bar().samples[i] - Vector3d(1, 2, 3)).norm(),
-            1e-6);
+    for (std::size_t i = 0; i < long_bar().samples.size(); ++i)
+        EXPECT_LT((led.deformed().samples[i] - long_bar().samples[i] - Vector3d(1, 2, 3))
+                      .norm(),
+                  1e-6);
 }
 
 TEST(RodSession, smaller_cells_follow_the_same_rod)
 {
-    const Session coarse = played(bar(), kBend, settings(12));
-    const Session fine = played(bar(), kBend, settings(12, 2));
+    const Session coarse = played(long_bar(), kBend, settings(12));
+    const Session fine = played(long_bar(), kBend, settings(12, 2));
     EXPECT_GT(fine.system()->body().cells.size(), coarse.system()->body().cells.size());
     EXPECT_EQ(fine.rods()[0].points, coarse.rods()[0].points);
     EXPECT_LT(largest_difference(fine.deformed().samples, coarse.deformed().samples),
@@ -256,7 +246,7 @@ TEST(RodSession, cells_of_regions_stay_theirs_and_of_two_rods_the_first)
         "fixed foot box -1 -1 -1 1 1 0.5\n" + kSpine +
         "rod other through 0.4 0 2  0.4 0 3  0.4 0 4\nframe 1\nmove spine "
         "end translate 0 1 0\n";
-    const Session session = played(bar(), text, settings(12));
+    const Session session = played(long_bar(), text, settings(12));
     const CellSystem& system = *session.system();
     std::array<int, 3> cells = {};
     for (std::size_t c = 0; c < system.poses().size(); ++c)
@@ -278,7 +268,7 @@ TEST(RodSession, exact_rods_carry_the_samples_in_their_tube_exactly)
     const std::string text =
         "rod spine through 0.3 0.3 0  0.3 0.3 2  0.3 0.3 4 radius 0.3 exact\n"
         "frame 1\nmove spine end translate 0 2 -1 tangent 0 1 0\n";
-    const Shape shape = bar();
+    const Shape shape = long_bar();
     const Session session = played(shape, text, settings(12));
     const CellSystem& system = *session.system();
     const WorkFrame& frame = system.rest().frame;
@@ -314,13 +304,13 @@ TEST(RodSession, statements_that_change_under_way_give_what_a_new_session_gives)
     const std::string first = kBend, second = first + "frame 2\nmove spine end turn 60\n",
                       third = first + "frame 2\nrelease spine end tangent\n"
                                       "move spine point 1 translate 0.2 0 0\n";
-    Session edited(model(bar()), handles(second), keeps);
+    Session edited(model(long_bar()), handles(second), keeps);
     for (const std::string& text : {second, third, first, third})
     {
         edited.set_script(handles(text));
         while (edited.next_frame(true))
             ;
-        Session fresh(model(bar()), handles(text), keeps);
+        Session fresh(model(long_bar()), handles(text), keeps);
         while (fresh.next_frame(true))
             ;
         EXPECT_EQ(edited.deformed().samples, fresh.deformed().samples);
@@ -334,7 +324,7 @@ TEST(RodSession, threads_do_not_change_a_bit)
     for (const int threads : {1, 2, 4})
     {
         const ThreadLimit limit(threads);
-        results.push_back(played(bar(), kBend, settings(12, 1)).deformed().samples);
+        results.push_back(played(long_bar(), kBend, settings(12, 1)).deformed().samples);
     }
     EXPECT_EQ(results[1], results[0]);
     EXPECT_EQ(results[2], results[0]);
@@ -343,7 +333,7 @@ TEST(RodSession, threads_do_not_change_a_bit)
 TEST(RodSession, after_a_commit_rods_start_anew)
 {
     const Session session =
-        played(bar(),
+        played(long_bar(),
                kBend + "commit\nrod other through 0 0 0  0 0.5 1.9  0 2 3\nframe 2\n"
                        "move other end translate 0.5 0 0\n",
                settings(12));
@@ -355,14 +345,14 @@ TEST(RodSession, after_a_commit_rods_start_anew)
 TEST(RodSession, control_points_and_closed_rods_are_led_as_well)
 {
     const RodReport by_controls =
-        played(bar(),
+        played(long_bar(),
                "rod spine points 0 0 0  0 0 1  0 0 2  0 0 3  0 0 4\nframe 1\n"
                "move spine point 2 translate 0.5 0 0\n",
                settings(12))
             .rods()[0];
     EXPECT_LT((by_controls.points[2] - Vector3d(0.5, 0, 2)).norm(), 4e-9);
     const RodReport closed =
-        played(bar(),
+        played(long_bar(),
                "rod ring through 0.3 0 1  0 0.3 1  -0.3 0 1  0 -0.3 1 closed\nframe 1\n"
                "move ring point 2 translate 0 0 0.4\n",
                settings(12))
@@ -418,7 +408,7 @@ TEST(RodSession, a_rod_from_the_skeleton_lies_in_the_middle)
     for (const std::string near : {"", " near tip"})
     {
         const Session session =
-            played(bar(),
+            played(long_bar(),
                    "fixed tip box -1 -1 3.9 1 1 5\nrod line from skeleton" + near +
                        "\nframe 1\n",
                    settings(12));
@@ -435,8 +425,8 @@ TEST(RodSession, what_cannot_be_is_told)
     const auto told = [](Fault fault, const std::string& text)
     {
         return error_of(
-            fault,
-            [&] { Session(model(bar()), handles(text + "frame 1\n"), settings(8)); });
+            fault, [&]
+            { Session(model(long_bar()), handles(text + "frame 1\n"), settings(8)); });
     };
     const Fault none = Fault::Unsolvable, wrong = Fault::Malformed;
     EXPECT_TRUE(contains(told(none, "rod far through 9 9 9  9 9 12\n"),
