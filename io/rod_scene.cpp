@@ -770,11 +770,20 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     if (reader.object().find("radius_of_contact"))
         reader.read("radius_of_contact", kTiny, kHuge, rod.contact_radius.emplace(0.0));
     reader.read("skin", rod.has_skin);
-    reader.later("carries");
+    reader.read("carries", rod.carries);
+    if (rod.carries && (rod.refine || !rod.cuts.empty()))
+        reader.object().fail("carries", "cells are carried by rods that are neither "
+                                        "refined nor cut");
     reader.object().warn_of_the_rest();
 }
 
 } // namespace
+
+bool RodScene::carries() const
+{
+    return std::any_of(rods.begin(), rods.end(),
+                       [](const RodStatement& rod) { return rod.carries; });
+}
 
 bool has_simulation(const std::string& path)
 {
@@ -834,8 +843,9 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
         }
     root.each("joints", [&](const Json& value, const std::string& key)
               { read_joint(value, key + ".", scene); });
-    if (const Json* unit = root.object().find("unit"); unit && *unit != 1)
-        root.object().fail("unit", "only metres are supported by this version");
+    root.read("unit", kTiny, kHuge, scene.unit);
+    if (scene.carries() && !json.contains("model"))
+        root.object().fail("model", "is missing: rods carry its cells");
     root.later("skeleton");
     root.each("obstacles", [&](const Json& value, const std::string& key)
               { read_obstacle(value, key + ".", scene); });

@@ -119,6 +119,7 @@ struct RodStatement
     std::optional<RefineStatement> refine;
     std::optional<double> contact_radius; ///< [m]; that of the rod
     bool has_skin = false;                ///< drawn as an implicit surface, not as a tube
+    bool carries = false;                 ///< the model's cells that it passes through
 };
 
 /// A rigid body.
@@ -218,7 +219,11 @@ struct RodScene
     std::string integrator = "implicit-euler";
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
     double viscosity = 0.0;          ///< [N s/m^2]
+    double unit = 1.0;               ///< of the model [m]
     std::vector<std::string> warnings;
+
+    /// Whether a rod carries the model's cells.
+    bool carries() const;
 };
 
 /// Whether a scene file has rods in time, and is not one of edits alone. Throws what

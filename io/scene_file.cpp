@@ -97,10 +97,14 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     const auto leave_out = [&](const char* key, const char* why)
     {
         if (const Json* part = root.find(key); part && !part->empty())
-            scene.warnings.push_back(at({path, 0, key}, why));
+            scene.left_out.push_back(at({path, 0, key}, why));
     };
-    leave_out("rods", "is for cellwarp simulate, ignored");
-    leave_out("simulate", "is for cellwarp simulate, ignored");
+    if (const Json* rods = root.find("rods"); rods && rods->is_array())
+        for (const Json& rod : *rods)
+            scene.has_carriers |= rod.is_object() && rod.value("carries", Json()) == true;
+    for (const char* key : {"rods", "bodies", "nets", "sheets", "joints", "obstacles",
+                            "contact", "unit", "simulate"})
+        leave_out(key, "is for cellwarp simulate, ignored");
     leave_out("skeleton", "is not supported by this version, ignored");
     root.warn_of_the_rest();
     return scene;

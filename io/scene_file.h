@@ -31,7 +31,9 @@ struct SceneFile
     std::optional<FrameBox> frame;
     std::optional<std::string> save; ///< that wrote it, see saved_pair.h
     std::vector<std::string> warnings;
-    std::string text; ///< as it was read, with what the rest leaves out
+    std::vector<std::string> left_out; ///< warnings of what is for other commands
+    bool has_carriers = false;         ///< rods carry the model: see rod_scene.h
+    std::string text;                  ///< as it was read, with what the rest leaves out
 };
 
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the

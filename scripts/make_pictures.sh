@@ -60,6 +60,15 @@ large() {  # sample, extension
 large scan ply
 large soup stl
 
+# Rods in time that carry a model.
+carried() {  # scene, frames, size of one, azimuth, elevation
+    "$cellwarp" render "$here/samples/rods/$1.json" --strip="$2" --size "$3" --view "$4" "$5" \
+        -o "$folder/$1.png" --overwrite
+}
+carried tentacle 7 160x220 20 10
+carried hung 6 180x300 10 5
+carried stitch 4 320x240 20 50
+
 # Rods, their frames side by side.
 "$cellwarp" render "$here/samples/rods/cantilever.json" --frame last --size 640x320 --view 0 20 \
     -o "$folder/rods-cantilever.png" --overwrite

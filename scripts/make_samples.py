@@ -19,6 +19,7 @@ hose      a straight hose; a rod in it goes through eight points
 ring      a ring that slides along a bent bar by three of its points
 posed     scenes of the creature with rods: spine (bent and twisted), tail (curled)
 scan      a cloud with holes and noise, seen from three places; the creature bows
+carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
           cut, knot, knot_fixed, pile, intestine, drape, patch, block,
@@ -697,6 +698,114 @@ move hand rotate 0 0 1 50  translate -0.15 0.6 0.1
 """)
 
 
+def rounded(value):
+    return round(value, 6)
+
+
+def carried(folder):
+    """Scenes in time whose rods carry a model."""
+    folder = os.path.join(folder, "rods")
+    os.makedirs(folder, exist_ok=True)
+    clamp = ["point", "tangent", "twist"]
+
+    # A tentacle with suckers, 1 m long, whose root is turned to and fro.
+    rings, around = 120, 20
+    path = [(0.0, -i / (rings - 1), 0.0) for i in range(rings)]
+    points, faces = tube(path, 1.0, around)
+    for i in range(rings):
+        share = i / (rings - 1)
+        thick = 0.075 * (1 - share) ** 0.8 + 0.012
+        for j in range(around):
+            p = points[i * around + j]
+            # Suckers on the side z > 0: two rows of bumps.
+            angle = math.atan2(p[0], p[2])
+            bump = sum(math.exp(-((angle - side) / 0.35) ** 2) for side in (-0.55, 0.55))
+            size = thick * (1 + 0.3 * bump * max(0.0, math.sin(20 * math.pi * share)) ** 2)
+            points[i * around + j] = (size * p[0], p[1], size * p[2])
+    check_closed(faces)
+    write(folder, "tentacle.obj", obj(points, faces, "a tentacle, 1 long"))
+    keys = [{"time": 0}] + [
+        {"time": rounded(0.25 + 0.4 * k), "rotate": [0.2, 0, 1, (-1) ** k * 55]}
+        for k in range(5)]
+    rod_scene(folder, "tentacle", [
+        {"name": "tentacle", "through": [[0, -0.02 - 0.24 * k, 0] for k in range(5)], "spans": 6,
+         "radius": [0.05, 0.03, 0.012], "E": 5e4, "carries": True,
+         "fixed": [{"at": 0, "what": clamp, "keys": keys}]}],
+        {"dt": 0.004, "duration": 1.8, "every": 0.06, "viscosity": 0.05},
+        model="tentacle.obj")
+
+    # The creature hangs on a rope that ends in its back; a body has its weight.
+    rod_scene(folder, "hung", [
+        {"name": "rope", "through": [[0, 4.2, 0.02], [0, 2.6, 0.02], [0, 1.3, 0.02]], "spans": 10,
+         "radius": 0.03, "E": 3e6, "carries": True,
+         "fixed": [{"at": 0, "keys": [{"time": 0}, {"time": 0.35, "translate": [0.9, 0, 0]},
+                                      {"time": 0.7, "translate": [0, 0, 0]}]}]}],
+        {"dt": 0.004, "duration": 2.4, "every": 0.06},
+        bodies=[{"name": "weight", "mass": 20, "inertia": [0.13, 0.13, 0.13], "at": [0, 1.1, 0.02]}],
+        joints=[{"a": "rod rope 1", "b": "body weight 0 0.2 0", "what": ["point", "frame"]}],
+        model="../creature.obj")
+
+    # A sheet of tissue with a gaping slit: a thread through both lips draws them together.
+    half, thick, slit, gap = (0.2, 0.15), 0.03, 0.12, 0.02
+    around, rows, layers = 96, 14, 3
+
+    def place(a, row, layer):
+        turn = 2 * math.pi * a / around
+        c, s = math.cos(turn), math.sin(turn)
+        # The rim in the direction of the lip's point, both ends of the way between them.
+        rim = min(half[0] / max(1e-9, abs(c)), half[1] / max(1e-9, abs(s)))
+        share = (row / rows) ** 1.4
+        return (slit * c + share * (rim * c - slit * c), thick * (layer / layers - 0.5),
+                gap * s + share * (rim * s - gap * s))
+
+    numbers, points, faces = {}, [], []
+
+    def vertex(a, row, layer):
+        key = (a % around, row, layer)
+        if key not in numbers:
+            numbers[key] = len(points)
+            points.append(place(*key))
+        return numbers[key]
+
+    for a in range(around):
+        for row in range(rows):
+            for layer in (0, layers):
+                quad = [vertex(a, row, layer), vertex(a, row + 1, layer),
+                        vertex(a + 1, row + 1, layer), vertex(a + 1, row, layer)]
+                faces.append(quad if layer == 0 else quad[::-1])
+        for layer in range(layers):
+            for row in (0, rows):
+                quad = [vertex(a, row, layer), vertex(a + 1, row, layer),
+                        vertex(a + 1, row, layer + 1), vertex(a, row, layer + 1)]
+                faces.append(quad if row == 0 else quad[::-1])
+    check_closed(faces)
+    write(folder, "tissue.obj", obj(points, faces, "a sheet of tissue with a slit"))
+    write(folder, "stitch.handles", """cellwarp-handles 1
+# The sheet is held by its rim.
+fixed left  box -1 -1 -1  -0.19 1 1
+fixed right box 0.19 -1 -1  1 1 1
+fixed near  box -1 -1 -1  1 1 -0.14
+fixed far   box -1 -1 0.14  1 1 1
+""")
+    # Loops of thread, each through both lips; where its ends are drawn up it becomes narrow.
+    stitches = []
+    for k in range(5):
+        x = rounded(0.044 * (k - 2))
+        edge = gap * math.sqrt(1 - (x / slit) ** 2)
+        loop = [(0.06, 0.004), (0.035, edge + 0.012), (0.0, edge + 0.02), (-0.012, edge)]
+        way = ([[x, y, rounded(-z)] for y, z in loop] + [[x, -0.014, 0]] +
+               [[x, y, rounded(z)] for y, z in loop[::-1]])
+        up = [{"time": 0}, {"time": 0.9, "translate": [0, 0.03, 0]}]
+        stitches.append({"name": "stitch%d" % k, "through": way, "spans": 2, "radius": 0.002,
+                         "E": 1e7, "carries": True,
+                         "fixed": [{"at": 0, "keys": up}, {"at": 1, "keys": up},
+                                   {"at": 0.5, "what": clamp}]})
+    rod_scene(folder, "stitch", stitches,
+              {"dt": 0.005, "duration": 1, "every": 0.1, "gravity": [0, 0, 0],
+               "viscosity": 0.5},
+              model="tissue.obj", handles="stitch.handles")
+
+
 def rod_scene(folder, name, rods, simulate, **more):
     write(folder, name + ".json",
           json.dumps({"cellwarp": 1, "rods": rods, **more, "simulate": simulate}, indent=1) +
@@ -911,9 +1020,6 @@ def touching_rods(folder):
 
 
 def joined_rods(folder):
-    def rounded(value):
-        return round(value, 6)
-
     # Rubber pulled through a hole: it sticks, stretches, slips.
     rod_scene(folder, "thread", [
         {"name": "thread", "through": [[-0.7, 0, 0], [0, 0, 0], [0, -0.9, 0]], "spans": 20,
@@ -1046,7 +1152,7 @@ def main():
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
     for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan,
-                 hose, ring, posed, rods):
+                 hose, ring, posed, rods, carried):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

@@ -151,7 +151,7 @@ bool SessionFlags::has_session() const
     return extension_of(model) == "json" || !handles.empty() || !sel.empty();
 }
 
-SessionRequest read_request(const SessionFlags& flags)
+SessionRequest read_request(const SessionFlags& flags, bool in_time)
 {
     SessionRequest request;
     SceneFile scene;
@@ -160,6 +160,12 @@ SessionRequest read_request(const SessionFlags& flags)
     {
         scene = read_scene(flags.model);
         request.warnings = scene.warnings;
+        if (!in_time && scene.has_carriers)
+            throw malformed({scene.path, 0, "rods"},
+                            "carry the model in time: this is for cellwarp simulate");
+        if (!in_time)
+            request.warnings.insert(request.warnings.end(), scene.left_out.begin(),
+                                    scene.left_out.end());
     }
     request.model = is_scene ? scene.model : flags.model;
     request.read.columns = flags.columns;

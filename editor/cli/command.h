@@ -78,7 +78,7 @@ struct Film
 {
     std::int64_t last = 0; ///< number of its last frame; the first is 0
     /// What is seen of a frame, asked for in ascending order.
-    std::function<Geometry(std::int64_t frame)> frame;
+    std::function<std::vector<Geometry>(std::int64_t frame)> frame;
     /// Whether all that was asked for so far converged.
     std::function<bool()> is_converged;
     std::vector<std::string> warnings = {}; ///< of its file
@@ -98,8 +98,9 @@ struct SessionRequest
     std::vector<std::string> warnings;
 };
 
-/// Reads the scene (if the model is one) and the handle file. Throws Error.
-SessionRequest read_request(const SessionFlags& flags);
+/// Reads the scene (if the model is one) and the handle file. \p in_time: for rods that
+/// carry the model; others refuse such a scene. Throws Error.
+SessionRequest read_request(const SessionFlags& flags, bool in_time = false);
 
 /// Adds --max-memory.
 void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory);

@@ -2,6 +2,7 @@
 #include "editor/picture/figures.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "octree/base/index.h"
@@ -75,6 +76,23 @@ Figure figure_of(const Geometry& geometry)
         const double spacing = point_spacing(figure.points);
         figure.point_radius =
             kBallShare * (spacing > 0 ? spacing : std::max(1e-3, box.size().norm()));
+    }
+    return figure;
+}
+
+Figure figure_of(const std::vector<Geometry>& parts)
+{
+    Figure figure;
+    for (const Geometry& part : parts)
+    {
+        const Figure more = figure_of(part);
+        const auto first = static_cast<std::uint32_t>(figure.points.size());
+        figure.points.insert(figure.points.end(), more.points.begin(), more.points.end());
+        figure.colours.insert(figure.colours.end(), more.colours.begin(),
+                              more.colours.end());
+        for (const std::array<std::uint32_t, 3>& t : more.triangles)
+            figure.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+        figure.point_radius = std::max(figure.point_radius, more.point_radius);
     }
     return figure;
 }

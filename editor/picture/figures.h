@@ -12,6 +12,9 @@ namespace cellwarp
 /// Samples at their places, in the file's colours if it has any.
 Figure figure_of(const Geometry& geometry);
 
+/// All of them in one figure.
+Figure figure_of(const std::vector<Geometry>& parts);
+
 /// The session's model where its last frame put it (at rest before the first), with
 /// the samples of fixed regions blue, handles orange, pins purple, stiff ones green.
 Figure figure_of(const Session& session);

@@ -69,68 +69,6 @@ std::size_t point_of(const Move& move, const SplineHandle& spline,
     }
 }
 
-/// What a move of a point, or its release, makes of what holds it.
-void hold(const Move& move, const Region& region, const Units& units,
-          const std::string& file, std::int64_t frame, SplineHolds& holds)
-{
-    const std::size_t point = point_of(move, *region.spline, file);
-    SplineHold& now = holds[point];
-    if (move.released)
-    {
-        now.parts.place &= !move.released->place;
-        now.parts.tangent &= !move.released->tangent;
-        now.parts.twist &= !move.released->twist;
-        return;
-    }
-    const SplineHold rest = region.spline->rest_holds()[point];
-    std::optional<Eigen::Vector3d> place;
-    for (const Operation& operation : move.operations)
-        switch (operation.kind)
-        {
-        case Operation::Kind::Translate:
-            place = place.value_or(rest.place) + units.vector(operation.vector);
-            break;
-        case Operation::Kind::To:
-            place = units.point(operation.vector);
-            break;
-        case Operation::Kind::Turn:
-        {
-            const double turn = operation.degrees * std::numbers::pi / 180.0;
-            if (!(std::abs(turn - now.turn) <= kMostParts * kTurnOfPart))
-                throw malformed(
-                    {file, move.line, region.name},
-                    fmt::format("frame {}: a turn goes {}° in one frame at "
-                                "the most: more need several frames",
-                                frame,
-                                kMostParts * kTurnOfPart * 180.0 / std::numbers::pi));
-            now.parts.twist = true;
-            now.turn = turn;
-            break;
-        }
-        case Operation::Kind::Tangent:
-            now.parts.tangent = true;
-            now.tangent = (units.frame.axes *
-                           (operation.vector / operation.vector.cwiseAbs().maxCoeff()))
-                              .normalized();
-            break;
-        default:
-            break;
-        }
-    if (place)
-    {
-        now.parts.place = true;
-        now.place = *place;
-    }
-    if (!now.place.allFinite() || !std::isfinite(now.turn))
-        throw malformed({file, move.line, region.name},
-                        "moves beyond what numbers can hold");
-    if ((now.parts.tangent || now.parts.twist) && !region.spline->has_frame_at(point))
-        throw malformed({file, move.line, region.name},
-                        fmt::format("frame {}: point {} is a control point off the rod: "
-                                    "its place alone is held",
-                                    frame, point));
-}
-
 /// From the rest place of a pin to where it is to be on its curve.
 double way_to_guide(const RegionSet& regions, std::size_t pin, const RestShape& rest)
 {
@@ -162,9 +100,71 @@ int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
 
 } // namespace
 
+void hold_point(const Move& move, const SplineHandle& spline, const Units& units,
+                const std::string& file, std::int64_t frame, SplineHolds& holds)
+{
+    const std::size_t point = point_of(move, spline, file);
+    SplineHold& now = holds[point];
+    if (move.released)
+    {
+        now.parts.place &= !move.released->place;
+        now.parts.tangent &= !move.released->tangent;
+        now.parts.twist &= !move.released->twist;
+        return;
+    }
+    const SplineHold rest = spline.rest_holds()[point];
+    std::optional<Eigen::Vector3d> place;
+    for (const Operation& operation : move.operations)
+        switch (operation.kind)
+        {
+        case Operation::Kind::Translate:
+            place = place.value_or(rest.place) + units.vector(operation.vector);
+            break;
+        case Operation::Kind::To:
+            place = units.point(operation.vector);
+            break;
+        case Operation::Kind::Turn:
+        {
+            const double turn = operation.degrees * std::numbers::pi / 180.0;
+            if (!(std::abs(turn - now.turn) <= kMostParts * kTurnOfPart))
+                throw malformed(
+                    {file, move.line, move.region},
+                    fmt::format("frame {}: a turn goes {}° in one frame at "
+                                "the most: more need several frames",
+                                frame,
+                                kMostParts * kTurnOfPart * 180.0 / std::numbers::pi));
+            now.parts.twist = true;
+            now.turn = turn;
+            break;
+        }
+        case Operation::Kind::Tangent:
+            now.parts.tangent = true;
+            now.tangent = (units.frame.axes *
+                           (operation.vector / operation.vector.cwiseAbs().maxCoeff()))
+                              .normalized();
+            break;
+        default:
+            break;
+        }
+    if (place)
+    {
+        now.parts.place = true;
+        now.place = *place;
+    }
+    if (!now.place.allFinite() || !std::isfinite(now.turn))
+        throw malformed({file, move.line, move.region},
+                        "moves beyond what numbers can hold");
+    if ((now.parts.tangent || now.parts.twist) && !spline.has_frame_at(point))
+        throw malformed({file, move.line, move.region},
+                        fmt::format("frame {}: point {} is a control point off the rod: "
+                                    "its place alone is held",
+                                    frame, point));
+}
+
 bool FramePlan::stands() const
 {
     return from_holds == to_holds &&
+           std::all_of(led.begin(), led.end(), [](const auto& to) { return !to; }) &&
            std::all_of(paths.begin(), paths.end(),
                        [](const HandleTrajectory& path)
                        {
@@ -189,6 +189,7 @@ std::vector<Motion> FramePlan::motions(double t) const
 
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
+                     std::span<const std::shared_ptr<const SplineState>> led,
                      std::vector<RegionAim>& aims, std::vector<std::string>& warnings)
 {
     const double diagonal = rest.frame.diagonal();
@@ -227,11 +228,22 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             from = aims[r].holds.empty() ? spline->rest_holds() : aims[r].holds;
             to = from;
             for (const Move* const move : moves_of_points[regions[r].name])
-                hold(*move, regions[r], units, file, frame.number, to);
+                hold_point(*move, *spline, units, file, frame.number, to);
             aims[r].holds = to;
             plan.num_parts = std::max(
                 plan.num_parts,
                 num_parts_of(from, to, std::min(diagonal, spline->rest()->length())));
+        }
+        std::shared_ptr<const SplineState>& to_led = plan.led.emplace_back();
+        if (const std::size_t first = regions.size() - led.size(); r >= first)
+        {
+            const SplineHandle& rod = *regions[r].spline;
+            const std::shared_ptr<const SplineState> before =
+                aims[r].led ? aims[r].led : rod.rest();
+            to_led = aims[r].led = led[r - first];
+            plan.num_parts = std::max(
+                plan.num_parts, parts_between(rod, *before, *to_led,
+                                              std::min(diagonal, rod.rest()->length())));
         }
         motions.push_back(path.at(1.0));
         if (regions[r].guide && !aims[r].is_on_guide)

@@ -2,6 +2,8 @@
 // Where one frame takes the regions.
 #pragma once
 
+#include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,8 @@ struct RegionAim
     std::vector<Step> steps;
     SplineHolds holds;        ///< of a rod or curve; empty: as at rest
     bool is_on_guide = false; ///< a pin on a curve has come there
+    /// Of a rod that is led: where it is; null: at rest.
+    std::shared_ptr<const SplineState> led = {};
 };
 
 struct FramePlan
@@ -26,6 +30,8 @@ struct FramePlan
     std::vector<HandleTrajectory> paths; ///< a region
     /// Of rods and curves, a region; empty for others.
     std::vector<SplineHolds> from_holds, to_holds;
+    /// Of rods that are led, a region: where they go; null for others, and if they stay.
+    std::vector<std::shared_ptr<const SplineState>> led;
     int num_parts = 1; ///< in which the way is gone
 
     /// Whether no region moves.
@@ -36,10 +42,17 @@ struct FramePlan
     std::vector<Motion> motions(double t) const;
 };
 
+/// What a move or a release of a point makes of what holds a rod or curve, in
+/// frame \p frame. Throws Fault::Malformed.
+void hold_point(const Move& move, const SplineHandle& spline, const Units& units,
+                const std::string& file, std::int64_t frame, SplineHolds& holds);
+
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
-/// \p file names the handle file. Throws Fault::Malformed.
+/// \p led: of the rods that are led, the last regions; empty: they stay. \p file names
+/// the handle file. Throws Fault::Malformed.
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
+                     std::span<const std::shared_ptr<const SplineState>> led,
                      std::vector<RegionAim>& aims, std::vector<std::string>& warnings);
 
 } // namespace cellwarp

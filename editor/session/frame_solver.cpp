@@ -172,9 +172,11 @@ std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double last,
     std::vector<std::shared_ptr<const SplineState>> splines = system_.splines();
     for (std::size_t r = 0; r < splines.size(); ++r)
     {
+        const Region& region = system_.regions()[r];
+        if (plan_.led[r])
+            splines[r] = on_the_way(*region.spline, from_splines_[r], plan_.led[r], t);
         if (!splines[r] || plan_.from_holds[r] == plan_.to_holds[r])
             continue;
-        const Region& region = system_.regions()[r];
         double done = last, part = t - last;
         while (done < t)
         {
@@ -203,6 +205,7 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
 {
     way.parts = plan_.num_parts;
     from_holds_ = start_of_holds();
+    from_splines_ = system_.splines();
     const double left = system_.way_left();
     double gone = 0.0; ///< of the way
     way.is_wound = plan_.is_wound();

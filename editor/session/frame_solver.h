@@ -57,6 +57,7 @@ private:
     std::size_t frames_done_;
     std::int64_t frame_ = 0;              ///< its number
     std::vector<SplineHolds> from_holds_; ///< of rods and curves, where they begin
+    std::vector<std::shared_ptr<const SplineState>> from_splines_;
     bool is_left_wound_ = false;
 };
 

@@ -247,7 +247,8 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const CoincidentSamples* known_coincident)
+                                    const CoincidentSamples* known_coincident,
+                                    std::span<const LedRod> led_rods)
 {
     std::vector<Region> regions;
     std::map<std::string, std::size_t> by_name;
@@ -288,6 +289,17 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
                 listed_samples(statement, geometry, samples.size(), file);
             region.listed.insert(region.listed.end(), more.begin(), more.end());
         }
+    }
+    for (const LedRod& rod : led_rods)
+    {
+        if (!by_name.try_emplace(rod.name, regions.size()).second)
+            throw malformed({file.path, 0, rod.name},
+                            "a rod of the scene has this name as well");
+        Region region;
+        region.role = Role::Rod;
+        region.name = rod.name;
+        put_led_rod(rod, units, region);
+        regions.push_back(std::move(region));
     }
     std::optional<CoincidentSamples> own_coincident;
     const auto coincident = [&]() -> const CoincidentSamples&

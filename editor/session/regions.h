@@ -15,6 +15,7 @@
 
 #include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
+#include "editor/session/led_rod.h"
 #include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -69,14 +70,16 @@ struct Region
 
 /// Resolves statements of \p file. \p samples: the rest samples [model unit], in the
 /// order of \p geometry, which gives the groups; \p known_coincident: of them, where
-/// somebody has them already. Throws Fault::Malformed for a group or label that does not
-/// exist, an index out of range, a label file of another length, a rod or curve without
-/// length, and what reading a label file throws.
+/// somebody has them already; \p led_rods come after the regions of the statements.
+/// Throws Fault::Malformed for a group or label that does not exist, an index out of
+/// range, a label file of another length, a rod or curve without length, and what reading
+/// a label file throws.
 std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statements,
                                     const Geometry& geometry,
                                     const std::vector<Eigen::Vector3d>& samples,
                                     const Units& units, const HandleFile& file,
-                                    const CoincidentSamples* known_coincident = nullptr);
+                                    const CoincidentSamples* known_coincident = nullptr,
+                                    std::span<const LedRod> led_rods = {});
 
 /// Puts pins on curves and rods. Throws Fault::Malformed for a pin that is not of one
 /// place.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -134,8 +135,8 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const Units units{shape.frame, handles_.is_relative, bounding_box(samples),
                       shape.material.grid.shape().edge};
     const Stage& stage = handles_.stages[stage_];
-    std::vector<Region> resolved =
-        resolve_regions(stage.regions, *geometry_, samples, units, handles_);
+    std::vector<Region> resolved = resolve_regions(
+        stage.regions, *geometry_, samples, units, handles_, nullptr, settings_.led_rods);
     put_on_guides(stage.ons, samples, handles_.path, resolved);
     const auto regions = std::make_shared<const RegionSet>(
         rest_->shape, std::move(resolved), handles_.path);
@@ -268,12 +269,14 @@ void Session::check_memory_of(const FieldChoice& field) const
 }
 
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
-FramePlan Session::plan(const FrameStatement& frame, std::vector<RegionAim>& aims,
+FramePlan Session::plan(const FrameStatement& frame,
+                        std::span<const std::shared_ptr<const SplineState>> led,
+                        std::vector<RegionAim>& aims,
                         std::vector<std::string>& warnings) const
 {
     const CellSystem& system = state_->system;
     return plan_frame(frame, system.regions(), state_->start->units, system.rest(),
-                      handles_.path, aims, warnings);
+                      handles_.path, led, aims, warnings);
 }
 
 /// All frames of the stage that are left, so that a wrong one fails before the next is
@@ -284,7 +287,7 @@ void Session::check_frames()
     std::vector<RegionAim> aims = state_->aims;
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
     for (std::size_t f = frame_; f < frames.size(); ++f)
-        plan(frames[f], aims, of_frames);
+        plan(frames[f], {}, aims, of_frames);
     if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
@@ -362,6 +365,11 @@ void Session::stand_at(const Standing& standing)
     state_ = std::move(state);
 }
 
+void Session::lead(std::vector<std::shared_ptr<const SplineState>> rods)
+{
+    led_ = std::move(rods);
+}
+
 bool Session::next_frame(bool wants_samples)
 {
     if (!state_ || !upcoming_frame())
@@ -401,7 +409,7 @@ void Session::solve_next(bool wants_samples, double cells_ms)
 {
     FrameStatement& statement = handles_.stages[stage_].frames[frame_];
     std::vector<std::string> told_before;
-    state_->plan = plan(statement, state_->aims,
+    state_->plan = plan(statement, std::exchange(led_, {}), state_->aims,
                         settings_.keeps_checkpoints ? warnings_ : told_before);
     FrameReport& report = reports_.emplace_back();
     report.frame = statement.number;

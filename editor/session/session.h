@@ -55,6 +55,9 @@ public:
     /// Fault::Unsolvable, Fault::Budget, and of a commit what the constructor throws; the
     /// session is then as it was before the frame, but for field(), which is null.
     bool next_frame(bool wants_samples);
+    /// Where the next frame takes SessionSettings::led_rods, in their order; without it
+    /// they stay. \pre one stage
+    void lead(std::vector<std::shared_ptr<const SplineState>> rods);
     /// The number of the frame that next_frame() would solve.
     std::optional<std::int64_t> upcoming_frame() const;
 
@@ -119,7 +122,9 @@ private:
     bool commit();
     bool commit_to_end();
     void check_memory_of(const FieldChoice& field) const;
-    FramePlan plan(const FrameStatement& frame, std::vector<RegionAim>& aims,
+    FramePlan plan(const FrameStatement& frame,
+                   std::span<const std::shared_ptr<const SplineState>> led,
+                   std::vector<RegionAim>& aims,
                    std::vector<std::string>& warnings) const;
     void check_frames();
     void solve_frame(FrameReport& report);
@@ -145,6 +150,7 @@ private:
     bool is_deformed_current_ = true; ///< of the last frame
     std::vector<FrameReport> reports_;
     std::size_t frames_done_ = 0;
+    std::vector<std::shared_ptr<const SplineState>> led_; ///< by the next frame
     Checkpoints checkpoints_;
     std::vector<std::string> warnings_;
     PartCounts parts_;

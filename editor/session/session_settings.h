@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <functional>
 #include <stop_token>
+#include <vector>
 
 #include "editor/session/body.h"
+#include "editor/session/led_rod.h"
 #include "solver/cells/departures.h"
 #include "solver/field/field.h"
 #include "solver/minimize/newton.h"
@@ -37,6 +39,7 @@ struct SessionSettings
     Departures departures = {};     ///< from [Botsch07]; of the cells and their solution
     bool keeps_fields = false;      ///< of commits, for field_file()
     bool keeps_checkpoints = false; ///< to go back to, for set_script()
+    std::vector<LedRod> led_rods = {}; ///< see Session::lead()
     std::stop_token stop = {};
     /// Called on the way, in the thread that runs the session: at every iteration.
     std::function<void(const FrameProgress&)> watch = {};

@@ -134,7 +134,8 @@ public:
            bool is_rod, double radius)
         : is_rod_(is_rod), by_controls_(statement.form == SplineStatement::Form::Points),
           radius_(radius), points_(points.begin(), points.end()),
-          rod_(curve(statement, points), section(statement, points), {}), rest_(rod_)
+          rod_(curve(statement, points), section_of(curve(statement, points)), {}),
+          rest_(rod_)
     {
         const Spline& spline = rod_.rest();
         if (by_controls_)
@@ -147,13 +148,13 @@ public:
         }
         if (!is_rod && !by_controls_)
             follow_ = controls_by_points(spline, at_points_);
-        for (const SplineSpan& span : spline.basis.spans())
-            for (int piece = 0; piece < kPieces; ++piece)
-                add_place(span.begin + piece * span.length() / kPieces);
-        add_place(spline.basis.end());
-        is_rest_shared_ = std::make_shared<const State>(
-            *this, rest_, true, 0.0,
-            std::vector<Vector3d>(num_points(), Vector3d::Zero()));
+        start();
+    }
+    Handle(const Spline& rest, double radius)
+        : is_rod_(true), by_controls_(true), radius_(radius),
+          rod_(rest, section_of(rest), {}), rest_(rod_)
+    {
+        start();
     }
 
     bool is_rod() const override { return is_rod_; }
@@ -198,11 +199,8 @@ private:
         return spline_through(points, statement.is_closed,
                               static_cast<int>(statement.spans), 3, &at_points_);
     }
-    std::function<Section(double)> section(const SplineStatement& statement,
-                                           std::span<const Vector3d> points)
+    std::function<Section(double)> section_of(const Spline& spline) const
     {
-        std::vector<double> unused;
-        const Spline spline = curve(statement, points);
         const double length = ArcLength(spline).total();
         Section section;
         section.stretch = kSlender / (length * length);
@@ -211,6 +209,17 @@ private:
         section.mass = 1.0 / length;
         section.radius = radius_;
         return [section](double) { return section; };
+    }
+    /// What follows from the rest.
+    void start()
+    {
+        for (const SplineSpan& span : rod_.basis().spans())
+            for (int piece = 0; piece < kPieces; ++piece)
+                add_place(span.begin + piece * span.length() / kPieces);
+        add_place(end());
+        is_rest_shared_ = std::make_shared<const State>(
+            *this, rest_, true, 0.0,
+            std::vector<Vector3d>(num_points(), Vector3d::Zero()));
     }
     void add_place(double s)
     {
@@ -525,6 +534,11 @@ std::shared_ptr<const SplineHandle> make_spline_handle(const SplineStatement& st
                                                        bool is_rod, double radius)
 {
     return std::make_shared<const Handle>(statement, points, is_rod, radius);
+}
+
+std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius)
+{
+    return std::make_shared<const Handle>(rest, radius);
 }
 
 } // namespace cellwarp

@@ -20,6 +20,8 @@
 namespace cellwarp
 {
 
+struct Spline;
+
 /// What one point of the statement is held by. Without tangent a direction is that of
 /// rest.
 struct SplineHold
@@ -101,6 +103,10 @@ std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d> lin
 std::shared_ptr<const SplineHandle>
 make_spline_handle(const SplineStatement& statement,
                    std::span<const Eigen::Vector3d> points, bool is_rod, double radius);
+
+/// A line that nothing here bends: its states come from elsewhere (led_rod.h). \p rest
+/// [work], without points to hold.
+std::shared_ptr<const SplineHandle> make_led_handle(const Spline& rest, double radius);
 
 /// Between two states of holds, at \p t in [0, 1]; exactly \p to at 1. \p from has
 /// places and tangents of all points.

@@ -117,6 +117,12 @@ std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
                           std::max(kOffCentre * line.radius, kOffLength * length));
 }
 
+void put_led_rod(const LedRod& rod, const Units& units, Region& region)
+{
+    region.spline = rod.at_rest(units.frame);
+    region.shapes = tube_of(*region.spline, units);
+}
+
 void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3d> points,
                 const Units& units, const std::string& file, Region& region)
 {

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/led_rod.h"
 #include "editor/session/regions.h"
 
 namespace cellwarp
@@ -22,6 +23,9 @@ std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
                                            const std::vector<Eigen::Vector3d>& samples,
                                            const std::vector<std::uint32_t>& near,
                                            const Units& units, const std::string& file);
+
+/// Gives a region the line and the tube of a rod that is led.
+void put_led_rod(const LedRod& rod, const Units& units, Region& region);
 
 /// Gives a region its line through \p points [work], and of a rod the tube as its shapes.
 /// Throws Fault::Malformed.

@@ -2,6 +2,7 @@
 // A rod of a scene, built from its statement.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,6 +27,12 @@ public:
     RodPart(const RodScene& scene, std::size_t index, const Eigen::Vector3d& origin);
 
     const std::string& name() const { return statement_.name; }
+    bool carries() const { return statement_.carries; }
+    double radius() const ///< the largest [m]
+    {
+        return *std::max_element(statement_.radius.begin(), statement_.radius.end());
+    }
+    const Eigen::Vector3d& origin() const { return origin_; } ///< of its places [m]
     Rod rod;
     RodModel model;
     RodState state;

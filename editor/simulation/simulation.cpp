@@ -960,6 +960,15 @@ std::vector<SimulatedRod> Simulation::rods(int places) const
     return out;
 }
 
+std::vector<const RodPart*> Simulation::carriers() const
+{
+    std::vector<const RodPart*> out;
+    for (const std::unique_ptr<RodPart>& part : parts_->rods)
+        if (part->carries())
+            out.push_back(part.get());
+    return out;
+}
+
 std::vector<SimulatedBody> Simulation::bodies() const
 {
     std::vector<SimulatedBody> out;

@@ -19,6 +19,7 @@
 namespace cellwarp
 {
 
+class RodPart;
 struct StepReport;
 
 /// One rod, or a piece of one that was cut, as it is seen.
@@ -95,6 +96,8 @@ public:
     std::vector<SimulatedNet> nets() const;
     /// \p places along each side.
     std::vector<SimulatedSheet> sheets(int places) const;
+    /// Those that carry the model's cells.
+    std::vector<const RodPart*> carriers() const;
     /// Rods and springs as tubes, bodies as the boxes or balls that have their inertia,
     /// each a group: \p around corners on each ring.
     Geometry surface(int around) const;

@@ -127,7 +127,9 @@ TEST(RodScene, names_the_key_that_is_wrong)
            "rods[0].spline: Catmull-Rom curves have no knots"},
           {"{" + line + R"(, "radius_of_contact": 0})", "rods[0].radius_of_contact"},
           {"{" + line + R"(, "skin": 1})", "rods[0].skin: need true or false"},
-          {"{" + line + R"(, "carries": true})", "rods[0].carries: is not supported"},
+          {"{" + line + R"(, "carries": true})", "model: is missing: rods carry"},
+          {"{" + line + R"(, "carries": true, "refine": true})",
+           "rods[0].carries: cells are carried by rods that are neither"},
           {"{" + line + R"(, "fixed": [{"at": 2}]})", "rods[0].fixed[0].at"},
           {"{" + line + R"(, "fixed": [{"what": ["soul"]}]})",
            "rods[0].fixed[0].what[0]"},
@@ -210,8 +212,7 @@ TEST(RodScene, names_the_key_that_is_wrong)
          {R"({"cellwarp": 1, "rods": [{)" + line +
               R"(, "cut": [{"at": 0.5}]}], "simulate": {"integrator": "static"}})",
           "rods[0].cut: an equilibrium has no time"},
-         {R"({"cellwarp": 1, "unit": 0.01, "rods": [{)" + line + "}]}",
-          "unit: only metres are supported"}})
+         {R"({"cellwarp": 1, "unit": -1, "rods": [{)" + line + "}]}", "unit: "}})
         EXPECT_TRUE(contains(error_of(Fault::Malformed,
                                       [&, &of = text] { parse_rod_scene("s.json", of); }),
                              words))

@@ -58,8 +58,8 @@ TEST(SceneFile, what_is_for_simulate_is_left_to_it)
     const SceneFile scene = parse_scene(
         "s.json",
         R"({"cellwarp": 1, "model": "m.obj", "rods": [{}], "simulate": {"dt": 1}})");
-    ASSERT_EQ(scene.warnings.size(), 2u);
-    for (const std::string& warning : scene.warnings)
+    ASSERT_EQ(scene.left_out.size(), 2u);
+    for (const std::string& warning : scene.left_out)
         EXPECT_TRUE(contains(warning, "is for cellwarp simulate, ignored")) << warning;
 }
 

@@ -7,6 +7,7 @@
 
 #include "io/geometry_file.h"
 #include "tests/support/program.h"
+#include "tests/support/scripts.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -91,6 +92,48 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     std::filesystem::remove(folder / "p-1.obj");
     EXPECT_EQ(run({"simulate", plain, "-o", folder / "p-{frame}.obj"}).code, 4);
     EXPECT_FALSE(std::filesystem::exists(folder / "p-0.obj"));
+}
+
+TEST(SimulateCommand, writes_the_model_that_rods_carry)
+{
+    const Folder folder;
+    folder.write("bar.obj", support::obj_text(support::long_bar()));
+    const std::string scene = folder.write("bar.json", R"({"cellwarp": 1,
+        "model": "bar.obj", "cells": {"across": 12}, "rods": [{"name": "spine",
+        "through": [[0,0,0],[0,0,4]], "radius": 0.1, "carries": true,
+        "fixed": [{"at": 0, "what": ["point", "tangent", "twist"]}]}],
+        "bodies": [{"name": "stone", "mass": 1}],
+        "simulate": {"dt": 0.01, "duration": 0.1, "every": 0.05}})");
+    const std::string model = folder / "bar-{frame}.obj", rods = folder / "rods.ply";
+    const Result result = run({"simulate", scene, "-o", model, "--rods", rods, "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(result.err, "");
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    EXPECT_FALSE(json["frames"][0].contains("model"));
+    EXPECT_EQ(json["frames"][2]["model"]["stop"], "converged");
+    EXPECT_GT(json["frames"][2]["model"]["cells"], 100);
+    const Geometry rest = read_geometry(folder / "bar.obj").geometry,
+                   last = read_geometry(folder / "bar-2.obj").geometry;
+    EXPECT_EQ(read_geometry(folder / "bar-0.obj").geometry.samples, rest.samples);
+    ASSERT_EQ(last.samples.size(), rest.samples.size());
+    EXPECT_EQ(last.corners, rest.corners);
+    // It sags.
+    double lowest = 0.0;
+    for (std::size_t i = 0; i < rest.samples.size(); ++i)
+        lowest = std::min(lowest, last.samples[i].y() - rest.samples[i].y());
+    EXPECT_LT(lowest, -0.01);
+    EXPECT_EQ(read_geometry(rods).geometry.samples.size() % 12, 0u);
+    // Pictures have both; what deforms by frames alone has no time.
+    EXPECT_EQ(
+        run({"render", scene, "--strip=2", "--size", "40x30", "-o", folder / "bar.png"})
+            .code,
+        0);
+    const Result deform = run({"deform", scene, "-o", folder / "no.obj"});
+    EXPECT_EQ(deform.code, 3);
+    EXPECT_TRUE(contains(deform.err, "rods: carry the model in time")) << deform.err;
+    const std::string rope = folder.write("rope.json", kRope);
+    EXPECT_EQ(run({"simulate", rope, "--rods", folder / "r.ply", "--json"}).code, 2);
+    EXPECT_EQ(run({"simulate", scene, "-o", folder / "bar.stl"}).code, 2);
 }
 
 TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
