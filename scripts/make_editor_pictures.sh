@@ -36,6 +36,45 @@ quit
 END
 play "$work/bend" "$here/samples/creature.json"
 
+cat >"$work/rod" <<END
+size 1400 900
+key 3 alt
+key home
+key z alt
+tool box
+drag 0.05vw 0.02vh 0.51vw 0.98vh 8
+key j
+key a alt
+key d
+move 0.50vw 0.60vh
+press left
+release left
+move 0.525vw 0.66vh
+press left
+release left
+move 0.565vw 0.68vh
+press left
+release left
+move 0.605vw 0.655vh
+press left
+release left
+move 0.64vw 0.615vh
+press left
+release left
+key enter
+wait
+move 0.64vw 0.615vh
+press left
+release left
+key u shift
+wait
+drag 0.64vw 0.615vh 0.59vw 0.52vh 12
+wait
+shot $folder/editor-rod.png
+quit
+END
+play "$work/rod" "$here/samples/creature.obj"
+
 cat >"$work/select" <<END
 size 1400 900
 key 1 alt

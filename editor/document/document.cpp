@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "editor/document/document_state.h"
+#include "editor/session/spline_region.h"
 #include "io/checksum.h"
 #include "io/geometry_file.h"
 #include "io/saved_pair.h"
@@ -242,6 +243,31 @@ SceneFile Document::scene() const
 const Selection& Document::selection() const
 {
     return state_->edited.selection;
+}
+
+std::function<std::vector<Eigen::Vector3d>()>
+Document::centre_line(const std::vector<std::uint32_t>& near,
+                      const std::shared_ptr<const DeformedSamples>& moved) const
+{
+    const State& s = *state_;
+    const bool has_frames = !s.edited.handles.stages.back().frames.empty();
+    if (has_frames ? !moved : !s.knows_rest())
+        throw usage("the centre line is of a shape that is not there yet");
+    const RegionGround ground = s.ground();
+    RegionStatement statement;
+    statement.role = Role::Rod;
+    statement.name = role_name(Role::Rod);
+    statement.spline = std::make_shared<const SplineStatement>();
+    return [statement, near, model = s.model,
+            samples = has_frames ? moved->samples : ground.rest, units = ground.units,
+            path = s.path]
+    {
+        std::vector<Eigen::Vector3d> points;
+        for (const Eigen::Vector3d& point :
+             centre_points(statement, model->geometry, samples, near, units, path))
+            points.push_back(units.frame.to_model(point));
+        return points;
+    };
 }
 
 const std::vector<EditedRegion>& Document::regions() const

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -58,6 +60,13 @@ public:
     const EditedRegion* region(const std::string& name) const; ///< null: none
     /// The region that holds a sample, the first declared; -1: none.
     int region_of(std::size_t sample) const;
+    /// Finds the points of a rod in the centre line of the limb at some samples, or
+    /// (none) of the whole shape [model unit], where a line drawn now would be at rest:
+    /// \p moved has the result, where there are frames. For another thread: the document
+    /// may change. Throws what centre_points() throws.
+    std::function<std::vector<Eigen::Vector3d>()>
+    centre_line(const std::vector<std::uint32_t>& near,
+                const std::shared_ptr<const DeformedSamples>& moved) const;
     /// Rises with everything that changes any of these.
     std::uint64_t revision() const;
     /// Rises with what changes the result: not with the selection.
@@ -85,6 +94,19 @@ public:
     void set_role(const std::string& region, Role role, double factor = 1.0);
     /// Adds a frame.
     void move_region(const std::string& region, const Placement& placement);
+    /// Makes a rod or a curve of rest coordinates. Gives its name.
+    std::string add_line(Role role, const RodShape& shape, const std::string& name = "");
+    /// Before the first frame of a stage: other points, radius (none: the usual one).
+    void set_line(const std::string& region, const RodShape& shape);
+    /// Adds a frame that moves a point of a rod or curve, or lets it go.
+    void move_point(const std::string& region, std::size_t point,
+                    const PointPlacement& placement);
+    void release_point(const std::string& region, std::size_t point,
+                       const HoldParts& parts = {true, true, true});
+    /// A pin stays on a curve or rod (empty: on none), at a share of it or sliding;
+    /// before the first frame of a stage.
+    void put_on(const std::string& pin, const std::string& guide,
+                std::optional<double> share);
     void change_settings(const SceneSettings& settings);
 
     // Undo and redo, without limit.

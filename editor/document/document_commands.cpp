@@ -4,6 +4,8 @@
 #include <cmath>
 #include <iterator>
 
+#include <fmt/format.h>
+
 #include "editor/document/document_state.h"
 #include "octree/base/index.h"
 
@@ -171,6 +173,39 @@ std::string Document::State::free_name(Role role) const
     }
 }
 
+std::int64_t Document::State::next_number() const
+{
+    std::int64_t number = 1;
+    for (const Stage& one : edited.handles.stages)
+        if (!one.frames.empty())
+            number = one.frames.back().number + 1;
+    if (number >= kLastFrame)
+        throw usage("a handle file has no frame after " + std::to_string(kLastFrame));
+    return number;
+}
+
+const EditedRegion& Document::State::line_to_change(const std::string& region) const
+{
+    const EditedRegion& found = find(region);
+    if (!found.is_spline())
+        throw usage(in_quotes(region) + " is no rod or curve");
+    if (!edited.handles.stages.back().frames.empty())
+        throw usage(
+            "something has moved: rods and curves can be changed before that (undo "
+            "goes back there)");
+    return found;
+}
+
+void Document::State::change_line(const EditedRegion& region, const SplineStatement& line)
+{
+    std::vector<RegionDraft> drafts = this->drafts();
+    for (RegionDraft& draft : drafts)
+        if (draft.region == &region)
+            draft.statements.front().spline =
+                std::make_shared<const SplineStatement>(line);
+    push_regions("Change " + region.name, drafts);
+}
+
 void Document::select(const Selection& selection, const std::string& name)
 {
     const Selection toggled = state_->edited.selection.difference(selection);
@@ -215,14 +250,15 @@ void Document::remove_region(const std::string& region)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
-    if (s.frames().empty())
-        for (const OnStatement& on : s.stage().ons)
-            if (on.pin == region || on.guide == region)
-                throw usage(in_quotes(on.pin) + " stays on " + in_quotes(on.guide) +
-                            ": that is told in the handle file and ends there");
+    std::vector<Change> changes;
+    std::vector<OnStatement> ons = s.stage().ons;
+    std::erase_if(ons, [&](const OnStatement& on)
+                  { return on.pin == region || on.guide == region; });
+    if (s.frames().empty() && ons.size() != s.stage().ons.size())
+        changes.push_back(OnsChange{s.stage().ons, ons});
     std::vector<RegionDraft> drafts = s.drafts();
     std::erase_if(drafts, [&](const RegionDraft& draft) { return draft.region == &old; });
-    s.push_regions("Remove " + region, drafts);
+    s.push_regions("Remove " + region, drafts, {}, changes);
 }
 
 void Document::rename_region(const std::string& region, const std::string& name)
@@ -264,8 +300,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     const EditedRegion& old = s.find(region);
     if (!old.moves())
         throw usage(in_quotes(region) + " is " + role_name(old.role) +
-                    (old.is_guided ? " that stays on a curve: this moves it"
-                                   : ": only handles, pins and rods move"));
+                    (old.is_guided() ? " that stays on a curve: this moves it"
+                                     : ": only handles, pins and rods move"));
     if (!placement.translation.allFinite() || !placement.axis.allFinite() ||
         !std::isfinite(placement.degrees) || !(placement.axis.norm() > 0))
         throw usage("a place needs finite numbers");
@@ -278,15 +314,110 @@ void Document::move_region(const std::string& region, const Placement& placement
         to.axis = old.placement.axis;
     if (to == old.placement)
         return;
-    std::int64_t number = 1;
-    for (const Stage& stage : s.edited.handles.stages)
-        if (!stage.frames.empty())
-            number = stage.frames.back().number + 1;
-    if (number >= kLastFrame)
-        throw usage("a handle file has no frame after " + std::to_string(kLastFrame));
     const bool turns = to.degrees != old.placement.degrees;
     s.push({(turns ? "Turn " : "Move ") + region,
-            {FramesAdded{frames_to(old, to, number, s.ground())}}});
+            {FramesAdded{frames_to(old, to, s.next_number(), s.ground())}}});
+}
+
+std::string Document::add_line(Role role, const RodShape& shape, const std::string& name)
+{
+    State& s = *state_;
+    if (role != Role::Rod && role != Role::Curve)
+        throw usage("only rods and curves are told by points");
+    if (shape.points.size() < (shape.is_closed ? 3 : 2))
+        throw usage("a line needs two points, a closed one three");
+    if (!s.knows_rest())
+        throw usage("the line" + std::string(kNoRest));
+    if (!s.frames().empty() && s.edited.handles.is_relative)
+        throw usage("in relative units lines are drawn before anything has moved");
+    const std::string given = name.empty() ? s.free_name(role) : name;
+    s.check_new_name(given);
+    RegionStatement statement;
+    statement.name = given;
+    statement.role = role;
+    statement.spline =
+        std::make_shared<const SplineStatement>(line_of(shape, role, s.ground()));
+    s.push_regions("Draw " + given, s.drafts(), {statement});
+    return given;
+}
+
+void Document::set_line(const std::string& region, const RodShape& shape)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.line_to_change(region);
+    const bool is_closed = shape.is_closed;
+    const std::size_t least = old.line->form == SplineStatement::Form::Points ? 4
+                              : is_closed                                     ? 3
+                                                                              : 2;
+    if (shape.points.size() < least)
+        throw usage(in_quotes(region) + " needs " + std::to_string(least) + " points");
+    s.change_line(old, line_of(shape, old.role, s.ground(), *old.line));
+}
+
+void Document::move_point(const std::string& region, std::size_t point,
+                          const PointPlacement& placement)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    PointPlacement to = placement;
+    if (old.role == Role::Curve)
+        to.degrees.reset(); // it has no material that could turn
+    if (point >= old.points.size())
+        throw usage(in_quotes(region) + " has no point " + std::to_string(point));
+    if ((to.place && !to.place->allFinite()) ||
+        (to.degrees && !std::isfinite(*to.degrees)))
+        throw usage("a place needs finite numbers");
+    if (!old.knows_placement)
+        throw usage(in_quotes(region) + kNoRest);
+    if (moved(old.points[point], to) == old.points[point])
+        return;
+    s.push(
+        {fmt::format("{} {} of {}", to.place ? "Move point" : "Turn point", point,
+                     region),
+         {FramesAdded{{frame_of_point(old, point, to, s.next_number(), s.ground())}}}});
+}
+
+void Document::release_point(const std::string& region, std::size_t point,
+                             const HoldParts& parts)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(region);
+    if (point >= old.points.size() || old.role != Role::Rod)
+        throw usage(in_quotes(region) + " has no point " + std::to_string(point) +
+                    " that could be let go");
+    const HoldParts& now = old.points[point].parts;
+    if (!(now.place && parts.place) && !(now.tangent && parts.tangent) &&
+        !(now.twist && parts.twist))
+        return;
+    s.push({fmt::format("Release point {} of {}", point, region),
+            {FramesAdded{{frame_of_release(old, point, parts, s.next_number())}}}});
+}
+
+void Document::put_on(const std::string& pin, const std::string& guide,
+                      std::optional<double> share)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(pin);
+    if (old.role != Role::Pin)
+        throw usage(in_quotes(pin) + " is no pin: only pins stay on curves");
+    if (share && !(0.0 <= *share && *share <= 1.0))
+        throw usage("a share of a curve is between 0 and 1");
+    if (!s.frames().empty())
+        throw usage(
+            "something has moved: pins can be put on curves before that (undo goes "
+            "back there)");
+    std::vector<OnStatement> ons = s.stage().ons;
+    std::erase_if(ons, [&](const OnStatement& on) { return on.pin == pin; });
+    if (!guide.empty())
+    {
+        if (!s.find(guide).is_spline())
+            throw usage(in_quotes(guide) + " is no rod or curve");
+        ons.push_back({pin, guide, share, 0});
+    }
+    if (old.guide == guide && old.share == share)
+        return;
+    s.push({guide.empty() ? "Free " + pin : "Put " + pin + " on " + guide,
+            {OnsChange{s.stage().ons, ons}}});
 }
 
 void Document::change_settings(const SceneSettings& settings)

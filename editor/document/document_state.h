@@ -102,6 +102,7 @@ struct Document::State
     /// What a region's last move of the stage makes of it.
     void find_placement(EditedRegion& region, const RegionGround& on)
     {
+        region.points = points_of(region, frames(), on);
         region.placement = {};
         region.knows_placement = on.is_known || !on.units.is_relative;
         if (!region.moves())
@@ -143,9 +144,12 @@ struct Document::State
                 of_sample[i] = static_cast<std::int32_t>(r);
         for (EditedRegion& region : found)
         {
-            region.is_guided = std::any_of(stage().ons.begin(), stage().ons.end(),
-                                           [&](const OnStatement& one)
-                                           { return one.pin == region.name; });
+            for (const OnStatement& one : stage().ons)
+                if (one.pin == region.name)
+                {
+                    region.guide = one.guide;
+                    region.share = one.at;
+                }
             find_placement(region, on);
         }
         regions = std::move(found);
@@ -167,6 +171,7 @@ struct Document::State
                         for (const Move& move : statement.moves)
                             moved.insert(move.region);
                 regions |= std::holds_alternative<RegionChange>(change) ||
+                           std::holds_alternative<OnsChange>(change) ||
                            std::holds_alternative<Renamed>(change) ||
                            std::holds_alternative<StageAdded>(change);
                 content |= !std::holds_alternative<Toggled>(change);
@@ -270,6 +275,11 @@ struct Document::State
     std::vector<std::uint32_t> selected() const;
     void check_new_name(const std::string& name) const;
     std::string free_name(Role role) const;
+    /// Of the next frame. Throws where there is none.
+    std::int64_t next_number() const;
+    /// A rod or curve, to change what it is written as: not after a frame.
+    const EditedRegion& line_to_change(const std::string& region) const;
+    void change_line(const EditedRegion& region, const SplineStatement& line);
     JournalHeader header() const;
     void start_history();
     /// Keeps a journal that cannot be read, under another name.

@@ -109,6 +109,11 @@ public:
             edited_.handles.stages.pop_back();
     }
 
+    void operator()(const OnsChange& change)
+    {
+        last_stage(edited_).ons = is_back_ ? change.before : change.after;
+    }
+
     void operator()(const SettingsChange& change)
     {
         // Journals of older versions leave out energy and thickness, which then stay.
@@ -363,6 +368,30 @@ SceneSettings settings_of(const Json& json)
     return settings;
 }
 
+Json json_of(const std::vector<OnStatement>& ons)
+{
+    Json json = Json::array();
+    for (const OnStatement& on : ons)
+    {
+        Json& one = json.emplace_back(Json{{"pin", on.pin}, {"guide", on.guide}});
+        put(one, "at", on.at);
+    }
+    return json;
+}
+
+std::vector<OnStatement> ons_of(const Json& json)
+{
+    std::vector<OnStatement> ons;
+    for (const Json& one : json)
+    {
+        OnStatement& on = ons.emplace_back();
+        on.pin = one.at("pin").get<std::string>();
+        on.guide = one.at("guide").get<std::string>();
+        get(one, "at", on.at);
+    }
+    return ons;
+}
+
 /// Each change is an object whose one key tells its kind.
 struct ChangeJson
 {
@@ -391,6 +420,11 @@ struct ChangeJson
     Json operator()(const StageAdded& change) const
     {
         return {{"commit", json_of(change.regions)}};
+    }
+    Json operator()(const OnsChange& change) const
+    {
+        return {{"on",
+                 {{"before", json_of(change.before)}, {"after", json_of(change.after)}}}};
     }
     Json operator()(const SettingsChange& change) const
     {
@@ -421,6 +455,8 @@ Change change_of(const Json& json)
     }
     if (kind == "commit")
         return StageAdded{regions_of(value)};
+    if (kind == "on")
+        return OnsChange{ons_of(value.at("before")), ons_of(value.at("after"))};
     if (kind == "settings")
         return SettingsChange{settings_of(value.at("before")),
                               settings_of(value.at("after"))};

@@ -47,13 +47,19 @@ struct StageAdded
     std::vector<RegionStatement> regions;
 };
 
+/// All that pins of the current stage stay on.
+struct OnsChange
+{
+    std::vector<OnStatement> before, after;
+};
+
 struct SettingsChange
 {
     SceneSettings before, after;
 };
 
-using Change =
-    std::variant<Toggled, RegionChange, Renamed, FramesAdded, StageAdded, SettingsChange>;
+using Change = std::variant<Toggled, RegionChange, Renamed, FramesAdded, StageAdded,
+                            OnsChange, SettingsChange>;
 
 /// One step of undo.
 struct Edit

@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "editor/session/frame_plan.h"
 #include "editor/session/regions.h"
 
 namespace cellwarp
@@ -111,6 +112,13 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.samples = std::move(region.samples);
         edited.centre = region.centre;
         edited.knows_samples = ground.is_known || region.shapes.empty();
+        edited.spline = std::move(region.spline);
+        edited.frame = ground.units.frame;
+        if (!edited.spline)
+            continue;
+        for (const RegionStatement& statement : statements)
+            if (statement.name == edited.name)
+                edited.line = statement.spline;
     }
     return regions;
 }
@@ -153,6 +161,135 @@ bool is_placed_anywhere(const Move& move, const RegionGround& ground)
     return is_plain(move.operations) && !ground.units.is_relative;
 }
 
+std::vector<EditedPoint> points_of(const EditedRegion& region,
+                                   const std::vector<FrameStatement>& frames,
+                                   const RegionGround& ground)
+{
+    std::vector<EditedPoint> points;
+    if (!region.spline)
+        return points;
+    const SplineHandle& spline = *region.spline;
+    const SplineHolds rest = spline.rest_holds();
+    SplineHolds holds = rest;
+    for (const FrameStatement& frame : frames)
+        for (const Move& move : frame.moves)
+            if (move.region == region.name && move.place.kind != MovePlace::Kind::Whole)
+                hold_point(move, spline, ground.units, ground.file.path, frame.number,
+                           holds);
+    const WorkFrame& work = ground.units.frame;
+    for (std::size_t k = 0; k < holds.size(); ++k)
+        points.push_back({work.to_model(rest[k].place), work.to_model(holds[k].place),
+                          work.axes.transpose() * holds[k].tangent,
+                          holds[k].turn * 180.0 / std::numbers::pi, holds[k].parts,
+                          spline.has_frame_at(k)});
+    return points;
+}
+
+SplineHolds holds_of(const EditedRegion& region, const SplineHandle& spline,
+                     const WorkFrame& frame)
+{
+    SplineHolds holds = spline.rest_holds();
+    for (std::size_t k = 0; k < holds.size(); ++k)
+    {
+        const EditedPoint& point = region.points[k];
+        holds[k].parts = point.parts;
+        if (point.place != point.rest)
+            holds[k].place = frame.to_work(point.place);
+        holds[k].tangent = frame.axes * point.tangent;
+        holds[k].turn = point.degrees * std::numbers::pi / 180.0;
+    }
+    return holds;
+}
+
+EditedPoint moved(EditedPoint point, const PointPlacement& to)
+{
+    if (to.place)
+    {
+        point.place = *to.place;
+        point.parts.place = true;
+    }
+    if (to.degrees)
+    {
+        point.degrees = *to.degrees;
+        point.parts.twist = true;
+    }
+    return point;
+}
+
+namespace
+{
+
+/// A point from the model's unit into the file's.
+Eigen::Vector3d given_point(const Eigen::Vector3d& model, const Units& units)
+{
+    return units.is_relative ? given_vector(model - units.box.low, units) : model;
+}
+
+Move move_of(const EditedRegion& region, std::size_t point)
+{
+    Move move;
+    move.region = region.name;
+    move.place = {MovePlace::Kind::Point, static_cast<std::int64_t>(point)};
+    return move;
+}
+
+} // namespace
+
+FrameStatement frame_of_point(const EditedRegion& region, std::size_t point,
+                              const PointPlacement& to, std::int64_t number,
+                              const RegionGround& ground)
+{
+    Move move = move_of(region, point);
+    if (to.place)
+    {
+        Operation& operation = move.operations.emplace_back();
+        operation.kind = Operation::Kind::To;
+        operation.vector = given_point(*to.place, ground.units);
+    }
+    if (to.degrees)
+    {
+        Operation& operation = move.operations.emplace_back();
+        operation.kind = Operation::Kind::Turn;
+        operation.degrees = *to.degrees;
+    }
+    return {number, {move}, 0};
+}
+
+FrameStatement frame_of_release(const EditedRegion& region, std::size_t point,
+                                const HoldParts& parts, std::int64_t number)
+{
+    Move move = move_of(region, point);
+    move.released = parts;
+    return {number, {move}, 0};
+}
+
+RodShape shape_of(const EditedRegion& region)
+{
+    RodShape shape;
+    for (const EditedPoint& point : region.points)
+        shape.points.push_back(point.rest);
+    shape.is_closed = region.line->is_closed;
+    if (region.line->radius)
+        shape.radius = region.frame.length_to_model(region.spline->radius());
+    return shape;
+}
+
+SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& ground,
+                        SplineStatement like)
+{
+    if (like.form == SplineStatement::Form::Skeleton)
+        like.form = SplineStatement::Form::Through;
+    like.near.clear();
+    like.points.clear();
+    for (const Eigen::Vector3d& point : shape.points)
+        like.points.push_back(given_point(point, ground.units));
+    like.is_closed = shape.is_closed;
+    like.radius = role == Role::Rod ? shape.radius : std::nullopt;
+    if (like.radius && ground.units.is_relative)
+        *like.radius /= ground.units.box.size().norm();
+    return like;
+}
+
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
                  const WorkFrame& frame)
 {
@@ -164,6 +301,11 @@ Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
     Step shift;
     shift.vector = frame.vector_to_work(placement.translation);
     return motion_of({turn, shift});
+}
+
+Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place)
+{
+    return inverse(motion_of(region.placement, region.centre, WorkFrame()))(place);
 }
 
 std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,7 @@
 
 #include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
+#include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
 
@@ -25,6 +28,38 @@ struct Placement
     Eigen::Vector3d translation = Eigen::Vector3d::Zero(); ///< [model unit]
 
     bool operator==(const Placement&) const = default;
+};
+
+/// A point of a rod or curve as it is written, and what is said of it at the current
+/// edit.
+struct EditedPoint
+{
+    Eigen::Vector3d rest = Eigen::Vector3d::Zero();  ///< [model unit]
+    Eigen::Vector3d place = Eigen::Vector3d::Zero(); ///< where it is held, if it is
+    Eigen::Vector3d tangent = Eigen::Vector3d::Zero();
+    double degrees = 0.0; ///< turn about the tangent
+    HoldParts parts;
+    bool has_frame = true; ///< false: a control point off the line
+
+    bool operator==(const EditedPoint&) const = default;
+};
+
+/// How a point of a rod or curve is moved: in rest coordinates, before the motion of the
+/// whole.
+struct PointPlacement
+{
+    std::optional<Eigen::Vector3d> place; ///< [model unit]
+    std::optional<double> degrees;        ///< about the tangent, from rest
+
+    bool operator==(const PointPlacement&) const = default;
+};
+
+/// A new rod or curve through points.
+struct RodShape
+{
+    std::vector<Eigen::Vector3d> points; ///< [model unit]
+    bool is_closed = false;
+    std::optional<double> radius; ///< of the tube that it carries [model unit]
 };
 
 /// How much stiffer a stiff region is that says nothing else.
@@ -43,11 +78,24 @@ struct EditedRegion
     /// those that the model would have.
     bool knows_samples = true, knows_placement = true;
 
-    bool is_guided = false; ///< a pin that stays on a curve
+    /// Of a rod or curve.
+    std::shared_ptr<const SplineHandle> spline = {};
+    std::shared_ptr<const SplineStatement> line = {}; ///< as it is written
+    std::vector<EditedPoint> points = {};
+
+    std::string guide = {};           ///< of a pin that stays on a curve or rod: which
+    std::optional<double> share = {}; ///< where on it; none: it slides
+    WorkFrame frame = {};             ///< of the ground that it was found on
+    /// A place of a rod or curve at rest [model unit].
+    Eigen::Vector3d rest_at(double s) const
+    {
+        return frame.to_model(spline->rest()->at(s).place);
+    }
+    bool is_guided() const { return !guide.empty(); }
     bool is_spline() const { return role == Role::Rod || role == Role::Curve; }
     bool moves() const
     {
-        return role == Role::Handle || (role == Role::Pin && !is_guided) || is_spline();
+        return role == Role::Handle || (role == Role::Pin && !is_guided()) || is_spline();
     }
 };
 
@@ -74,6 +122,37 @@ Placement placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground);
 /// Whether that is the same on any rest shape.
 bool is_placed_anywhere(const Move& move, const RegionGround& ground);
+
+/// What the moves of its points, of the frames so far, make of a rod or curve.
+std::vector<EditedPoint> points_of(const EditedRegion& region,
+                                   const std::vector<FrameStatement>& frames,
+                                   const RegionGround& ground);
+
+/// The same as a session has them, whose rod or curve is \p spline.
+SplineHolds holds_of(const EditedRegion& region, const SplineHandle& spline,
+                     const WorkFrame& frame);
+
+/// What a point is held by after a move.
+EditedPoint moved(EditedPoint point, const PointPlacement& to);
+
+/// The frame that moves a point so, or lets it go.
+FrameStatement frame_of_point(const EditedRegion& region, std::size_t point,
+                              const PointPlacement& to, std::int64_t number,
+                              const RegionGround& ground);
+FrameStatement frame_of_release(const EditedRegion& region, std::size_t point,
+                                const HoldParts& parts, std::int64_t number);
+
+/// As it is written, in the model's unit.
+RodShape shape_of(const EditedRegion& region);
+
+/// What a rod or curve is written as; curves have no radius. \p like: what it was, with
+/// all that is not told.
+SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& ground,
+                        SplineStatement like = {});
+
+/// Where in rest coordinates, before the motion of the whole, a place of a rod is
+/// [model].
+Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place);
 
 /// A region's placement as a motion of work space.
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,

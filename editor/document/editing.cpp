@@ -41,8 +41,11 @@ struct ActiveDrag
     std::string region;
     std::uint64_t revision = 0; ///< of the document's result, when it was taken
     Placement from, to;
-    WorkFrame frame = {};              ///< of the live drag
-    std::optional<LiveDrag> live = {}; ///< none while it waits for its cells
+    std::optional<std::size_t> point = {}; ///< of a rod or curve; none: all of it
+    PointPlacement point_to = {};
+    std::shared_ptr<const RegionSet> regions = {}; ///< of the live drag
+    WorkFrame frame = {};                          ///< of the live drag
+    std::optional<LiveDrag> live = {};             ///< none while it waits for its cells
 };
 
 } // namespace
@@ -69,6 +72,10 @@ struct Editing::State
     std::vector<Refining> left_over; ///< made for drags that have ended
 
     std::optional<ActiveDrag> hand;
+
+    std::future<std::vector<Eigen::Vector3d>> drawing; ///< points of a centre line
+    std::uint64_t drawing_revision = 0;
+    std::string drawing_error;
 
     std::unique_ptr<FieldExport> field;
     ExportStatus::State seen_field = ExportStatus::State::None;
@@ -159,9 +166,45 @@ struct Editing::State
             return false;
         for (std::size_t r = 0; r < own.size(); ++r)
             if (own[r].role != regions[r].role || own[r].factor != regions[r].factor ||
-                own[r].samples != regions[r].samples)
+                !(own[r].spline ? is_same_line(own[r], drag, regions[r])
+                                : own[r].samples == regions[r].samples))
                 return false;
         return true;
+    }
+
+    /// Points to rounding: the session and the document count in frames of their own.
+    bool is_same_line(const Region& own, const PreparedDrag& drag,
+                      const EditedRegion& region) const
+    {
+        constexpr double kSamePlace = 1e-9; // of the diagonal
+        const WorkFrame& frame = drag.source.body->rest->frame;
+        const SplineHolds holds = own.spline->rest_holds();
+        if (holds.size() != region.points.size() || own.name != region.name)
+            return false;
+        for (std::size_t k = 0; k < holds.size(); ++k)
+            if ((holds[k].place - frame.to_work(region.points[k].rest)).norm() >
+                kSamePlace * frame.diagonal())
+                return false;
+        return !region.line->radius ||
+               std::abs(own.spline->radius() - region.spline->radius()) <=
+                   kSamePlace * frame.diagonal();
+    }
+
+    std::vector<SplineHolds> holds() const
+    {
+        std::vector<SplineHolds> holds;
+        for (EditedRegion region : document.regions())
+        {
+            SplineHolds& of = holds.emplace_back();
+            if (!region.spline)
+                continue;
+            if (hand->point && region.name == hand->region)
+                region.points[*hand->point] =
+                    moved(region.points[*hand->point], hand->point_to);
+            of =
+                holds_of(region, *(*hand->regions)[holds.size() - 1].spline, hand->frame);
+        }
+        return holds;
     }
 
     std::vector<Motion> motions() const
@@ -193,13 +236,14 @@ struct Editing::State
             if (!prepared || !fits(*prepared))
                 return false;
             hand->frame = prepared->source.body->rest->frame;
+            hand->regions = prepared->source.regions;
             PreparedDrag drag = std::move(*prepared);
             prepared.reset();
             wants_drag = source.has_value(); // should it not come to life
             hand->live.emplace(std::move(drag));
             wants_drag = false;
             hand->live->show_cells(shows_cells);
-            hand->live->move(motions());
+            hand->live->move(motions(), holds());
         }
         if (!hand->live->take(shape, cells))
             return false;
@@ -226,6 +270,25 @@ struct Editing::State
         hand.reset();
     }
 
+    /// The rod of a centre line that was found. What has changed meanwhile has no such
+    /// rod.
+    bool take_drawn()
+    {
+        if (!is_done(drawing) || hand)
+            return false;
+        try
+        {
+            const std::vector<Eigen::Vector3d> points = drawing.get();
+            if (drawing_revision == document.result_revision())
+                document.add_line(Role::Rod, {points, false, {}});
+        }
+        catch (const Error& error)
+        {
+            drawing_error = error.what();
+        }
+        return true;
+    }
+
     /// Whether a field is at another stage than when it was last looked at.
     bool has_field_news()
     {
@@ -236,7 +299,8 @@ struct Editing::State
 
     bool is_settled() const
     {
-        if (field && field->status().state == ExportStatus::State::Working)
+        if ((field && field->status().state == ExportStatus::State::Working) ||
+            drawing.valid())
             return false;
         const bool is_asked =
             asked == document.result_revision() || document.num_recoverable() > 0;
@@ -265,12 +329,13 @@ bool Editing::update()
 {
     State& s = *state_;
     const bool is_opened = s.opens_stale_hand();
+    const bool is_drawn = s.take_drawn();
     s.ask();
     const bool is_solved = s.take_solved();
     s.prepare();
     const bool has_moved = s.follow_hand();
     const bool is_exported = s.has_field_news();
-    return is_opened || is_solved || has_moved || is_exported;
+    return is_opened || is_drawn || is_solved || has_moved || is_exported;
 }
 
 void Editing::wait()
@@ -376,6 +441,55 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     return true;
 }
 
+bool Editing::begin_point_drag(const std::string& region, std::size_t point,
+                               std::string* why)
+{
+    State& s = *state_;
+    const EditedRegion* const found = s.document.region(region);
+    if (found && point >= found->points.size())
+    {
+        if (why)
+            *why = in_quotes(region) + " has no point " + std::to_string(point);
+        return false;
+    }
+    if (!begin_drag(region, why))
+        return false;
+    s.hand->point = point;
+    return true;
+}
+
+void Editing::drag_point_to(const PointPlacement& to)
+{
+    State& s = *state_;
+    if (s.opens_stale_hand() || !s.hand || !s.hand->point || to == s.hand->point_to ||
+        (to.place && !to.place->allFinite()) ||
+        (to.degrees && !std::isfinite(*to.degrees)))
+        return;
+    s.hand->point_to = to;
+    if (s.hand->live)
+        s.hand->live->move(s.motions(), s.holds());
+}
+
+void Editing::draw_centre_line(const std::vector<std::uint32_t>& near)
+{
+    State& s = *state_;
+    if (is_drawing())
+        throw Error(Fault::Usage, "a centre line is looked for already");
+    s.drawing_error.clear();
+    s.drawing_revision = s.document.result_revision();
+    s.drawing = std::async(std::launch::async, s.document.centre_line(near, result()));
+}
+
+bool Editing::is_drawing() const
+{
+    return state_->drawing.valid();
+}
+
+const std::string& Editing::drawing_error() const
+{
+    return state_->drawing_error;
+}
+
 void Editing::drag_to(const Placement& placement)
 {
     State& s = *state_;
@@ -384,7 +498,7 @@ void Editing::drag_to(const Placement& placement)
         return;
     s.hand->to = placement;
     if (s.hand->live)
-        s.hand->live->move(s.motions());
+        s.hand->live->move(s.motions(), s.holds());
 }
 
 void Editing::end_drag()
@@ -394,13 +508,18 @@ void Editing::end_drag()
         return;
     const std::string region = s.hand->region;
     const Placement to = s.hand->to;
-    if (to == s.hand->from)
+    const std::optional<std::size_t> point = s.hand->point;
+    const PointPlacement point_to = s.hand->point_to;
+    if (point ? point_to == PointPlacement() : to == s.hand->from)
     {
         cancel_drag();
         return;
     }
     s.let_go(true);
-    s.document.move_region(region, to);
+    if (point)
+        s.document.move_point(region, *point, point_to);
+    else
+        s.document.move_region(region, to);
     s.ask();
 }
 

@@ -59,6 +59,10 @@ public:
     /// Takes a region into the hand; false (with a reason in \p why) where it cannot
     /// move. Where the cells are not ready yet the shape follows when they are.
     bool begin_drag(const std::string& region, std::string* why = nullptr);
+    /// The same with a point of a rod or curve alone.
+    bool begin_point_drag(const std::string& region, std::size_t point,
+                          std::string* why = nullptr);
+    void drag_point_to(const PointPlacement& to);
     /// Newer places replace older ones that were not shown yet. A place that is not
     /// finite is left out.
     void drag_to(const Placement& placement);
@@ -66,6 +70,13 @@ public:
     void end_drag();
     void cancel_drag();
     std::optional<std::string> dragged() const;
+
+    /// Makes a rod of the centre line of the limb at some samples, or of the whole shape:
+    /// in the background, one edit when it is there. \p near: empty for the longest line.
+    void draw_centre_line(const std::vector<std::uint32_t>& near);
+    bool is_drawing() const;
+    /// Why the last one was not drawn; empty: it was.
+    const std::string& drawing_error() const;
 
     /// Writes the deformed model. Throws Error; Fault::Usage while the result is not
     /// there.

@@ -22,6 +22,9 @@ constexpr auto kRest = std::chrono::milliseconds(120);
 /// How often it is looked whether they are there.
 constexpr auto kLook = std::chrono::milliseconds(5);
 
+/// In how many parts a rod goes where it does not get to at once.
+constexpr int kPartsOfBend = 4;
+
 /// Numbers of one thread's part of a copy at the least.
 constexpr std::size_t kGrain = 1 << 16;
 
@@ -44,6 +47,7 @@ struct LiveDrag::State
     struct Hand
     {
         std::vector<Motion> motions;
+        std::vector<SplineHolds> holds; ///< a region; empty for what is no rod or curve
         Clock::time_point moved_at = Clock::now();
     };
     struct Frame
@@ -62,6 +66,8 @@ struct LiveDrag::State
     std::stop_source stop_refining;
     Frame frame;
     Hand hand;
+    std::vector<SplineHolds> bent_to; ///< by which the splines are where they are
+    std::vector<std::shared_ptr<const SplineState>> splines; ///< a region
     bool is_converged = true;
     bool is_refined = true; ///< for where the hand is; before it moves there is no need
 
@@ -70,6 +76,8 @@ struct LiveDrag::State
     explicit State(PreparedDrag from) : prepared(std::move(from))
     {
         status.is_dragging = true;
+        splines = prepared.drag->system().splines();
+        bent_to.resize(splines.size());
         status.cells = prepared.source.body->cells.size();
         worker.start([this] { run(); });
     }
@@ -147,15 +155,45 @@ struct LiveDrag::State
         worker.alone([&] { status.cells = prepared.source.body->cells.size(); });
     }
 
+    /// Takes rods and curves to where the hand has them. One that finds no rest there
+    /// stays where it was: the hand may come back.
+    void bend()
+    {
+        for (std::size_t r = 0; r < hand.holds.size(); ++r)
+        {
+            const SplineHolds& wanted = hand.holds[r];
+            if (wanted.empty() || wanted == bent_to[r])
+                continue;
+            const SplineHandle& rod = *prepared.source.regions->regions()[r].spline;
+            const SplineHolds from = bent_to[r].empty() ? wanted : bent_to[r];
+            for (const int parts : {1, kPartsOfBend})
+            {
+                std::shared_ptr<const SplineState> now = splines[r];
+                for (int part = 1; part <= parts && now; ++part)
+                    now = rod.moved(*now, between(from, wanted, double(part) / parts),
+                                    false);
+                if (!now)
+                    continue;
+                splines[r] = std::move(now);
+                bent_to[r] = wanted;
+                break;
+            }
+        }
+    }
+
     void draw_frame()
     {
-        const DragReport report = prepared.drag->frame(hand.motions);
+        const Clock::time_point bend_start = Clock::now();
+        bend();
+        const double bend_ms = ms_since(bend_start);
+        const DragReport report = prepared.drag->frame(hand.motions, splines);
         const Stop stop = report.solve.stop;
         is_converged = stop == Stop::Converged || stop == Stop::NoDescent ||
                        stop == Stop::NotPositiveDefinite;
         const SampleBlend& samples = prepared.drag->samples();
         copy(samples.positions(), frame.shape.positions);
         copy(samples.normals(), frame.shape.normals);
+        frame.shape.lines = shown_lines(prepared.drag->system(), prepared.source.view);
         frame.shape.layout = prepared.layout;
         frame.shape.to_view = prepared.to_view;
         const bool with_cells = worker.alone([&] { return shows_cells; });
@@ -167,7 +205,7 @@ struct LiveDrag::State
             [&]
             {
                 worker.give(frame);
-                status.solve_ms = report.solve_ms;
+                status.solve_ms = bend_ms + report.solve_ms;
                 status.blend_ms = report.blend_ms;
                 status.latency_ms = ms_since(hand.moved_at);
                 ++status.frames;
@@ -223,9 +261,9 @@ LiveDrag::~LiveDrag()
     state_->end();
 }
 
-void LiveDrag::move(std::vector<Motion> motions)
+void LiveDrag::move(std::vector<Motion> motions, std::vector<SplineHolds> holds)
 {
-    state_->worker.ask({std::move(motions), Clock::now()});
+    state_->worker.ask({std::move(motions), std::move(holds), Clock::now()});
 }
 
 void LiveDrag::show_cells(bool shows)

@@ -40,9 +40,9 @@ public:
     LiveDrag(const LiveDrag&) = delete;
     LiveDrag& operator=(const LiveDrag&) = delete;
 
-    /// The newest motions of the regions, from rest; older ones that no frame has been
-    /// made of are forgotten.
-    void move(std::vector<Motion> motions);
+    /// The newest motions of the regions, from rest, and what holds their rods and curves
+    /// (empty for others); older ones that no frame has been made of are forgotten.
+    void move(std::vector<Motion> motions, std::vector<SplineHolds> holds = {});
     /// Whether frames come with their cells.
     void show_cells(bool shows);
     /// The newest finished frame, if there is one that was not taken; swaps buffers.

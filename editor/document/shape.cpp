@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <unordered_map>
 
@@ -161,6 +162,44 @@ Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view)
         matrix.block<3, 1>(0, k) =
             view.vector_to_work(work.vector_to_model(Eigen::Vector3d::Unit(k)));
     return matrix;
+}
+
+std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& view)
+{
+    constexpr int kPlacesOfLine = 65;
+    std::vector<ShownLine> lines;
+    const WorkFrame& work = system.rest().frame;
+    for (std::size_t r = 0; r < system.regions().size(); ++r)
+    {
+        const Region& region = system.regions()[r];
+        if (!region.spline)
+            continue;
+        const SplineState& now = *system.splines()[r];
+        const Motion& motion = system.motions()[r];
+        const auto seen = [&](const Eigen::Vector3d& place)
+        { return view.to_work(work.to_model(motion(place))); };
+        ShownLine& line = lines.emplace_back();
+        line.name = region.name;
+        line.is_rod = region.is_rod();
+        for (int k = 0; k < kPlacesOfLine; ++k)
+            line.places.push_back(
+                seen(now.at(region.spline->parameter_of_share(k / (kPlacesOfLine - 1.0)))
+                         .place));
+        for (const Eigen::Vector3d& point : now.points())
+        {
+            const std::size_t k = line.points.size();
+            line.points.push_back(seen(point));
+            line.tangents.push_back(
+                region.spline->has_frame_at(k)
+                    ? Eigen::Vector3d(view.axes * work.axes.transpose() * motion.R *
+                                      now.frame_at_point(k).col(2))
+                    : Eigen::Vector3d::Zero());
+            line.turns.push_back(region.spline->has_frame_at(k)
+                                     ? now.turn_at_point(k) * 180.0 / std::numbers::pi
+                                     : 0.0);
+        }
+    }
+    return lines;
 }
 
 ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,

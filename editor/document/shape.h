@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -32,12 +33,25 @@ struct ShapeLayout
     std::vector<std::uint32_t> coarse_triangles;
 };
 
+/// A rod or curve where it is, in view space.
+struct ShownLine
+{
+    std::string name;
+    bool is_rod = true;
+    std::vector<Eigen::Vector3d> places; ///< along it
+    std::vector<Eigen::Vector3d> points; ///< those that it is written by
+    /// Unit, at the points; zero at control points off the line.
+    std::vector<Eigen::Vector3d> tangents;
+    std::vector<double> turns; ///< of the material there, about the tangent [degree]
+};
+
 /// The samples at one moment, three numbers each, in the order of the layout.
 struct ShownShape
 {
     std::shared_ptr<const ShapeLayout> layout;
     std::vector<float> positions; ///< [work]
     std::vector<float> normals;   ///< unit or zero; empty for a cloud
+    std::vector<ShownLine> lines; ///< rods and curves
     Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity(); ///< from work to view space
     /// Rises whenever anything of it changes.
     std::uint64_t version = 0;
@@ -74,6 +88,9 @@ ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> s
 
 /// From one frame's work space to another's.
 Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view);
+
+/// The rods and curves of a system where they are.
+std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& view);
 
 /// The cells of a system at other poses.
 ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,

@@ -173,6 +173,7 @@ struct SolveWorker::State
         out.revision = request.revision;
         out.patch = std::make_shared<const DeformedSamples>(session->deformed());
         out.shape = shown_at(model->geometry, out.patch->samples, request.layout, view);
+        out.shape.lines = shown_lines(system, view);
         out.cells = shown_cells(system, system.poses(), view);
         out.rest =
             std::make_shared<const std::vector<Eigen::Vector3d>>(session->rest_samples());

@@ -51,7 +51,8 @@ enum class Tool
     Lasso,
     Brush,
     Move, ///< the gizmo; what it shows depends on the region
-    Rotate
+    Rotate,
+    Draw ///< rods and curves, point by point
 };
 
 enum class Navigation

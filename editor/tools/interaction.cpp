@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "editor/tools/hints.h"
 #include "editor/tools/interaction_state.h"
 
@@ -45,6 +47,12 @@ void Interaction::button(Button button, bool is_pressed, const Modifiers& modifi
 void Interaction::wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers)
 {
     State& s = *state_;
+    if (State::HandleDrag* const drag = s.current<State::HandleDrag>();
+        drag && drag->point && steps.allFinite())
+    {
+        drag->point->wheel += State::kTwistStep * steps.y();
+        s.lead();
+    }
     if (!steps.allFinite() || s.current<State::HandleDrag>() ||
         s.current<State::Choice>())
         return;
@@ -79,8 +87,11 @@ void Interaction::update()
     // Somebody else may have ended the drag, or removed the region.
     if (s.current<State::HandleDrag>() && !s.editing.dragged())
         s.gesture = {};
-    if (!s.active_region())
+    const EditedRegion* const region = s.active_region();
+    if (!region)
         s.active.clear();
+    if (!region || (s.active_point && *s.active_point >= region->points.size()))
+        s.active_point.reset();
     s.follow_pointer();
     if (!s.current<State::HandleDrag>()) // nothing is picked meanwhile
         s.picker.update(s.editing.shape());
@@ -160,6 +171,23 @@ void Interaction::set_active_region(const std::string& region)
         return;
     state_->cancel();
     state_->active = region;
+    state_->active_point.reset();
+}
+
+std::optional<std::size_t> Interaction::active_point() const
+{
+    return state_->active_point;
+}
+
+void Interaction::set_active_point(std::optional<std::size_t> point)
+{
+    state_->active_point = point;
+}
+
+void Interaction::run(Command command)
+{
+    if (state_->is_idle() && !state_->editing.dragged())
+        state_->attempt([&] { state_->run(command); });
 }
 
 void Interaction::frame_selection()
@@ -195,6 +223,35 @@ std::optional<Hover> Interaction::hover() const
     return state_->hover;
 }
 
+std::vector<SeenLine> Interaction::lines() const
+{
+    const State& s = *state_;
+    std::vector<SeenLine> lines;
+    for (const ShownLine& line : s.editing.shape().lines)
+    {
+        const EditedRegion* const region = s.document().region(line.name);
+        if (!region || !region->is_spline())
+            continue; // it is gone, and the shape without it not there yet
+        SeenLine& seen = lines.emplace_back();
+        seen.places = line.places;
+        seen.is_rod = line.is_rod;
+        seen.is_active = line.name == s.active;
+        for (std::size_t k = 0; k < line.points.size(); ++k)
+            seen.points.push_back(
+                {line.points[k],
+                 k < region->points.size() && region->points[k].parts.place,
+                 seen.is_active && s.active_point == k,
+                 s.hot_point && s.hot_point->region == line.name &&
+                     s.hot_point->point == k});
+    }
+    return lines;
+}
+
+const std::vector<Eigen::Vector3d>& Interaction::drawn() const
+{
+    return state_->drawn;
+}
+
 const Selection& Interaction::shown_selection() const
 {
     return state_->preview ? *state_->preview : state_->document().selection();
@@ -204,15 +261,27 @@ std::string Interaction::status() const
 {
     const State& s = *state_;
     if (const State::HandleDrag* const handle_drag = s.current<State::HandleDrag>())
-        return handle_drag->drag.status() + (handle_drag->is_by_key
-                                                 ? " (Enter or click: done, Esc: back)"
-                                                 : " (let go: done, Esc: back)");
+        return handle_drag->drag.status() +
+               (handle_drag->point && handle_drag->point->wheel != 0.0
+                    ? fmt::format(", twist {:.4g}°", handle_drag->point->wheel)
+                    : "") +
+               (handle_drag->is_by_key ? " (Enter or click: done, Esc: back)"
+                                       : " (let go: done, Esc: back)");
     if (const State::Choice* const choice = s.current<State::Choice>())
         return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
     if (const State::Look* const look = s.current<State::Look>())
         return look->motion == CameraMotion::Orbit ? "Orbit"
                : look->motion == CameraMotion::Pan ? "Pan"
                                                    : "Zoom";
+    if (!s.drawn.empty())
+        return fmt::format(
+            "{} point{} (click: next, Enter: rod, Shift+Enter: curve, Esc: "
+            "back)",
+            s.drawn.size(), s.drawn.size() == 1 ? "" : "s");
+    if (s.tool == Tool::Draw)
+        return "Click along the middle of a limb";
+    if (s.editing.is_drawing())
+        return "Finding the centre line ...";
     return s.spread ? "Finding what lies next to each other ..." : "";
 }
 

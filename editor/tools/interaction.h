@@ -27,6 +27,19 @@ struct Hover
     int region = -1;
 };
 
+/// A rod or curve as it is to be drawn, in view space.
+struct SeenLine
+{
+    struct Point
+    {
+        Eigen::Vector3d place;
+        bool is_held = false, is_active = false, is_hot = false;
+    };
+    std::vector<Eigen::Vector3d> places;
+    std::vector<Point> points;
+    bool is_rod = true, is_active = false;
+};
+
 class Interaction
 {
 public:
@@ -64,7 +77,11 @@ public:
     /// Which region the gizmo is on; empty: none.
     const std::string& active_region() const;
     void set_active_region(const std::string& region);
-    void frame_selection(); ///< or all, where nothing is selected
+    /// Of the active region, if it is a rod or curve: the point that keys act on.
+    std::optional<std::size_t> active_point() const;
+    void set_active_point(std::optional<std::size_t> point);
+    void run(Command command); ///< as its key does
+    void frame_selection();    ///< or all, where nothing is selected
 
     // What is to be drawn.
     const Camera& camera() const;
@@ -73,6 +90,9 @@ public:
     /// [pixel].
     std::vector<Eigen::Vector2d> outline() const;
     std::optional<Hover> hover() const;
+    std::vector<SeenLine> lines() const;
+    /// Points of the line that is being drawn [view].
+    const std::vector<Eigen::Vector3d>& drawn() const;
     /// The document's, or what the brush at work would make of it.
     const Selection& shown_selection() const;
     /// What the gesture under way does: "Move X 0.23 (Enter: done, Esc: back)".

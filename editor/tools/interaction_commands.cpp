@@ -21,6 +21,14 @@ void Interaction::State::key(const KeyEvent& event)
     follow_pointer();
     if (event.key == Key::Escape)
         return cancel();
+    if (is_idle() && !drawn.empty())
+    {
+        if (event.key == Key::Backspace)
+            return drawn.pop_back();
+        if (event.key == Key::Enter)
+            return attempt(
+                [&] { end_drawing(event.modifiers.shift ? Role::Curve : Role::Rod); });
+    }
     if (HandleDrag* const handle_drag = current<HandleDrag>())
     {
         if (event.key == Key::Enter || event.key == Key::Space)
@@ -28,7 +36,7 @@ void Interaction::State::key(const KeyEvent& event)
         if (handle_drag->drag.key(event))
         {
             handle_drag->part.reset();
-            editing.drag_to(handle_drag->drag.placement());
+            lead();
         }
         return;
     }
@@ -45,9 +53,11 @@ void Interaction::State::run(Command command)
     switch (command)
     {
     case Command::Move:
-        return take(active, {{DragWay::Kind::MoveScreen, 0}, pixel, true});
+        return take(active,
+                    {{DragWay::Kind::MoveScreen, 0}, pixel, true, {}, {}, active_point});
     case Command::Turn:
-        return take(active, {{DragWay::Kind::TurnView, 0}, pixel, true});
+        return take(active,
+                    {{DragWay::Kind::TurnView, 0}, pixel, true, {}, {}, active_point});
     case Command::ToolClick:
         tool = Tool::Click;
         return;
@@ -65,6 +75,9 @@ void Interaction::State::run(Command command)
         return;
     case Command::ToolRotate:
         tool = Tool::Rotate;
+        return;
+    case Command::ToolDraw:
+        tool = Tool::Draw;
         return;
     case Command::NextRegion:
         return next_region();
@@ -102,7 +115,15 @@ void Interaction::State::run(Command command)
     case Command::MakeStiff:
         return make_region(Role::Stiff);
     case Command::RemoveRegion:
-        return remove_region();
+        return active_point ? remove_point() : remove_region();
+    case Command::DrawCentreLine:
+        return draw_centre_line();
+    case Command::InsertPoint:
+        return insert_point();
+    case Command::ReleasePoint:
+        return release_point({true, true, true});
+    case Command::ReleaseDirection:
+        return release_point({false, true, true});
     case Command::Undo:
         if (document().can_undo())
             document().undo();
@@ -168,6 +189,7 @@ void Interaction::State::run_spread(const Neighbours& around)
 void Interaction::State::make_region(Role role)
 {
     active = document().add_region(role);
+    active_point.reset();
     // What can be moved is moved next.
     if (document().region(active)->moves())
         tool = Tool::Move;
@@ -192,6 +214,7 @@ void Interaction::State::next_region()
         if (next.moves())
         {
             active = next.name;
+            active_point.reset();
             return;
         }
     }

@@ -84,12 +84,17 @@ std::vector<GizmoPart> Interaction::State::gizmo() const
         (tool != Tool::Move && tool != Tool::Rotate && !current<HandleDrag>()))
         return {};
     const HandleDrag* const handle_drag = current<HandleDrag>();
-    const Eigen::Vector3d centre =
-        handle_drag ? handle_drag->drag.centre() : centre_of(*region);
+    const std::optional<Eigen::Vector3d> point = active_place();
+    const Eigen::Vector3d centre = handle_drag ? handle_drag->drag.centre()
+                                   : point     ? *point
+                                               : centre_of(*region);
     const bool turns =
         handle_drag ? handle_drag->drag.way().turns() : tool_turns(*region);
     std::vector<GizmoPart> parts =
         turns ? turn_gizmo(centre, camera) : move_gizmo(centre, camera);
+    if (point) // it turns about its own tangent alone
+        std::erase_if(parts, [](const GizmoPart& part)
+                      { return part.kind == GizmoPart::Kind::Ring && part.axis != 3; });
     const std::optional<GizmoPart>& marked = handle_drag ? handle_drag->part : hot;
     for (GizmoPart& part : parts)
         part.is_hot = marked && part.is_same(*marked);
@@ -116,21 +121,46 @@ void Interaction::State::take(const std::string& name, const DragStart& start)
         return complain("no region is active: select samples and press H");
     if (start.way.turns() && region->role == Role::Pin)
         return complain(name + " is a pin: it turns as it likes");
+    const ShownLine* const line = start.point ? line_of(name) : nullptr;
+    if (start.point && (!line || *start.point >= line->points.size()))
+        return complain(name + " is not where it can be seen yet");
     std::string why;
-    if (!editing.begin_drag(name, &why))
+    if (!(start.point ? editing.begin_point_drag(name, *start.point, &why)
+                      : editing.begin_drag(name, &why)))
         return complain(why);
     active = name;
+    active_point = start.point;
     const double view_per_model = std::ldexp(1.0, editing.view_frame().exponent);
     const double longest = document().box().size().maxCoeff();
-    gesture =
-        HandleDrag{RegionDrag(*region, {view_per_model, snap_step(longest)}, camera,
-                              centre_of(*region), start.grabbed, start.way, start.pixel),
-                   start.is_by_key, start.part};
+    EditedRegion held = *region;
+    Eigen::Vector3d centre = centre_of(*region);
+    std::optional<PointDrag> point;
+    if (start.point)
+    {
+        const std::size_t k = *start.point;
+        centre = line->points[k];
+        held.placement = {};
+        const EditedPoint& edited = region->points[k];
+        point = PointDrag{k, editing.view_frame().to_model(centre), line->tangents[k],
+                          edited.parts.twist ? edited.degrees : line->turns[k]};
+    }
+    gesture = HandleDrag{RegionDrag(held, {view_per_model, snap_step(longest)}, camera,
+                                    centre, start.grabbed, start.way, start.pixel),
+                         start.is_by_key, start.part, point};
+}
+
+void Interaction::State::lead()
+{
+    const HandleDrag& drag = *current<HandleDrag>();
+    if (drag.point)
+        editing.drag_point_to(point_placement(drag));
+    else
+        editing.drag_to(drag.drag.placement());
 }
 
 void Interaction::State::let_go()
 {
-    editing.drag_to(current<HandleDrag>()->drag.placement());
+    lead();
     gesture = {};
     const std::uint64_t before = document().result_revision();
     attempt([&] { editing.end_drag(); });
@@ -174,10 +204,18 @@ void Interaction::State::end_choice()
 
 void Interaction::State::click(const Press& press)
 {
+    if (tool == Tool::Draw)
+    {
+        drawn.push_back(through(press.pixel));
+        return;
+    }
     if (tool == Tool::Move || tool == Tool::Rotate)
     {
         if (const EditedRegion* const region = region_at(press.picked))
+        {
             active = region->name;
+            active_point.reset();
+        }
         return;
     }
     if (!picker.is_ready())
@@ -223,9 +261,22 @@ void Interaction::State::press(Button button, const Modifiers& with)
     if (button != Button::Left)
         return;
     const Press press{pixel, with, picked};
-    if (const auto part = part_at(pixel))
-        take(active,
-             {way_of(*part, tool_turns(*active_region())), pixel, false, {}, part});
+    if (const auto point = point_at(pixel))
+        take(point->region,
+             {{tool == Tool::Rotate ? DragWay::Kind::TurnView : DragWay::Kind::MoveScreen,
+               0},
+              pixel,
+              false,
+              {},
+              {},
+              point->point});
+    else if (const auto part = part_at(pixel))
+        take(active, {way_of(*part, tool_turns(*active_region())),
+                      pixel,
+                      false,
+                      {},
+                      part,
+                      active_point});
     else if (tool == Tool::Box)
         start_choice(SelectGesture::Kind::Box, press);
     else if (tool == Tool::Lasso)
@@ -263,7 +314,8 @@ void Interaction::State::begin_pull(const Press& press)
 {
     if (tool == Tool::Click)
         return start_choice(SelectGesture::Kind::Box, press);
-    const EditedRegion* const region = region_at(press.picked);
+    const EditedRegion* const region =
+        tool == Tool::Draw ? nullptr : region_at(press.picked);
     if (!region)
     {
         gesture = Look{CameraMotion::Orbit, Button::Left, press.pixel, press.pixel, {}};
@@ -297,7 +349,7 @@ void Interaction::State::follow_pointer()
     else if (HandleDrag* const handle_drag = current<HandleDrag>())
     {
         handle_drag->drag.move_to(pixel, modifiers.control);
-        editing.drag_to(handle_drag->drag.placement());
+        lead();
     }
 }
 
@@ -305,7 +357,11 @@ void Interaction::State::find_hover()
 {
     hover.reset();
     hot.reset();
+    hot_point.reset();
     if (!is_idle() || !is_inside)
+        return;
+    hot_point = point_at(pixel);
+    if (hot_point)
         return;
     hot = part_at(pixel);
     if (hot)
@@ -321,6 +377,7 @@ void Interaction::State::cancel()
     gesture = {};
     preview.reset();
     spread.reset();
+    drawn.clear();
 }
 
 } // namespace cellwarp

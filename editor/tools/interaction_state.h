@@ -31,6 +31,7 @@ struct Interaction::State
     /// Samples whose visibility is looked up in a frame: some 30 ms.
     static constexpr std::size_t kLooksAtOnce = 40'000;
     static constexpr double kBrushStep = 1.15;
+    static constexpr double kTwistStep = 5.0; ///< of the wheel [degree]
 
     /// A press that is not yet a click or a drag.
     struct Press
@@ -55,12 +56,22 @@ struct Interaction::State
 
         std::string name() const; ///< "Select by box"
     };
+    /// A point of a rod or curve, where it was when it was taken.
+    struct PointDrag
+    {
+        std::size_t point = 0;
+        Eigen::Vector3d place;   ///< [model unit]
+        Eigen::Vector3d tangent; ///< unit
+        double degrees = 0.0;    ///< of its turn
+        double wheel = 0.0;      ///< turns by the wheel [degree]
+    };
     /// A region in the hand.
     struct HandleDrag
     {
         RegionDrag drag;
         bool is_by_key; ///< no button is pressed
         std::optional<GizmoPart> part = {};
+        std::optional<PointDrag> point = {}; ///< of a rod or curve, that alone
     };
     /// How a region is taken into the hand.
     struct DragStart
@@ -70,6 +81,13 @@ struct Interaction::State
         bool is_by_key = false;
         std::optional<Eigen::Vector3d> grabbed = {}; ///< point of the shape [view]
         std::optional<GizmoPart> part = {};
+        std::optional<std::size_t> point = {}; ///< of a rod or curve, that alone
+    };
+    /// A point of a rod or curve, under the pointer.
+    struct PointAt
+    {
+        std::string region;
+        std::size_t point = 0;
     };
     /// A command that waits for the neighbours of samples.
     struct Spread
@@ -88,6 +106,8 @@ struct Interaction::State
     bool is_through = false, has_framed = false, has_dragged = false;
     double brush_radius = 30.0; ///< [pixel]
     std::string active;
+    std::optional<std::size_t> active_point; ///< of the active region
+    std::vector<Eigen::Vector3d> drawn;      ///< of the line under way [view]
 
     Eigen::Vector2d pixel = Eigen::Vector2d::Zero(); ///< of the pointer
     Modifiers modifiers;
@@ -98,6 +118,7 @@ struct Interaction::State
     std::optional<Selection> preview; ///< of a brush
     std::optional<Hover> hover;
     std::optional<GizmoPart> hot;
+    std::optional<PointAt> hot_point;
     std::string complaint;
     Clock::time_point complaint_ends;
 
@@ -147,7 +168,23 @@ struct Interaction::State
     /// The part under a pixel.
     std::optional<GizmoPart> part_at(const Eigen::Vector2d& where) const;
     void take(const std::string& name, const DragStart& start);
+    /// Tells the document's hand where the gesture's is.
+    void lead();
     void let_go();
+
+    // Rods and curves.
+    const ShownLine* line_of(const std::string& region) const; ///< null: none is shown
+    std::optional<Eigen::Vector3d> active_place() const;       ///< of the point [view]
+    std::optional<PointAt> point_at(const Eigen::Vector2d& where) const;
+    PointPlacement point_placement(const HandleDrag& drag) const;
+    /// The middle of the shape under the pixel; beside it, as deep as the last point.
+    Eigen::Vector3d through(const Eigen::Vector2d& where) const;
+    void end_drawing(Role role);
+    void draw_centre_line();
+    /// The points with one more, or one less.
+    void insert_point();
+    void remove_point();
+    void release_point(const HoldParts& parts);
 
     // Choosing.
     void start_choice(SelectGesture::Kind kind, const Press& press);

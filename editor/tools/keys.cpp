@@ -57,6 +57,10 @@ constexpr auto kBindings = std::to_array<Binding>({
     {Command::ToolMove, kChar, '5', kPlain, Pad::Off, kTools, "5",
      "move; a handle can be dragged by itself"},
     {Command::ToolRotate, kChar, '6', kPlain, Pad::Off, kTools, "6", "rotate"},
+    {Command::ToolDraw, kChar, '7', kPlain, Pad::Off, kTools, "7 or D",
+     "draw a rod through the shape, click by click; Enter: done, Shift+Enter: as a "
+     "curve"},
+    {Command::ToolDraw, kChar, 'd', kPlain, Pad::Off, "", "", ""},
     {Command::BrushSmaller, kChar, '[', kPlain, Pad::Off, "", "", ""},
     {Command::BrushLarger, kChar, ']', kPlain, Pad::Off, "", "", ""},
 
@@ -90,7 +94,15 @@ constexpr auto kBindings = std::to_array<Binding>({
     {Command::NextRegion, Key::Tab, 0, kPlain, Pad::Either, kRegions, "Tab",
      "next handle or pin"},
     {Command::RemoveRegion, Key::Delete, 0, kPlain, Pad::Either, kRegions, "Delete",
-     "remove the active region"},
+     "remove the active region, or point of a rod"},
+    {Command::DrawCentreLine, kChar, 'd', kShift, Pad::Off, kRegions, "Shift+D",
+     "rod along the middle of the limb that is selected"},
+    {Command::InsertPoint, kChar, 'n', kPlain, Pad::Off, kRegions, "N",
+     "another point of the rod, behind the active one"},
+    {Command::ReleasePoint, kChar, 'u', kPlain, Pad::Off, kRegions, "U",
+     "let the active point of a rod go"},
+    {Command::ReleaseDirection, kChar, 'u', kShift, Pad::Off, kRegions, "Shift+U",
+     "let its direction and twist go, not its place"},
     {Command::Move, kChar, 'g', kPlain, Pad::Off, kRegions, "G",
      "move the active region"},
     {Command::Turn, kChar, 'r', kPlain, Pad::Off, kRegions, "R",
@@ -167,6 +179,7 @@ std::vector<KeyHelp> key_help(Navigation navigation)
             lines.push_back(help(group, "X, Y, Z", "along, or about, that axis"));
             lines.push_back(help(group, "Shift+X, Y, Z", "in the plane across it"));
             lines.push_back(help(group, "a number", "instead of the pointer"));
+            lines.push_back(help(group, "wheel, or R", "a point of a rod: twist it"));
             lines.push_back(help(group, "Ctrl", "in steps"));
             lines.push_back(help(group, "Enter or click", "done"));
             lines.push_back(help(group, "Esc or right click", "back"));

@@ -22,6 +22,7 @@ enum class Command
     ToolBrush,
     ToolMove,
     ToolRotate,
+    ToolDraw,
     NextRegion,
     SelectAll,
     SelectNone,
@@ -38,7 +39,11 @@ enum class Command
     MakeHandle,
     MakePin,
     MakeStiff,
-    RemoveRegion,
+    RemoveRegion, ///< or the active point of a rod
+    DrawCentreLine,
+    InsertPoint, ///< behind the active one
+    ReleasePoint,
+    ReleaseDirection, ///< and twist; its place stays held
     Undo,
     Redo,
     FrameSelection,

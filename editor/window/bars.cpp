@@ -30,13 +30,14 @@ struct ToolName
     const char* tip;
 };
 
-constexpr std::array<ToolName, 6> kTools = {
+constexpr std::array<ToolName, 7> kTools = {
     {{Tool::Click, "Click", "Select the sample under the pointer; drag for a rectangle"},
      {Tool::Box, "Box", "Select what lies in a rectangle"},
      {Tool::Lasso, "Lasso", "Select what lies in a drawn outline"},
      {Tool::Brush, "Brush", "Paint over what is to be selected"},
      {Tool::Move, "Move", "Move the active region"},
-     {Tool::Rotate, "Rotate", "Turn the active region"}}};
+     {Tool::Rotate, "Rotate", "Turn the active region, or twist a point of a rod"},
+     {Tool::Draw, "Rod", "Draw a rod through the shape, click by click"}}};
 
 void draw_arrow(ImDrawList& list, ImVec2 from, ImVec2 to, float width, ImU32 ink)
 {
@@ -92,6 +93,12 @@ void draw_icon(ImDrawList& list, Tool tool, ImVec2 c, float r, ImU32 ink)
         list.PathStroke(ink, 0, width);
         draw_arrow(list, at(0.1f, -0.76f), at(0.2f, -0.71f), width, ink);
         draw_arrow(list, at(0.56f, -0.52f), at(0.2f, -0.72f), width, ink);
+        break;
+    case Tool::Draw:
+        list.AddBezierCubic(at(-0.8f, 0.7f), at(-0.5f, -0.9f), at(0.4f, 0.9f),
+                            at(0.8f, -0.7f), ink, width);
+        for (const ImVec2 point : {at(-0.8f, 0.7f), at(0.0f, 0.0f), at(0.8f, -0.7f)})
+            list.AddCircleFilled(point, 0.2f * r, ink, 12);
         break;
     }
 }
@@ -173,6 +180,26 @@ void show_edit_menu(EditorApp& app)
         app.undo();
     if (ImGui::MenuItem((redo + "##redo").c_str(), "Ctrl+Shift+Z", false, can_redo))
         app.redo();
+}
+
+void show_rods_menu(EditorApp& app)
+{
+    const bool takes_edits = app.takes_edits();
+    const bool has_point = takes_edits && app.opened()->hand.active_point().has_value();
+    const auto item = [&](const char* name, const char* key, Command command, bool is_on)
+    {
+        if (ImGui::MenuItem(name, key, false, is_on))
+            app.opened()->hand.run(command);
+    };
+    item("Draw a rod or curve", "D", Command::ToolDraw, takes_edits);
+    item("Rod from the centre line", "Shift+D", Command::DrawCentreLine, takes_edits);
+    tip("Of the limb that is selected, or active; of the whole shape where nothing is");
+    ImGui::Separator();
+    item("Insert a point", "N", Command::InsertPoint, has_point);
+    item("Let the point go", "U", Command::ReleasePoint, has_point);
+    item("Let its direction and twist go", "Shift+U", Command::ReleaseDirection,
+         has_point);
+    item("Remove the point", "Delete", Command::RemoveRegion, has_point);
 }
 
 void show_view_menu(EditorApp& app)
@@ -257,6 +284,11 @@ float show_menu_bar(EditorApp& app)
     if (ImGui::BeginMenu("Edit"))
     {
         show_edit_menu(app);
+        ImGui::EndMenu();
+    }
+    if (ImGui::BeginMenu("Rods"))
+    {
+        show_rods_menu(app);
         ImGui::EndMenu();
     }
     if (ImGui::BeginMenu("View"))

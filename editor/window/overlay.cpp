@@ -92,6 +92,53 @@ void draw_part(const Overlay& overlay, const GizmoPart& part)
     list.AddPolyline(line.data(), count, ink, flags, width);
 }
 
+/// Through the shape: what is inside is to be seen.
+void draw_thread(const Overlay& overlay, const std::vector<Eigen::Vector3d>& places,
+                 ImU32 ink, float width)
+{
+    std::vector<ImVec2> line;
+    for (const Eigen::Vector3d& place : places)
+        if (ImVec2 at; overlay.at(place, at))
+            line.push_back(at);
+    if (line.size() < 2)
+        return;
+    const int count = static_cast<int>(line.size());
+    overlay.list().AddPolyline(line.data(), count, IM_COL32(0, 0, 0, 90), 0,
+                               overlay.px(width + 1.6f));
+    overlay.list().AddPolyline(line.data(), count, ink, 0, overlay.px(width));
+}
+
+/// Held ones are filled, others rings.
+void draw_point(const Overlay& overlay, const SeenLine::Point& point, ImU32 ink)
+{
+    ImVec2 at;
+    if (!overlay.at(point.place, at))
+        return;
+    const ImU32 edge =
+        point.is_hot || point.is_active ? IM_COL32(255, 226, 110, 255) : ink;
+    const float radius = overlay.px(point.is_hot ? 6.5f : 5.0f);
+    overlay.list().AddCircleFilled(at, radius,
+                                   point.is_held ? edge : IM_COL32(30, 30, 34, 200), 20);
+    overlay.list().AddCircle(at, radius, IM_COL32(0, 0, 0, 120), 20, overlay.px(3.0f));
+    overlay.list().AddCircle(at, radius, edge, 20, overlay.px(1.8f));
+}
+
+void draw_lines(const Overlay& overlay, const Interaction& hand)
+{
+    for (const SeenLine& line : hand.lines())
+    {
+        const ImU32 ink =
+            packed(shown(role_colour(line.is_rod ? Role::Rod : Role::Curve)));
+        draw_thread(overlay, line.places, ink, line.is_active ? 3.0f : 2.0f);
+        for (const SeenLine::Point& point : line.points)
+            draw_point(overlay, point, ink);
+    }
+    const ImU32 ink = packed(shown(role_colour(Role::Rod)));
+    draw_thread(overlay, hand.drawn(), ink, 2.0f);
+    for (const Eigen::Vector3d& place : hand.drawn())
+        draw_point(overlay, {place, true, false, false}, ink);
+}
+
 void draw_outline(const Overlay& overlay, const Interaction& hand)
 {
     std::vector<ImVec2> line;
@@ -252,6 +299,7 @@ void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
                       {static_cast<float>(view.x + view.width),
                        static_cast<float>(view.y + view.height)});
     const Overlay overlay(list, view, scale, hand.camera());
+    draw_lines(overlay, hand);
     for (const GizmoPart& part : hand.gizmo())
         draw_part(overlay, part);
     draw_outline(overlay, hand);

@@ -28,7 +28,8 @@ struct PanelState
     std::string renamed; ///< the region whose name is being typed
     std::string name;    ///< as typed so far
     std::optional<double> factor;
-    SceneSettings settings; ///< while a number of it is typed
+    std::optional<double> radius, share; ///< of a rod, of a pin on a curve, being typed
+    SceneSettings settings;              ///< while a number of it is typed
     bool types_settings = false;
     std::size_t history_position = 0; ///< that the list was scrolled to
 };

@@ -43,6 +43,7 @@ public:
     void region();
     void make();
     void place();
+    void point();
     void show();
     void open();
     void save();
@@ -82,7 +83,7 @@ struct Known
     const char* usage;
 };
 
-constexpr std::array<Known, 23> kKnown = {{
+constexpr std::array<Known, 24> kKnown = {{
     {"size", 2, 2, &Player::size, "size W H                 of the window"},
     {"move", 2, 2, &Player::move, "move X Y                 the pointer"},
     {"press", 1, 4, &Player::press, "press left|middle|right [ctrl] [shift] [alt]"},
@@ -96,12 +97,14 @@ constexpr std::array<Known, 23> kKnown = {{
     {"wait", 0, 0, &Player::wait, "wait                     until the result is there"},
     {"frames", 1, 1, &Player::frames, "frames N"},
     {"shot", 1, 1, &Player::shot, "shot FILE.png|FILE.ppm   of the window"},
-    {"tool", 1, 1, &Player::tool, "tool click|box|lasso|brush|move|rotate"},
+    {"tool", 1, 1, &Player::tool, "tool click|box|lasso|brush|move|rotate|rod"},
     {"region", 1, 1, &Player::region, "region NAME              becomes the active one"},
     {"make", 1, 2, &Player::make,
      "make fixed|handle|pin|stiff [NAME]   of the selection"},
     {"place", 4, 8, &Player::place,
      "place REGION X Y Z [AX AY AZ DEGREES]   as the number fields do"},
+    {"point", 5, 6, &Player::point,
+     "point REGION NUMBER X Y Z [DEGREES]   of a rod or curve, in rest coordinates"},
     {"show", 2, 2, &Player::show,
      "show edges|faces|colours|ghost|floor|cells|wire|dark|keys on|off"},
     {"open", 1, 1, &Player::open, "open FILE"},
@@ -374,13 +377,14 @@ void Player::shot()
 
 void Player::tool()
 {
-    constexpr std::array<std::pair<const char*, Tool>, 6> kTools = {
+    constexpr std::array<std::pair<const char*, Tool>, 7> kTools = {
         {{"click", Tool::Click},
          {"box", Tool::Box},
          {"lasso", Tool::Lasso},
          {"brush", Tool::Brush},
          {"move", Tool::Move},
-         {"rotate", Tool::Rotate}}};
+         {"rotate", Tool::Rotate},
+         {"rod", Tool::Draw}}};
     for (const auto& [name, known] : kTools)
         if (word(1) == name)
         {
@@ -388,7 +392,8 @@ void Player::tool()
             editor_.frame();
             return;
         }
-    fail("no tool " + in_quotes(word(1)) + " (click, box, lasso, brush, move, rotate)");
+    fail("no tool " + in_quotes(word(1)) +
+         " (click, box, lasso, brush, move, rotate, rod)");
 }
 
 void Player::region()
@@ -432,6 +437,24 @@ void Player::place()
     if (!editing.begin_drag(word(1), &why))
         fail(why);
     editing.drag_to(placement);
+    editor_.frame();
+    editing.end_drag();
+    editor_.frame();
+}
+
+void Player::point()
+{
+    PointPlacement to;
+    to.place = {number(3), number(4), number(5)};
+    if (num_words() == 7)
+        to.degrees = number(6);
+    if (!(number(2) >= 0.0))
+        fail("points count from 0");
+    Editing& editing = opened().editing;
+    std::string why;
+    if (!editing.begin_point_drag(word(1), static_cast<std::size_t>(number(2)), &why))
+        fail(why);
+    editing.drag_point_to(to);
     editor_.frame();
     editing.end_drag();
     editor_.frame();

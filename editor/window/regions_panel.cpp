@@ -3,6 +3,7 @@
 #include <array>
 #include <string>
 
+#include <fmt/format.h>
 #include <imgui.h>
 #include <imgui_stdlib.h>
 
@@ -34,7 +35,7 @@ const char* name_of(Role role)
     for (const RoleName& known : kRoles)
         if (known.role == role)
             return known.name;
-    return "";
+    return role == Role::Rod ? "Rod" : "Curve";
 }
 
 void show_makers(EditorApp& app)
@@ -152,8 +153,8 @@ void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
     label("Role");
     if (region.is_spline())
     {
-        ImGui::TextUnformatted(region.role == Role::Rod ? "Rod" : "Curve");
-        tip("Told by points, in the handle file");
+        ImGui::TextUnformatted(name_of(region.role));
+        tip("Told by its points: drag them in the view");
         return;
     }
     ImGui::SetNextItemWidth(region.role == Role::Stiff ? letters(9.0f) : -1);
@@ -188,6 +189,134 @@ void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
         state.factor.reset();
         app.attempt(Place::Regions,
                     [&] { app.document().set_role(name, Role::Stiff, factor); });
+    }
+}
+
+/// What holds a point, each of it to be let go.
+void show_holds(EditorApp& app, const EditedRegion& region, std::size_t point)
+{
+    const EditedPoint& of = region.points[point];
+    faint_text(fmt::format(
+        "Point {}{}{}", point,
+        of.parts.place ? fmt::format(": {:.4g}, {:.4g}, {:.4g}", of.place.x(),
+                                     of.place.y(), of.place.z())
+                       : std::string(" finds its place"),
+        of.parts.twist ? fmt::format(", turned by {:.4g}°", of.degrees) : std::string()));
+    if (region.role != Role::Rod)
+        return;
+    label("Held");
+    const auto held = [&](const char* name, bool is_held, HoldParts parts)
+    {
+        ImGui::BeginDisabled(!is_held);
+        if (toggle(name, is_held))
+            app.attempt(Place::Regions,
+                        [&] { app.document().release_point(region.name, point, parts); });
+        ImGui::EndDisabled();
+        tip("Click to let it go; moving or turning the point holds it");
+    };
+    held("place", of.parts.place, {true, false, false});
+    ImGui::SameLine(0, letters(0.3f));
+    held("direction", of.parts.tangent, {false, true, false});
+    ImGui::SameLine(0, letters(0.3f));
+    held("twist", of.parts.twist, {false, false, true});
+}
+
+/// Points of a rod or curve: where they are held, and the one that keys act on.
+void show_points(EditorApp& app, PanelState& state, const EditedRegion& region)
+{
+    Interaction& hand = app.opened()->hand;
+    const double unit = std::max(1e-300, app.document().box().size().norm());
+    label("Radius");
+    RodShape shape = shape_of(region);
+    double radius = state.radius.value_or(
+        shape.radius.value_or(region.frame.length_to_model(region.spline->radius())));
+    ImGui::SetNextItemWidth(-1);
+    ImGui::BeginDisabled(region.role != Role::Rod);
+    if (ImGui::InputDouble("##radius", &radius, 0.0, 0.0, "%.4g"))
+        state.radius = radius;
+    tip("Of the tube whose cells it carries [model unit]");
+    if (ImGui::IsItemDeactivatedAfterEdit())
+    {
+        state.radius.reset();
+        shape.radius =
+            radius > 0 && radius < 10 * unit ? std::optional(radius) : std::nullopt;
+        app.attempt(Place::Regions, [&] { app.document().set_line(region.name, shape); });
+    }
+    ImGui::EndDisabled();
+    label("Points");
+    for (std::size_t k = 0; k < region.points.size(); ++k)
+    {
+        const EditedPoint& point = region.points[k];
+        ImGui::PushID(static_cast<int>(k));
+        if (k > 0 && ImGui::GetContentRegionAvail().x > letters(4))
+            ImGui::SameLine(0, letters(0.3f));
+        const std::string name =
+            point.parts.place ? std::to_string(k) : fmt::format("({})", k);
+        if (toggle(name.c_str(), hand.active_point() == k))
+            hand.set_active_point(hand.active_point() == k ? std::nullopt
+                                                           : std::optional(k));
+        tip(point.parts.place ? "Held" : "Finds its place by itself");
+        ImGui::PopID();
+    }
+    const std::optional<std::size_t> active = hand.active_point();
+    if (!active || *active >= region.points.size())
+        return;
+    show_holds(app, region, *active);
+    if (ImGui::Button("Insert"))
+        hand.run(Command::InsertPoint);
+    tip("A point behind it (N)");
+    ImGui::SameLine();
+    if (ImGui::Button("Remove point"))
+        hand.run(Command::RemoveRegion);
+}
+
+/// The curve or rod that a pin stays on.
+void show_guide(EditorApp& app, PanelState& state, const EditedRegion& region)
+{
+    label("Stays on");
+    ImGui::SetNextItemWidth(-1);
+    const std::string none = "nothing: you move it";
+    if (ImGui::BeginCombo("##guide",
+                          region.guide.empty() ? none.c_str() : region.guide.c_str()))
+    {
+        std::vector<std::string> names = {""};
+        for (const EditedRegion& other : app.document().regions())
+            if (other.is_spline())
+                names.push_back(other.name);
+        for (const std::string& name : names)
+            if (ImGui::Selectable(name.empty() ? none.c_str() : name.c_str(),
+                                  name == region.guide) &&
+                name != region.guide)
+            {
+                app.attempt(Place::Regions, [&]
+                            { app.document().put_on(region.name, name, region.share); });
+                break;
+            }
+        ImGui::EndCombo();
+    }
+    if (region.guide.empty())
+        return;
+    bool slides = !region.share;
+    if (ImGui::Checkbox("slides along it", &slides))
+        app.attempt(Place::Regions,
+                    [&]
+                    {
+                        app.document().put_on(region.name, region.guide,
+                                              slides ? std::nullopt : std::optional(0.5));
+                    });
+    if (!region.share)
+        return;
+    double share = state.share.value_or(*region.share);
+    label("At");
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::InputDouble("##share", &share, 0.0, 0.0, "%.4g"))
+        state.share = share;
+    tip("A share of its length, from 0 to 1");
+    if (ImGui::IsItemDeactivatedAfterEdit())
+    {
+        state.share.reset();
+        app.attempt(Place::Regions,
+                    [&] { app.document().put_on(region.name, region.guide, share); });
     }
 }
 
@@ -294,6 +423,10 @@ void show_active(EditorApp& app, PanelState& state)
     ImGui::BeginDisabled(app.opened()->editing.dragged().has_value());
     show_name(app, state, region);
     show_role(app, state, region);
+    if (region.is_spline())
+        show_points(app, state, region);
+    if (region.role == Role::Pin)
+        show_guide(app, state, region);
     ImGui::EndDisabled();
     if (region.moves())
         show_placement(app, state, region);
@@ -304,7 +437,7 @@ void show_active(EditorApp& app, PanelState& state)
                     [&] { app.document().move_region(region.name, Placement()); });
     if (region.moves())
         ImGui::SameLine();
-    ImGui::BeginDisabled(app.document().selection().empty());
+    ImGui::BeginDisabled(app.document().selection().empty() || region.is_spline());
     if (ImGui::Button("Use selection"))
         app.attempt(Place::Regions, [&] { app.document().set_samples(region.name); });
     tip("The region becomes what is selected");

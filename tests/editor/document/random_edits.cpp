@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "io/bytes.h"
+#include "io/error.h"
 
 namespace cellwarp::support
 {
@@ -45,9 +46,67 @@ std::string contents(const Document& document)
     for (const EditedRegion& region : document.regions())
         text += region.name + std::to_string(region.samples.size()) + " " +
                 std::to_string(region.placement.degrees) + " " +
-                std::to_string(region.placement.translation.x()) + "\n";
+                std::to_string(region.placement.translation.x()) + " " + region.guide;
+    for (const EditedRegion& region : document.regions())
+        for (const EditedPoint& point : region.points)
+            text += std::to_string(point.place.z()) + " " +
+                    std::to_string(point.degrees) + " " +
+                    std::to_string(point.parts.place) + "\n";
     return text;
 }
+
+namespace
+{
+
+/// Of rods, curves and pins on them.
+void edit_lines_at_random(Document& document, std::mt19937& rng)
+{
+    const auto number = [&](double low, double high)
+    { return random_number(rng, low, high); };
+    std::vector<EditedRegion> lines, pins;
+    for (const EditedRegion& region : document.regions())
+        if (region.is_spline())
+            lines.push_back(region);
+        else if (region.role == Role::Pin)
+            pins.push_back(region);
+    if (lines.empty() || number(0, 1) < 0.2)
+    {
+        document.add_line(number(0, 1) < 0.7 ? Role::Rod : Role::Curve,
+                          {{{0.5, 0.5, 0.4}, {0.5, number(0.4, 0.6), 2}, {0.5, 0.5, 3.6}},
+                           false,
+                           number(0, 1) < 0.5 ? std::optional(0.2) : std::nullopt});
+        return;
+    }
+    const EditedRegion& line = lines[rng() % lines.size()];
+    const std::size_t point = rng() % line.points.size();
+    switch (rng() % 6)
+    {
+    case 0:
+        document.release_point(line.name, point, {rng() % 2 == 0, rng() % 2 == 0, true});
+        break;
+    case 1:
+    {
+        RodShape shape = shape_of(line);
+        shape.points.push_back(shape.points.back() + Eigen::Vector3d(0, 0, 0.2));
+        document.set_line(line.name, shape);
+        break;
+    }
+    case 2:
+        if (!pins.empty())
+            document.put_on(pins[0].name, number(0, 1) < 0.7 ? line.name : "",
+                            number(0, 1) < 0.5 ? std::optional(number(0, 1))
+                                               : std::nullopt);
+        break;
+    default:
+        document.move_point(
+            line.name, point,
+            {line.points[point].rest +
+                 Eigen::Vector3d(number(-0.2, 0.2), number(-0.2, 0.2), number(-0.1, 0.1)),
+             number(0, 1) < 0.5 ? std::optional(number(-60, 60)) : std::nullopt});
+    }
+}
+
+} // namespace
 
 void edit_at_random(Document& document, std::mt19937& rng)
 {
@@ -59,7 +118,7 @@ void edit_at_random(Document& document, std::mt19937& rng)
             0, document.regions().size() - 1)(rng)];
     };
     const double low = number(0, 3.5);
-    switch (std::uniform_int_distribution<int>(0, 9)(rng))
+    switch (std::uniform_int_distribution<int>(0, 12)(rng))
     {
     case 0:
     case 1:
@@ -83,6 +142,18 @@ void edit_at_random(Document& document, std::mt19937& rng)
     case 5:
         if (!document.regions().empty())
             document.rename_region(pick().name, "name" + std::to_string(rng() % 1000000));
+        break;
+    case 10:
+    case 11:
+    case 12:
+        try
+        {
+            edit_lines_at_random(document, rng);
+        }
+        catch (const Error&)
+        {
+            // What cannot be now is refused, and nothing has changed.
+        }
         break;
     default:
         for (const EditedRegion& region : document.regions())
