@@ -43,7 +43,8 @@ ROOMS = {
                         "solver/minimize", "solver/cells", "solver/field"},
     "editor/tools": {"editor/tools", "editor/document", "editor/session", "io", "octree",
                      "octree/base", "solver/cells"},
-    "editor/window": {"editor/window", "editor/tools", "editor/document", "editor/session",
+    "editor/window": {"editor/window", "editor/tools", "editor/document", "editor/simulation",
+                      "editor/session",
                       "io", "octree", "octree/base", "solver/linear", "solver/cells",
                       "solver/field"},
     "editor/mpi": {"editor/mpi", "editor/session", "io", "octree/base"},
@@ -77,7 +78,7 @@ LIBRARIES = {
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
-OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp"},
+OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp", "editor/window/film.cpp"},
             "solver/rods": {"editor/session/spline_handle.cpp", "editor/simulation",
                             "solver/contact"},
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},

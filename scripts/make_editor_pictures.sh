@@ -75,6 +75,18 @@ quit
 END
 play "$work/rod" "$here/samples/creature.obj"
 
+cat >"$work/film" <<END
+size 1400 900
+key 1 alt
+key home
+wait
+film 12
+frames 3
+shot $folder/editor-film.png
+quit
+END
+play "$work/film" "$here/samples/rods/hung.json"
+
 cat >"$work/select" <<END
 size 1400 900
 key 1 alt

@@ -1,13 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp info: what files hold.
+#include <algorithm>
 #include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
+#include "io/handle_file.h"
 #include "io/number.h"
+#include "io/rod_scene.h"
+#include "io/scene_file.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -53,6 +59,88 @@ std::string as_text(const Json& json)
     return text + "  writable    " + (json["writable"].get<bool>() ? "yes" : "no") + "\n";
 }
 
+/// A region's statement; of a rod or curve how it is told.
+Json describe(const RegionStatement& region)
+{
+    Json json = {{"name", region.name}, {"role", role_name(region.role)}};
+    if (!region.spline)
+        return json;
+    const SplineStatement& line = *region.spline;
+    json["told"] = line.form == SplineStatement::Form::Through  ? "through"
+                   : line.form == SplineStatement::Form::Points ? "points"
+                                                                : "skeleton";
+    json["points"] = line.points.size();
+    json["closed"] = line.is_closed;
+    if (line.radius)
+        json["radius"] = *line.radius;
+    return json;
+}
+
+/// What a scene holds beside its model.
+struct SceneContents
+{
+    std::string model; ///< empty: none
+    Json json = Json::object();
+};
+
+SceneContents contents_of(const std::string& path)
+{
+    SceneContents out;
+    Json regions = Json::array(), rods = Json::array();
+    std::size_t frames = 0;
+    if (has_model(path))
+    {
+        const SceneFile scene = read_scene(path);
+        out.model = scene.model;
+        if (!scene.handles.empty())
+            for (const Stage& stage : read_handles(scene.handles).stages)
+            {
+                for (const RegionStatement& region : stage.regions)
+                    regions.push_back(describe(region));
+                frames += stage.frames.size();
+            }
+    }
+    if (has_simulation(path))
+        for (const RodStatement& rod : read_rod_scene(path).rods)
+            rods.push_back({{"name", rod.name},
+                            {"points", std::max(rod.points.size(), rod.through.size())},
+                            {"closed", rod.is_closed},
+                            {"carries", rod.carries}});
+    out.json["regions"] = std::move(regions);
+    out.json["frames"] = frames;
+    out.json["rods_in_time"] = std::move(rods);
+    return out;
+}
+
+std::string text_of(const SceneContents& scene)
+{
+    std::string text;
+    const auto add = [&](const std::string& what, const std::string& name)
+    { text += fmt::format("  {:<11} {}\n", what, name); };
+    const auto told = [](const Json& line, const std::string& by)
+    {
+        return fmt::format("{}{} {} points{}", line["name"].get<std::string>(), by,
+                           line["points"].get<std::size_t>(),
+                           line["closed"].get<bool>() ? ", closed" : "");
+    };
+    for (const Json& region : scene.json["regions"])
+    {
+        std::string name = region["name"].get<std::string>();
+        if (region.contains("told"))
+            name = region["told"] == "skeleton" ? name + ", from the shape's skeleton"
+                   : region["told"] == "points" ? told(region, ", by control points:")
+                                                : told(region, ", through");
+        if (region.contains("radius"))
+            name += ", radius " + shortest(region["radius"].get<double>());
+        add(region["role"].get<std::string>(), name);
+    }
+    for (const Json& rod : scene.json["rods_in_time"])
+        add("rod in time",
+            told(rod, ",") + (rod["carries"].get<bool>() ? ", carries the model" : ""));
+    add("frames", std::to_string(scene.json["frames"].get<std::size_t>()));
+    return text;
+}
+
 struct InfoFlags
 {
     std::vector<std::string> files;
@@ -67,10 +155,23 @@ int run(const InfoFlags& flags, const CommonFlags& common)
     for (const std::string& path : flags.files)
         try
         {
-            const GeometryFile file = read_geometry(path, {flags.columns});
+            std::optional<SceneContents> scene;
+            if (extension_of(path) == "json")
+                scene = contents_of(path);
+            text += path + "\n";
+            if (scene && scene->model.empty())
+            {
+                all.push_back(scene->json);
+                text += text_of(*scene);
+                continue;
+            }
+            const GeometryFile file =
+                read_geometry(scene ? scene->model : path, {flags.columns});
             print_warnings(file.geometry.warnings, common);
             all.push_back(describe(file));
-            text += path + "\n" + as_text(all.back());
+            if (scene)
+                all.back().update(scene->json);
+            text += as_text(all.back()) + (scene ? text_of(*scene) : "");
             if (!file.geometry.not_writable.empty())
                 text += "              " + file.geometry.not_writable + "\n";
         }
@@ -94,13 +195,15 @@ void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<InfoFlags>();
     CLI::App* command =
-        app.add_subcommand("info", "What geometry files hold.\n\n"
+        app.add_subcommand("info", "What geometry files and scenes hold.\n\n"
                                    "  cellwarp info bunny.obj\n"
-                                   "  cellwarp info --json a.ply b.ply\n");
+                                   "  cellwarp info --json a.ply b.ply\n"
+                                   "  cellwarp info samples/tail.json\n");
     command
-        ->add_option("FILE", flags->files,
-                     "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
-                     "columns, or what can only be read (fbx, dae, 3ds, ...)")
+        ->add_option(
+            "FILE", flags->files,
+            "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
+            "columns, or what can only be read (fbx, dae, 3ds, ...); scenes (json)")
         ->required();
     add_columns(*command, flags->columns);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });

@@ -116,8 +116,9 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.scene = read_scene(path);
         s.scene_path = path;
         s.warnings = s.scene.warnings;
-        s.warnings.insert(s.warnings.end(), s.scene.left_out.begin(),
-                          s.scene.left_out.end());
+        if (!s.scene.has_carriers) // else it can be played
+            s.warnings.insert(s.warnings.end(), s.scene.left_out.begin(),
+                              s.scene.left_out.end());
         s.edited.settings = s.scene.settings;
         if (!s.scene.handles.empty())
             s.edited.handles = read_handles(s.scene.handles);

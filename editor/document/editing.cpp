@@ -72,6 +72,7 @@ struct Editing::State
     std::vector<Refining> left_over; ///< made for drags that have ended
 
     std::optional<ActiveDrag> hand;
+    std::shared_ptr<const ShownShape> film; ///< the frame that is seen; null: none
 
     std::future<std::vector<Eigen::Vector3d>> drawing; ///< points of a centre line
     std::uint64_t drawing_revision = 0;
@@ -126,7 +127,7 @@ struct Editing::State
         result_cells = std::move(solved->cells);
         source = std::move(solved->drag);
         wants_drag = source.has_value();
-        if (!hand)
+        if (!hand && !film)
             show(result_shape);
         document.set_rest(solved->stage_fingerprint, std::move(solved->rest));
         return true;
@@ -420,6 +421,8 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     };
     if (s.hand)
         return refuse("another region is in the hand");
+    if (s.film)
+        return refuse("a film is shown: it has to end first");
     update(); // regions are found anew where a rest shape has come
     const EditedRegion* const found = s.document.region(region);
     if (!found)
@@ -468,6 +471,24 @@ void Editing::drag_point_to(const PointPlacement& to)
     s.hand->point_to = to;
     if (s.hand->live)
         s.hand->live->move(s.motions(), s.holds());
+}
+
+void Editing::show_instead(std::shared_ptr<const ShownShape> frame)
+{
+    State& s = *state_;
+    if (frame == s.film)
+        return;
+    if (s.hand)
+        cancel_drag();
+    s.film = std::move(frame);
+    s.show(s.film ? *s.film : s.result_shape);
+    if (s.film)
+        s.cells.cells.clear(); // they are those of the result
+}
+
+bool Editing::shows_film() const
+{
+    return state_->film != nullptr;
 }
 
 void Editing::draw_centre_line(const std::vector<std::uint32_t>& near)

@@ -71,6 +71,11 @@ public:
     void cancel_drag();
     std::optional<std::string> dragged() const;
 
+    /// A frame of a film is seen instead of the shape, and nothing can be taken into the
+    /// hand; null: the shape again.
+    void show_instead(std::shared_ptr<const ShownShape> frame);
+    bool shows_film() const;
+
     /// Makes a rod of the centre line of the limb at some samples, or of the whole shape:
     /// in the background, one edit when it is there. \p near: empty for the longest line.
     void draw_centre_line(const std::vector<std::uint32_t>& near);

@@ -186,7 +186,7 @@ void Interaction::set_active_point(std::optional<std::size_t> point)
 
 void Interaction::run(Command command)
 {
-    if (state_->is_idle() && !state_->editing.dragged())
+    if (!is_busy())
         state_->attempt([&] { state_->run(command); });
 }
 
@@ -230,7 +230,8 @@ std::vector<SeenLine> Interaction::lines() const
     for (const ShownLine& line : s.editing.shape().lines)
     {
         const EditedRegion* const region = s.document().region(line.name);
-        if (!region || !region->is_spline())
+        const bool is_known = region && region->is_spline();
+        if (!is_known && !s.editing.shows_film())
             continue; // it is gone, and the shape without it not there yet
         SeenLine& seen = lines.emplace_back();
         seen.places = line.places;
@@ -239,7 +240,7 @@ std::vector<SeenLine> Interaction::lines() const
         for (std::size_t k = 0; k < line.points.size(); ++k)
             seen.points.push_back(
                 {line.points[k],
-                 k < region->points.size() && region->points[k].parts.place,
+                 is_known && k < region->points.size() && region->points[k].parts.place,
                  seen.is_active && s.active_point == k,
                  s.hot_point && s.hot_point->region == line.name &&
                      s.hot_point->point == k});
@@ -298,7 +299,8 @@ std::string Interaction::complaint() const
 
 bool Interaction::is_busy() const
 {
-    return !state_->is_idle() || state_->editing.dragged();
+    return !state_->is_idle() || state_->editing.dragged() ||
+           state_->editing.shows_film();
 }
 
 } // namespace cellwarp

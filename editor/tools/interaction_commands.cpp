@@ -43,7 +43,8 @@ void Interaction::State::key(const KeyEvent& event)
     // A region may also be in the hand of a number field: no commands meanwhile.
     if (!is_idle() || editing.dragged())
         return;
-    if (const auto command = command_of(event))
+    const auto command = command_of(event);
+    if (command && (!editing.shows_film() || looks(*command)))
         attempt([&] { run(*command); });
 }
 

@@ -258,7 +258,7 @@ void Interaction::State::press(Button button, const Modifiers& with)
         gesture = Look{*motion, button, pixel, pixel, depth};
         return;
     }
-    if (button != Button::Left)
+    if (button != Button::Left || editing.shows_film())
         return;
     const Press press{pixel, with, picked};
     if (const auto point = point_at(pixel))

@@ -163,6 +163,11 @@ std::optional<Command> command_of(const KeyEvent& event)
     return std::nullopt;
 }
 
+bool looks(Command command)
+{
+    return command >= Command::FrameSelection;
+}
+
 std::vector<KeyHelp> key_help(Navigation navigation)
 {
     std::vector<KeyHelp> lines;

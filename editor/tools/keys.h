@@ -64,6 +64,9 @@ enum class Command
 /// What a key asks for while nothing is in the hand; none: nothing.
 std::optional<Command> command_of(const KeyEvent& event);
 
+/// Whether a command changes nothing but the view.
+bool looks(Command command);
+
 /// A line of the page of keys.
 struct KeyHelp
 {

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <string>
 
+#include <fmt/format.h>
 #include <imgui.h>
 
 #include "editor/window/panels.h"
@@ -20,8 +21,9 @@ namespace cellwarp
 namespace
 {
 
-/// Under this width tools show no names [letters].
-constexpr float kRoomForNames = 90.0f;
+/// Under this width tools show no names; where there is something to play it is larger
+/// [letters].
+constexpr float kRoomForNames = 100.0f, kRoomForPlay = 8.0f;
 
 struct ToolName
 {
@@ -319,7 +321,9 @@ void show_tool_bar(EditorApp& app)
     if (app.opened() == nullptr)
         return;
     Interaction& hand = app.opened()->hand;
-    const bool shows_names = ImGui::GetWindowWidth() > letters(kRoomForNames);
+    const bool plays = Film::is_in(app.document());
+    const bool shows_names =
+        ImGui::GetWindowWidth() > letters(kRoomForNames + (plays ? kRoomForPlay : 0.0f));
     ImGui::SetCursorPos({letters(0.6f), letters(0.6f)});
     for (const ToolName& tool : kTools)
     {
@@ -328,6 +332,15 @@ void show_tool_bar(EditorApp& app)
         ImGui::SameLine(0, letters(tool.tool == Tool::Brush ? 1.4f : 0.3f));
     }
     ImGui::SetCursorPosY(letters(1.1f));
+    if (plays)
+    {
+        ImGui::BeginDisabled(!app.takes_edits() && !app.opened()->film);
+        if (toggle("Play", app.opened()->film != nullptr))
+            app.opened()->film ? app.stop_playing() : app.play();
+        ImGui::EndDisabled();
+        tip("What simulate makes of this scene");
+        ImGui::SameLine();
+    }
     const Tool tool = hand.tool();
     if (tool == Tool::Box || tool == Tool::Lasso || tool == Tool::Brush)
     {
@@ -350,6 +363,51 @@ void show_tool_bar(EditorApp& app)
         ImGui::SameLine();
     }
     show_view_toggles(app);
+}
+
+void show_film_bar(EditorApp& app, const ViewRect& view)
+{
+    OpenedDocument* const opened = app.opened();
+    if (opened == nullptr || !opened->film)
+        return;
+    const Film& film = *opened->film;
+    const float width =
+        std::min(static_cast<float>(view.width) - letters(8), letters(70));
+    ImGui::SetNextWindowPos({static_cast<float>(view.x + view.width / 2) - width / 2,
+                             static_cast<float>(view.y + view.height) - letters(6)});
+    ImGui::SetNextWindowSize({width, 0});
+    ImGui::Begin("film", nullptr,
+                 ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                     ImGuiWindowFlags_NoSavedSettings);
+    if (ImGui::Button("Stop"))
+    {
+        app.stop_playing();
+        ImGui::End();
+        return;
+    }
+    tip("Back to what is edited");
+    ImGui::SameLine();
+    const std::int64_t made = film.num_made();
+    ImGui::BeginDisabled(made == 0);
+    if (ImGui::Button(opened->film_stands ? "Go on" : "Hold") && made > 0)
+        app.show_film_frame(std::clamp<std::int64_t>(opened->film_frame, 0, made - 1),
+                            !opened->film_stands);
+    ImGui::SameLine();
+    std::int64_t frame = std::max<std::int64_t>(0, opened->film_frame);
+    const std::int64_t first = 0, last = std::max<std::int64_t>(0, made - 1);
+    ImGui::SetNextItemWidth(-letters(22));
+    if (ImGui::SliderScalar("##frame", ImGuiDataType_S64, &frame, &first, &last,
+                            "%lld") &&
+        made > 0)
+        app.show_film_frame(std::clamp<std::int64_t>(frame, 0, made - 1), true);
+    ImGui::EndDisabled();
+    ImGui::SameLine();
+    faint_text(film.is_working()
+                   ? fmt::format("{} of {} frames", std::max<std::int64_t>(0, made),
+                                 film.last() < 0 ? "…" : std::to_string(film.last() + 1))
+                   : fmt::format("{:.2f} s",
+                                 static_cast<double>(frame) * film.seconds_a_frame()));
+    ImGui::End();
 }
 
 void show_status_bar(EditorApp& app)

@@ -250,6 +250,7 @@ void Editor::show_panels()
     ImGui::End();
     ImGui::PopStyleVar(3);
     ImGui::PopStyleColor();
+    show_film_bar(app_, view_);
     show_welcome_page(app_, view_);
     file_dialog_.show(app_);
     show_questions(app_);

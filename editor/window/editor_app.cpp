@@ -157,6 +157,7 @@ bool EditorApp::update()
     if (opened_ != nullptr)
     {
         guard([&] { is_new = opened_->editing.update() || is_new; });
+        guard([&] { is_new = follow_film() || is_new; });
         guard([&] { opened_->hand.update(); });
         tell_of_export();
     }
@@ -176,7 +177,8 @@ bool EditorApp::is_idle() const
         return true;
     const SolveStatus::State state = opened_->editing.status().state;
     return (state == SolveStatus::State::Idle || state == SolveStatus::State::Failed) &&
-           !opened_->editing.drag_status().is_dragging && !is_exporting_;
+           !opened_->editing.drag_status().is_dragging && !is_exporting_ &&
+           !opened_->editing.is_drawing() && !(opened_->film && !opened_->film_stands);
 }
 
 void EditorApp::export_field(const std::string& path, Overwrite overwrite)
@@ -257,6 +259,72 @@ void EditorApp::save()
 bool EditorApp::takes_edits() const
 {
     return opened_ != nullptr && !is_opening() && !opened_->hand.is_busy();
+}
+
+void EditorApp::play()
+{
+    if (!takes_edits() || !Film::is_in(document()))
+        return;
+    opened_->film = std::make_unique<Film>(opened_->editing);
+    opened_->film_begin = seconds_now();
+    opened_->film_frame = -1;
+    opened_->film_stands = opened_->film_told = false;
+}
+
+void EditorApp::stop_playing()
+{
+    if (!opened_ || !opened_->film)
+        return;
+    opened_->editing.show_instead(nullptr);
+    opened_->film.reset();
+}
+
+void EditorApp::show_film_frame(std::int64_t frame, bool stands)
+{
+    OpenedDocument& o = *opened_;
+    o.film_frame = frame;
+    o.film_stands = stands;
+    o.film_begin = seconds_now() - static_cast<double>(frame) * o.film->seconds_a_frame();
+    o.editing.show_instead(o.film->shape(frame));
+}
+
+/// The frame whose time it is; where it is not made yet, the last one that is, and time
+/// waits for it. At its end it begins anew.
+bool EditorApp::follow_film()
+{
+    OpenedDocument& o = *opened_;
+    if (!o.film)
+        return false;
+    if (const std::string error = o.film->error();
+        !error.empty() && !std::exchange(o.film_told, true))
+        say(Place::Window, "play: " + error, true);
+    const std::int64_t made = o.film->num_made();
+    if (made == 0)
+    {
+        if (!o.film->is_working())
+            stop_playing();
+        return true;
+    }
+    if (o.film_stands)
+        return false;
+    const double now = seconds_now();
+    auto frame =
+        static_cast<std::int64_t>((now - o.film_begin) / o.film->seconds_a_frame());
+    if (frame >= made && o.film->is_working())
+    {
+        frame = made - 1;
+        o.film_begin = now - static_cast<double>(frame) * o.film->seconds_a_frame();
+    }
+    else if (frame >= made)
+    {
+        frame = 0;
+        o.film_begin = now;
+    }
+    if (frame == o.film_frame)
+        return false;
+    o.film_frame = frame;
+    o.editing.show_instead(o.film->shape(frame));
+    return true;
 }
 
 void EditorApp::undo()

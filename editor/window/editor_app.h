@@ -4,6 +4,7 @@
 // are caught here, in one place.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <future>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "editor/document/editing.h"
 #include "editor/tools/interaction.h"
 #include "editor/window/canvas.h"
+#include "editor/window/film.h"
 #include "editor/window/frame_times.h"
 #include "editor/window/places.h"
 
@@ -49,6 +51,11 @@ struct OpenedDocument
     }
     Editing editing;
     Interaction hand;
+    std::unique_ptr<Film> film; ///< that is played; null: none
+    double film_begin = 0.0;    ///< [s] of seconds_now(), of its frame 0
+    std::int64_t film_frame = 0;
+    bool film_stands = false; ///< at that frame
+    bool film_told = false;   ///< what is wrong with it
 };
 
 /// What a file is chosen for.
@@ -117,6 +124,11 @@ public:
     void save(); ///< or asks where to
     /// Begins to write the document's field; its end becomes a notice. Throws Error.
     void export_field(const std::string& path, Overwrite overwrite);
+    /// Plays the scene in time, from its start; or goes back to what is edited.
+    void play();
+    void stop_playing();
+    /// To a frame that is made; \p stands: and stays there.
+    void show_film_frame(std::int64_t frame, bool stands);
     void undo();
     void redo();
     std::string title() const;
@@ -136,6 +148,7 @@ public:
 private:
     void take_document(Document document);
     void tell_of_export();
+    bool follow_film();
 
     std::string journal_folder_;
     std::unique_ptr<OpenedDocument> opened_;

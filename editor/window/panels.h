@@ -46,6 +46,8 @@ void show_view_panel(EditorApp& app);
 float show_menu_bar(EditorApp& app);
 void show_tool_bar(EditorApp& app);
 void show_status_bar(EditorApp& app);
+/// Over the view's lower edge while a film is played: its frames.
+void show_film_bar(EditorApp& app, const ViewRect& view);
 
 /// Over the view, where nothing is open.
 void show_welcome_page(EditorApp& app, const ViewRect& view);

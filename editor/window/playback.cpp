@@ -44,6 +44,7 @@ public:
     void make();
     void place();
     void point();
+    void film();
     void show();
     void open();
     void save();
@@ -83,7 +84,7 @@ struct Known
     const char* usage;
 };
 
-constexpr std::array<Known, 24> kKnown = {{
+constexpr std::array<Known, 25> kKnown = {{
     {"size", 2, 2, &Player::size, "size W H                 of the window"},
     {"move", 2, 2, &Player::move, "move X Y                 the pointer"},
     {"press", 1, 4, &Player::press, "press left|middle|right [ctrl] [shift] [alt]"},
@@ -108,6 +109,8 @@ constexpr std::array<Known, 24> kKnown = {{
     {"show", 2, 2, &Player::show,
      "show edges|faces|colours|ghost|floor|cells|wire|dark|keys on|off"},
     {"open", 1, 1, &Player::open, "open FILE"},
+    {"film", 1, 1, &Player::film,
+     "film FRAME|off           of the scene in time, when it is made"},
     {"save", 1, 1, &Player::save, "save SCENE.json"},
     {"export", 1, 1, &Player::export_model, "export FILE              the bent model"},
     {"undo", 0, 0, &Player::undo, "undo"},
@@ -457,6 +460,30 @@ void Player::point()
     editing.drag_point_to(to);
     editor_.frame();
     editing.end_drag();
+    editor_.frame();
+}
+
+void Player::film()
+{
+    EditorApp& app = editor_.app();
+    if (word(1) == "off")
+    {
+        app.stop_playing();
+        editor_.frame();
+        return;
+    }
+    if (!Film::is_in(opened().editing.document()))
+        fail("no rod of the scene carries the model: there is nothing to play");
+    if (!opened().film)
+        app.play();
+    const auto frame = static_cast<std::int64_t>(number(1));
+    while (opened().film && opened().film->num_made() <= frame &&
+           opened().film->is_working())
+        editor_.frame();
+    if (!opened().film || opened().film->num_made() <= frame || frame < 0)
+        fail("the film has no frame " + word(1) +
+             (opened().film ? " " + opened().film->error() : ""));
+    app.show_film_frame(frame, true);
     editor_.frame();
 }
 

@@ -224,6 +224,32 @@ TEST(Cli, names_with_odd_characters_are_just_names)
     }
 }
 
+TEST(Cli, info_tells_of_a_scene_and_its_rods)
+{
+    const support::Folder folder;
+    folder.write("model.obj",
+                 support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 1}, 2)));
+    folder.write("h.handles", "cellwarp-handles 1\nfixed foot box 0 0 0 1 1 0.1\n"
+                              "rod spine through 0 0 0  0 0 1 radius 0.1\nframe 1\n"
+                              "move spine translate 0 0 1\n");
+    const std::string scene = folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "model.obj", "handles": "h.handles"})");
+    const nlohmann::json json = nlohmann::json::parse(run({"info", "--json", scene}).out);
+    EXPECT_EQ(json["samples"], 26);
+    EXPECT_EQ(json["frames"], 1);
+    EXPECT_EQ(json["regions"][1]["name"], "spine");
+    EXPECT_EQ(json["regions"][1]["points"], 2);
+    EXPECT_EQ(json["regions"][1]["radius"], 0.1);
+    EXPECT_TRUE(contains(run({"info", scene}).out,
+                         "  rod         spine, through 2 points, radius 0.1\n"));
+    const std::string rope =
+        folder.write("rope.json", R"({"cellwarp": 1, "rods": [{"name": "rope",
+        "through": [[0,0,0],[1,0,0]]}], "simulate": {}})");
+    EXPECT_TRUE(contains(run({"info", rope}).out, "  rod in time rope, 2 points\n"))
+        << run({"info", rope}).out;
+    EXPECT_EQ(run({"info", folder.write("bad.json", "{\"model\": 3}")}).code, 3);
+}
+
 TEST(Cli, info_describes_one_file_or_several)
 {
     const Files files;
