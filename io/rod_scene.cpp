@@ -849,6 +849,9 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     root.each("joints", [&](const Json& value, const std::string& key)
               { read_joint(value, key + ".", scene); });
     root.read("unit", kTiny, kHuge, scene.unit);
+    if (json.contains("model") && !scene.carries())
+        scene.warnings.push_back(
+            at({path, 0, "model"}, "no rod carries it, it is left out"));
     if (scene.carries() && !json.contains("model"))
         root.object().fail("model", "is missing: rods carry its cells");
     root.later("skeleton");

@@ -81,7 +81,7 @@ struct Film
     std::function<std::vector<Geometry>(std::int64_t frame)> frame;
     /// Whether all that was asked for so far converged.
     std::function<bool()> is_converged;
-    std::vector<std::string> warnings = {}; ///< of its file
+    std::function<std::vector<std::string>()> warnings; ///< so far
 };
 /// Nothing for models and for scenes of edits, nor in a build without rods:
 /// editor/cli/features.cpp.

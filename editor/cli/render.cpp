@@ -143,7 +143,7 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     if (film)
     {
         figures = figures_of(*film, flags);
-        warnings = film->warnings;
+        warnings = film->warnings();
     }
     else if (!flags.session.has_session() && !flags.shows_cells)
     {

@@ -2,6 +2,7 @@
 // cellwarp simulate: rods in time, frames out.
 #include "editor/cli/simulate.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -154,7 +155,7 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
 }
 
 /// The rods' middles as an OBJ of lines.
-std::string lines_of(const Simulation& simulation)
+std::string lines_of(const Simulation& simulation, double unit)
 {
     std::string text = "# cellwarp simulate\n";
     std::size_t first = 1;
@@ -162,7 +163,7 @@ std::string lines_of(const Simulation& simulation)
     {
         text += "o " + rod.name + "\n";
         for (const Eigen::Vector3d& p : rod.curve)
-            text += fmt::format("v {} {} {}\n", p.x(), p.y(), p.z());
+            text += fmt::format("v {} {} {}\n", p.x() / unit, p.y() / unit, p.z() / unit);
         text += "l";
         for (std::size_t k = 0; k < rod.curve.size(); ++k)
             text += fmt::format(" {}", first + k);
@@ -172,12 +173,15 @@ std::string lines_of(const Simulation& simulation)
     return text;
 }
 
-std::string bytes_of(const Simulation& simulation, const std::string& name,
+/// \p unit: of the file [m].
+std::string bytes_of(const Simulation& simulation, const std::string& name, double unit,
                      const SimulateFlags& flags)
 {
     if (flags.writes_lines)
-        return lines_of(simulation);
-    const Geometry surface = simulation.surface(static_cast<int>(flags.around));
+        return lines_of(simulation, unit);
+    Geometry surface = simulation.surface(static_cast<int>(flags.around));
+    for (Eigen::Vector3d& x : surface.samples)
+        x /= unit;
     const std::string extension = extension_of(name);
     return plain_mesh_bytes(surface, {surface.samples, {}},
                             extension.empty() ? "obj" : extension);
@@ -292,6 +296,20 @@ private:
     std::int64_t num_stopped_ = 0;
 };
 
+/// How many cells each rod carries.
+Json carriers_json(const Session& session)
+{
+    Json carriers = Json::array();
+    const CellSystem* const system = session.system();
+    for (std::size_t r = 0; system && r < system->regions().size(); ++r)
+        if (system->regions()[r].is_led())
+            carriers.push_back({{"name", system->regions()[r].name},
+                                {"cells", std::count(system->region_of_cell().begin(),
+                                                     system->region_of_cell().end(),
+                                                     static_cast<int>(r))}});
+    return carriers;
+}
+
 int run(const SimulateFlags& flags, const CommonFlags& common)
 {
     const Clock::time_point start = Clock::now();
@@ -326,7 +344,9 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
                            in_time.carried->session().deformed(), common.overwrite());
         const OutputName& of_rods = in_time.carried ? rods : name;
         if (is_wanted(of_rods, in_time.carried ? flags.rods : flags.output, is_last))
-            write_file(of_rods.of(frame), bytes_of(simulation, of_rods.of(frame), flags),
+            write_file(of_rods.of(frame),
+                       bytes_of(simulation, of_rods.of(frame),
+                                in_time.carried ? in_time.scene.unit : 1.0, flags),
                        common.overwrite());
         write_ms += ms_since(write_start);
     };
@@ -359,6 +379,8 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
         Json json;
         json["frames"] = record.take_frames();
         json["steps"] = simulation.steps_done();
+        if (in_time.carried)
+            json["carriers"] = carriers_json(in_time.carried->session());
         json["ms"] = {{"load", load_ms},
                       {"simulate", simulate_ms},
                       {"write", write_ms},
@@ -403,10 +425,20 @@ std::optional<Film> film_of_rods(const std::string& scene)
         }
         return seen;
     };
+    const auto warnings = [=]
+    {
+        std::vector<std::string> all = in_time->warnings;
+        if (in_time->carried)
+        {
+            const std::vector<std::string>& more = in_time->carried->session().warnings();
+            all.insert(all.end(), more.begin(), more.end());
+        }
+        return all;
+    };
     return Film{in_time->simulation.last_frame(), draw,
                 [=]
                 { return *is_converged && in_time->simulation.report().is_converged; },
-                in_time->warnings};
+                warnings};
 }
 
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
@@ -425,8 +457,9 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
         "-o,--output", flags->output,
         "rods as tubes (.obj, .ply), or the model that they carry, in its format: the "
         "last frame; {frame} or {frame:04}: one a frame; -: stdout, rods as OBJ");
-    command->add_option("--rods", flags->rods,
-                        "rods beside the model that they carry (.obj, .ply)");
+    command->add_option(
+        "--rods", flags->rods,
+        "rods beside the model that they carry, in its unit (.obj, .ply)");
     command->add_flag("--lines", flags->writes_lines,
                       "rods as lines along their middle, not as tubes");
     command->add_option("--around", flags->around, "corners around a tube (default 12)")

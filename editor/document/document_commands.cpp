@@ -382,9 +382,10 @@ void Document::release_point(const std::string& region, std::size_t point,
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
-    if (point >= old.points.size() || old.role != Role::Rod)
-        throw usage(in_quotes(region) + " has no point " + std::to_string(point) +
-                    " that could be let go");
+    if (point >= old.points.size())
+        throw usage(in_quotes(region) + " has no point " + std::to_string(point));
+    if (old.role != Role::Rod)
+        throw usage(in_quotes(region) + " is a curve: it goes where its points are put");
     const HoldParts& now = old.points[point].parts;
     if (!(now.place && parts.place) && !(now.tangent && parts.tangent) &&
         !(now.twist && parts.twist))

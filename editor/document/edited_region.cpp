@@ -114,11 +114,7 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
         edited.knows_samples = ground.is_known || region.shapes.empty();
         edited.spline = std::move(region.spline);
         edited.frame = ground.units.frame;
-        if (!edited.spline)
-            continue;
-        for (const RegionStatement& statement : statements)
-            if (statement.name == edited.name)
-                edited.line = statement.spline;
+        edited.line = std::move(region.told);
     }
     return regions;
 }

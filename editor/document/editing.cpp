@@ -76,7 +76,7 @@ struct Editing::State
 
     std::future<std::vector<Eigen::Vector3d>> drawing; ///< points of a centre line
     std::uint64_t drawing_revision = 0;
-    std::string drawing_error;
+    std::optional<DrawnLine> drawn; ///< that nobody has heard of
 
     std::unique_ptr<FieldExport> field;
     ExportStatus::State seen_field = ExportStatus::State::None;
@@ -167,28 +167,20 @@ struct Editing::State
             return false;
         for (std::size_t r = 0; r < own.size(); ++r)
             if (own[r].role != regions[r].role || own[r].factor != regions[r].factor ||
-                !(own[r].spline ? is_same_line(own[r], drag, regions[r])
-                                : own[r].samples == regions[r].samples))
+                !(own[r].told ? regions[r].line && *own[r].told == *regions[r].line
+                              : own[r].samples == regions[r].samples) ||
+                !is_same_guide(own, own[r].guide, regions[r]))
                 return false;
         return true;
     }
 
-    /// Points to rounding: the session and the document count in frames of their own.
-    bool is_same_line(const Region& own, const PreparedDrag& drag,
-                      const EditedRegion& region) const
+    static bool is_same_guide(const RegionSet& own,
+                              const std::optional<Region::Guide>& guide,
+                              const EditedRegion& region)
     {
-        constexpr double kSamePlace = 1e-9; // of the diagonal
-        const WorkFrame& frame = drag.source.body->rest->frame;
-        const SplineHolds holds = own.spline->rest_holds();
-        if (holds.size() != region.points.size() || own.name != region.name)
-            return false;
-        for (std::size_t k = 0; k < holds.size(); ++k)
-            if ((holds[k].place - frame.to_work(region.points[k].rest)).norm() >
-                kSamePlace * frame.diagonal())
-                return false;
-        return !region.line->radius ||
-               std::abs(own.spline->radius() - region.spline->radius()) <=
-                   kSamePlace * frame.diagonal();
+        return guide
+                   ? own[guide->region].name == region.guide && guide->at == region.share
+                   : region.guide.empty();
     }
 
     std::vector<SplineHolds> holds() const
@@ -277,15 +269,18 @@ struct Editing::State
     {
         if (!is_done(drawing) || hand)
             return false;
+        drawn.emplace();
         try
         {
             const std::vector<Eigen::Vector3d> points = drawing.get();
             if (drawing_revision == document.result_revision())
-                document.add_line(Role::Rod, {points, false, {}});
+                drawn->name = document.add_line(Role::Rod, {points, false, {}});
+            else
+                drawn->error = "something has changed meanwhile: no rod was drawn";
         }
-        catch (const Error& error)
+        catch (const std::exception& error)
         {
-            drawing_error = error.what();
+            drawn->error = error.what();
         }
         return true;
     }
@@ -496,7 +491,7 @@ void Editing::draw_centre_line(const std::vector<std::uint32_t>& near)
     State& s = *state_;
     if (is_drawing())
         throw Error(Fault::Usage, "a centre line is looked for already");
-    s.drawing_error.clear();
+    s.drawn.reset();
     s.drawing_revision = s.document.result_revision();
     s.drawing = std::async(std::launch::async, s.document.centre_line(near, result()));
 }
@@ -506,9 +501,9 @@ bool Editing::is_drawing() const
     return state_->drawing.valid();
 }
 
-const std::string& Editing::drawing_error() const
+std::optional<DrawnLine> Editing::take_drawn()
 {
-    return state_->drawing_error;
+    return std::exchange(state_->drawn, std::nullopt);
 }
 
 void Editing::drag_to(const Placement& placement)

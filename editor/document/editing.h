@@ -16,6 +16,13 @@
 namespace cellwarp
 {
 
+/// What came of a centre line.
+struct DrawnLine
+{
+    std::string name;  ///< of the rod
+    std::string error; ///< why there is none; empty: there is
+};
+
 class Editing
 {
 public:
@@ -80,8 +87,8 @@ public:
     /// in the background, one edit when it is there. \p near: empty for the longest line.
     void draw_centre_line(const std::vector<std::uint32_t>& near);
     bool is_drawing() const;
-    /// Why the last one was not drawn; empty: it was.
-    const std::string& drawing_error() const;
+    /// What came of the last one, once.
+    std::optional<DrawnLine> take_drawn();
 
     /// Writes the deformed model. Throws Error; Fault::Usage while the result is not
     /// there.

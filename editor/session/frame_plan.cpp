@@ -202,6 +202,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             moves_of_points[move.region].push_back(&move);
     FramePlan plan;
     std::vector<Motion> motions;
+    std::size_t next_led = 0;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
         const ModelBox& box = regions.box(r);
@@ -235,12 +236,12 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                 num_parts_of(from, to, std::min(diagonal, spline->rest()->length())));
         }
         std::shared_ptr<const SplineState>& to_led = plan.led.emplace_back();
-        if (const std::size_t first = regions.size() - led.size(); r >= first)
+        if (regions[r].is_led() && next_led < led.size())
         {
             const SplineHandle& rod = *regions[r].spline;
             const std::shared_ptr<const SplineState> before =
                 aims[r].led ? aims[r].led : rod.rest();
-            to_led = aims[r].led = led[r - first];
+            to_led = aims[r].led = led[next_led++];
             plan.num_parts = std::max(
                 plan.num_parts, parts_between(rod, *before, *to_led,
                                               std::min(diagonal, rod.rest()->length())));

@@ -48,7 +48,7 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
                 const std::string& file, std::int64_t frame, SplineHolds& holds);
 
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
-/// \p led: of the rods that are led, the last regions; empty: they stay. \p file names
+/// \p led: of the rods that are led, in their order; empty: they stay. \p file names
 /// the handle file. Throws Fault::Malformed.
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,

@@ -50,6 +50,8 @@ struct Region
     std::vector<RegionShape> shapes; ///< one a geometric selector
     /// Of a rod or curve. The tube of a rod is its shapes.
     std::shared_ptr<const SplineHandle> spline = {};
+    std::shared_ptr<const SplineStatement> told = {}; ///< null: it is led
+    bool is_led() const { return spline && !told; }
     bool is_exact = false; ///< of a rod: its samples end where its frames have them
     /// The curve or rod that a pin of one place stays on.
     struct Guide

@@ -59,7 +59,7 @@ std::vector<RodReport> rod_reports(const CellSystem& system,
     std::vector<RodReport> reports;
     for (std::size_t r = 0; r < system.regions().size(); ++r)
         if (const SplineHandle* const spline = system.regions()[r].spline.get();
-            spline && spline->num_points() > 0)
+            spline && !system.regions()[r].is_led())
             reports.push_back(report_of(
                 system, r, aims[r].holds.empty() ? spline->rest_holds() : aims[r].holds));
     return reports;

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <utility>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -409,7 +408,7 @@ void Session::solve_next(bool wants_samples, double cells_ms)
 {
     FrameStatement& statement = handles_.stages[stage_].frames[frame_];
     std::vector<std::string> told_before;
-    state_->plan = plan(statement, std::exchange(led_, {}), state_->aims,
+    state_->plan = plan(statement, led_, state_->aims,
                         settings_.keeps_checkpoints ? warnings_ : told_before);
     FrameReport& report = reports_.emplace_back();
     report.frame = statement.number;
@@ -429,6 +428,7 @@ void Session::end_frame(FrameReport& report, bool wants_samples)
 {
     ++frame_;
     ++frames_done_;
+    led_.clear();
     is_deformed_current_ = false;
     const bool is_committed = frame_ == handles_.stages[stage_].frames.size() &&
                               stage_ + 1 < handles_.stages.size();

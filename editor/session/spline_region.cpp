@@ -142,6 +142,7 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
     {
         throw malformed({file, statement.line, statement.name}, error.what());
     }
+    region.told = statement.spline;
     region.is_exact = statement.spline->is_exact;
     if (is_rod)
         region.shapes = tube_of(*region.spline, units);

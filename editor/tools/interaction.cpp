@@ -48,7 +48,7 @@ void Interaction::wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers
 {
     State& s = *state_;
     if (State::HandleDrag* const drag = s.current<State::HandleDrag>();
-        drag && drag->point && steps.allFinite())
+        drag && drag->point && steps.allFinite() && s.active_region()->role == Role::Rod)
     {
         drag->point->wheel += State::kTwistStep * steps.y();
         s.lead();
@@ -90,8 +90,20 @@ void Interaction::update()
     const EditedRegion* const region = s.active_region();
     if (!region)
         s.active.clear();
-    if (!region || (s.active_point && *s.active_point >= region->points.size()))
+    if (!region || region->points.empty())
         s.active_point.reset();
+    else if (s.active_point) // undo may have taken it
+        s.active_point = std::min(*s.active_point, region->points.size() - 1);
+    if (const std::optional<DrawnLine> drawn = s.editing.take_drawn())
+    {
+        if (!drawn->error.empty())
+            s.complain(drawn->error);
+        else
+        {
+            s.active = drawn->name;
+            s.active_point.reset();
+        }
+    }
     s.follow_pointer();
     if (!s.current<State::HandleDrag>()) // nothing is picked meanwhile
         s.picker.update(s.editing.shape());
@@ -126,7 +138,7 @@ Tool Interaction::tool() const
 void Interaction::set_tool(Tool tool)
 {
     state_->cancel();
-    state_->tool = tool;
+    state_->take_tool(tool);
 }
 
 Navigation Interaction::navigation() const
@@ -276,8 +288,8 @@ std::string Interaction::status() const
                                                    : "Zoom";
     if (!s.drawn.empty())
         return fmt::format(
-            "{} point{} (click: next, Enter: rod, Shift+Enter: curve, Esc: "
-            "back)",
+            "{} point{} (click: next, Backspace: one less, Enter: rod, Shift+Enter: "
+            "curve, Esc: back)",
             s.drawn.size(), s.drawn.size() == 1 ? "" : "s");
     if (s.tool == Tool::Draw)
         return "Click along the middle of a limb";

@@ -20,10 +20,13 @@ void Interaction::State::key(const KeyEvent& event)
 {
     follow_pointer();
     if (event.key == Key::Escape)
+    {
+        drawn.clear();
         return cancel();
+    }
     if (is_idle() && !drawn.empty())
     {
-        if (event.key == Key::Backspace)
+        if (event.key == Key::Backspace || command_of(event) == Command::Undo)
             return drawn.pop_back();
         if (event.key == Key::Enter)
             return attempt(
@@ -48,6 +51,14 @@ void Interaction::State::key(const KeyEvent& event)
         attempt([&] { run(*command); });
 }
 
+/// A line under way is dropped with its tool.
+void Interaction::State::take_tool(Tool next)
+{
+    if (next != Tool::Draw)
+        drawn.clear();
+    tool = next;
+}
+
 void Interaction::State::run(Command command)
 {
     const Selection none(document().selection().num_samples());
@@ -60,26 +71,19 @@ void Interaction::State::run(Command command)
         return take(active,
                     {{DragWay::Kind::TurnView, 0}, pixel, true, {}, {}, active_point});
     case Command::ToolClick:
-        tool = Tool::Click;
-        return;
+        return take_tool(Tool::Click);
     case Command::ToolBox:
-        tool = Tool::Box;
-        return;
+        return take_tool(Tool::Box);
     case Command::ToolLasso:
-        tool = Tool::Lasso;
-        return;
+        return take_tool(Tool::Lasso);
     case Command::ToolBrush:
-        tool = Tool::Brush;
-        return;
+        return take_tool(Tool::Brush);
     case Command::ToolMove:
-        tool = Tool::Move;
-        return;
+        return take_tool(Tool::Move);
     case Command::ToolRotate:
-        tool = Tool::Rotate;
-        return;
+        return take_tool(Tool::Rotate);
     case Command::ToolDraw:
-        tool = Tool::Draw;
-        return;
+        return take_tool(Tool::Draw);
     case Command::NextRegion:
         return next_region();
     case Command::SelectAll:

@@ -206,6 +206,14 @@ void Interaction::State::click(const Press& press)
 {
     if (tool == Tool::Draw)
     {
+        // The last point once more: done, as by Enter.
+        const auto last = drawn.empty() ? std::nullopt : camera.project(drawn.back());
+        if (last && (last->head<2>() - press.pixel).norm() <= kClickReach)
+        {
+            if (drawn.size() > 1)
+                attempt([&] { end_drawing(Role::Rod); });
+            return;
+        }
         drawn.push_back(through(press.pixel));
         return;
     }
@@ -377,7 +385,6 @@ void Interaction::State::cancel()
     gesture = {};
     preview.reset();
     spread.reset();
-    drawn.clear();
 }
 
 } // namespace cellwarp

@@ -101,7 +101,14 @@ void Interaction::State::end_drawing(Role role)
     RodShape shape;
     for (const Eigen::Vector3d& point : drawn)
         shape.points.push_back(editing.view_frame().to_model(point));
+    std::string ends;
+    if (!document().handles().stages.back().frames.empty())
+        for (const EditedRegion& region : document().regions())
+            if (region.is_spline())
+                ends += (ends.empty() ? "" : ", ") + region.name;
     active = document().add_line(role, shape);
+    if (!ends.empty())
+        complain("A new stage begins, and what was posed by " + ends + " stays as it is");
     active_point.reset();
     drawn.clear();
     tool = Tool::Move;
@@ -120,8 +127,12 @@ void Interaction::State::insert_point()
 {
     const EditedRegion* const region = active_region();
     const ShownLine* const line = line_of(active);
-    if (!region || !line || !active_point)
+    if (!region || !line || !active_point || *active_point >= region->points.size())
         throw Error(Fault::Usage, kNoPoint);
+    if (region->line->form == SplineStatement::Form::Points)
+        throw Error(Fault::Usage,
+                    active +
+                        " is told by control points: more of them bend it otherwise");
     RodShape shape = shape_of(*region);
     const std::size_t k =
         std::min(*active_point, shape.points.size() - (region->line->is_closed ? 1 : 2));
@@ -146,7 +157,7 @@ void Interaction::State::release_point(const HoldParts& parts)
 void Interaction::State::remove_point()
 {
     const EditedRegion* const region = active_region();
-    if (!region || !active_point)
+    if (!region || !active_point || *active_point >= region->points.size())
         throw Error(Fault::Usage, kNoPoint);
     RodShape shape = shape_of(*region);
     shape.points.erase(shape.points.begin() + std::ptrdiff_t(*active_point));

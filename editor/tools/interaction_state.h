@@ -205,6 +205,7 @@ struct Interaction::State
     // Keys.
     void key(const KeyEvent& event);
     void run(Command command);
+    void take_tool(Tool next);
     void run_spread(const Neighbours& around);
     void make_region(Role role);
     void remove_region();

@@ -97,15 +97,23 @@ void draw_thread(const Overlay& overlay, const std::vector<Eigen::Vector3d>& pla
                  ImU32 ink, float width)
 {
     std::vector<ImVec2> line;
+    const auto draw = [&]
+    {
+        const int count = static_cast<int>(line.size());
+        if (count > 1)
+        {
+            overlay.list().AddPolyline(line.data(), count, IM_COL32(0, 0, 0, 90), 0,
+                                       overlay.px(width + 1.6f));
+            overlay.list().AddPolyline(line.data(), count, ink, 0, overlay.px(width));
+        }
+        line.clear();
+    };
     for (const Eigen::Vector3d& place : places)
         if (ImVec2 at; overlay.at(place, at))
             line.push_back(at);
-    if (line.size() < 2)
-        return;
-    const int count = static_cast<int>(line.size());
-    overlay.list().AddPolyline(line.data(), count, IM_COL32(0, 0, 0, 90), 0,
-                               overlay.px(width + 1.6f));
-    overlay.list().AddPolyline(line.data(), count, ink, 0, overlay.px(width));
+        else
+            draw(); // it goes on behind the viewer
+    draw();
 }
 
 /// Held ones are filled, others rings.

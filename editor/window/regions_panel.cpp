@@ -198,8 +198,8 @@ void show_holds(EditorApp& app, const EditedRegion& region, std::size_t point)
     const EditedPoint& of = region.points[point];
     faint_text(fmt::format(
         "Point {}{}{}", point,
-        of.parts.place ? fmt::format(": {:.4g}, {:.4g}, {:.4g}", of.place.x(),
-                                     of.place.y(), of.place.z())
+        of.parts.place ? fmt::format(" at {:.4g}, {:.4g}, {:.4g} of the rest",
+                                     of.place.x(), of.place.y(), of.place.z())
                        : std::string(" finds its place"),
         of.parts.twist ? fmt::format(", turned by {:.4g}°", of.degrees) : std::string()));
     if (region.role != Role::Rod)
@@ -221,28 +221,33 @@ void show_holds(EditorApp& app, const EditedRegion& region, std::size_t point)
     held("twist", of.parts.twist, {false, false, true});
 }
 
-/// Points of a rod or curve: where they are held, and the one that keys act on.
-void show_points(EditorApp& app, PanelState& state, const EditedRegion& region)
+/// Of the tube that a rod carries.
+void show_radius(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
-    Interaction& hand = app.opened()->hand;
-    const double unit = std::max(1e-300, app.document().box().size().norm());
     label("Radius");
     RodShape shape = shape_of(region);
     double radius = state.radius.value_or(
         shape.radius.value_or(region.frame.length_to_model(region.spline->radius())));
     ImGui::SetNextItemWidth(-1);
-    ImGui::BeginDisabled(region.role != Role::Rod);
     if (ImGui::InputDouble("##radius", &radius, 0.0, 0.0, "%.4g"))
         state.radius = radius;
     tip("Of the tube whose cells it carries [model unit]");
     if (ImGui::IsItemDeactivatedAfterEdit())
     {
         state.radius.reset();
-        shape.radius =
-            radius > 0 && radius < 10 * unit ? std::optional(radius) : std::nullopt;
+        shape.radius = radius > 0 && radius < 10 * app.document().box().size().norm()
+                           ? std::optional(radius)
+                           : std::nullopt;
         app.attempt(Place::Regions, [&] { app.document().set_line(region.name, shape); });
     }
-    ImGui::EndDisabled();
+}
+
+/// Points of a rod or curve: where they are held, and the one that keys act on.
+void show_points(EditorApp& app, PanelState& state, const EditedRegion& region)
+{
+    Interaction& hand = app.opened()->hand;
+    if (region.role == Role::Rod)
+        show_radius(app, state, region);
     label("Points");
     for (std::size_t k = 0; k < region.points.size(); ++k)
     {

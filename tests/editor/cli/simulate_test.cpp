@@ -112,6 +112,8 @@ TEST(SimulateCommand, writes_the_model_that_rods_carry)
     EXPECT_FALSE(json["frames"][0].contains("model"));
     EXPECT_EQ(json["frames"][2]["model"]["stop"], "converged");
     EXPECT_GT(json["frames"][2]["model"]["cells"], 100);
+    EXPECT_EQ(json["carriers"][0]["name"], "spine");
+    EXPECT_GT(json["carriers"][0]["cells"], 8);
     const Geometry rest = read_geometry(folder / "bar.obj").geometry,
                    last = read_geometry(folder / "bar-2.obj").geometry;
     EXPECT_EQ(read_geometry(folder / "bar-0.obj").geometry.samples, rest.samples);

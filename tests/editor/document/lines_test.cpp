@@ -260,7 +260,18 @@ TEST(Lines, a_rod_is_drawn_along_the_middle_of_the_shape)
     EXPECT_TRUE(editing.is_drawing());
     editing.wait();
     EXPECT_FALSE(editing.is_drawing());
-    EXPECT_EQ(editing.drawing_error(), "");
+    const std::optional<DrawnLine> drawn = editing.take_drawn();
+    ASSERT_TRUE(drawn);
+    EXPECT_EQ(drawn->error, "");
+    EXPECT_EQ(drawn->name, "rod");
+    EXPECT_FALSE(editing.take_drawn());
+    // What has changed meanwhile has no such rod, and that is said.
+    editing.draw_centre_line({});
+    editing.document().remove_region("rod");
+    editing.wait();
+    EXPECT_TRUE(contains(editing.take_drawn()->error, "changed meanwhile"));
+    EXPECT_EQ(editing.document().region("rod"), nullptr);
+    editing.document().undo();
     const EditedRegion* const rod = editing.document().region("rod");
     ASSERT_NE(rod, nullptr);
     for (const EditedPoint& point : rod->points)

@@ -16,7 +16,7 @@ namespace
 
 using Eigen::Vector3d;
 
-constexpr Modifiers kShift{.shift = true};
+constexpr Modifiers kShift{.shift = true}, kControl{.control = true};
 
 /// The left end fixed, a rod through the rest.
 struct RodDesk : Desk
@@ -69,8 +69,16 @@ TEST(InteractionLines, a_line_under_way_is_shown_shortened_and_dropped)
     EXPECT_TRUE(contains(desk.hand.status(), "3 points"));
     desk.key(Key::Backspace);
     EXPECT_EQ(desk.hand.drawn().size(), 2u);
+    desk.hand.focus_lost(); // nothing is lost by looking elsewhere
+    EXPECT_EQ(desk.hand.drawn().size(), 2u);
+    desk.key('z', kControl); // takes back a point, no edit
+    EXPECT_EQ(desk.hand.drawn().size(), 1u);
     desk.key(Key::Escape);
     EXPECT_TRUE(desk.hand.drawn().empty());
+    desk.click(desk.pixel({0.5, 0.5, 0.5}));
+    desk.key('5'); // another tool: dropped
+    EXPECT_TRUE(desk.hand.drawn().empty());
+    desk.key('7');
     desk.click(desk.pixel({0.5, 0.5, 0.5}));
     desk.key(Key::Enter); // one point is no line
     EXPECT_TRUE(contains(desk.hand.complaint(), "needs two points"));
@@ -128,6 +136,47 @@ TEST(InteractionLines, points_come_and_go_before_anything_has_moved)
     EXPECT_EQ(desk.document().region("rod"), nullptr);
     desk.settle();
     EXPECT_TRUE(desk.hand.lines().empty());
+}
+
+TEST(InteractionLines, the_last_point_once_more_ends_the_line)
+{
+    Desk desk;
+    desk.key('d');
+    for (const double x : {0.5, 1.5, 2.5, 2.5})
+        desk.click(desk.pixel({x, 0.5, 0.5}));
+    EXPECT_EQ(desk.last_edit(), "Draw rod");
+    EXPECT_EQ(desk.region("rod").points.size(), 3u);
+}
+
+TEST(InteractionLines, delete_never_takes_the_rod_for_a_point_that_undo_took)
+{
+    RodDesk desk;
+    desk.click(desk.pixel(desk.place(1)));
+    for (int k = 0; k < 3; ++k)
+    {
+        desk.key('n');
+        desk.settle();
+    }
+    for (int k = 0; k < 3; ++k)
+        desk.key('z', kControl);
+    desk.settle();
+    desk.key(Key::Delete);
+    ASSERT_NE(desk.document().region("rod"), nullptr);
+    EXPECT_EQ(desk.region("rod").points.size(), 2u);
+}
+
+TEST(InteractionLines, a_line_drawn_after_a_move_says_that_rods_end)
+{
+    RodDesk desk;
+    desk.drag(desk.pixel(desk.place(2)), desk.pixel(desk.place(2) + Vector3d(0, 0.3, 0)));
+    desk.settle();
+    desk.key('d');
+    for (const double x : {0.5, 1.5})
+        desk.click(desk.pixel({x, 0.5, 0.5}));
+    desk.key(Key::Enter);
+    EXPECT_TRUE(contains(desk.hand.complaint(), "posed by rod stays"))
+        << desk.hand.complaint();
+    EXPECT_EQ(desk.document().handles().stages.size(), 2u);
 }
 
 TEST(InteractionLines, the_gizmo_is_on_the_active_point)
