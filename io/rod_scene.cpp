@@ -795,11 +795,6 @@ bool has_simulation(const std::string& path)
             !json.contains("model"));
 }
 
-bool has_model(const std::string& path)
-{
-    return parse_json(path, read_file(path)).contains("model");
-}
-
 RodScene read_rod_scene(const std::string& path)
 {
     return parse_rod_scene(path, read_file(path));

@@ -230,9 +230,6 @@ struct RodScene
 /// reading it throws.
 bool has_simulation(const std::string& path);
 
-/// Whether it names a model.
-bool has_model(const std::string& path);
-
 /// Of a scene file with "rods" and "simulate". Throws Fault::File, Fault::Malformed with
 /// the key that is wrong: "rods[1].fixed[0].at".
 RodScene read_rod_scene(const std::string& path);

@@ -156,6 +156,11 @@ std::string scene_text(const SceneFile& scene)
     }
 }
 
+bool has_model(const std::string& path)
+{
+    return parse_json(path, read_file(path)).contains("model");
+}
+
 SceneFile read_scene(const std::string& path)
 {
     return parse_scene(path, read_file(path));

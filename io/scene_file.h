@@ -36,6 +36,10 @@ struct SceneFile
     std::string text;                  ///< as it was read, with what the rest leaves out
 };
 
+/// Whether a scene is about a model: rods in time need none. Throws as read_scene() for
+/// what is no JSON.
+bool has_model(const std::string& path);
+
 /// Throws Fault::File or Fault::Malformed with the line of a syntax error or the
 /// path of a wrong value ("cells.gap").
 SceneFile read_scene(const std::string& path);

@@ -32,6 +32,15 @@ std::optional<Film> film_of([[maybe_unused]] const std::string& input)
 #endif
 }
 
+Json rods_in_time([[maybe_unused]] const std::string& scene)
+{
+#ifdef CELLWARP_WITH_RODS
+    return rods_of_scene(scene);
+#else
+    return Json::array();
+#endif
+}
+
 std::optional<Pictures> make_pictures()
 {
 #ifdef CELLWARP_WITH_PICTURE

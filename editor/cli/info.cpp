@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp info: what files hold.
-#include <algorithm>
 #include <memory>
 #include <optional>
 
@@ -11,7 +10,6 @@
 #include "io/geometry_file.h"
 #include "io/handle_file.h"
 #include "io/number.h"
-#include "io/rod_scene.h"
 #include "io/scene_file.h"
 #include "io/text.h"
 
@@ -86,7 +84,7 @@ struct SceneContents
 SceneContents contents_of(const std::string& path)
 {
     SceneContents out;
-    Json regions = Json::array(), rods = Json::array();
+    Json regions = Json::array();
     std::size_t frames = 0;
     if (has_model(path))
     {
@@ -100,15 +98,9 @@ SceneContents contents_of(const std::string& path)
                 frames += stage.frames.size();
             }
     }
-    if (has_simulation(path))
-        for (const RodStatement& rod : read_rod_scene(path).rods)
-            rods.push_back({{"name", rod.name},
-                            {"points", std::max(rod.points.size(), rod.through.size())},
-                            {"closed", rod.is_closed},
-                            {"carries", rod.carries}});
     out.json["regions"] = std::move(regions);
     out.json["frames"] = frames;
-    out.json["rods_in_time"] = std::move(rods);
+    out.json["rods_in_time"] = rods_in_time(path);
     return out;
 }
 

@@ -441,6 +441,18 @@ std::optional<Film> film_of_rods(const std::string& scene)
                 warnings};
 }
 
+Json rods_of_scene(const std::string& scene)
+{
+    Json rods = Json::array();
+    if (has_simulation(scene))
+        for (const RodStatement& rod : read_rod_scene(scene).rods)
+            rods.push_back({{"name", rod.name},
+                            {"points", std::max(rod.points.size(), rod.through.size())},
+                            {"closed", rod.is_closed},
+                            {"carries", rod.carries}});
+    return rods;
+}
+
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<SimulateFlags>();

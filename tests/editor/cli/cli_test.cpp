@@ -242,11 +242,6 @@ TEST(Cli, info_tells_of_a_scene_and_its_rods)
     EXPECT_EQ(json["regions"][1]["radius"], 0.1);
     EXPECT_TRUE(contains(run({"info", scene}).out,
                          "  rod         spine, through 2 points, radius 0.1\n"));
-    const std::string rope =
-        folder.write("rope.json", R"({"cellwarp": 1, "rods": [{"name": "rope",
-        "through": [[0,0,0],[1,0,0]]}], "simulate": {}})");
-    EXPECT_TRUE(contains(run({"info", rope}).out, "  rod in time rope, 2 points\n"))
-        << run({"info", rope}).out;
     EXPECT_EQ(run({"info", folder.write("bad.json", "{\"model\": 3}")}).code, 3);
 }
 

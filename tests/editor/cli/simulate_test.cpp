@@ -138,6 +138,14 @@ TEST(SimulateCommand, writes_the_model_that_rods_carry)
     EXPECT_EQ(run({"simulate", scene, "-o", folder / "bar.stl"}).code, 2);
 }
 
+TEST(SimulateCommand, info_tells_of_its_rods)
+{
+    const Folder folder;
+    const std::string scene = folder.write("rope.json", kRope);
+    EXPECT_TRUE(contains(run({"info", scene}).out, "  rod in time rope, 2 points\n"))
+        << run({"info", scene}).out;
+}
+
 TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
 {
     const Folder folder;
