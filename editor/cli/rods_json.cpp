@@ -46,6 +46,7 @@ Json rods_json(const std::vector<RodReport>& rods)
                         {"cells", rod.cells},
                         {"length", rod.length},
                         {"radius", rod.radius},
+                        {"stiffness", rod.stiffness},
                         {"energy", rod.energy},
                         {"points", points},
                         {"held", held},
@@ -62,9 +63,13 @@ std::string rods_text(const std::vector<RodReport>& rods)
     {
         text +=
             rod.is_rod
-                ? fmt::format("  rod {}: {:.4g} long, radius {:.4g}, carries {} "
-                              "cells, through",
-                              rod.name, rod.length, rod.radius, rod.cells)
+                ? fmt::format(
+                      "  rod {}: {:.4g} long, radius {:.4g}, carries {} cells{}, through",
+                      rod.name, rod.length, rod.radius, rod.cells,
+                      rod.stiffness > 0.0
+                          ? fmt::format(", pushes back with stiffness {:.4g}",
+                                        rod.stiffness)
+                          : std::string())
                 : fmt::format("  curve {}: {:.4g} long, through", rod.name, rod.length);
         for (const Eigen::Vector3d& point : rod.points)
             text +=

@@ -267,6 +267,7 @@ RodShape shape_of(const EditedRegion& region)
     shape.is_closed = region.line->is_closed;
     if (region.line->radius)
         shape.radius = region.frame.length_to_model(region.spline->radius());
+    shape.stiffness = region.line->stiffness;
     return shape;
 }
 
@@ -281,6 +282,7 @@ SplineStatement line_of(const RodShape& shape, Role role, const RegionGround& gr
         like.points.push_back(given_point(point, ground.units));
     like.is_closed = shape.is_closed;
     like.radius = role == Role::Rod ? shape.radius : std::nullopt;
+    like.stiffness = role == Role::Rod ? shape.stiffness : std::nullopt;
     if (like.radius && ground.units.is_relative)
         *like.radius /= ground.units.box.size().norm();
     return like;

@@ -69,7 +69,16 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     check_memory("equations",
                  RigidMultigrid::memory_estimate(cells.size(), cells.faces.size()),
                  settings);
-    minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps);
+    MakeCompanion make_rods;
+    if (std::vector<PushingSpline> rods = pushing_splines(); !rods.empty())
+        make_rods = [&, rods](CellState& state, const GlueTerm& glue)
+        {
+            std::unique_ptr<PushingSplines> made = make_pushing_splines(state, glue, rods);
+            pushing_ = made.get();
+            return made;
+        };
+    minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps,
+                       make_rods);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     guess_.emplace(cells, glue_, constraints_, driving(),
@@ -264,6 +273,60 @@ Pose CellSystem::pose_on_rod(std::size_t cell) const
     return carried(motions_[region] * bent, centre);
 }
 
+/// Those with cells.
+std::vector<PushingSpline> CellSystem::pushing_splines()
+{
+    std::vector<PushingSpline> rods;
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        const Region& region = (*regions_)[r];
+        if (!region.is_rod() || !(region.spline->stiffness() > 0.0))
+            continue;
+        PushingSpline rod{region.spline, {}, {}, {}};
+        for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
+        {
+            if (region_of_cell_[c] != static_cast<int>(r))
+                continue;
+            rod.cells.push_back(static_cast<int>(c));
+            rod.at.push_back(on_rod_[c]);
+            rod.centres.push_back(body_->cells.cells[c].centre);
+        }
+        if (rod.cells.empty())
+            continue;
+        pushing_regions_.push_back(r);
+        rods.push_back(std::move(rod));
+    }
+    return rods;
+}
+
+void CellSystem::place_pushing_rods()
+{
+    for (std::size_t k = 0; k < pushing_regions_.size(); ++k)
+        pushing_->set(k, splines_[pushing_regions_[k]], motions_[pushing_regions_[k]]);
+}
+
+/// Where the last solve has left them.
+void CellSystem::take_solved_rods()
+{
+    for (std::size_t k = 0; k < pushing_regions_.size(); ++k)
+        splines_[pushing_regions_[k]] = pushing_->solved(k);
+    for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
+        if (const int owner = region_of_cell_[c];
+            owner >= 0 && std::find(pushing_regions_.begin(), pushing_regions_.end(),
+                                    idx(owner)) != pushing_regions_.end())
+            poses_[c] = pose_on_rod(c);
+    find_station_motions(station_motions_);
+    place_pushing_rods();
+}
+
+double CellSystem::energy() const
+{
+    double energy = glue_energy(glue_, poses_);
+    for (const std::size_t region : pushing_regions_)
+        energy += splines_[region]->energy();
+    return energy;
+}
+
 Motion CellSystem::motion_at(std::size_t region, const Eigen::Vector3d& x) const
 {
     if (!(*regions_)[region].is_rod())
@@ -442,6 +505,7 @@ void CellSystem::move_regions(std::span<const Motion> motions,
     }
     hold_guided();
     minimizer_->set_held_points(constraints_);
+    place_pushing_rods();
 }
 
 /// The one rigid step that all regions of a component make, if they do. A pin takes part
@@ -507,9 +571,33 @@ Residual CellSystem::residual()
     return minimizer_->residual(poses_);
 }
 
-SolveReport CellSystem::solve(const SolveOptions& options)
+/// Holds of rods that push back are kept to first order in a solve: it is solved again
+/// from where they hold exactly, which is near.
+void CellSystem::solve_to_holds(const SolveOptions& options, SolveReport& report)
 {
-    const SolveReport report = minimizer_->minimize(poses_, options);
+    constexpr int kRounds = 10;
+    for (int round = 0; round < kRounds && pushing_->bring_back(); ++round)
+    {
+        take_solved_rods();
+        if (report.stop != Stop::Converged)
+            return;
+        SolveOptions rest = options;
+        rest.max_iterations = std::max(0, options.max_iterations - report.iterations);
+        SolveReport next = minimizer_->minimize(poses_, rest);
+        next.add_earlier(report);
+        next.energy_before = report.energy_before;
+        report = next;
+    }
+    take_solved_rods();
+}
+
+SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
+{
+    if (pushing_)
+        pushing_->lead(rods_lead);
+    SolveReport report = minimizer_->minimize(poses_, options);
+    if (pushing_ && !rods_lead && report.iterations > 0)
+        solve_to_holds(options, report);
     for (const Guided& guided : guided_)
     {
         Constraint& constraint = constraints_[idx(guided.cell)];

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "editor/session/body.h"
+#include "editor/session/pushing_splines.h"
 #include "editor/session/region_set.h"
 #include "solver/cells/cell_minimizer.h"
 #include "solver/cells/initial_guess.h"
@@ -98,7 +99,9 @@ public:
     Residual residual();
     /// Lowers the glue energy of the cells that may move. Allocates nothing from the
     /// second call on but in the direct method.
-    SolveReport solve(const SolveOptions& options);
+    /// Rods that push back are solved for with them, unless \p rods_lead: then they stay
+    /// where they were taken to, as others do.
+    SolveReport solve(const SolveOptions& options, bool rods_lead = false);
     /// Starts from other poses, at which the regions have made \p motions.
     void set_state(std::span<const Pose> poses, std::span<const Motion> motions);
     /// The same with all of another system's regions, in other cells.
@@ -115,7 +118,8 @@ public:
     /// From here on a solve depends on state() alone, not on the way to it.
     void forget_way() { minimizer_->forget(poses_, false); }
 
-    double energy() const { return glue_energy(glue_, poses_); }
+    /// Of the glue, and of the rods that push back.
+    double energy() const;
     /// Between glued cells [diagonal].
     double largest_gap() const;
 
@@ -174,6 +178,10 @@ private:
     std::vector<Driving> driving() const;
     void find_station_motions(std::vector<Motion>& motions) const;
     Pose pose_on_rod(std::size_t cell) const;
+    std::vector<PushingSpline> pushing_splines();
+    void place_pushing_rods();
+    void take_solved_rods();
+    void solve_to_holds(const SolveOptions& options, SolveReport& report);
     void hold_pins();
     void warn_of_components();
     void place_fades();
@@ -188,7 +196,9 @@ private:
     std::vector<Constraint> constraints_;
     std::vector<Part> parts_;
     Glue glue_;
+    std::vector<std::size_t> pushing_regions_; ///< of the rods that push back
     std::optional<CellMinimizer> minimizer_;
+    PushingSplines* pushing_ = nullptr; ///< a part of the minimizer; null: none
     std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;
     std::vector<std::string> warnings_;

@@ -107,7 +107,9 @@ void FrameSolver::solve_on(Way& way, bool is_last)
             settings_.watch({frames_done_, frame_, way.part, way.parts, done + iteration,
                              gradient, energy});
         };
-    SolveReport solve = system_.solve(options);
+    // Rods are solved for where they end: on the way there, which is a straight one, what
+    // holds them presses them together, and soft ones would fold.
+    SolveReport solve = system_.solve(options, way.part < way.parts);
     solve.add_earlier(way.total);
     way.total = solve;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Built instead of spline_handle.cpp where rods are left out.
+// Built instead of spline_handle.cpp and pushing_splines.cpp where rods are left out.
+#include "editor/session/pushing_splines.h"
 #include "editor/session/spline_handle.h"
 
 #include "io/error.h"
@@ -24,6 +25,12 @@ std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d>, do
 
 std::shared_ptr<const SplineHandle>
 make_spline_handle(const SplineStatement&, std::span<const Eigen::Vector3d>, bool, double)
+{
+    refuse();
+}
+
+std::unique_ptr<PushingSplines> make_pushing_splines(CellState&, const GlueTerm&,
+                                                     std::vector<PushingSpline>)
 {
     refuse();
 }

@@ -238,6 +238,10 @@ void put_on_guides(std::span<const OnStatement> statements,
         if (pin->samples.empty())
             throw malformed({file, on.line, on.pin},
                             "'on' needs a pin of one place; this one has no sample");
+        if (guide->spline && guide->spline->stiffness() > 0.0)
+            throw malformed({file, on.line, on.pin},
+                            guide->name + " pushes back: no pin stays on such a rod "
+                                          "(leave out its stiffness, or use a curve)");
         pin->guide = Region::Guide{static_cast<std::size_t>(guide - regions.begin()),
                                    on.at, on.line};
     }

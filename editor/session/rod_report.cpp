@@ -27,6 +27,8 @@ RodReport report_of(const CellSystem& system, std::size_t r, const SplineHolds& 
                                                        static_cast<int>(r)));
     report.length = frame.length_to_model(now.length());
     report.radius = frame.length_to_model(region.spline->radius());
+    if (region.told->stiffness)
+        report.stiffness = *region.told->stiffness;
     report.energy = now.energy() * unit * unit * unit;
     for (const Eigen::Vector3d& point : now.points())
         report.points.push_back(frame.to_model(motion(point)));

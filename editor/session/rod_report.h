@@ -22,7 +22,8 @@ struct RodReport
     bool is_rod = true;
     std::size_t cells = 0; ///< that it carries
     double length = 0.0, radius = 0.0;
-    double energy = 0.0;                 ///< of stiffness 1 [model unit^3]
+    double stiffness = 0.0; ///< with which it pushes back; 0: it only leads
+    double energy = 0.0;    ///< of its stiffness, or of stiffness 1 [model unit^3]
     std::vector<Eigen::Vector3d> points; ///< of its statement
     std::vector<HoldParts> holds;        ///< of each point, what is held
     std::vector<Eigen::Vector3d> forces; ///< that hold them [model unit^2]

@@ -9,9 +9,11 @@
 #include "editor/session/spline_handle.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
 #include <Eigen/Geometry>
@@ -19,6 +21,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
+#include "solver/coupled/rod_unknowns.h"
 #include "solver/dynamics/implicit_stepper.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
@@ -44,6 +47,8 @@ constexpr int kPieces = 8;
 /// out, so often, until it turns by no more [rad].
 constexpr int kRounds = 20;
 constexpr double kSameTangent = 1e-11;
+
+constexpr double kTurn = 2.0 * std::numbers::pi;
 
 /// Newton's steps of a rod.
 constexpr int kIterations = 200;
@@ -98,14 +103,18 @@ class Handle;
 class State final : public SplineState
 {
 public:
-    State(const Handle& of, RodState state, bool is_rest, double energy,
-          std::vector<Vector3d> forces)
-        : of_(of), state_(std::move(state)), is_rest_(is_rest), energy_(energy),
-          forces_(std::move(forces))
+    /// \p lead: of a rod that pushes back, where it would be if it only led.
+    State(const Handle& of, RodState state, SplineHolds holds, bool is_rest,
+          double energy, std::vector<Vector3d> forces,
+          std::optional<RodState> lead = std::nullopt)
+        : of_(of), state_(std::move(state)), holds_(std::move(holds)), is_rest_(is_rest),
+          energy_(energy), forces_(std::move(forces)), lead_(std::move(lead))
     {
     }
 
-    const RodState& rod() const { return state_; }
+    const RodState* rod() const override { return &state_; }
+    const RodState& lead() const { return lead_ ? *lead_ : state_; }
+    const SplineHolds& holds() const { return holds_; }
     RailPlace at(double s) const override
     {
         const CurvePoint point = state_.at(s);
@@ -122,9 +131,11 @@ public:
 private:
     const Handle& of_;
     RodState state_;
+    SplineHolds holds_;
     bool is_rest_;
     double energy_;
     std::vector<Vector3d> forces_;
+    std::optional<RodState> lead_;
 };
 
 class Handle final : public SplineHandle
@@ -148,6 +159,10 @@ public:
         }
         if (!is_rod && !by_controls_)
             follow_ = controls_by_points(spline, at_points_);
+        // As a round rod of the tube's radius, [theory-rods (35)].
+        scale_ = 0.5 * std::numbers::pi * std::pow(radius_, 4);
+        if (statement.stiffness)
+            stiffness_ = scale_ *= *statement.stiffness;
         start();
     }
     Handle(const Spline& rest, double radius)
@@ -184,6 +199,15 @@ public:
     std::shared_ptr<const SplineState> moved(const SplineState& from,
                                              const SplineHolds& holds,
                                              bool tries_all) const override;
+    double stiffness() const override { return stiffness_; }
+    std::vector<RodConstraint> constraints(const SplineState& state,
+                                           const RodState& now) const override
+    {
+        return constraints(now, static_cast<const State&>(state).holds());
+    }
+    std::shared_ptr<const SplineState>
+    solved(const SplineState& from, const RodState& now,
+           const Eigen::VectorXd& multipliers) const override;
 
     bool by_controls() const { return by_controls_; }
     const std::vector<Vector3d>& points() const { return points_; }
@@ -218,7 +242,7 @@ private:
                 add_place(span.begin + piece * span.length() / kPieces);
         add_place(end());
         is_rest_shared_ = std::make_shared<const State>(
-            *this, rest_, true, 0.0,
+            *this, rest_, rest_holds(), true, 0.0,
             std::vector<Vector3d>(num_points(), Vector3d::Zero()));
     }
     void add_place(double s)
@@ -234,9 +258,16 @@ private:
                            std::vector<RodConstraint>& out) const;
     bool finds_rest(RodModel& model, const RodState& before, RodState& state) const;
     std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
+    std::vector<Vector3d> forces(const SplineHolds& holds,
+                                 const Eigen::VectorXd& multipliers) const;
+    std::shared_ptr<const SplineState> pushed(const State& from, const RodState& lead,
+                                              const SplineHolds& holds) const;
+    double energy_of(const RodState& state) const;
 
     bool is_rod_, by_controls_;
     double radius_;
+    double scale_ = 1.0;     ///< of its energy of YI = 1
+    double stiffness_ = 0.0; ///< the same of one that pushes back
     std::vector<Vector3d> points_;
     std::vector<double> at_points_; ///< parameters
     Rod rod_;
@@ -251,11 +282,7 @@ Motion State::carry(double s) const
 {
     if (is_rest_)
         return {};
-    const Matrix3d turn = state_.frame(s) * of_.rest_state().frame(s).transpose();
-    Motion motion;
-    motion.R = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
-    motion.t = state_.at(s).place - motion.R * of_.rest_state().at(s).place;
-    return motion;
+    return carried_by(state_, of_.rest_state(), s);
 }
 
 std::vector<Vector3d> State::points() const
@@ -466,7 +493,7 @@ std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
     RodState state = rest_;
     state.move_to(x);
     return std::make_shared<const State>(
-        *this, std::move(state), shift.isZero(0), 0.0,
+        *this, std::move(state), holds, shift.isZero(0), 0.0,
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()));
 }
 
@@ -475,11 +502,12 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
 {
     if (!is_rod_)
         return led(holds);
+    const State& start = static_cast<const State&>(from);
     if (holds == rest_holds())
-        return is_rest_shared_;
+        return stiffness_ > 0.0 ? pushed(start, rest_, holds) : is_rest_shared_;
     RodModel model(rod_);
     model.terms.push_back(exact_elasticity(rod_));
-    RodState state = static_cast<const State&>(from).rod();
+    RodState state = start.lead();
     RodNewton newton(model);
     MotionOptions options;
     options.max_iterations = kIterations;
@@ -500,26 +528,96 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
         if (turn <= kSameTangent)
             break;
     }
-    // As a round rod of the tube's radius, [theory-rods (35)].
-    const double stiffness = 0.5 * std::numbers::pi * std::pow(radius_, 4);
+    if (stiffness_ > 0.0)
+        return pushed(start, state, holds);
+    const double energy = energy_of(state);
+    return std::make_shared<const State>(*this, std::move(state), holds, false, energy,
+                                         forces(holds, scale_ * newton.multipliers()));
+}
+
+/// Those at the places of the holds.
+std::vector<Vector3d> Handle::forces(const SplineHolds& holds,
+                                     const Eigen::VectorXd& multipliers) const
+{
     std::vector<Vector3d> forces(holds.size(), Vector3d::Zero());
     Eigen::Index row = 0;
-    std::size_t next = 0;
     for (std::size_t k = 0; k < holds.size(); ++k)
     {
-        const HoldParts& parts = holds[k].parts;
-        if (parts.place)
-        {
-            if (row + 3 <= newton.multipliers().size())
-                forces[k] = stiffness * newton.multipliers().segment<3>(row);
-            row += num_rows(model.constraints[next++].hold);
-        }
-        if (parts.tangent || parts.twist)
-            row += num_rows(model.constraints[next++].hold);
+        const auto& [place, tangent, twist] = holds[k].parts;
+        if (place && row + 3 <= multipliers.size())
+            forces[k] = multipliers.segment<3>(row);
+        row += 3 * place + 2 * tangent + twist;
     }
-    const double energy = stiffness * model.elastic_energy(state);
-    return std::make_shared<const State>(*this, std::move(state), false, energy,
-                                         std::move(forces));
+    return forces;
+}
+
+double Handle::energy_of(const RodState& state) const
+{
+    RodModel model(rod_);
+    model.terms.push_back(exact_elasticity(rod_));
+    return scale_ * model.elastic_energy(state);
+}
+
+/// Where a rod that pushes back is taken to for a start: with the motions that it would
+/// make if it only led, to \p lead.
+std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodState& lead,
+                                                  const SplineHolds& holds) const
+{
+    const auto motion_at = [&](double s) {
+        return carried_by(lead, rest_, s) * inverse(carried_by(from.lead(), rest_, s));
+    };
+    RodState state = *from.rod();
+    const std::vector<double> parameters = parameters_of_controls(rod_.basis());
+    Eigen::VectorXd x = state.x();
+    for (int k = 0; k < rod_.num_controls(); ++k)
+        x.segment<3>(rod_.layout().control[idx(k)]) =
+            motion_at(parameters[idx(k)])(state.control(k));
+    std::vector<Vector3d> across(idx(rod_.num_stations()));
+    for (const RodSpan& span : rod_.spans())
+        for (const auto& [station, s] : {std::pair(span.station[0], span.begin),
+                                         std::pair(span.station[1], span.end)})
+            across[idx(station)] = motion_at(s).R * state.frame(s).col(0);
+    state.move_to(x);
+    for (const RodSpan& span : rod_.spans())
+        for (const auto& [station, s] : {std::pair(span.station[0], span.begin),
+                                         std::pair(span.station[1], span.end)})
+        {
+            const Matrix3d frame = state.frame(s);
+            const Vector3d& wanted = across[idx(station)];
+            x[rod_.layout().angle[idx(station)]] =
+                state.angle(station) +
+                std::atan2(frame.col(1).dot(wanted), frame.col(0).dot(wanted));
+        }
+    state.move_to(x);
+    // These angles are known up to whole turns; what the spans are twisted by tells.
+    double turns = 0.0;
+    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
+    {
+        const std::array<int, 2>& station = rod_.spans()[e].station;
+        if (station[1] < station[0])
+            continue; // the seam of a closed one
+        const double wanted =
+            from.rod()->twist(e) + lead.twist(e) - from.lead().twist(e);
+        turns += kTurn * std::round((wanted - state.twist(e)) / kTurn);
+        x[rod_.layout().angle[idx(station[1])]] += turns;
+    }
+    state.move_to(x);
+    bring_to(state, constraints(state, holds));
+    const double energy = energy_of(state);
+    return std::make_shared<const State>(
+        *this, std::move(state), holds, false, energy,
+        std::vector<Vector3d>(holds.size(), Vector3d::Zero()), lead);
+}
+
+std::shared_ptr<const SplineState> Handle::solved(const SplineState& from,
+                                                  const RodState& now,
+                                                  const Eigen::VectorXd& multipliers) const
+{
+    const State& start = static_cast<const State&>(from);
+    return std::make_shared<const State>(*this, now, start.holds(), false,
+                                         energy_of(now),
+                                         forces(start.holds(), multipliers),
+                                         start.lead());
 }
 
 } // namespace

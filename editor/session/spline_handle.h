@@ -20,6 +20,8 @@
 namespace cellwarp
 {
 
+class RodState;
+struct RodConstraint;
 struct Spline;
 
 /// What one point of the statement is held by. Without tangent a direction is that of
@@ -46,8 +48,9 @@ public:
     /// The motion of space that its frame has made at \p s, from rest; exactly the
     /// identity at rest. theory-rods (36).
     virtual Motion carry(double s) const = 0;
-    /// Of stretch, bending and twist of a rod, of stiffness 1: of a round rod of the
-    /// tube's radius in a body whose energy is that of the cells [work^3].
+    /// Of stretch, bending and twist of a rod, of its stiffness or, where it only leads,
+    /// of stiffness 1: of a round rod of the tube's radius in a body whose energy is that
+    /// of the cells [work^3].
     virtual double energy() const = 0;
     virtual double length() const = 0; ///< [work]
     /// What holds each point pulls the rod with, in the same units [work^2].
@@ -59,6 +62,8 @@ public:
     /// By how much it is turned about the tangent there, against the shortest way from
     /// rest [rad].
     virtual double turn_at_point(std::size_t point) const = 0;
+    /// Null for a rod that is led.
+    virtual const RodState* rod() const { return nullptr; }
 };
 
 /// At rest. Immutable.
@@ -91,6 +96,19 @@ public:
     /// Nothing: it found no rest.
     virtual std::shared_ptr<const SplineState>
     moved(const SplineState& from, const SplineHolds& holds, bool tries_all) const = 0;
+
+    /// How stiff a rod is against the cells; 0: it only leads them. Of one that pushes
+    /// back moved() gives a guess, from which it is solved for together with the cells.
+    /// Times its energy of YI = 1 [work^4]. [theory-rods (35)]
+    virtual double stiffness() const = 0;
+    /// What holds it at \p state; of a twist without a tangent, as seen from \p now.
+    virtual std::vector<RodConstraint> constraints(const SplineState& state,
+                                                   const RodState& now) const = 0;
+    /// Held as at \p from it has come to \p now, where its constraints pull it with
+    /// \p multipliers.
+    virtual std::shared_ptr<const SplineState>
+    solved(const SplineState& from, const RodState& now,
+           const Eigen::VectorXd& multipliers) const = 0;
 };
 
 /// As few places of a line as a rod through them needs to follow it. Fault::Usage where

@@ -127,9 +127,6 @@ void put_spline(const RegionStatement& statement, std::span<const Eigen::Vector3
                 const Units& units, const std::string& file, Region& region)
 {
     const bool is_rod = statement.role == Role::Rod;
-    if (statement.spline->stiffness)
-        throw malformed({file, statement.line, statement.name},
-                        "stiffness: rods lead the cells only, none pushes back yet");
     SplineStatement spline = *statement.spline;
     if (spline.form == SplineStatement::Form::Skeleton)
         spline.form = SplineStatement::Form::Through;

@@ -27,8 +27,8 @@ struct PanelState
     PlacementEntry placement;
     std::string renamed; ///< the region whose name is being typed
     std::string name;    ///< as typed so far
-    std::optional<double> factor;
-    std::optional<double> radius, share; ///< of a rod, of a pin on a curve, being typed
+    /// Being typed: of a stiff region, of a rod, of a pin on a curve.
+    std::optional<double> factor, radius, stiffness, share;
     SceneSettings settings;              ///< while a number of it is typed
     bool types_settings = false;
     std::size_t history_position = 0; ///< that the list was scrolled to

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
+#include <cmath>
 #include <array>
 #include <string>
 
@@ -16,6 +17,22 @@ namespace cellwarp
 
 namespace
 {
+
+/// A number field as wide as there is room. \p typed: what stands in it while it is typed.
+/// \return the number when it is done
+std::optional<double> typed_number(const char* id, const char* format, double value,
+                                   std::optional<double>& typed, const char* hint)
+{
+    value = typed.value_or(value);
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::InputDouble(id, &value, 0.0, 0.0, format))
+        typed = value;
+    tip(hint);
+    if (!ImGui::IsItemDeactivatedAfterEdit())
+        return std::nullopt;
+    typed.reset();
+    return value;
+}
 
 struct RoleName
 {
@@ -178,18 +195,13 @@ void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
     if (region.role != Role::Stiff)
         return;
     ImGui::SameLine();
-    double factor = state.factor.value_or(region.factor);
-    ImGui::SetNextItemWidth(-1);
-    if (ImGui::InputDouble("##factor", &factor, 0.0, 0.0, "× %.4g"))
-        state.factor = factor;
-    tip("How many times as stiff as the rest");
-    if (ImGui::IsItemDeactivatedAfterEdit())
-    {
-        const std::string name = region.name;
-        state.factor.reset();
+    const std::optional<double> factor = typed_number(
+        "##factor", "× %.4g", region.factor, state.factor, "How many times as stiff as "
+                                                           "the rest");
+    const std::string name = region.name;
+    if (factor)
         app.attempt(Place::Regions,
-                    [&] { app.document().set_role(name, Role::Stiff, factor); });
-    }
+                    [&] { app.document().set_role(name, Role::Stiff, *factor); });
 }
 
 /// What holds a point, each of it to be let go.
@@ -221,25 +233,28 @@ void show_holds(EditorApp& app, const EditedRegion& region, std::size_t point)
     held("twist", of.parts.twist, {false, false, true});
 }
 
-/// Of the tube that a rod carries.
-void show_radius(EditorApp& app, PanelState& state, const EditedRegion& region)
+/// The tube that a rod carries, and whether it pushes back.
+void show_tube(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
-    label("Radius");
     RodShape shape = shape_of(region);
-    double radius = state.radius.value_or(
-        shape.radius.value_or(region.frame.length_to_model(region.spline->radius())));
-    ImGui::SetNextItemWidth(-1);
-    if (ImGui::InputDouble("##radius", &radius, 0.0, 0.0, "%.4g"))
-        state.radius = radius;
-    tip("Of the tube whose cells it carries [model unit]");
-    if (ImGui::IsItemDeactivatedAfterEdit())
-    {
-        state.radius.reset();
-        shape.radius = radius > 0 && radius < 10 * app.document().box().size().norm()
-                           ? std::optional(radius)
+    label("Radius");
+    const std::optional<double> radius = typed_number(
+        "##radius", "%.4g",
+        shape.radius.value_or(region.frame.length_to_model(region.spline->radius())),
+        state.radius, "Of the tube whose cells it carries [model unit]");
+    if (radius)
+        shape.radius = *radius > 0 && *radius < 10 * app.document().box().size().norm()
+                           ? radius
                            : std::nullopt;
+    label("Stiffness");
+    const std::optional<double> stiffness = typed_number(
+        "##stiffness", "%.4g", shape.stiffness.value_or(0.0), state.stiffness,
+        "With which it pushes back on the cells; 0: it leads them");
+    if (stiffness)
+        shape.stiffness =
+            *stiffness > 0 && std::isfinite(*stiffness) ? stiffness : std::nullopt;
+    if (radius || stiffness)
         app.attempt(Place::Regions, [&] { app.document().set_line(region.name, shape); });
-    }
 }
 
 /// Points of a rod or curve: where they are held, and the one that keys act on.
@@ -247,7 +262,7 @@ void show_points(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
     Interaction& hand = app.opened()->hand;
     if (region.role == Role::Rod)
-        show_radius(app, state, region);
+        show_tube(app, state, region);
     label("Points");
     for (std::size_t k = 0; k < region.points.size(); ++k)
     {
@@ -311,18 +326,12 @@ void show_guide(EditorApp& app, PanelState& state, const EditedRegion& region)
                     });
     if (!region.share)
         return;
-    double share = state.share.value_or(*region.share);
     label("At");
-    ImGui::SetNextItemWidth(-1);
-    if (ImGui::InputDouble("##share", &share, 0.0, 0.0, "%.4g"))
-        state.share = share;
-    tip("A share of its length, from 0 to 1");
-    if (ImGui::IsItemDeactivatedAfterEdit())
-    {
-        state.share.reset();
+    if (const std::optional<double> share =
+            typed_number("##share", "%.4g", *region.share, state.share,
+                         "A share of its length, from 0 to 1"))
         app.attempt(Place::Regions,
                     [&] { app.document().put_on(region.name, region.guide, share); });
-    }
 }
 
 /// Number fields of the placement. \return whether one is in the hand

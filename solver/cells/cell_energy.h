@@ -1,34 +1,62 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The energy of cells that nothing but their glue acts on.
+// The energy of cells: of their glue, and of what is solved for with them.
 #pragma once
 
+#include <memory>
 #include <span>
+#include <vector>
 
 #include "octree/cells.h"
 #include "solver/cells/cell_state.h"
+#include "solver/cells/companion.h"
 #include "solver/cells/glue_term.h"
 #include "solver/minimize/energy.h"
 
 namespace cellwarp
 {
 
-/// A state, its one term and their sum, which refers to both: it stays where it is.
+/// A state, its term, what is solved for with them, and their sum, which refers to all: it
+/// stays where it is.
 struct CellEnergy
 {
     CellState state;
     GlueTerm glue;
+    std::unique_ptr<Companion> companion; ///< null: none
     Energy total;
 
     /// \p components from find_components(); \p has_rigid_steps as in CellState.
     CellEnergy(const Cells& cells, const Glue& of,
                std::span<const Constraint> constraints,
-               std::span<const Component> components, bool has_rigid_steps = true)
+               std::span<const Component> components, bool has_rigid_steps = true,
+               const MakeCompanion& make_companion = {})
         : state(cells, constraints, has_rigid_steps), glue(state, of, components),
-          total({&state}, {&glue})
+          companion(make_companion ? make_companion(state, glue) : nullptr),
+          total(states(), terms())
     {
     }
     CellEnergy(const CellEnergy&) = delete;
     CellEnergy& operator=(const CellEnergy&) = delete;
+
+    /// All unknowns, as a multigrid sees them. \p places: of all cells.
+    std::vector<UnknownBody> bodies(std::span<const GridPlace> places) const
+    {
+        std::vector<UnknownBody> bodies = unknown_bodies(state, places);
+        if (companion)
+            companion->add_bodies(places, bodies);
+        return bodies;
+    }
+
+private:
+    std::vector<State*> states()
+    {
+        return companion ? std::vector<State*>{&state, &companion->state()}
+                         : std::vector<State*>{&state};
+    }
+    std::vector<Term*> terms()
+    {
+        return companion ? std::vector<Term*>{&glue, &companion->term()}
+                         : std::vector<Term*>{&glue};
+    }
 };
 
 } // namespace cellwarp

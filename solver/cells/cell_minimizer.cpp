@@ -12,8 +12,8 @@ class CellMinimizer::CellPreconditioner final : public Preconditioner
 public:
     /// \pre \p energy is linearised
     CellPreconditioner(const CellEnergy& energy, const Cells& cells)
-        : energy_(energy), places_(grid_places(energy.state, cells)),
-          multigrid_(energy.total, places_, block_places(energy.state))
+        : energy_(energy), places_(grid_places(cells)),
+          multigrid_(energy.total, energy.bodies(places_))
     {
     }
     void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override
@@ -22,7 +22,7 @@ public:
     }
     void refresh() override
     {
-        multigrid_ = RigidMultigrid(energy_.total, places_, block_places(energy_.state));
+        multigrid_ = RigidMultigrid(energy_.total, energy_.bodies(places_));
     }
     const RigidMultigrid& multigrid() const { return multigrid_; }
 
@@ -34,9 +34,10 @@ private:
 
 CellMinimizer::CellMinimizer(const Cells& cells, const Glue& glue,
                              std::span<const Constraint> constraints,
-                             std::span<const Component> components, bool has_rigid_steps)
+                             std::span<const Component> components,
+                             bool has_rigid_steps, const MakeCompanion& make_companion)
     : energy_(std::make_unique<CellEnergy>(cells, glue, constraints, components,
-                                           has_rigid_steps))
+                                           has_rigid_steps, make_companion))
 {
     energy_->state.set_held_points(constraints);
     energy_->total.linearise(kGaussNewton);
@@ -79,6 +80,12 @@ Residual CellMinimizer::residual(std::span<const Pose> poses)
 SolveReport CellMinimizer::minimize(std::vector<Pose>& poses, const SolveOptions& options)
 {
     energy_->state.set_poses(poses);
+    if (energy_->companion && energy_->companion->has_other_bodies())
+    {
+        energy_->total.linearise(kGaussNewton);
+        preconditioner_->refresh();
+        is_refreshed_ = true;
+    }
     const SolveReport report = solver_->minimize(options);
     std::copy(energy_->state.poses().begin(), energy_->state.poses().end(),
               poses.begin());

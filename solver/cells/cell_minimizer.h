@@ -33,7 +33,8 @@ public:
     /// \p has_rigid_steps as in CellState.
     CellMinimizer(const Cells& cells, const Glue& glue,
                   std::span<const Constraint> constraints,
-                  std::span<const Component> components, bool has_rigid_steps = true);
+                  std::span<const Component> components, bool has_rigid_steps = true,
+                  const MakeCompanion& make_companion = {});
 
     ~CellMinimizer();
     CellMinimizer(CellMinimizer&&) noexcept;
@@ -44,7 +45,7 @@ public:
     /// Memory of the factor that Method::GaussNewtonDirect needs [byte].
     double factor_bytes()
     {
-        return num_unknown_cells() > 0 ? solver_->factor_bytes() : 0.0;
+        return energy_->total.num_unknowns() > 0 ? solver_->factor_bytes() : 0.0;
     }
 
     /// Whether a solve has made the preconditioner anew, for the poses of that moment.

@@ -162,28 +162,33 @@ void CellState::settle()
     }
 }
 
-std::vector<BlockPlace> block_places(const CellState& state)
+std::vector<UnknownBody> unknown_bodies(const CellState& state,
+                                        std::span<const GridPlace> places)
 {
-    std::vector<BlockPlace> places;
+    std::vector<UnknownBody> bodies;
     for (int u = 0; u < state.num_unknown_cells(); ++u)
     {
         const int cell = state.cell_of_unknown(u);
-        BlockPlace& place = places.emplace_back();
-        place.pose = state.pose(cell);
-        if (!state.is_sliding(u))
-            continue;
-        place.pose.p = state.constraint(cell).held_now;
-        place.along = state.along(u);
+        const Pose& pose = state.pose(cell);
+        UnknownBody& body = bodies.emplace_back();
+        body.block = state.begin().block + u;
+        body.turns = 3;
+        body.turn = pose.R;
+        body.centre = pose.p;
+        body.grid = places[idx(cell)];
+        if (state.is_sliding(u))
+        {
+            body.shifts = 1;
+            body.shift.col(0) = state.along(u);
+            body.centre = state.constraint(cell).held_now;
+        }
+        else if (!state.is_pinned(u))
+        {
+            body.shifts = 3;
+            body.shift = pose.R;
+        }
     }
-    return places;
-}
-
-std::vector<GridPlace> grid_places(const CellState& state, const Cells& cells)
-{
-    std::vector<GridPlace> places;
-    for (int u = 0; u < state.num_unknown_cells(); ++u)
-        places.push_back(grid_place(cells, state.cell_of_unknown(u)));
-    return places;
+    return bodies;
 }
 
 } // namespace cellwarp

@@ -11,7 +11,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "solver/cells/constraints.h"
-#include "solver/cells/grouping.h"
+#include "solver/cells/unknown_body.h"
 #include "solver/minimize/state.h"
 
 namespace cellwarp
@@ -35,6 +35,8 @@ public:
     const Pose& pose(int cell) const { return poses_[idx(cell)]; }
     /// Current and base state.
     void set_poses(std::span<const Pose> poses);
+    /// Moves a cell that is not unknown; the base stays.
+    void place(int cell, const Pose& pose) { poses_[idx(cell)] = pose; }
     /// Where the held points of pinned cells, and the curves of sliding ones, are to be
     /// from now on.
     void set_held_points(std::span<const Constraint> constraints);
@@ -124,19 +126,9 @@ inline void CellState::add_body(int unknown, const Twist& twist, double* y) cons
     }
 }
 
-/// Where a block of unknowns is and what its axes are.
-struct BlockPlace
-{
-    Pose pose;
-    /// Of a block of 4: where its fourth unknown leads; its place then is that of what
-    /// slides.
-    Eigen::Vector3d along = Eigen::Vector3d::Zero();
-};
-
-/// Of the unknown cells; of what slides where it is held.
-std::vector<BlockPlace> block_places(const CellState& state);
-
-/// Where the leaves of the unknown cells lie.
-std::vector<GridPlace> grid_places(const CellState& state, const Cells& cells);
+/// The unknown cells as they are now, each the body of a block; what slides is where it is
+/// held. \p places: of all cells.
+std::vector<UnknownBody> unknown_bodies(const CellState& state,
+                                        std::span<const GridPlace> places);
 
 } // namespace cellwarp

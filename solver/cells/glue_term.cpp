@@ -259,7 +259,6 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                  });
 }
 
-/// The twists that the unknowns of a cell make, as far as its curve lets them.
 CellState::Basis GlueTerm::basis(int unknown) const
 {
     CellState::Basis basis = state_.basis(unknown);

@@ -25,6 +25,10 @@ public:
     GlueTerm(const CellState& state, const Glue& glue,
              std::span<const Component> components);
 
+    const Glue& glue() const { return glue_; }
+    /// The twists that the unknowns of a cell make, as far as its curve lets them; as
+    /// linearised.
+    CellState::Basis basis(int unknown) const;
     /// Norm of the pair forces on the unknown cells, each cell's added as lengths.
     double uncancelled() const;
 
@@ -42,7 +46,6 @@ private:
     void find_face_gradients() const;
     bool is_stopped(int unknown, const Twist& gradient) const;
     void find_sliding(int unknown, Curvature curvature);
-    CellState::Basis basis(int unknown) const;
 
     const CellState& state_;
     Glue glue_;

@@ -26,6 +26,14 @@ GridPlace grid_place(const Cells& cells, int cell)
     return {one.box_centre - cells.corner, one.edge};
 }
 
+std::vector<GridPlace> grid_places(const Cells& cells)
+{
+    std::vector<GridPlace> places;
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        places.push_back(grid_place(cells, static_cast<int>(c)));
+    return places;
+}
+
 Members::Members(std::span<const int> group_of_node, int count)
     : first(idx(count) + 1, 0), node(group_of_node.size())
 {

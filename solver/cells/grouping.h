@@ -23,6 +23,8 @@ struct GridPlace
 };
 
 GridPlace grid_place(const Cells& cells, int cell);
+/// Of all cells.
+std::vector<GridPlace> grid_places(const Cells& cells);
 
 /// Neighbours in compressed rows.
 struct Links

@@ -8,7 +8,14 @@
 //
 // What turns about a point only takes part in the turn. What slides along a curve, at P
 // in the direction tau, takes tau . (v + omega x (P - C)) of the shift: its shift is a
-// vector in these levels like any other, of which only the part along tau counts.
+// vector in these levels like any other, of which only the part along tau counts. A
+// control point of a rod takes the shift v + omega x (q - C), an angle of it tau . omega
+// of the turn; what holds make of the others counts as zero.
+//
+// Rods. Their stiffness along themselves, and the fourth derivatives of their bending, are
+// no work for a smoother of single bodies: its bound holds for energies of two bodies at a
+// time. All bodies of a level that have a part of a rod in them are therefore solved for
+// together wherever the others are smoothed. They are few.
 //
 // Correction. Groups are rigid, so a level can be strained only between its bodies. Take
 // cells of edge h under the strain e: each of their faces opens by e h. Of bodies of edge
@@ -24,14 +31,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "octree/base/index.h"
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/rigid_rows.h"
 #include "solver/cells/smoothed_level.h"
-#include "solver/linear/block_matrix.h"
-#include "solver/linear/cholesky.h"
 
 namespace cellwarp
 {
@@ -52,6 +58,9 @@ constexpr double kWeak = 0.03;
 constexpr int kFew = 48;
 constexpr double kStalled = 0.7;
 
+/// A body that shifts by no more of what its group shifts only turns.
+constexpr double kNoShift = 1e-9;
+
 std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& bodies,
                                         const Grouping& grouping, const RigidRows& next,
                                         const RigidBodies& next_bodies)
@@ -71,7 +80,8 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
         LevelTransfer& t = transfers[i];
         t.turn = static_cast<float>(turn / A.scale[i][0]);
         t.shift = 0.0f;
-        if (bodies.shift[i].isZero(0))
+        if (!bodies.is_free(i) &&
+            bodies.own_limit(i).bottomRightCorner<3, 3>().isZero(kNoShift))
             continue;
         t.shift = static_cast<float>(shift / A.scale[i][3]);
         for (int k = 0; k < 3; ++k)
@@ -84,100 +94,49 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
 
 struct RigidMultigrid::Levels
 {
-    std::vector<int> sizes, first;      ///< of the unknowns
-    std::vector<Vector6> scale;         ///< of the finest level
-    std::vector<Eigen::Matrix3d> axes;  ///< of each unknown, when this was made
-    std::vector<Eigen::Vector3d> along; ///< of each unknown that slides, then
+    std::vector<UnknownBody> bodies;
+    std::vector<Eigen::Index> first; ///< unknown of each body
+    std::vector<Vector6> scale;      ///< of the finest level
     std::vector<SmoothedLevel> levels;
-    // The coarsest level, solved for exactly.
-    BlockMatrix matrix;
-    std::optional<SparseCholesky> solver;
-    bool is_solved = false;
-    Eigen::VectorXd right, solution;
+    std::optional<ExactBodies> coarsest;
 
-    void factorize(const RigidRows& A);
-    void solve_coarsest();
+    /// use(unknown, its direction, 0 or 3: whether it turns or shifts) for each of a
+    /// body's unknowns.
+    template <class Use>
+    void for_unknowns(std::size_t i, Use&& use) const
+    {
+        const UnknownBody& body = bodies[i];
+        for (int k = 0; k < body.turns; ++k)
+            use(first[i] + k, body.turn.col(k), 0);
+        for (int k = 0; k < body.shifts; ++k)
+            use(first[i] + body.turns + k, body.shift.col(k), 3);
+    }
 };
 
-void RigidMultigrid::Levels::factorize(const RigidRows& A)
-{
-    const std::vector<int> six(idx(A.count()), 6);
-    const auto for_lower = [&](auto&& body)
-    {
-        for (std::size_t i = 0; i < six.size(); ++i)
-            for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-                if (A.column[k] <= static_cast<int>(i))
-                    body(static_cast<int>(i), A.column[k], A.block[k]);
-    };
-    std::vector<std::pair<int, int>> pairs;
-    for_lower(
-        [&](int row, int column, const Matrix6&)
-        {
-            if (column < row)
-                pairs.emplace_back(row, column);
-        });
-    matrix = BlockMatrix(six, pairs);
-    for_lower([&](int row, int column, const Matrix6& block)
-              { matrix.block(matrix.find(row, column)) = block; });
-    solver.emplace(matrix);
-    is_solved = solver->factorize(matrix);
-    // What rounding made indefinite is held a little.
-    for (double ridge = 1e-12; !is_solved && ridge < 1.0; ridge *= 100.0)
-    {
-        for (int i = 0; i < A.count(); ++i)
-            matrix.diagonal(i).diagonal().array() += ridge;
-        is_solved = solver->factorize(matrix);
-    }
-    right.resize(matrix.rows());
-}
-
-void RigidMultigrid::Levels::solve_coarsest()
-{
-    SmoothedLevel& level = levels.back();
-    for (int i = 0; i < level.count(); ++i)
-        for (int k = 0; k < 6; ++k)
-            right[6 * i + k] = level.right[idx(i)][k];
-    if (is_solved)
-        solver->solve(right, solution);
-    else
-        solution.setZero(right.size());
-    for (int i = 0; i < level.count(); ++i)
-        for (int k = 0; k < 6; ++k)
-            level.x[idx(i)][k] = static_cast<float>(solution[6 * i + k]);
-}
-
 RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
-                               std::span<const GridPlace> places,
-                               std::span<const BlockPlace> poses)
+                               std::span<const UnknownBody> bodies)
     : levels_(std::make_unique<Levels>())
 {
     Levels& own = *levels_;
-    own.sizes.assign(matrix.block_sizes().begin(), matrix.block_sizes().end());
-    own.first.push_back(0);
-    for (const int size : own.sizes)
-        own.first.push_back(own.first.back() + size);
-    if (own.sizes.empty())
+    own.bodies.assign(bodies.begin(), bodies.end());
+    if (bodies.empty())
         return;
-    RigidRows A = rows_of(matrix, poses);
-    for (const BlockPlace& place : poses)
+    std::vector<Eigen::Index> first_of_block = {0};
+    for (const int size : matrix.block_sizes())
+        first_of_block.push_back(first_of_block.back() + size);
+    std::vector<GridPlace> places;
+    for (const UnknownBody& body : bodies)
     {
-        own.axes.push_back(place.pose.R);
-        own.along.push_back(place.along);
+        own.first.push_back(first_of_block[idx(body.block)] + body.first);
+        places.push_back(body.grid);
     }
+    RigidRows A = rows_of(matrix, bodies);
     own.scale = A.scale;
-    RigidBodies bodies;
-    for (std::size_t i = 0; i < places.size(); ++i)
-    {
-        bodies.centre.push_back(poses[i].pose.p);
-        const Eigen::Vector3d& along = poses[i].along;
-        bodies.shift.push_back(own.sizes[i] == 6   ? Eigen::Matrix3d::Identity().eval()
-                               : own.sizes[i] == 3 ? Eigen::Matrix3d::Zero().eval()
-                                                   : (along * along.transpose()).eval());
-    }
+    RigidBodies level_bodies = finest_bodies(bodies);
     OctreeBlocks blocks(places);
     for (;;)
     {
-        SmoothedLevel& level = own.levels.emplace_back(A);
+        SmoothedLevel& level = own.levels.emplace_back(A, level_bodies.is_on_rod);
         if (A.count() <= kFew)
             break;
         const bool is_waiting = blocks.is_mixed();
@@ -186,13 +145,15 @@ RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
         const double left = static_cast<double>(level.grouping.members.size());
         if (!is_waiting && left > kStalled * A.count())
             break;
-        RigidBodies next_bodies = joined_bodies(bodies, level.grouping.members);
-        RigidRows next = joined_rows(A, bodies, level.grouping, next_bodies);
-        level.transfer = transfers_of(A, bodies, level.grouping, next, next_bodies);
+        RigidBodies next_bodies = joined_bodies(level_bodies, level.grouping.members);
+        RigidRows next = joined_rows(A, level_bodies, level.grouping, next_bodies);
+        level.transfer = transfers_of(A, level_bodies, level.grouping, next, next_bodies);
         A = std::move(next);
-        bodies = std::move(next_bodies);
+        level_bodies = std::move(next_bodies);
     }
-    own.factorize(A);
+    std::vector<int> all(idx(A.count()));
+    std::iota(all.begin(), all.end(), 0);
+    own.coarsest.emplace(A, std::move(all));
 }
 
 RigidMultigrid::~RigidMultigrid() = default;
@@ -207,52 +168,48 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
         return;
     // Residuals come in any size: the cycle is given one of about 1.
     double largest = 0.0;
-    for (std::size_t i = 0; i < own.sizes.size(); ++i)
-        for (int k = 0; k < own.sizes[i]; ++k)
-            largest = std::max(largest, std::abs(r[own.first[i] + k] * own.scale[i][k]));
+    for (std::size_t i = 0; i < own.bodies.size(); ++i)
+        own.for_unknowns(i,
+                         [&](Eigen::Index at, const auto&, int half) {
+                             largest = std::max(largest,
+                                                std::abs(r[at] * own.scale[i][half]));
+                         });
     if (!(largest > 0.0) || !std::isfinite(largest))
     {
         z = r;
         return;
     }
     SmoothedLevel& finest = own.levels.front();
-    for_each_body(
-        finest.count(),
-        [&](std::size_t i)
-        {
-            const bool slides = own.sizes[i] == 4;
-            for (int k = 0; k < own.sizes[i]; k += 3)
-            {
-                const double scale = own.scale[i][k] / largest;
-                const Eigen::Vector3d part =
-                    slides && k == 3
-                        ? Eigen::Vector3d(own.along[i] * (r[own.first[i] + 3] * scale))
-                        : Eigen::Vector3d(own.axes[i] * r.segment<3>(own.first[i] + k) *
-                                          scale);
-                for (int axis = 0; axis < 3; ++axis)
-                    finest.right[i][k + axis] = static_cast<float>(part[axis]);
-            }
-        });
+    for_each_body(finest.count(),
+                  [&](std::size_t i)
+                  {
+                      Vector6 sum = Vector6::Zero();
+                      own.for_unknowns(i,
+                                       [&](Eigen::Index at, const auto& axis, int half) {
+                                           sum.segment<3>(half) +=
+                                               r[at] * own.scale[i][half] / largest * axis;
+                                       });
+                      for (int k = 0; k < 6; ++k)
+                          finest.right[i][k] = static_cast<float>(sum[k]);
+                  });
     for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
         own.levels[l].before(own.levels[l + 1]);
-    own.solve_coarsest();
+    own.coarsest->solve(own.levels.back().right, own.levels.back().x);
     for (std::size_t l = own.levels.size() - 1; l-- > 0;)
         own.levels[l].after(own.levels[l + 1]);
     for_each_body(finest.count(),
                   [&](std::size_t i)
                   {
-                      for (int k = 0; k < own.sizes[i]; k += 3)
-                      {
-                          Eigen::Vector3d part;
-                          for (int axis = 0; axis < 3; ++axis)
-                              part[axis] = finest.x[i][k + axis];
-                          const double scale = largest * own.scale[i][k];
-                          if (own.sizes[i] == 4 && k == 3)
-                              z[own.first[i] + 3] = own.along[i].dot(part) * scale;
-                          else
-                              z.segment<3>(own.first[i] + k) =
-                                  own.axes[i].transpose() * part * scale;
-                      }
+                      Vector6 x;
+                      for (int k = 0; k < 6; ++k)
+                          x[k] = finest.x[i][k];
+                      own.for_unknowns(
+                          i,
+                          [&](Eigen::Index at, const auto& axis, int half)
+                          {
+                              z[at] = axis.dot(x.template segment<3>(half)) * largest *
+                                      own.scale[i][half];
+                          });
                   });
 }
 
@@ -266,13 +223,14 @@ std::vector<int> RigidMultigrid::sizes() const
 
 double RigidMultigrid::bytes() const
 {
-    double bytes = levels_->solver ? 8.0 * levels_->solver->factor_numbers() : 0.0;
+    double bytes = levels_->coarsest ? 8.0 * levels_->coarsest->factor_numbers() : 0.0;
     for (const SmoothedLevel& level : levels_->levels)
         bytes += static_cast<double>(
             kBlockBytes * (level.block.size() + 2 * level.diagonal.size()) +
             sizeof(int) * (level.links.column.size() + 4 * level.transfer.size()) +
             sizeof(LevelTransfer) * level.transfer.size() +
-            5 * sizeof(WideVector) * level.x.size());
+            5 * sizeof(WideVector) * level.x.size()) +
+                 (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
     return bytes;
 }
 

@@ -10,9 +10,7 @@
 
 #include <Eigen/Core>
 
-#include "octree/base/rigid_motion.h"
-#include "solver/cells/cell_state.h"
-#include "solver/cells/grouping.h"
+#include "solver/cells/unknown_body.h"
 #include "solver/linear/linear_operator.h"
 
 namespace cellwarp
@@ -23,11 +21,9 @@ namespace cellwarp
 class RigidMultigrid final : public Preconditioner
 {
 public:
-    /// \p matrix: second derivatives as linearised, best by kGaussNewton; blocks of 6 are
-    /// free cells, blocks of 3 turn about a point, blocks of 4 slide along a curve too;
-    /// unknowns are in their own axes. One of \p places and one of \p poses a block.
-    RigidMultigrid(const BlockOperator& matrix, std::span<const GridPlace> places,
-                   std::span<const BlockPlace> poses);
+    /// \p matrix: second derivatives as linearised, best by kGaussNewton. \p bodies: all
+    /// unknowns, ascending.
+    RigidMultigrid(const BlockOperator& matrix, std::span<const UnknownBody> bodies);
     ~RigidMultigrid() override;
     RigidMultigrid(RigidMultigrid&&) noexcept;
     RigidMultigrid& operator=(RigidMultigrid&&) noexcept;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -40,64 +41,160 @@ void scale_rows(RigidRows& A)
                   });
 }
 
-/// Turns a block of the finest level into common axes.
-void turn_block(const Eigen::Matrix3d& row, const Eigen::Matrix3d& column, Matrix6& block)
+using Block = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6>;
+
+/// A block of the unknowns of two bodies in common axes.
+Matrix6 in_common_axes(const UnknownBody& row, const UnknownBody& column,
+                       const Block& block)
 {
+    Matrix6 padded = Matrix6::Zero();
+    padded.topLeftCorner(row.turns, column.turns) =
+        block.topLeftCorner(row.turns, column.turns);
+    padded.block(0, 3, row.turns, column.shifts) =
+        block.topRightCorner(row.turns, column.shifts);
+    padded.block(3, 0, row.shifts, column.turns) =
+        block.bottomLeftCorner(row.shifts, column.turns);
+    padded.block(3, 3, row.shifts, column.shifts) =
+        block.bottomRightCorner(row.shifts, column.shifts);
     for (const int i : {0, 3})
         for (const int j : {0, 3})
-            block.block<3, 3>(i, j) =
-                row * block.block<3, 3>(i, j).eval() * column.transpose();
+            padded.block<3, 3>(i, j) = (i == 0 ? row.turn : row.shift) *
+                                       padded.block<3, 3>(i, j).eval() *
+                                       (j == 0 ? column.turn : column.shift).transpose();
+    return padded;
 }
 
-/// What an unknown of a block does in common axes, a column each.
-Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> columns_of(const BlockPlace& place,
-                                                             int size)
+/// Gives directions that no unknown leads to the mean stiffness of the others.
+void hold_idle(const Eigen::Matrix3d& axes, int count, Eigen::Ref<Eigen::Matrix3d> D)
 {
-    Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> columns =
-        Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>::Zero(6, size);
-    columns.topLeftCorner<3, 3>() = place.pose.R;
-    if (size == 4)
-        columns.bottomRightCorner<3, 1>() = place.along;
-    else if (size == 6)
-        columns.bottomRightCorner<3, 3>() = place.pose.R;
-    return columns;
+    const Eigen::Matrix3d led = axes * axes.transpose();
+    const double directions = led.trace();
+    if (count == 3 && directions > 2.5)
+        return;
+    const double mean = directions > 0.5 ? D.trace() / directions : 0.0;
+    D += (mean > 0.0 ? mean : 1.0) * (Eigen::Matrix3d::Identity() - led);
 }
 
-/// Directions in which nothing holds a body because none of its members shifts there get
-/// a stiffness of their own, so that it can be solved for. Returns onto the others.
-Eigen::Matrix3d held_in_idle_directions(Eigen::Ref<Eigen::Matrix3d> linear)
+/// Motions of a body with which nothing changes because none of its members can make them
+/// get a stiffness of their own, so that it can be solved for. Returns onto the others.
+Matrix6 held_in_idle_motions(Matrix6& D)
 {
     constexpr double kNone = 1e-10; // of the largest
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(linear);
-    const double largest = eigen.eigenvalues()[2];
-    if (!(largest > 0.0))
+    Vector6 scale;
+    for (const int half : {0, 3})
     {
-        linear.setIdentity();
-        return Eigen::Matrix3d::Zero();
+        const double trace = D.block<3, 3>(half, half).trace();
+        scale.segment<3>(half).setConstant(trace > 0.0 ? std::sqrt(3.0 / trace) : 1.0);
     }
-    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-    for (int k = 0; k < 3; ++k)
-        if (eigen.eigenvalues()[k] <= kNone * largest)
-        {
-            const Eigen::Vector3d idle = eigen.eigenvectors().col(k);
-            linear += largest * idle * idle.transpose();
-            shift -= idle * idle.transpose();
-        }
-    return shift;
+    const Matrix6 scaled = scale.asDiagonal() * D * scale.asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Matrix6> eigen(scaled);
+    const double largest = eigen.eigenvalues()[5];
+    int idle = 0;
+    while (idle < 6 && !(eigen.eigenvalues()[idle] > kNone * largest))
+        ++idle;
+    if (idle == 0)
+        return Matrix6::Identity();
+    const auto motions = eigen.eigenvectors().leftCols(idle);
+    const Matrix6 held = motions * motions.transpose();
+    D += (largest > 0.0 ? largest : 1.0) *
+         (scale.cwiseInverse().asDiagonal() * held * scale.cwiseInverse().asDiagonal());
+    const Eigen::HouseholderQR<Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>> qr(
+        scale.asDiagonal() * motions);
+    const Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6> Q =
+        qr.householderQ() *
+        Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 6>::Identity(6, idle);
+    return Matrix6::Identity() - Q * Q.transpose();
 }
 
 } // namespace
 
-RigidRows rows_of(const BlockOperator& matrix, std::span<const BlockPlace> poses)
+RigidBodies finest_bodies(std::span<const UnknownBody> bodies)
 {
-    const std::span<const int> sizes = matrix.block_sizes();
-    const std::span<const std::pair<int, int>> pairs = matrix.pairs();
-    RigidRows A;
-    std::vector<int> count(sizes.size(), 1);
-    for (const auto& [row, column] : pairs)
+    RigidBodies all;
+    for (const UnknownBody& body : bodies)
     {
-        ++count[idx(row)];
-        ++count[idx(column)];
+        const bool is_limited = body.turns < 3 || body.shifts < 3;
+        all.add(body.centre, body.is_on_rod, is_limited);
+        if (!is_limited)
+            continue;
+        Matrix6& limit = all.limits.back();
+        limit.topLeftCorner<3, 3>() = body.turn * body.turn.transpose();
+        limit.bottomRightCorner<3, 3>() = body.shift * body.shift.transpose();
+    }
+    return all;
+}
+
+RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodies)
+{
+    // Most blocks are of one body; those of rods are of many.
+    const std::size_t num_blocks = matrix.block_sizes().size();
+    std::vector<int> first_body(num_blocks + 1, 0);
+    for (const UnknownBody& body : bodies)
+        ++first_body[idx(body.block) + 1];
+    for (std::size_t b = 0; b < num_blocks; ++b)
+        first_body[b + 1] += first_body[b];
+    const auto is_one_body = [&](int block)
+    { return first_body[idx(block) + 1] - first_body[idx(block)] == 1; };
+    struct Link
+    {
+        int row, column;
+        int source; ///< a pair of the matrix, or a block that has been read: -1 - number
+    };
+    std::vector<Link> links;
+    std::vector<Matrix6> read;
+    std::vector<Matrix6> diagonals; // of those of many
+    const auto part_of = [&](const Eigen::MatrixXd& whole, int i, int j) -> Block
+    {
+        const UnknownBody &row = bodies[idx(i)], &column = bodies[idx(j)];
+        return whole.block(row.first, column.first, row.turns + row.shifts,
+                           column.turns + column.shifts);
+    };
+    const auto read_link = [&](const Eigen::MatrixXd& whole, int i, int j)
+    {
+        const Block block = part_of(whole, i, j);
+        if (block.isZero(0))
+            return;
+        links.push_back({i, j, -1 - static_cast<int>(read.size())});
+        read.push_back(in_common_axes(bodies[idx(i)], bodies[idx(j)], block));
+    };
+    const std::span<const std::pair<int, int>> pairs = matrix.pairs();
+    const std::span<const int> sizes = matrix.block_sizes();
+    for (std::size_t k = 0; k < pairs.size(); ++k)
+    {
+        const auto& [row, column] = pairs[k];
+        if (is_one_body(row) && is_one_body(column))
+        {
+            links.push_back(
+                {first_body[idx(row)], first_body[idx(column)], static_cast<int>(k)});
+            continue;
+        }
+        Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(sizes[idx(row)], sizes[idx(column)]);
+        matrix.pair_block(static_cast<int>(k), whole);
+        for (int i = first_body[idx(row)]; i < first_body[idx(row) + 1]; ++i)
+            for (int j = first_body[idx(column)]; j < first_body[idx(column) + 1]; ++j)
+                read_link(whole, i, j);
+    }
+    for (std::size_t b = 0; b < num_blocks; ++b)
+    {
+        if (is_one_body(static_cast<int>(b)))
+            continue;
+        Eigen::MatrixXd whole(sizes[b], sizes[b]);
+        matrix.diagonal_block(static_cast<int>(b), whole);
+        diagonals.resize(bodies.size());
+        for (int i = first_body[b]; i < first_body[b + 1]; ++i)
+        {
+            diagonals[idx(i)] =
+                in_common_axes(bodies[idx(i)], bodies[idx(i)], part_of(whole, i, i));
+            for (int j = first_body[b]; j < i; ++j)
+                read_link(whole, i, j);
+        }
+    }
+    RigidRows A;
+    std::vector<int> count(bodies.size(), 1);
+    for (const Link& link : links)
+    {
+        ++count[idx(link.row)];
+        ++count[idx(link.column)];
     }
     A.first.push_back(0);
     for (const int n : count)
@@ -106,56 +203,50 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const BlockPlace> poses
     A.block.resize(A.column.size());
     // Next free place of each row; the diagonal comes first.
     std::vector<int> next(A.first.begin(), A.first.end() - 1);
-    for (std::size_t i = 0; i < sizes.size(); ++i)
+    for (std::size_t i = 0; i < bodies.size(); ++i)
         A.column[idx(next[i]++)] = static_cast<int>(i);
     std::vector<std::pair<int, int>> places;
-    for (const auto& [row, column] : pairs)
+    for (const Link& link : links)
     {
-        const int at_row = next[idx(row)]++;
-        const int at_column = next[idx(column)]++;
-        A.column[idx(at_row)] = column;
-        A.column[idx(at_column)] = row;
+        const int at_row = next[idx(link.row)]++;
+        const int at_column = next[idx(link.column)]++;
+        A.column[idx(at_row)] = link.column;
+        A.column[idx(at_column)] = link.row;
         places.emplace_back(at_row, at_column);
     }
-    for_each_body(
-        static_cast<int>(sizes.size()),
-        [&](std::size_t i)
-        {
-            Matrix6& D = A.block[idx(A.first[i])];
-            D.setIdentity();
-            matrix.diagonal_block(static_cast<int>(i),
-                                  D.topLeftCorner(sizes[i], sizes[i]));
-            if (sizes[i] != 4)
-            {
-                turn_block(poses[i].pose.R, poses[i].pose.R, D);
-                return;
-            }
-            const auto columns = columns_of(poses[i], 4);
-            const double along = D(3, 3);
-            D = (columns * D.topLeftCorner<4, 4>() * columns.transpose()).eval();
-            D.bottomRightCorner<3, 3>() +=
-                along * (Eigen::Matrix3d::Identity() -
-                         poses[i].along * poses[i].along.transpose());
-        });
-    for_each_body(
-        static_cast<int>(pairs.size()),
-        [&](std::size_t k)
-        {
-            const int rows = sizes[idx(pairs[k].first)];
-            const int columns = sizes[idx(pairs[k].second)];
-            Matrix6& block = A.block[idx(places[k].first)];
-            block.setZero();
-            matrix.pair_block(static_cast<int>(k), block.topLeftCorner(rows, columns));
-            const BlockPlace &row = poses[idx(pairs[k].first)],
-                             &column = poses[idx(pairs[k].second)];
-            if (rows != 4 && columns != 4)
-                turn_block(row.pose.R, column.pose.R, block);
-            else
-                block = (columns_of(row, rows) * block.topLeftCorner(rows, columns) *
-                         columns_of(column, columns).transpose())
-                            .eval();
-            A.block[idx(places[k].second)] = block.transpose();
-        });
+    for_each_body(static_cast<int>(bodies.size()),
+                  [&](std::size_t i)
+                  {
+                      const UnknownBody& body = bodies[i];
+                      Matrix6& D = A.block[idx(A.first[i])];
+                      if (!is_one_body(body.block))
+                          D = diagonals[i];
+                      else
+                      {
+                          Block block(sizes[idx(body.block)], sizes[idx(body.block)]);
+                          matrix.diagonal_block(body.block, block);
+                          D = in_common_axes(body, body, block);
+                      }
+                      hold_idle(body.turn, body.turns, D.topLeftCorner<3, 3>());
+                      hold_idle(body.shift, body.shifts, D.bottomRightCorner<3, 3>());
+                  });
+    for_each_body(static_cast<int>(links.size()),
+                  [&](std::size_t k)
+                  {
+                      const Link& link = links[k];
+                      Matrix6& block = A.block[idx(places[k].first)];
+                      if (link.source < 0)
+                          block = read[idx(-1 - link.source)];
+                      else
+                      {
+                          const auto& [row, column] = pairs[idx(link.source)];
+                          Block own = Block::Zero(sizes[idx(row)], sizes[idx(column)]);
+                          matrix.pair_block(link.source, own);
+                          block = in_common_axes(bodies[idx(link.row)],
+                                                 bodies[idx(link.column)], own);
+                      }
+                      A.block[idx(places[k].second)] = block.transpose();
+                  });
     scale_rows(A);
     return A;
 }
@@ -168,8 +259,12 @@ RigidBodies joined_bodies(const RigidBodies& bodies, const Members& members)
         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
         for (const int i : members.of(b))
             sum += bodies.centre[idx(i)];
-        next.centre.push_back(sum / static_cast<double>(members.of(b).size()));
-        next.shift.push_back(Eigen::Matrix3d::Identity());
+        const std::span<const int> own = members.of(b);
+        next.add(sum / static_cast<double>(own.size()),
+                 std::any_of(own.begin(), own.end(),
+                             [&](int i) { return bodies.is_on_rod[idx(i)]; }),
+                 std::none_of(own.begin(), own.end(),
+                              [&](int i) { return bodies.is_free(idx(i)); }));
     }
     return next;
 }
@@ -186,9 +281,9 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
         Matrix6 B = A.scale[i].cwiseInverse().asDiagonal() * scaled *
                     A.scale[j].cwiseInverse().asDiagonal();
         if (!bodies.is_free(i))
-            B.bottomRows<3>() = (bodies.shift[i] * B.bottomRows<3>()).eval();
+            B = (bodies.own_limit(i) * B).eval();
         if (!bodies.is_free(j))
-            B.rightCols<3>() = (B.rightCols<3>() * bodies.shift[j]).eval();
+            B = (B * bodies.own_limit(j)).eval();
         B.leftCols<3>() -= B.rightCols<3>() * arm(j);
         B.topRows<3>() += arm(i) * B.bottomRows<3>();
         return B;
@@ -215,13 +310,9 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
                               found->second += carried(i, j, A.block[k]);
                           }
                       }
-                      const std::span<const int> members = grouping.members.of(b);
-                      if (std::any_of(members.begin(), members.end(),
-                                      [&](int i) { return bodies.is_free(idx(i)); }))
-                          return;
-                      Matrix6& D = row.front().second;
-                      next_bodies.shift[b] =
-                          held_in_idle_directions(D.bottomRightCorner<3, 3>());
+                      if (!next_bodies.is_free(b))
+                          next_bodies.own_limit(b) =
+                              held_in_idle_motions(row.front().second);
                   });
     RigidRows next;
     std::size_t num_blocks = 0;

@@ -12,8 +12,8 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/rigid_motion.h"
-#include "solver/cells/cell_state.h"
 #include "solver/cells/grouping.h"
+#include "solver/cells/unknown_body.h"
 #include "solver/linear/linear_operator.h"
 
 namespace cellwarp
@@ -42,21 +42,38 @@ struct RigidRows : Links
 struct RigidBodies
 {
     std::vector<Eigen::Vector3d> centre;
-    /// Onto the directions in which it shifts: all; none of what turns about a point and
-    /// does nothing else; one of what slides along a curve.
-    std::vector<Eigen::Matrix3d> shift;
+    std::vector<char> is_on_rod; ///< a member is; see UnknownBody
+    /// Which of the projections below is its own; -1: its members can make all motions,
+    /// as where a free cell is one.
+    std::vector<int> limit;
+    /// Onto the motions that can be made, turns before shifts: turns of what is held at a
+    /// point and does nothing else.
+    std::vector<Matrix6> limits;
 
-    bool is_free(std::size_t body) const { return shift[body].isIdentity(0); }
+    bool is_free(std::size_t body) const { return limit[body] < 0; }
+    Matrix6& own_limit(std::size_t body) { return limits[idx(limit[body])]; }
+    const Matrix6& own_limit(std::size_t body) const { return limits[idx(limit[body])]; }
+    void add(const Eigen::Vector3d& at, bool is_rod, bool is_limited)
+    {
+        centre.push_back(at);
+        is_on_rod.push_back(is_rod);
+        limit.push_back(is_limited ? static_cast<int>(limits.size()) : -1);
+        if (is_limited)
+            limits.push_back(Matrix6::Zero());
+    }
 };
 
-/// The rows of the finest level, in common axes; a place a block. A block of 3 gets three
-/// more unknowns that do nothing, one of 4 two.
-RigidRows rows_of(const BlockOperator& matrix, std::span<const BlockPlace> places);
+/// Of the finest level.
+RigidBodies finest_bodies(std::span<const UnknownBody> bodies);
+
+/// The rows of the finest level, in common axes. Unknowns that a body has not, and those
+/// that do nothing, do not depend on others there.
+RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodies);
 
 /// A body of each group, about the mean of its members' centres.
 RigidBodies joined_bodies(const RigidBodies& bodies, const Members& members);
 
-/// A_C of all bodies. Of the next bodies it finds how they shift.
+/// A_C of all bodies. Of the next bodies it finds what motions they make.
 RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
                       const Grouping& grouping, RigidBodies& next_bodies);
 

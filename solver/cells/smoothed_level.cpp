@@ -36,9 +36,72 @@ Matrix6 inverse_of(const Matrix6& D)
     return Matrix6::Identity();
 }
 
+/// Blocks of the lower triangle between \p bodies: body(row, column, block), rows and
+/// columns counted among them. \p number: of each body of the level, or -1.
+template <class Body>
+void for_lower(const RigidRows& A, const std::vector<int>& bodies,
+               const std::vector<int>& number, Body&& body)
+{
+    for (std::size_t i = 0; i < bodies.size(); ++i)
+        for (std::size_t k = A.begin(idx(bodies[i])); k < A.end(idx(bodies[i])); ++k)
+            if (const int j = number[idx(A.column[k])]; j >= 0 && j <= static_cast<int>(i))
+                body(static_cast<int>(i), j, A.block[k]);
+}
+
+BlockMatrix matrix_of(const RigidRows& A, const std::vector<int>& bodies)
+{
+    std::vector<int> number(idx(A.count()), -1);
+    for (std::size_t i = 0; i < bodies.size(); ++i)
+        number[idx(bodies[i])] = static_cast<int>(i);
+    std::vector<std::pair<int, int>> pairs;
+    for_lower(A, bodies, number,
+              [&](int row, int column, const Matrix6&)
+              {
+                  if (column < row)
+                      pairs.emplace_back(row, column);
+              });
+    BlockMatrix matrix(std::vector<int>(bodies.size(), 6), pairs);
+    for_lower(A, bodies, number,
+              [&](int row, int column, const Matrix6& block)
+              {
+                  if (column < row)
+                      matrix.block(matrix.find(row, column)) = block;
+                  else
+                      matrix.diagonal(row) = block;
+              });
+    return matrix;
+}
+
 } // namespace
 
-SmoothedLevel::SmoothedLevel(const RigidRows& A)
+ExactBodies::ExactBodies(const RigidRows& A, std::vector<int> bodies)
+    : bodies_(std::move(bodies)), matrix_(matrix_of(A, bodies_)), solver_(matrix_)
+{
+    is_solved_ = solver_.factorize(matrix_);
+    for (double ridge = 1e-12; !is_solved_ && ridge < 1.0; ridge *= 100.0)
+    {
+        for (int i = 0; i < matrix_.num_blocks(); ++i)
+            matrix_.diagonal(i).diagonal().array() += ridge;
+        is_solved_ = solver_.factorize(matrix_);
+    }
+    right_.setZero(matrix_.rows());
+    solution_ = right_;
+}
+
+void ExactBodies::solve(const std::vector<WideVector>& right, std::vector<WideVector>& x)
+{
+    for (std::size_t i = 0; i < bodies_.size(); ++i)
+        for (int k = 0; k < 6; ++k)
+            right_[6 * static_cast<Eigen::Index>(i) + k] = right[idx(bodies_[i])][k];
+    if (is_solved_)
+        solver_.solve(right_, solution_);
+    for (std::size_t i = 0; i < bodies_.size(); ++i)
+        for (int k = 0; k < 6; ++k)
+            x[idx(bodies_[i])][k] =
+                static_cast<float>(solution_[6 * static_cast<Eigen::Index>(i) + k]);
+}
+
+SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod)
     : block(A.column.size() - idx(A.count())), diagonal(idx(A.count())),
       inverse(idx(A.count()))
 {
@@ -63,6 +126,14 @@ SmoothedLevel::SmoothedLevel(const RigidRows& A)
                   });
     for (std::vector<WideVector>* v : {&right, &x, &r, &d, &d2})
         v->assign(n, WideVector{});
+    std::vector<int> found;
+    for (std::size_t i = 0; i < n; ++i)
+        if (is_on_rod[i])
+            found.push_back(static_cast<int>(i));
+    if (found.empty())
+        return;
+    rods.emplace(A, std::move(found));
+    on_rods.assign(n, WideVector{});
 }
 
 constexpr float kCentre = 0.5f * (kLargest + kSmallest);
@@ -81,6 +152,7 @@ void SmoothedLevel::before(SmoothedLevel& next)
                       inverse.add_product(i, right[i], z);
                       d[i] = kFirst * z;
                   });
+    for_rods(right, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
     for_each_body(count(),
                   [&](std::size_t i)
                   {
@@ -91,6 +163,12 @@ void SmoothedLevel::before(SmoothedLevel& next)
                       d2[i] = kKeep * d[i] + kGain * z;
                       x[i] = d[i] + d2[i];
                   });
+    for_rods(r,
+             [&](std::size_t i, const WideVector& z)
+             {
+                 d2[i] = kKeep * d[i] + kGain * z;
+                 x[i] = d[i] + d2[i];
+             });
     for_each_body(next.count(),
                   [&](std::size_t b)
                   {
@@ -140,14 +218,17 @@ void SmoothedLevel::after(const SmoothedLevel& next)
                       inverse.add_product(i, r[i], z);
                       d[i] = kFirst * z;
                   });
+    for_rods(r, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
     for_each_body(count(),
                   [&](std::size_t i)
                   {
-                      WideVector left = r[i], z{};
-                      subtract_row(i, d, left);
-                      inverse.add_product(i, left, z);
-                      x[i] += (1.0f + kKeep) * d[i] + kGain * z;
+                      WideVector z{};
+                      subtract_row(i, d, r[i]);
+                      inverse.add_product(i, r[i], z);
+                      d2[i] = kGain * z;
+                      x[i] += (1.0f + kKeep) * d[i] + d2[i];
                   });
+    for_rods(r, [&](std::size_t i, const WideVector& z) { x[i] += kGain * z - d2[i]; });
 }
 
 } // namespace cellwarp

@@ -6,12 +6,16 @@
 #include <array>
 #include <cstddef>
 #include <cstring>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "solver/cells/grouping.h"
 #include "solver/cells/rigid_rows.h"
+#include "solver/linear/block_matrix.h"
+#include "solver/linear/cholesky.h"
 
 namespace cellwarp
 {
@@ -72,6 +76,26 @@ struct LevelTransfer
     std::array<float, 3> arm = {}; ///< shift += turn of the body x arm
 };
 
+/// Some bodies of a level, solved for exactly, in double precision.
+class ExactBodies
+{
+public:
+    /// What rounding made indefinite is held a little.
+    ExactBodies(const RigidRows& A, std::vector<int> bodies);
+
+    std::span<const int> bodies() const { return bodies_; }
+    /// x of these bodies, for the right-hand sides \p right with all others at 0.
+    void solve(const std::vector<WideVector>& right, std::vector<WideVector>& x);
+    double factor_numbers() const { return solver_.factor_numbers(); }
+
+private:
+    std::vector<int> bodies_;
+    BlockMatrix matrix_;
+    SparseCholesky solver_;
+    bool is_solved_ = false;
+    Eigen::VectorXd right_, solution_;
+};
+
 struct SmoothedLevel
 {
     // Rows without the diagonal.
@@ -80,10 +104,13 @@ struct SmoothedLevel
     // To the next level.
     Grouping grouping;
     std::vector<LevelTransfer> transfer;
+    /// Bodies on rods: where others are smoothed, these are solved for.
+    std::optional<ExactBodies> rods;
     // Scratch of a cycle.
     std::vector<WideVector> right, x, r, d, d2;
+    std::vector<WideVector> on_rods; ///< empty: no rods
 
-    explicit SmoothedLevel(const RigidRows& A);
+    SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod);
     int count() const { return links.count(); }
 
     /// sum -= A x, one row
@@ -93,6 +120,16 @@ struct SmoothedLevel
         diagonal.subtract_product(i, at[i], sum);
         for (std::size_t k = links.begin(i); k < links.end(i); ++k)
             block.subtract_product(k, at[idx(links.column[k])], sum);
+    }
+    /// \p use(body, its part of the solution) for all bodies on rods.
+    template <class Use>
+    void for_rods(const std::vector<WideVector>& of, Use&& use)
+    {
+        if (!rods)
+            return;
+        rods->solve(of, on_rods);
+        for (const int body : rods->bodies())
+            use(idx(body), on_rods[idx(body)]);
     }
     /// From x = 0: smooths, and sends what is left to the bodies above.
     void before(SmoothedLevel& next);

@@ -144,9 +144,6 @@ public:
         }
         energy_.emplace(built_.cells, glue_, constraints_,
                         find_components(built_.cells, constraints_));
-        for (int u = 0; u < energy_->state.num_unknown_cells(); ++u)
-            places_.push_back(
-                grid_place(built_.cells, energy_->state.cell_of_unknown(u)));
     }
 
     CellEnergy& energy() { return *energy_; }
@@ -194,7 +191,7 @@ public:
     }
     RigidMultigrid new_multigrid() const
     {
-        return {energy_->total, places_, block_places(energy_->state)};
+        return {energy_->total, energy_->bodies(grid_places(built_.cells))};
     }
     RigidMultigrid& multigrid()
     {
@@ -222,7 +219,6 @@ private:
     std::vector<Constraint> constraints_;
     std::vector<int> region_of_cell_, free_cells_;
     std::vector<Pose> rest_, start_;
-    std::vector<GridPlace> places_;
     std::optional<CellEnergy> energy_;
     std::optional<RigidMultigrid> multigrid_;
     std::unique_ptr<RestFactor> rest_factor_;

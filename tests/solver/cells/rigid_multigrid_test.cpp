@@ -81,8 +81,7 @@ private:
     RigidMultigrid made(const HeldBody& body)
     {
         energy.total.linearise(kGaussNewton);
-        return RigidMultigrid(energy.total, grid_places(energy.state, body.cells),
-                              block_places(energy.state));
+        return RigidMultigrid(energy.total, energy.bodies(grid_places(body.cells)));
     }
 };
 
@@ -371,8 +370,7 @@ TEST(RigidMultigrid, serves_cells_that_slide_along_curves)
     prepared.energy.state.set_held_points(sliding.constraints);
     prepared.energy.total.linearise(kGaussNewton);
     prepared.multigrid = RigidMultigrid(prepared.energy.total,
-                                        grid_places(prepared.energy.state, sliding.cells),
-                                        block_places(prepared.energy.state));
+                                        prepared.energy.bodies(grid_places(sliding.cells)));
     const int of_sliding = prepared.steps();
     EXPECT_LE(of_sliding, 1.5 * of_held);
     RecordProperty("held", of_held);
@@ -491,9 +489,9 @@ TEST(RigidMultigrid, is_built_within_its_estimate)
         HeldBody body = held_at_one_end(cells);
         CellEnergy energy = body.energy();
         energy.total.linearise(kGaussNewton);
-        const std::vector<GridPlace> places = grid_places(energy.state, body.cells);
+        const std::vector<UnknownBody> bodies = energy.bodies(grid_places(body.cells));
         const support::MostMemory most;
-        const RigidMultigrid multigrid(energy.total, places, block_places(energy.state));
+        const RigidMultigrid multigrid(energy.total, bodies);
         const double bytes = static_cast<double>(most.bytes());
         EXPECT_LT(multigrid.bytes(), bytes);
         const double estimate =

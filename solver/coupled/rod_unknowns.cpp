@@ -1,0 +1,394 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A carried cell i with rest centre c, at the parameter s of a rod whose frame there is F
+// (F0 at rest) and whose place P (P0), has the pose [theory-rods (36)]
+//   R_i = F F0^T,   p_i = P + R_i (c - P0),
+// then the motion of the rod as a whole. As the rod moves, u = P', t = u / |u|,
+//   omega = (t x du) / |u| + t dphi,   v = dP + omega x (p_i - P),
+// with the spin dphi of the material at s: twists are linear in the steps dx of control
+// points and angles, and so a gradient g by the twist of a cell is one J^T g by them (37).
+//
+// Unknowns. A control point steps in the axes that the frame near it has turned to, as a
+// cell steps in its own axes: what was prepared at rest stays a good preconditioner where
+// the rod bends.
+//
+// Holds. Places and directions that are held, and the angle where a tangent is held with
+// it, are linear in these steps: C dx = 0. Of m independent rows m unknowns are taken,
+// those by which the rows change most (elimination with full pivoting), and follow the
+// others. Which ones is chosen anew only when other things are held, because the
+// preconditioner depends on it.
+#include "solver/coupled/rod_unknowns.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <Eigen/QR>
+
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Triplet = Eigen::Triplet<double>;
+
+bool hold_the_same(std::span<const RodConstraint> a, std::span<const RodConstraint> b)
+{
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](const RodConstraint& one, const RodConstraint& other)
+                      {
+                          return one.hold == other.hold && one.s == other.s &&
+                                 one.control == other.control;
+                      });
+}
+
+} // namespace
+
+HoldRows hold_rows(const RodState& state, std::span<const RodConstraint> holds)
+{
+    std::vector<ConstraintRow> all;
+    for (const RodConstraint& hold : holds)
+        for (ConstraintRow& row :
+             rows_of(hold, state, HeldBasis(hold, state.rod().basis())))
+            all.push_back(std::move(row));
+    const Eigen::Index count = static_cast<Eigen::Index>(all.size());
+    HoldRows out{Eigen::MatrixXd::Zero(count, state.rod().layout().num_unknowns),
+                 Eigen::VectorXd(count)};
+    for (Eigen::Index r = 0; r < count; ++r)
+    {
+        for (const auto& [unknown, value] : all[idx(static_cast<int>(r))].entries)
+            out.by_steps(r, unknown) = value;
+        out.violation[r] = all[idx(static_cast<int>(r))].violation;
+    }
+    return out;
+}
+
+std::vector<double> parameters_of_controls(const SplineBasis& basis)
+{
+    std::vector<double> parameters(idx(basis.num_controls()), basis.begin());
+    std::vector<double> most(parameters.size(), -1.0);
+    for (std::size_t e = 0; e < basis.spans().size(); ++e)
+        for (const double x : {0.0, 0.5, 1.0})
+        {
+            const SplineSpan& span = basis.spans()[e];
+            const double s = span.begin + x * span.length();
+            const BasisValues values = basis.values_in(static_cast<int>(e), s);
+            for (int k = 0; k < values.count; ++k)
+            {
+                const std::size_t control = idx(values.control[idx(k)]);
+                if (values.value[0][idx(k)] > most[control] + 1e-9)
+                {
+                    most[control] = values.value[0][idx(k)];
+                    parameters[control] = s;
+                }
+            }
+        }
+    return parameters;
+}
+
+Motion carried_by(const RodState& now, const RodState& rest, double s)
+{
+    const Matrix3d turn = now.frame(s) * rest.frame(s).transpose();
+    Motion motion;
+    motion.R = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
+    motion.t = now.at(s).place - motion.R * rest.at(s).place;
+    return motion;
+}
+
+void bring_to(RodState& state, std::span<const RodConstraint> holds)
+{
+    constexpr int kMost = 20;
+    constexpr double kRounding = 1e-15; // of the rod's size
+    const double size = state.rod().arc_length().total();
+    for (int k = 0; k < kMost && !holds.empty(); ++k)
+    {
+        const HoldRows rows = hold_rows(state, holds);
+        if (rows.violation.lpNorm<Eigen::Infinity>() <= kRounding * size)
+            return;
+        state.move(-rows.by_steps.completeOrthogonalDecomposition().solve(rows.violation));
+    }
+}
+
+RodUnknowns::RodUnknowns(CellState& cells, std::vector<CoupledRod> rods)
+    : State(cells.end()), cells_(cells), rods_(std::move(rods)), motions_(rods_.size())
+{
+    first_.push_back(0);
+    for (const CoupledRod& rod : rods_)
+    {
+        sizes_.push_back(rod.rest->rod().layout().num_unknowns);
+        first_.push_back(first_.back() + sizes_.back());
+        num_carried_ += static_cast<int>(rod.cells.size());
+        parameters_.push_back(parameters_of_controls(rod.rest->rod().basis()));
+        now_.push_back(*rod.rest);
+    }
+    base_ = now_;
+    holds_.resize(rods_.size());
+    chosen_rows_.resize(rods_.size());
+    taken_.resize(rods_.size());
+    is_taken_.assign(idx(num_unknowns()), 0);
+    find_steps();
+}
+
+void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& motion,
+                      std::span<const RodConstraint> holds)
+{
+    const bool is_same = hold_the_same(holds_[rod], holds);
+    now_[rod] = base_[rod] = state;
+    motions_[rod] = motion;
+    holds_[rod].assign(holds.begin(), holds.end());
+    if (!is_same)
+        choose_taken(rod);
+    find_steps();
+}
+
+void RodUnknowns::lead(bool they_lead)
+{
+    if (do_lead_ == they_lead)
+        return;
+    do_lead_ = they_lead;
+    has_other_bodies_ = true;
+    find_steps();
+}
+
+double RodUnknowns::violation(std::size_t rod) const
+{
+    const HoldRows own = rows(rod);
+    return own.violation.size() > 0 ? own.violation.lpNorm<Eigen::Infinity>() : 0.0;
+}
+
+Eigen::VectorXd RodUnknowns::multipliers(std::size_t rod,
+                                         const Eigen::VectorXd& gradient) const
+{
+    const HoldRows own = rows(rod);
+    if (own.violation.size() == 0)
+        return own.violation;
+    return own.by_steps.transpose().completeOrthogonalDecomposition().solve(gradient);
+}
+
+void RodUnknowns::choose_taken(std::size_t rod)
+{
+    constexpr double kFollows = 1e-9; // of the largest pivot: a row follows from others
+    has_other_bodies_ = true;
+    for (const int unknown : taken_[rod])
+        is_taken_[idx(first_[rod] + unknown)] = 0;
+    taken_[rod].clear();
+    chosen_rows_[rod].clear();
+    find_axes();
+    Eigen::MatrixXd C =
+        rows(rod).by_steps *
+        axes_.block(first_[rod], first_[rod], sizes_[rod], sizes_[rod]).toDense();
+    if (C.rows() == 0)
+        return;
+    for (Eigen::Index r = 0; r < C.rows(); ++r)
+        C.row(r).normalize();
+    Eigen::FullPivLU<Eigen::MatrixXd> lu(C);
+    lu.setThreshold(kFollows);
+    for (Eigen::Index k = 0; k < lu.rank(); ++k)
+    {
+        taken_[rod].push_back(static_cast<int>(lu.permutationQ().indices()[k]));
+        is_taken_[idx(first_[rod] + taken_[rod].back())] = 1;
+    }
+    // P C Q = L U: row r of C has come to the place indices()[r].
+    std::vector<int> row_at(idx(static_cast<int>(C.rows())));
+    for (Eigen::Index r = 0; r < C.rows(); ++r)
+        row_at[idx(lu.permutationP().indices()[r])] = static_cast<int>(r);
+    chosen_rows_[rod].assign(row_at.begin(), row_at.begin() + lu.rank());
+}
+
+/// Of the unknowns, at the base.
+void RodUnknowns::find_axes()
+{
+    std::vector<Triplet> axes;
+    for (std::size_t rod = 0; rod < size(); ++rod)
+    {
+        const RodLayout& layout = now_[rod].rod().layout();
+        for (std::size_t k = 0; k < layout.control.size(); ++k)
+        {
+            const Matrix3d turn =
+                carried_by(now_[rod], *rods_[rod].rest, parameters_[rod][k]).R;
+            const int at = first_[rod] + layout.control[k];
+            for (int row = 0; row < 3; ++row)
+                for (int column = 0; column < 3; ++column)
+                    axes.emplace_back(at + row, at + column, turn(row, column));
+        }
+        for (const int angle : layout.angle)
+            axes.emplace_back(first_[rod] + angle, first_[rod] + angle, 1.0);
+    }
+    axes_.resize(num_unknowns(), num_unknowns());
+    axes_.setFromTriplets(axes.begin(), axes.end());
+}
+
+/// At the base; what is taken follows.
+void RodUnknowns::find_steps()
+{
+    find_axes();
+    std::vector<Triplet> followed;
+    for (int unknown = 0; unknown < num_unknowns(); ++unknown)
+        if (!is_taken(unknown))
+            followed.emplace_back(unknown, unknown, 1.0);
+    for (std::size_t rod = 0; rod < size() && !do_lead_; ++rod)
+    {
+        const std::vector<int>& taken = taken_[rod];
+        if (taken.empty())
+            continue;
+        const Eigen::MatrixXd C =
+            rows(rod).by_steps *
+            axes_.block(first_[rod], first_[rod], sizes_[rod], sizes_[rod]);
+        const Eigen::MatrixXd chosen = C(chosen_rows_[rod], Eigen::all);
+        const Eigen::MatrixXd by_others =
+            -chosen(Eigen::all, taken).partialPivLu().solve(chosen);
+        for (std::size_t k = 0; k < taken.size(); ++k)
+            for (int other = 0; other < sizes_[rod]; ++other)
+                if (const double share = by_others(static_cast<Eigen::Index>(k), other);
+                    !is_taken(first_[rod] + other) && std::abs(share) > 1e-14)
+                    followed.emplace_back(first_[rod] + taken[k], first_[rod] + other,
+                                          share);
+    }
+    SparseMatrix follow(num_unknowns(), num_unknowns());
+    follow.setFromTriplets(followed.begin(), followed.end());
+    steps_ = axes_ * follow;
+}
+
+SparseMatrix RodUnknowns::twists() const
+{
+    std::vector<Triplet> out;
+    int row = 0;
+    for (std::size_t rod = 0; rod < size(); ++rod)
+    {
+        const RodState& state = now_[rod];
+        const RodLayout& layout = state.rod().layout();
+        const Matrix3d& R = motions_[rod].R;
+        for (const CarriedCell& cell : rods_[rod].cells)
+        {
+            const BasisValues values = state.rod().basis().values(cell.s);
+            const CurvePoint at = state.at(values);
+            const double l = at.first.norm();
+            const Vector3d t = at.first / l;
+            const Vector3d arm =
+                carried_by(state, *rods_[rod].rest, cell.s)(cell.centre) - at.place;
+            const auto add = [&](int unknown, const Vector3d& omega, const Vector3d& v)
+            {
+                const Vector3d turn = R * omega, shift = R * (v + omega.cross(arm));
+                for (int k = 0; k < 3; ++k)
+                {
+                    out.emplace_back(row + k, first_[rod] + unknown, turn[k]);
+                    out.emplace_back(row + 3 + k, first_[rod] + unknown, shift[k]);
+                }
+            };
+            for (int k = 0; k < values.count; ++k)
+                for (int axis = 0; axis < 3; ++axis)
+                    add(layout.control[idx(values.control[idx(k)])] + axis,
+                        values.value[1][idx(k)] / l * t.cross(Vector3d::Unit(axis)),
+                        values.value[0][idx(k)] * Vector3d::Unit(axis));
+            for (const auto& [unknown, value] : spin_at(state, cell.s))
+                add(unknown, value * t, Vector3d::Zero());
+            row += 6;
+        }
+    }
+    SparseMatrix twists(row, num_unknowns());
+    twists.setFromTriplets(out.begin(), out.end());
+    return twists;
+}
+
+void RodUnknowns::add_bodies(std::span<const GridPlace> places,
+                             std::vector<UnknownBody>& out) const
+{
+    has_other_bodies_ = false;
+    for (std::size_t rod = 0; rod < size(); ++rod)
+    {
+        const RodState& state = now_[rod];
+        const RodLayout& layout = state.rod().layout();
+        const auto add = [&](int unknown, double s) -> UnknownBody&
+        {
+            UnknownBody& body = out.emplace_back();
+            body.block = begin().block + static_cast<int>(rod);
+            body.first = unknown;
+            body.is_on_rod = true;
+            const CarriedCell* nearest = nullptr;
+            for (const CarriedCell& cell : rods_[rod].cells)
+                if (!nearest || std::abs(cell.s - s) < std::abs(nearest->s - s))
+                    nearest = &cell;
+            body.grid = places[idx(nearest->cell)];
+            return body;
+        };
+        const std::size_t first_body = out.size();
+        for (std::size_t k = 0; k < layout.control.size(); ++k)
+        {
+            const double s = parameters_[rod][k];
+            UnknownBody& body = add(layout.control[k], s);
+            body.shifts = 3;
+            body.centre = motions_[rod](state.control(static_cast<int>(k)));
+            const Matrix3d axes =
+                motions_[rod].R * carried_by(state, *rods_[rod].rest, s).R;
+            for (int axis = 0; axis < 3; ++axis)
+                if (!is_taken(first_[rod] + layout.control[k] + axis))
+                    body.shift.col(axis) = axes.col(axis);
+        }
+        const std::span<const RodSpan> spans = state.rod().spans();
+        std::vector<double> at(layout.angle.size());
+        for (const RodSpan& span : spans)
+        {
+            at[idx(span.station[1])] = span.end;
+            at[idx(span.station[0])] = span.begin;
+        }
+        for (std::size_t e = 0; e < layout.angle.size(); ++e)
+        {
+            UnknownBody& body = add(layout.angle[e], at[e]);
+            body.turns = 1;
+            const CurvePoint point = state.at(at[e]);
+            body.centre = motions_[rod](point.place);
+            if (!is_taken(first_[rod] + layout.angle[e]))
+                body.turn.col(0) = motions_[rod].R * point.first.normalized();
+        }
+        std::sort(out.begin() + static_cast<std::ptrdiff_t>(first_body), out.end(),
+                  [](const UnknownBody& a, const UnknownBody& b)
+                  { return a.first < b.first; });
+    }
+}
+
+/// Of a step from one state to another.
+bool is_far(const RodState& from, const RodState& to)
+{
+    constexpr double kTurn = 0.5, kStretch = 2.0; // cosine, factor
+    for (std::size_t e = 0; e < from.rod().spans().size(); ++e)
+        for (int place = 0; place < from.rod().num_places(); ++place)
+        {
+            const RodState::Velocity &a = from.velocity(e, place),
+                                     &b = to.velocity(e, place);
+            if (a.tangent.dot(b.tangent) < kTurn || b.length > kStretch * a.length ||
+                a.length > kStretch * b.length)
+                return true;
+        }
+    return false;
+}
+
+void RodUnknowns::move(const Eigen::VectorXd& step, double length)
+{
+    moved_.noalias() = steps_ * step.segment(begin().unknown, num_unknowns());
+    is_too_far_ = false;
+    for (std::size_t rod = 0; rod < size(); ++rod)
+    {
+        now_[rod] = base_[rod];
+        now_[rod].move(moved_.segment(first_[rod], sizes_[rod]), length);
+        is_too_far_ |= is_far(base_[rod], now_[rod]);
+        for (const CarriedCell& cell : rods_[rod].cells)
+            cells_.place(cell.cell,
+                         carried(motions_[rod] *
+                                     carried_by(now_[rod], *rods_[rod].rest, cell.s),
+                                 cell.centre));
+    }
+}
+
+void RodUnknowns::settle()
+{
+    base_ = now_;
+    find_steps();
+}
+
+} // namespace cellwarp

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rods that are solved for together with the cells that they carry.
+// rod_unknowns.cpp has the derivation.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/SparseCore>
+
+#include "octree/base/rigid_motion.h"
+#include "solver/cells/cell_state.h"
+#include "solver/cells/unknown_body.h"
+#include "solver/minimize/state.h"
+#include "solver/rods/rod.h"
+#include "solver/rods/rod_constraint.h"
+
+namespace cellwarp
+{
+
+/// Where each control point counts most: parameters.
+std::vector<double> parameters_of_controls(const SplineBasis& basis);
+
+/// The motion of space that the frame of a rod has made at \p s, from rest.
+/// [theory-rods (36)]
+Motion carried_by(const RodState& now, const RodState& rest, double s);
+
+/// All rows of what holds a rod.
+struct HoldRows
+{
+    Eigen::MatrixXd by_steps; ///< a row each, of control points and angles
+    Eigen::VectorXd violation;
+};
+
+HoldRows hold_rows(const RodState& state, std::span<const RodConstraint> holds);
+
+/// Moves \p state to where \p holds have no violation, by as little as that takes.
+void bring_to(RodState& state, std::span<const RodConstraint> holds);
+
+/// A cell that follows the frame of a rod.
+struct CarriedCell
+{
+    int cell = 0;
+    double s = 0.0;         ///< parameter of the rod
+    Eigen::Vector3d centre; ///< at rest
+};
+
+/// A rod and what it carries, at rest; all of it outlives what is made from it.
+struct CoupledRod
+{
+    const RodState* rest = nullptr;
+    double stiffness = 1.0; ///< of its energy, beside that of the glue
+    std::vector<CarriedCell> cells;
+};
+
+using SparseMatrix = Eigen::SparseMatrix<double>;
+
+/// Control points and angles of rods, a block a rod. Each step places the cells that they
+/// carry, whose poses the state of the cells takes for given.
+class RodUnknowns final : public State
+{
+public:
+    /// \p cells must outlive it; its unknowns stand before these. All rods are at rest,
+    /// held by nothing.
+    RodUnknowns(CellState& cells, std::vector<CoupledRod> rods);
+
+    /// A rod from here on: it is at \p state, then moved as a whole. \p holds, whose rows
+    /// \p state fulfils, stay fulfilled to first order in the unknowns.
+    void set(std::size_t rod, const RodState& state, const Motion& motion,
+             std::span<const RodConstraint> holds);
+
+    /// Whether rods stay where they are, and only the cells are solved for.
+    void lead(bool they_lead);
+    bool do_lead() const { return do_lead_; }
+
+    std::size_t size() const { return rods_.size(); }
+    const CoupledRod& rod(std::size_t rod) const { return rods_[rod]; }
+    const RodState& state(std::size_t rod) const { return now_[rod]; }
+    const Motion& motion(std::size_t rod) const { return motions_[rod]; }
+    /// The first unknown of a rod among those of all rods; the last: how many.
+    int first(std::size_t rod) const { return first_[rod]; }
+    int num_unknowns() const { return first_.back(); }
+    int num_carried() const { return num_carried_; }
+    /// Whether the last step from the base turned or stretched a part of a rod so much
+    /// that it may have come to another minimum, with a loop or a turn more.
+    bool is_too_far() const { return is_too_far_; }
+    /// By how much the rows of its holds are violated, at the most.
+    double violation(std::size_t rod) const;
+    /// What each of its holds pulls the rod with where \p gradient, by the control points
+    /// and angles, is left: as many numbers as each has rows.
+    Eigen::VectorXd multipliers(std::size_t rod, const Eigen::VectorXd& gradient) const;
+
+    /// Steps of control points and angles by the unknowns: a column an unknown, zero for
+    /// one that the holds have taken; all of them where rods lead.
+    const SparseMatrix& steps() const { return steps_; }
+    bool is_taken(int unknown) const { return do_lead_ || is_taken_[idx(unknown)]; }
+    /// Twists, in world axes, of the carried cells by steps of control points and angles:
+    /// six rows a cell, in the order of the rods.
+    SparseMatrix twists() const;
+
+    void add_bodies(std::span<const GridPlace> places,
+                    std::vector<UnknownBody>& out) const;
+    /// Whether holds have taken other unknowns since the last add_bodies().
+    bool has_other_bodies() const { return has_other_bodies_; }
+
+    std::span<const int> block_sizes() const override { return sizes_; }
+    void move(const Eigen::VectorXd& step, double length) override;
+    void settle() override;
+
+private:
+    HoldRows rows(std::size_t rod) const { return hold_rows(now_[rod], holds_[rod]); }
+    void choose_taken(std::size_t rod);
+    void find_axes();
+    void find_steps();
+
+    CellState& cells_;
+    std::vector<CoupledRod> rods_;
+    std::vector<int> sizes_, first_;
+    int num_carried_ = 0;
+    /// Of each rod: where each control point counts most.
+    std::vector<std::vector<double>> parameters_;
+    std::vector<std::vector<RodConstraint>> holds_;
+    /// Of each rod: rows of the holds that do not follow from others, and the unknowns
+    /// that they take.
+    std::vector<std::vector<int>> chosen_rows_, taken_;
+    std::vector<RodState> now_, base_;
+    std::vector<Motion> motions_;
+    std::vector<char> is_taken_;
+    SparseMatrix steps_, axes_;
+    Eigen::VectorXd moved_; ///< scratch
+    bool is_too_far_ = false, do_lead_ = false;
+    mutable bool has_other_bodies_ = false;
+};
+
+} // namespace cellwarp
