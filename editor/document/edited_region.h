@@ -59,8 +59,9 @@ struct RodShape
 {
     std::vector<Eigen::Vector3d> points; ///< [model unit]
     bool is_closed = false;
-    std::optional<double> radius = {};    ///< of the tube that it carries [model unit]
-    std::optional<double> stiffness = {}; ///< with which a rod pushes back; none: it leads
+    std::optional<double> radius = {}; ///< of the tube that it carries [model unit]
+    std::optional<double> stiffness =
+        {}; ///< with which a rod pushes back; none: it leads
 };
 
 /// How much stiffer a stiff region is that says nothing else.

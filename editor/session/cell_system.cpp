@@ -73,7 +73,8 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     if (std::vector<PushingSpline> rods = pushing_splines(); !rods.empty())
         make_rods = [&, rods](CellState& state, const GlueTerm& glue)
         {
-            std::unique_ptr<PushingSplines> made = make_pushing_splines(state, glue, rods);
+            std::unique_ptr<PushingSplines> made =
+                make_pushing_splines(state, glue, rods);
             pushing_ = made.get();
             return made;
         };

@@ -60,9 +60,9 @@ public:
         const Eigen::VectorXd gradient = own_.coupling().gradient_by_steps();
         return splines_[rod].spline->solved(
             *states_[rod], rods.state(rod),
-            rods.multipliers(rod, gradient.segment(rods.first(rod),
-                                                   rods.first(rod + 1) -
-                                                       rods.first(rod))));
+            rods.multipliers(rod,
+                             gradient.segment(rods.first(rod),
+                                              rods.first(rod + 1) - rods.first(rod))));
     }
     bool bring_back() override
     {
@@ -74,8 +74,7 @@ public:
             const std::vector<RodConstraint> holds =
                 splines_[rod].spline->constraints(*states_[rod], now);
             const Eigen::VectorXd violation = hold_rows(now, holds).violation;
-            if (violation.size() == 0 ||
-                violation.lpNorm<Eigen::Infinity>() <= kKept)
+            if (violation.size() == 0 || violation.lpNorm<Eigen::Infinity>() <= kKept)
                 continue;
             has_left = true;
             bring_to(now, holds);

@@ -563,9 +563,8 @@ double Handle::energy_of(const RodState& state) const
 std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodState& lead,
                                                   const SplineHolds& holds) const
 {
-    const auto motion_at = [&](double s) {
-        return carried_by(lead, rest_, s) * inverse(carried_by(from.lead(), rest_, s));
-    };
+    const auto motion_at = [&](double s)
+    { return carried_by(lead, rest_, s) * inverse(carried_by(from.lead(), rest_, s)); };
     RodState state = *from.rod();
     const std::vector<double> parameters = parameters_of_controls(rod_.basis());
     Eigen::VectorXd x = state.x();
@@ -596,8 +595,7 @@ std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodSt
         const std::array<int, 2>& station = rod_.spans()[e].station;
         if (station[1] < station[0])
             continue; // the seam of a closed one
-        const double wanted =
-            from.rod()->twist(e) + lead.twist(e) - from.lead().twist(e);
+        const double wanted = from.rod()->twist(e) + lead.twist(e) - from.lead().twist(e);
         turns += kTurn * std::round((wanted - state.twist(e)) / kTurn);
         x[rod_.layout().angle[idx(station[1])]] += turns;
     }
@@ -609,13 +607,12 @@ std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodSt
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()), lead);
 }
 
-std::shared_ptr<const SplineState> Handle::solved(const SplineState& from,
-                                                  const RodState& now,
-                                                  const Eigen::VectorXd& multipliers) const
+std::shared_ptr<const SplineState>
+Handle::solved(const SplineState& from, const RodState& now,
+               const Eigen::VectorXd& multipliers) const
 {
     const State& start = static_cast<const State&>(from);
-    return std::make_shared<const State>(*this, now, start.holds(), false,
-                                         energy_of(now),
+    return std::make_shared<const State>(*this, now, start.holds(), false, energy_of(now),
                                          forces(start.holds(), multipliers),
                                          start.lead());
 }

@@ -29,7 +29,7 @@ struct PanelState
     std::string name;    ///< as typed so far
     /// Being typed: of a stiff region, of a rod, of a pin on a curve.
     std::optional<double> factor, radius, stiffness, share;
-    SceneSettings settings;              ///< while a number of it is typed
+    SceneSettings settings; ///< while a number of it is typed
     bool types_settings = false;
     std::size_t history_position = 0; ///< that the list was scrolled to
 };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <algorithm>
-#include <cmath>
 #include <array>
+#include <cmath>
 #include <string>
 
 #include <fmt/format.h>
@@ -18,8 +18,8 @@ namespace cellwarp
 namespace
 {
 
-/// A number field as wide as there is room. \p typed: what stands in it while it is typed.
-/// \return the number when it is done
+/// A number field as wide as there is room. \p typed: what stands in it while it is
+/// typed. \return the number when it is done
 std::optional<double> typed_number(const char* id, const char* format, double value,
                                    std::optional<double>& typed, const char* hint)
 {
@@ -195,9 +195,10 @@ void show_role(EditorApp& app, PanelState& state, const EditedRegion& region)
     if (region.role != Role::Stiff)
         return;
     ImGui::SameLine();
-    const std::optional<double> factor = typed_number(
-        "##factor", "× %.4g", region.factor, state.factor, "How many times as stiff as "
-                                                           "the rest");
+    const std::optional<double> factor =
+        typed_number("##factor", "× %.4g", region.factor, state.factor,
+                     "How many times as stiff as "
+                     "the rest");
     const std::string name = region.name;
     if (factor)
         app.attempt(Place::Regions,

@@ -15,8 +15,8 @@
 namespace cellwarp
 {
 
-/// A state, its term, what is solved for with them, and their sum, which refers to all: it
-/// stays where it is.
+/// A state, its term, what is solved for with them, and their sum, which refers to all:
+/// it stays where it is.
 struct CellEnergy
 {
     CellState state;

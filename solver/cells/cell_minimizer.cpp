@@ -34,8 +34,8 @@ private:
 
 CellMinimizer::CellMinimizer(const Cells& cells, const Glue& glue,
                              std::span<const Constraint> constraints,
-                             std::span<const Component> components,
-                             bool has_rigid_steps, const MakeCompanion& make_companion)
+                             std::span<const Component> components, bool has_rigid_steps,
+                             const MakeCompanion& make_companion)
     : energy_(std::make_unique<CellEnergy>(cells, glue, constraints, components,
                                            has_rigid_steps, make_companion))
 {

@@ -126,8 +126,8 @@ inline void CellState::add_body(int unknown, const Twist& twist, double* y) cons
     }
 }
 
-/// The unknown cells as they are now, each the body of a block; what slides is where it is
-/// held. \p places: of all cells.
+/// The unknown cells as they are now, each the body of a block; what slides is where it
+/// is held. \p places: of all cells.
 std::vector<UnknownBody> unknown_bodies(const CellState& state,
                                         std::span<const GridPlace> places);
 

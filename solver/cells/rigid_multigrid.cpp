@@ -12,10 +12,10 @@
 // control point of a rod takes the shift v + omega x (q - C), an angle of it tau . omega
 // of the turn; what holds make of the others counts as zero.
 //
-// Rods. Their stiffness along themselves, and the fourth derivatives of their bending, are
-// no work for a smoother of single bodies: its bound holds for energies of two bodies at a
-// time. All bodies of a level that have a part of a rod in them are therefore solved for
-// together wherever the others are smoothed. They are few.
+// Rods. Their stiffness along themselves, and the fourth derivatives of their bending,
+// are no work for a smoother of single bodies: its bound holds for energies of two bodies
+// at a time. All bodies of a level that have a part of a rod in them are therefore solved
+// for together wherever the others are smoothed. They are few.
 //
 // Correction. Groups are rigid, so a level can be strained only between its bodies. Take
 // cells of edge h under the strain e: each of their faces opens by e h. Of bodies of edge
@@ -169,29 +169,26 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
     // Residuals come in any size: the cycle is given one of about 1.
     double largest = 0.0;
     for (std::size_t i = 0; i < own.bodies.size(); ++i)
-        own.for_unknowns(i,
-                         [&](Eigen::Index at, const auto&, int half) {
-                             largest = std::max(largest,
-                                                std::abs(r[at] * own.scale[i][half]));
-                         });
+        own.for_unknowns(
+            i, [&](Eigen::Index at, const auto&, int half)
+            { largest = std::max(largest, std::abs(r[at] * own.scale[i][half])); });
     if (!(largest > 0.0) || !std::isfinite(largest))
     {
         z = r;
         return;
     }
     SmoothedLevel& finest = own.levels.front();
-    for_each_body(finest.count(),
-                  [&](std::size_t i)
-                  {
-                      Vector6 sum = Vector6::Zero();
-                      own.for_unknowns(i,
-                                       [&](Eigen::Index at, const auto& axis, int half) {
-                                           sum.segment<3>(half) +=
-                                               r[at] * own.scale[i][half] / largest * axis;
-                                       });
-                      for (int k = 0; k < 6; ++k)
-                          finest.right[i][k] = static_cast<float>(sum[k]);
-                  });
+    for_each_body(
+        finest.count(),
+        [&](std::size_t i)
+        {
+            Vector6 sum = Vector6::Zero();
+            own.for_unknowns(
+                i, [&](Eigen::Index at, const auto& axis, int half)
+                { sum.segment<3>(half) += r[at] * own.scale[i][half] / largest * axis; });
+            for (int k = 0; k < 6; ++k)
+                finest.right[i][k] = static_cast<float>(sum[k]);
+        });
     for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
         own.levels[l].before(own.levels[l + 1]);
     own.coarsest->solve(own.levels.back().right, own.levels.back().x);
@@ -203,13 +200,11 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
                       Vector6 x;
                       for (int k = 0; k < 6; ++k)
                           x[k] = finest.x[i][k];
-                      own.for_unknowns(
-                          i,
-                          [&](Eigen::Index at, const auto& axis, int half)
-                          {
-                              z[at] = axis.dot(x.template segment<3>(half)) * largest *
-                                      own.scale[i][half];
-                          });
+                      own.for_unknowns(i,
+                                       [&](Eigen::Index at, const auto& axis, int half) {
+                                           z[at] = axis.dot(x.template segment<3>(half)) *
+                                                   largest * own.scale[i][half];
+                                       });
                   });
 }
 
@@ -225,12 +220,13 @@ double RigidMultigrid::bytes() const
 {
     double bytes = levels_->coarsest ? 8.0 * levels_->coarsest->factor_numbers() : 0.0;
     for (const SmoothedLevel& level : levels_->levels)
-        bytes += static_cast<double>(
-            kBlockBytes * (level.block.size() + 2 * level.diagonal.size()) +
-            sizeof(int) * (level.links.column.size() + 4 * level.transfer.size()) +
-            sizeof(LevelTransfer) * level.transfer.size() +
-            5 * sizeof(WideVector) * level.x.size()) +
-                 (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
+        bytes +=
+            static_cast<double>(
+                kBlockBytes * (level.block.size() + 2 * level.diagonal.size()) +
+                sizeof(int) * (level.links.column.size() + 4 * level.transfer.size()) +
+                sizeof(LevelTransfer) * level.transfer.size() +
+                5 * sizeof(WideVector) * level.x.size()) +
+            (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
     return bytes;
 }
 

@@ -168,7 +168,8 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodi
                 {first_body[idx(row)], first_body[idx(column)], static_cast<int>(k)});
             continue;
         }
-        Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(sizes[idx(row)], sizes[idx(column)]);
+        Eigen::MatrixXd whole =
+            Eigen::MatrixXd::Zero(sizes[idx(row)], sizes[idx(column)]);
         matrix.pair_block(static_cast<int>(k), whole);
         for (int i = first_body[idx(row)]; i < first_body[idx(row) + 1]; ++i)
             for (int j = first_body[idx(column)]; j < first_body[idx(column) + 1]; ++j)

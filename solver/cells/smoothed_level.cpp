@@ -44,7 +44,8 @@ void for_lower(const RigidRows& A, const std::vector<int>& bodies,
 {
     for (std::size_t i = 0; i < bodies.size(); ++i)
         for (std::size_t k = A.begin(idx(bodies[i])); k < A.end(idx(bodies[i])); ++k)
-            if (const int j = number[idx(A.column[k])]; j >= 0 && j <= static_cast<int>(i))
+            if (const int j = number[idx(A.column[k])];
+                j >= 0 && j <= static_cast<int>(i))
                 body(static_cast<int>(i), j, A.block[k]);
 }
 

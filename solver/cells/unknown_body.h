@@ -16,8 +16,8 @@ namespace cellwarp
 struct UnknownBody
 {
     int block = 0;
-    int first = 0; ///< of its unknowns, in the block
-    int turns = 0; ///< so many unknowns turn it about its centre,
+    int first = 0;  ///< of its unknowns, in the block
+    int turns = 0;  ///< so many unknowns turn it about its centre,
     int shifts = 0; ///< and so many after them shift it
     /// In common axes, a column an unknown, then zeros: unit vectors across each other,
     /// or zero for an unknown that does nothing as long as it is held.

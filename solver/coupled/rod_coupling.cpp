@@ -40,8 +40,8 @@ RodCoupling::RodCoupling(const CellState& cells, const GlueTerm& glue,
             carried_[idx(cell.cell)] = number++;
             rod_of_carried.push_back(static_cast<int>(rod));
         }
-        RodModel& model = *models_.emplace_back(
-            std::make_unique<RodModel>(rods.rod(rod).rest->rod()));
+        RodModel& model =
+            *models_.emplace_back(std::make_unique<RodModel>(rods.rod(rod).rest->rod()));
         model.terms.push_back(exact_elasticity(rods.rod(rod).rest->rod()));
     }
     const int first = rods.begin().block;
@@ -117,9 +117,9 @@ void RodCoupling::add_rounding(std::span<double> out) const
     for (const GlueFace* face : faces_)
         for (const int cell : {face->a, face->b})
             if (const int c = carried_[idx(cell)]; c >= 0)
-                sizes[idx(c)] += 2.0 * face->stiffness *
-                                 (cells_.pose(face->a).p.norm() +
-                                  cells_.pose(face->b).p.norm());
+                sizes[idx(c)] +=
+                    2.0 * face->stiffness *
+                    (cells_.pose(face->a).p.norm() + cells_.pose(face->b).p.norm());
     const Eigen::VectorXd stiffness = elastic(RodHessian::Definite).diagonal();
     std::size_t next = 0;
     for (std::size_t rod = 0; rod < rods_.size(); ++rod)
@@ -150,8 +150,7 @@ SparseMatrix RodCoupling::elastic(RodHessian how) const
             for (int row = column;
                  row < std::min(band.rows(), column + band.half_band() + 1); ++row)
             {
-                const double value =
-                    rods_.rod(rod).stiffness * band.lower(row, column);
+                const double value = rods_.rod(rod).stiffness * band.lower(row, column);
                 if (value == 0.0)
                     continue;
                 out.emplace_back(first + row, first + column, value);
@@ -245,10 +244,9 @@ void RodCoupling::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) cons
     if (const int other = rod_of(column); other >= 0)
         out += among_rods_.block(first, rods_.first(idx(other)), out.rows(), out.cols());
     else
-        out += with_cells_.block(first,
-                                 cells_.first(column - cells_.begin().block) -
-                                     cells_.begin().unknown,
-                                 out.rows(), out.cols());
+        out += with_cells_.block(
+            first, cells_.first(column - cells_.begin().block) - cells_.begin().unknown,
+            out.rows(), out.cols());
 }
 
 } // namespace cellwarp

@@ -47,7 +47,7 @@ private:
     const CellState& cells_;
     const GlueTerm& glue_;
     const RodUnknowns& rods_;
-    std::vector<int> carried_;      ///< of the cells: number among those carried, or -1
+    std::vector<int> carried_; ///< of the cells: number among those carried, or -1
     std::vector<const GlueFace*> faces_; ///< of carried cells
     std::vector<std::unique_ptr<RodModel>> models_;
     std::vector<std::pair<int, int>> pairs_;

@@ -5,7 +5,8 @@
 // then the motion of the rod as a whole. As the rod moves, u = P', t = u / |u|,
 //   omega = (t x du) / |u| + t dphi,   v = dP + omega x (p_i - P),
 // with the spin dphi of the material at s: twists are linear in the steps dx of control
-// points and angles, and so a gradient g by the twist of a cell is one J^T g by them (37).
+// points and angles, and so a gradient g by the twist of a cell is one J^T g by them
+// (37).
 //
 // Unknowns. A control point steps in the axes that the frame near it has turned to, as a
 // cell steps in its own axes: what was prepared at rest stays a good preconditioner where
@@ -41,8 +42,7 @@ using Triplet = Eigen::Triplet<double>;
 bool hold_the_same(std::span<const RodConstraint> a, std::span<const RodConstraint> b)
 {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                      [](const RodConstraint& one, const RodConstraint& other)
-                      {
+                      [](const RodConstraint& one, const RodConstraint& other) {
                           return one.hold == other.hold && one.s == other.s &&
                                  one.control == other.control;
                       });
@@ -111,7 +111,8 @@ void bring_to(RodState& state, std::span<const RodConstraint> holds)
         const HoldRows rows = hold_rows(state, holds);
         if (rows.violation.lpNorm<Eigen::Infinity>() <= kRounding * size)
             return;
-        state.move(-rows.by_steps.completeOrthogonalDecomposition().solve(rows.violation));
+        state.move(
+            -rows.by_steps.completeOrthogonalDecomposition().solve(rows.violation));
     }
 }
 
@@ -378,10 +379,10 @@ void RodUnknowns::move(const Eigen::VectorXd& step, double length)
         now_[rod].move(moved_.segment(first_[rod], sizes_[rod]), length);
         is_too_far_ |= is_far(base_[rod], now_[rod]);
         for (const CarriedCell& cell : rods_[rod].cells)
-            cells_.place(cell.cell,
-                         carried(motions_[rod] *
-                                     carried_by(now_[rod], *rods_[rod].rest, cell.s),
-                                 cell.centre));
+            cells_.place(
+                cell.cell,
+                carried(motions_[rod] * carried_by(now_[rod], *rods_[rod].rest, cell.s),
+                        cell.centre));
     }
 }
 

@@ -4,11 +4,10 @@
 
 #include <gtest/gtest.h>
 
-#include "editor/session/session.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/segment.h"
-#include "tests/support/scripts.h"
+#include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -19,26 +18,19 @@ using support::error_of;
 using support::handles;
 using support::long_bar;
 using support::model;
+using support::played;
+using support::settings;
 
 namespace
 {
 
 using Eigen::Vector3d;
 
-SessionSettings settings(int across)
+SessionSettings tight(int across)
 {
-    SessionSettings s;
-    s.cells.across = across;
+    SessionSettings s = settings(across);
     s.gradient_tolerance = 1e-9;
     return s;
-}
-
-Session played(const Shape& shape, const std::string& text, const SessionSettings& s)
-{
-    Session session(model(shape), handles(text), s);
-    while (session.next_frame(true))
-        EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged);
-    return session;
 }
 
 const std::string kFoot = "fixed foot box -1 -1 -1 1 1 0.5\n";
@@ -74,7 +66,7 @@ TEST(GuideSession, a_pin_at_a_share_of_a_curve_is_there_exactly)
     {
         const Session session = played(
             shape, kRail + "on tip rail at " + std::to_string(share) + "\nframe 1\n",
-            settings(12));
+            tight(12));
         const RodReport rail = session.rods()[0];
         const Vector3d wanted = rail.line[idx(int(share * 128))];
         EXPECT_LT((session.deformed().samples[tip_of(shape)] - wanted).norm(), 4e-9);
@@ -87,7 +79,7 @@ TEST(GuideSession, a_pin_at_a_share_of_a_curve_is_there_exactly)
 TEST(GuideSession, a_pin_that_slides_stays_on_its_curve_where_nothing_pulls_along_it)
 {
     const Shape shape = long_bar();
-    const Session session = played(shape, kRail + "on tip rail\nframe 1\n", settings(12));
+    const Session session = played(shape, kRail + "on tip rail\nframe 1\n", tight(12));
     const RodReport rail = session.rods()[0];
     const Vector3d place = session.deformed().samples[tip_of(shape)];
     EXPECT_LT(distance_of_line(rail.line, place), 1e-4); // of its straight pieces
@@ -106,7 +98,7 @@ TEST(GuideSession, a_pin_that_slides_stays_on_its_curve_where_nothing_pulls_alon
         EXPECT_GT(played(shape,
                          kRail + "on tip rail at " + std::to_string(pin.at + away) +
                              "\nframe 1\n",
-                         settings(12))
+                         tight(12))
                       .frames()[0]
                       .solve.energy_after,
                   energy);
@@ -119,7 +111,7 @@ TEST(GuideSession, a_curve_that_moves_takes_its_pins_along)
         kRail + "on tip rail at 0.5\nframe 1\nframe 2\nmove rail translate 0 0 0.5\n"
                 "frame 3\nmove rail point 1 translate 0 0.3 0.3\n"
                 "move rail translate 0 0 0.5\n";
-    const Session session = played(shape, moved, settings(12));
+    const Session session = played(shape, moved, tight(12));
     const RodReport rail = session.rods()[0];
     EXPECT_LT((rail.points[1] - Vector3d(0, 0.9, 5.2)).norm(), 1e-9);
     EXPECT_LT((rail.points[0] - Vector3d(0, -1, 4.7)).norm(), 1e-9);
@@ -139,7 +131,7 @@ TEST(GuideSession, a_pin_stays_on_a_rod_as_well)
                                    "rod spine through 0 0 0  0 0 2  0 0 4\n"
                                    "on tip spine at 1\nframe 1\n"
                                    "move spine end translate 1.5 0 0\n",
-                                   settings(16));
+                                   tight(16));
     std::size_t tip = 0;
     for (std::size_t i = 0; i < both.samples.size(); ++i)
         if (both.samples[i] == Vector3d(2.5, 0, 4))
@@ -157,9 +149,9 @@ TEST(GuideSession, all_moved_alike_is_moved_rigidly)
                               "pin tip sphere 0 0 4 0.01\n"
                               "curve rail through 0 -1 4.2  0 0.6 4.4  0 2 3.8\n"
                               "on tip rail\nframe 1\n";
-    const Session before = played(shape, first, settings(12));
+    const Session before = played(shape, first, tight(12));
     const Session after = played(
-        shape, first + "frame 2\nmove foot" + rigid + "move rail" + rigid, settings(12));
+        shape, first + "frame 2\nmove foot" + rigid + "move rail" + rigid, tight(12));
     // The same place of the curve, without a step of the solve.
     EXPECT_EQ(after.frames()[1].solve.iterations, 0);
     EXPECT_NEAR(after.rods()[0].pins[0].at, before.rods()[0].pins[0].at, 1e-12);
@@ -167,7 +159,7 @@ TEST(GuideSession, all_moved_alike_is_moved_rigidly)
 
 TEST(GuideSession, undone_and_done_again_it_is_the_same_to_the_bit)
 {
-    SessionSettings keeps = settings(12);
+    SessionSettings keeps = tight(12);
     keeps.keeps_checkpoints = true;
     const std::string first = kRail + "on tip rail\nframe 1\n",
                       second = first + "frame 2\nmove rail translate 0 0.2 0.4\n";
@@ -186,7 +178,7 @@ TEST(GuideSession, undone_and_done_again_it_is_the_same_to_the_bit)
     for (const int threads : {1, 2})
     {
         const ThreadLimit limit(threads);
-        results.push_back(played(long_bar(), second, settings(12)).deformed().samples);
+        results.push_back(played(long_bar(), second, tight(12)).deformed().samples);
     }
     EXPECT_EQ(results[0], results[1]);
 }
@@ -196,8 +188,8 @@ TEST(GuideSession, what_cannot_be_is_told)
     const auto told = [](Fault fault, const std::string& text)
     {
         return error_of(
-            fault, [&]
-            { Session(model(long_bar()), handles(text + "frame 1\n"), settings(8)); });
+            fault,
+            [&] { Session(model(long_bar()), handles(text + "frame 1\n"), tight(8)); });
     };
     const auto refused = [](const std::string& text)
     { return error_of(Fault::Malformed, [&] { handles(text); }); };

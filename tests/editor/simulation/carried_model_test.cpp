@@ -8,7 +8,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "tests/support/scripts.h"
+#include "tests/support/sessions.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -19,18 +19,12 @@ using support::error_of;
 using support::handles;
 using support::long_bar;
 using support::model;
+using support::settings;
 
 namespace
 {
 
 using Eigen::Vector3d;
-
-SessionSettings settings()
-{
-    SessionSettings s;
-    s.cells.across = 12;
-    return s;
-}
 
 RodScene scene_of(const std::string& rod, const std::string& simulate,
                   const std::string& more = "")
@@ -52,7 +46,7 @@ std::vector<Vector3d> run(const Shape& shape, const RodScene& scene,
 {
     Simulation simulation(scene);
     CarriedModel carried(std::make_shared<const Geometry>(model(shape)), handles(text),
-                         settings(), scene.unit, simulation);
+                         settings(12), scene.unit, simulation);
     const std::int64_t frames = simulation.is_static() ? 1 : simulation.last_frame();
     for (std::int64_t frame = 1; frame <= frames; ++frame)
     {
@@ -93,7 +87,7 @@ TEST(CarriedModel, has_its_cells_where_the_rod_is_in_time)
     Simulation simulation(scene);
     const Shape shape = long_bar();
     CarriedModel carried(std::make_shared<const Geometry>(model(shape)), handles(""),
-                         settings(), 1.0, simulation);
+                         settings(12), 1.0, simulation);
     for (int frame = 1; frame <= 4; ++frame)
     {
         simulation.next_frame();

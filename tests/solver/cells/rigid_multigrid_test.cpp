@@ -369,8 +369,8 @@ TEST(RigidMultigrid, serves_cells_that_slide_along_curves)
     // In a state where the curves are what they are.
     prepared.energy.state.set_held_points(sliding.constraints);
     prepared.energy.total.linearise(kGaussNewton);
-    prepared.multigrid = RigidMultigrid(prepared.energy.total,
-                                        prepared.energy.bodies(grid_places(sliding.cells)));
+    prepared.multigrid = RigidMultigrid(
+        prepared.energy.total, prepared.energy.bodies(grid_places(sliding.cells)));
     const int of_sliding = prepared.steps();
     EXPECT_LE(of_sliding, 1.5 * of_held);
     RecordProperty("held", of_held);

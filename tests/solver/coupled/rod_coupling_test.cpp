@@ -33,8 +33,8 @@ Rod slender(const std::vector<Vector3d>& points)
 {
     Spline spline = spline_through(points, false, 2);
     const double length = ArcLength(spline).total();
-    const Section section{1e4 / (length * length), {1.0, 1.0}, 1.0, 1.0 / length, 0.0,
-                          0.1};
+    const Section section{
+        1e4 / (length * length), {1.0, 1.0}, 1.0, 1.0 / length, 0.0, 0.1};
     return Rod(std::move(spline), [section](double) { return section; }, {});
 }
 
@@ -166,8 +166,8 @@ std::vector<Vector3d> line_in(int nx, int ny, int nz)
 {
     std::vector<Vector3d> line;
     for (int k = 0; k <= 4; ++k)
-        line.emplace_back(1.2 + (nx - 1.4) * k / 4.0,
-                          0.5 * ny + 0.1 * std::sin(1.7 * k), 0.5 * nz + 0.05 * k);
+        line.emplace_back(1.2 + (nx - 1.4) * k / 4.0, 0.5 * ny + 0.1 * std::sin(1.7 * k),
+                          0.5 * nz + 0.05 * k);
     return line;
 }
 
@@ -230,14 +230,15 @@ TEST(RodCoupling, second_derivatives_are_exact_where_no_force_acts)
     }
 }
 
-TEST(RodCoupling, what_nothing_holds_has_six_rigid_motions_and_no_other_that_costs_nothing)
+TEST(RodCoupling,
+     what_nothing_holds_has_six_rigid_motions_and_no_other_that_costs_nothing)
 {
     Coupled scene(HeldBody(support::bar(4, 2, 2).cells), {line_in(4, 2, 2)}, 0.5);
     scene.total().linearise(kExact);
     const Eigen::MatrixXd H = support::dense_hessian(scene.total());
-    const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
-                                       H, Eigen::EigenvaluesOnly)
-                                       .eigenvalues();
+    const Eigen::VectorXd values =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(H, Eigen::EigenvaluesOnly)
+            .eigenvalues();
     EXPECT_GT(values[0], -1e-9 * values[values.size() - 1]);
     EXPECT_LT(values[5], 1e-9 * values[values.size() - 1]);
     EXPECT_GT(values[6], 1e-7 * values[values.size() - 1]);
