@@ -187,6 +187,7 @@ struct LiveDrag::State
         bend();
         const double bend_ms = ms_since(bend_start);
         const DragReport report = prepared.drag->frame(hand.motions, splines);
+        splines = prepared.drag->system().splines(); // some push back
         const Stop stop = report.solve.stop;
         is_converged = stop == Stop::Converged || stop == Stop::NoDescent ||
                        stop == Stop::NotPositiveDefinite;

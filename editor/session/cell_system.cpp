@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include <fmt/format.h>
 
 #include "editor/session/region_cells.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
 
@@ -70,7 +72,7 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
                  RigidMultigrid::memory_estimate(cells.size(), cells.faces.size()),
                  settings);
     MakeCompanion make_rods;
-    if (std::vector<PushingSpline> rods = pushing_splines(); !rods.empty())
+    if (std::vector<PushingSpline> rods = pushing_splines(components); !rods.empty())
         make_rods = [&, rods](CellState& state, const GlueTerm& glue)
         {
             std::unique_ptr<PushingSplines> made =
@@ -140,6 +142,7 @@ void CellSystem::place_stations()
         first_station_.push_back(stations_.size());
     }
     last_splines_ = splines_;
+    is_bent_.assign(splines_.size(), 0);
     station_motions_.resize(stations_.size());
     last_station_motions_ = station_motions_;
 }
@@ -275,8 +278,18 @@ Pose CellSystem::pose_on_rod(std::size_t cell) const
 }
 
 /// Those with cells.
-std::vector<PushingSpline> CellSystem::pushing_splines()
+std::vector<PushingSpline>
+CellSystem::pushing_splines(const std::vector<Component>& components)
 {
+    std::vector<int> component_of_cell(region_of_cell_.size());
+    std::vector<std::set<int>> holding(components.size()); ///< regions
+    for (std::size_t k = 0; k < components.size(); ++k)
+        for (const int cell : components[k].cells)
+        {
+            component_of_cell[idx(cell)] = static_cast<int>(k);
+            if (region_of_cell_[idx(cell)] >= 0)
+                holding[k].insert(region_of_cell_[idx(cell)]);
+        }
     std::vector<PushingSpline> rods;
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
@@ -294,6 +307,11 @@ std::vector<PushingSpline> CellSystem::pushing_splines()
         }
         if (rod.cells.empty())
             continue;
+        rod.is_alone =
+            std::all_of(rod.cells.begin(), rod.cells.end(),
+                        [&](int cell) {
+                            return holding[idx(component_of_cell[idx(cell)])].size() == 1;
+                        });
         pushing_regions_.push_back(r);
         rods.push_back(std::move(rod));
     }
@@ -313,8 +331,7 @@ void CellSystem::take_solved_rods()
         splines_[pushing_regions_[k]] = pushing_->solved(k);
     for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
         if (const int owner = region_of_cell_[c];
-            owner >= 0 && std::find(pushing_regions_.begin(), pushing_regions_.end(),
-                                    idx(owner)) != pushing_regions_.end())
+            owner >= 0 && (*regions_)[idx(owner)].is_rod())
             poses_[c] = pose_on_rod(c);
     find_station_motions(station_motions_);
     place_pushing_rods();
@@ -449,6 +466,7 @@ void CellSystem::settle_regions()
 {
     last_motions_ = motions_;
     last_splines_ = splines_;
+    is_bent_.assign(splines_.size(), 0);
     last_station_motions_ = station_motions_;
 }
 
@@ -485,6 +503,9 @@ void CellSystem::move_regions(std::span<const Motion> motions,
     std::copy(motions.begin(), motions.end(), motions_.begin());
     last_splines_ = splines_;
     std::copy(splines.begin(), splines.end(), splines_.begin());
+    for (std::size_t r = 0; r < splines_.size(); ++r)
+        is_bent_[r] =
+            splines_[r] != last_splines_[r] && !splines_[r]->is_at(*last_splines_[r]);
     last_station_motions_.swap(station_motions_);
     find_station_motions(station_motions_);
     for (std::size_t c = 0; c < constraints_.size(); ++c)
@@ -522,7 +543,7 @@ std::optional<Motion> CellSystem::rigid_step_of(const Component& component) cons
             if (owner < 0 || (constraints_[c].hold != Hold::Prescribed) != is_pin)
                 continue;
             const std::size_t r = idx(owner);
-            if (splines_[r] != last_splines_[r] && (*regions_)[r].is_rod())
+            if (is_bent_[r] && (*regions_)[r].is_rod())
                 return std::nullopt; // it has bent
             if (!step)
                 step = steps_[r];
@@ -573,10 +594,12 @@ Residual CellSystem::residual()
 }
 
 /// Holds of rods that push back are kept to first order in a solve: it is solved again
-/// from where they hold exactly, which is near.
-void CellSystem::solve_to_holds(const SolveOptions& options, SolveReport& report)
+/// from where they hold exactly, which is near. \p used: of the time budget [s].
+void CellSystem::solve_to_holds(const SolveOptions& options, double used,
+                                SolveReport& report)
 {
     constexpr int kRounds = 10;
+    const Clock::time_point start = Clock::now();
     for (int round = 0; round < kRounds && pushing_->bring_back(); ++round)
     {
         take_solved_rods();
@@ -584,6 +607,9 @@ void CellSystem::solve_to_holds(const SolveOptions& options, SolveReport& report
             return;
         SolveOptions rest = options;
         rest.max_iterations = std::max(0, options.max_iterations - report.iterations);
+        if (options.time_budget > 0)
+            rest.time_budget =
+                std::max(1e-9, options.time_budget - used - 1e-3 * ms_since(start));
         SolveReport next = minimizer_->minimize(poses_, rest);
         next.add_earlier(report);
         next.energy_before = report.energy_before;
@@ -594,11 +620,13 @@ void CellSystem::solve_to_holds(const SolveOptions& options, SolveReport& report
 
 SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
 {
-    if (pushing_)
-        pushing_->lead(rods_lead);
+    for (std::size_t k = 0; k < pushing_regions_.size(); ++k)
+        pushing_->lead(k, rods_lead && is_bent_[pushing_regions_[k]]);
+    const Clock::time_point start = Clock::now();
     SolveReport report = minimizer_->minimize(poses_, options);
-    if (pushing_ && !rods_lead && report.iterations > 0)
-        solve_to_holds(options, report);
+    if (pushing_ &&
+        (report.iterations > 0 || std::count(is_bent_.begin(), is_bent_.end(), 1) > 0))
+        solve_to_holds(options, 1e-3 * ms_since(start), report);
     for (const Guided& guided : guided_)
     {
         Constraint& constraint = constraints_[idx(guided.cell)];

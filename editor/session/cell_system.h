@@ -99,8 +99,8 @@ public:
     Residual residual();
     /// Lowers the glue energy of the cells that may move. Allocates nothing from the
     /// second call on but in the direct method.
-    /// Rods that push back are solved for with them, unless \p rods_lead: then they stay
-    /// where they were taken to, as others do.
+    /// Rods that push back are solved for with them; where \p rods_lead those that the
+    /// last move has bent stay where it took them, as other rods do.
     SolveReport solve(const SolveOptions& options, bool rods_lead = false);
     /// Starts from other poses, at which the regions have made \p motions.
     void set_state(std::span<const Pose> poses, std::span<const Motion> motions);
@@ -178,10 +178,10 @@ private:
     std::vector<Driving> driving() const;
     void find_station_motions(std::vector<Motion>& motions) const;
     Pose pose_on_rod(std::size_t cell) const;
-    std::vector<PushingSpline> pushing_splines();
+    std::vector<PushingSpline> pushing_splines(const std::vector<Component>& components);
     void place_pushing_rods();
     void take_solved_rods();
-    void solve_to_holds(const SolveOptions& options, SolveReport& report);
+    void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
     void hold_pins();
     void warn_of_components();
     void place_fades();
@@ -199,6 +199,7 @@ private:
     std::vector<std::size_t> pushing_regions_; ///< of the rods that push back
     std::optional<CellMinimizer> minimizer_;
     PushingSplines* pushing_ = nullptr; ///< a part of the minimizer; null: none
+    std::vector<char> is_bent_;         ///< of the regions: a spline, by the last move
     std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;
     std::vector<std::string> warnings_;

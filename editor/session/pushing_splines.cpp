@@ -46,13 +46,15 @@ public:
     bool has_other_bodies() const override { return own_.has_other_bodies(); }
 
     std::size_t size() const override { return splines_.size(); }
-    void lead(bool they_lead) override { own_.rods().lead(they_lead); }
+    void lead(std::size_t rod, bool it_leads) override
+    {
+        own_.rods().lead(rod, it_leads);
+    }
     void set(std::size_t rod, const std::shared_ptr<const SplineState>& state,
              const Motion& motion) override
     {
         states_[rod] = state;
-        own_.rods().set(rod, *state->rod(), motion,
-                        splines_[rod].spline->constraints(*state, *state->rod()));
+        own_.rods().set(rod, *state->rod(), motion, holds_of(rod, *state->rod()));
     }
     std::shared_ptr<const SplineState> solved(std::size_t rod) const override
     {
@@ -68,11 +70,12 @@ public:
     {
         bool has_left = false;
         RodUnknowns& rods = own_.rods();
-        for (std::size_t rod = 0; rod < size() && !rods.do_lead(); ++rod)
+        for (std::size_t rod = 0; rod < size(); ++rod)
         {
+            if (rods.leads(rod))
+                continue;
             RodState now = rods.state(rod);
-            const std::vector<RodConstraint> holds =
-                splines_[rod].spline->constraints(*states_[rod], now);
+            const std::vector<RodConstraint> holds = holds_of(rod, now);
             const Eigen::VectorXd violation = hold_rows(now, holds).violation;
             if (violation.size() == 0 || violation.lpNorm<Eigen::Infinity>() <= kKept)
                 continue;
@@ -84,6 +87,12 @@ public:
     }
 
 private:
+    std::vector<RodConstraint> holds_of(std::size_t rod, const RodState& now) const
+    {
+        return splines_[rod].spline->constraints(*states_[rod], now,
+                                                 splines_[rod].is_alone);
+    }
+
     std::vector<PushingSpline> splines_;
     std::vector<std::shared_ptr<const SplineState>> states_; ///< as set
     PushingRods own_;

@@ -21,14 +21,15 @@ struct PushingSpline
     std::vector<int> cells;
     std::vector<double> at;               ///< parameter of each
     std::vector<Eigen::Vector3d> centres; ///< of each, at rest
+    bool is_alone = false;                ///< nothing else holds its body
 };
 
 class PushingSplines : public Companion
 {
 public:
     virtual std::size_t size() const = 0;
-    /// Whether they stay where they are while the cells are solved for.
-    virtual void lead(bool they_lead) = 0;
+    /// Whether a rod stays where it is while others and the cells are solved for.
+    virtual void lead(std::size_t rod, bool it_leads) = 0;
     /// A rod from here on, then moved as a whole.
     virtual void set(std::size_t rod, const std::shared_ptr<const SplineState>& state,
                      const Motion& motion) = 0;

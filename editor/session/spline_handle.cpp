@@ -113,6 +113,10 @@ public:
     }
 
     const RodState* rod() const override { return &state_; }
+    bool is_at(const SplineState& other) const override
+    {
+        return state_.x() == static_cast<const State&>(other).state_.x();
+    }
     const RodState& lead() const { return lead_ ? *lead_ : state_; }
     const SplineHolds& holds() const { return holds_; }
     RailPlace at(double s) const override
@@ -200,10 +204,14 @@ public:
                                              const SplineHolds& holds,
                                              bool tries_all) const override;
     double stiffness() const override { return stiffness_; }
-    std::vector<RodConstraint> constraints(const SplineState& state,
-                                           const RodState& now) const override
+    std::vector<RodConstraint> constraints(const SplineState& state, const RodState& now,
+                                           bool is_alone) const override
     {
-        return constraints(now, static_cast<const State&>(state).holds());
+        const SplineHolds& holds = static_cast<const State&>(state).holds();
+        std::vector<RodConstraint> out = constraints(now, holds);
+        if (is_alone)
+            hold_what_is_free(now, holds, out);
+        return out;
     }
     std::shared_ptr<const SplineState>
     solved(const SplineState& from, const RodState& now,
@@ -263,6 +271,7 @@ private:
     std::shared_ptr<const SplineState> pushed(const State& from, const RodState& lead,
                                               const SplineHolds& holds) const;
     double energy_of(const RodState& state) const;
+    bool is_kept(const RodState& now, const SplineHolds& holds) const;
 
     bool is_rod_, by_controls_;
     double radius_;
@@ -459,7 +468,11 @@ void Handle::hold_what_is_free(const RodState& now, const SplineHolds& holds,
         constraint.direction = frame.col(2);
         out.push_back(constraint);
     }
-    if (!has_twist && (places <= 2 || rod_.is_straight()))
+    // Cells that a rod pushes back on do not let it turn about a line that is not
+    // straight.
+    const bool may_spin = stiffness_ > 0.0 ? places <= 1 || (places == 2 && !has_tangent)
+                                           : places <= 2 || rod_.is_straight();
+    if (!has_twist && may_spin)
     {
         constraint.hold = HoldKind::TwistAngle;
         constraint.direction = frame.col(0);
@@ -503,6 +516,10 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     if (!is_rod_)
         return led(holds);
     const State& start = static_cast<const State&>(from);
+    if (stiffness_ > 0.0 && is_kept(*start.rod(), holds))
+        return std::make_shared<const State>(*this, *start.rod(), holds, false,
+                                             start.energy(), start.forces(),
+                                             start.lead());
     if (holds == rest_holds())
         return stiffness_ > 0.0 ? pushed(start, rest_, holds) : is_rest_shared_;
     RodModel model(rod_);
@@ -533,6 +550,14 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     const double energy = energy_of(state);
     return std::make_shared<const State>(*this, std::move(state), holds, false, energy,
                                          forces(holds, scale_ * newton.multipliers()));
+}
+
+/// Whether a rod is already as \p holds have it: they only let go.
+bool Handle::is_kept(const RodState& now, const SplineHolds& holds) const
+{
+    constexpr double kKept = 1e-10; // [work], [rad]
+    const Eigen::VectorXd violation = hold_rows(now, constraints(now, holds)).violation;
+    return violation.size() == 0 || violation.lpNorm<Eigen::Infinity>() <= kKept;
 }
 
 /// Those at the places of the holds.

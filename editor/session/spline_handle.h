@@ -62,6 +62,9 @@ public:
     /// By how much it is turned about the tangent there, against the shortest way from
     /// rest [rad].
     virtual double turn_at_point(std::size_t point) const = 0;
+    /// Whether it is to the last bit where another state of the same spline is, whatever
+    /// holds them.
+    virtual bool is_at(const SplineState& other) const { return this == &other; }
     /// Null for a rod that is led.
     virtual const RodState* rod() const { return nullptr; }
 };
@@ -102,8 +105,10 @@ public:
     /// Times its energy of YI = 1 [work^4]. [theory-rods (35)]
     virtual double stiffness() const = 0;
     /// What holds it at \p state; of a twist without a tangent, as seen from \p now.
-    virtual std::vector<RodConstraint> constraints(const SplineState& state,
-                                                   const RodState& now) const = 0;
+    /// \p is_alone: nothing else holds the body: it stays as it is at \p now in the
+    /// rigid motions that are free.
+    virtual std::vector<RodConstraint>
+    constraints(const SplineState& state, const RodState& now, bool is_alone) const = 0;
     /// Held as at \p from it has come to \p now, where its constraints pull it with
     /// \p multipliers.
     virtual std::shared_ptr<const SplineState>

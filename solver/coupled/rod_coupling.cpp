@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "octree/base/index.h"
 #include "solver/rods/elasticity.h"
@@ -11,66 +12,58 @@
 namespace cellwarp
 {
 
-namespace
-{
-
-using Triplet = Eigen::Triplet<double>;
-
-template <class Block>
-void add_block(int row, int column, const Block& block, std::vector<Triplet>& out)
-{
-    for (Eigen::Index i = 0; i < block.rows(); ++i)
-        for (Eigen::Index j = 0; j < block.cols(); ++j)
-            out.emplace_back(row + static_cast<int>(i), column + static_cast<int>(j),
-                             block(i, j));
-}
-
-} // namespace
-
 RodCoupling::RodCoupling(const CellState& cells, const GlueTerm& glue,
                          const RodUnknowns& rods)
-    : cells_(cells), glue_(glue), rods_(rods), carried_(idx(cells.num_cells()), -1)
+    : cells_(cells), glue_(glue), rods_(rods)
 {
-    int number = 0;
-    std::vector<int> rod_of_carried;
+    std::vector<int> carried(idx(cells.num_cells()), -1);
     for (std::size_t rod = 0; rod < rods.size(); ++rod)
     {
         for (const CarriedCell& cell : rods.rod(rod).cells)
         {
-            carried_[idx(cell.cell)] = number++;
-            rod_of_carried.push_back(static_cast<int>(rod));
+            carried[idx(cell.cell)] = static_cast<int>(rod_of_carried_.size());
+            rod_of_carried_.push_back(rod);
         }
         RodModel& model =
             *models_.emplace_back(std::make_unique<RodModel>(rods.rod(rod).rest->rod()));
         model.terms.push_back(exact_elasticity(rods.rod(rod).rest->rod()));
+        const RodLayout& layout = rods.rod(rod).rest->rod().layout();
+        elastic_.emplace_back(layout.num_unknowns, layout.half_band);
     }
-    const int first = rods.begin().block;
-    for (const GlueFace& face : glue.glue().faces)
+    const auto block_of = [&](int number)
+    { return rods.begin().block + static_cast<int>(rod_of_carried_[idx(number)]); };
+    std::map<std::pair<int, int>, std::vector<int>> faces_of_pair;
+    for (const GlueFace& glued : glue.glue().faces)
     {
-        const int a = carried_[idx(face.a)], b = carried_[idx(face.b)];
-        if (a < 0 && b < 0)
+        Face face;
+        face.glue = &glued;
+        face.a = carried[idx(glued.a)];
+        face.b = carried[idx(glued.b)];
+        if (face.a < 0 && face.b < 0)
             continue;
-        faces_.push_back(&face);
-        const auto pair_with_cell = [&](int carried, int cell)
-        {
-            if (const int unknown = cells.unknown_of_cell(cell); unknown >= 0)
-                pairs_.emplace_back(first + rod_of_carried[idx(carried)],
-                                    cells.begin().block + unknown);
-        };
-        if (a >= 0 && b >= 0)
-        {
-            const int one = rod_of_carried[idx(a)], other = rod_of_carried[idx(b)];
-            if (one != other)
-                pairs_.emplace_back(first + std::max(one, other),
-                                    first + std::min(one, other));
-        }
-        else if (a >= 0)
-            pair_with_cell(a, face.b);
+        std::pair<int, int> pair = {-1, -1};
+        if (face.a >= 0 && face.b >= 0)
+            pair = {std::max(block_of(face.a), block_of(face.b)),
+                    std::min(block_of(face.a), block_of(face.b))};
         else
-            pair_with_cell(b, face.a);
+        {
+            face.unknown = cells.unknown_of_cell(face.a >= 0 ? glued.b : glued.a);
+            if (face.unknown >= 0)
+                pair = {block_of(std::max(face.a, face.b)),
+                        cells.begin().block + face.unknown};
+        }
+        if (pair.first != pair.second)
+            faces_of_pair[pair].push_back(static_cast<int>(faces_.size()));
+        faces_.push_back(face);
     }
-    std::sort(pairs_.begin(), pairs_.end());
-    pairs_.erase(std::unique(pairs_.begin(), pairs_.end()), pairs_.end());
+    for (auto& [pair, faces] : faces_of_pair)
+    {
+        pairs_.push_back(pair);
+        faces_of_pair_.push_back(std::move(faces));
+    }
+    diagonals_.resize(rod_of_carried_.size());
+    twists_.resize(rod_of_carried_.size());
+    forces_.resize(rod_of_carried_.size());
 }
 
 double RodCoupling::value() const
@@ -85,24 +78,36 @@ double RodCoupling::value() const
 
 Eigen::VectorXd RodCoupling::gradient_by_steps() const
 {
-    Eigen::VectorXd by_twists = Eigen::VectorXd::Zero(6 * rods_.num_carried());
-    for (const GlueFace* face : faces_)
+    std::fill(forces_.begin(), forces_.end(), Twist::Zero());
+    for (const Face& face : faces_)
     {
-        const Eigen::Matrix<double, 12, 1> gradient =
-            glue_gradient(*face, cells_.pose(face->a), cells_.pose(face->b));
-        if (const int a = carried_[idx(face->a)]; a >= 0)
-            by_twists.segment<6>(6 * a) += gradient.head<6>();
-        if (const int b = carried_[idx(face->b)]; b >= 0)
-            by_twists.segment<6>(6 * b) += gradient.tail<6>();
+        const Eigen::Matrix<double, 12, 1> gradient = glue_gradient(
+            *face.glue, cells_.pose(face.glue->a), cells_.pose(face.glue->b));
+        if (face.a >= 0)
+            forces_[idx(face.a)] += gradient.head<6>();
+        if (face.b >= 0)
+            forces_[idx(face.b)] += gradient.tail<6>();
     }
-    Eigen::VectorXd out = rods_.twists().transpose() * by_twists;
-    Eigen::VectorXd own;
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(rods_.num_unknowns()), own;
+    add_back(out);
     for (std::size_t rod = 0; rod < rods_.size(); ++rod)
     {
         models_[rod]->gradient(rods_.state(rod), own);
         out.segment(rods_.first(rod), own.size()) += rods_.rod(rod).stiffness * own;
     }
     return out;
+}
+
+/// To the derivatives by the steps: forces_, those by the twists.
+void RodCoupling::add_back(Eigen::VectorXd& by_steps) const
+{
+    for (std::size_t c = 0; c < forces_.size(); ++c)
+    {
+        const CarriedTwist& twist = rods_.twists()[c];
+        for (std::size_t k = 0; k < twist.steps.size(); ++k)
+            by_steps[twist.steps[k]] +=
+                twist.by_steps.col(static_cast<Eigen::Index>(k)).dot(forces_[c]);
+    }
 }
 
 void RodCoupling::add_gradient(Eigen::VectorXd& out) const
@@ -113,140 +118,200 @@ void RodCoupling::add_gradient(Eigen::VectorXd& out) const
 
 void RodCoupling::add_rounding(std::span<double> out) const
 {
-    std::vector<double> sizes(idx(rods_.num_carried()), 0.0);
-    for (const GlueFace* face : faces_)
-        for (const int cell : {face->a, face->b})
-            if (const int c = carried_[idx(cell)]; c >= 0)
-                sizes[idx(c)] +=
-                    2.0 * face->stiffness *
-                    (cells_.pose(face->a).p.norm() + cells_.pose(face->b).p.norm());
-    const Eigen::VectorXd stiffness = elastic(RodHessian::Definite).diagonal();
-    std::size_t next = 0;
+    constexpr double kEpsilon = 4.0 * std::numeric_limits<double>::epsilon();
+    const std::size_t first = idx(rods_.begin().block);
+    for (const Face& face : faces_)
+        for (const int number : {face.a, face.b})
+            if (number >= 0)
+                out[first + rod_of_carried_[idx(number)]] +=
+                    kEpsilon * 2.0 * face.glue->stiffness *
+                    (cells_.pose(face.glue->a).p.norm() +
+                     cells_.pose(face.glue->b).p.norm());
     for (std::size_t rod = 0; rod < rods_.size(); ++rod)
     {
+        const RodState& state = rods_.state(rod);
+        BandMatrix band(static_cast<int>(state.x().size()),
+                        state.rod().layout().half_band);
+        models_[rod]->hessian(state, RodHessian::Definite, band);
         double sum = 0.0;
-        for (std::size_t k = 0; k < rods_.rod(rod).cells.size(); ++k)
-            sum += sizes[next++];
-        const Eigen::VectorXd& x = rods_.state(rod).x();
-        sum += stiffness.segment(rods_.first(rod), x.size())
-                   .cwiseProduct(x.cwiseAbs())
-                   .norm();
-        out[idx(rods_.begin().block) + rod] +=
-            4.0 * std::numeric_limits<double>::epsilon() * sum;
+        for (int k = 0; k < band.rows(); ++k)
+            sum += std::pow(band.lower(k, k) * state.x()[k], 2);
+        out[first + rod] += kEpsilon * rods_.rod(rod).stiffness * std::sqrt(sum);
     }
-}
-
-/// By control points and angles.
-SparseMatrix RodCoupling::elastic(RodHessian how) const
-{
-    std::vector<Triplet> out;
-    for (std::size_t rod = 0; rod < rods_.size(); ++rod)
-    {
-        const RodLayout& layout = rods_.state(rod).rod().layout();
-        BandMatrix band(layout.num_unknowns, layout.half_band);
-        models_[rod]->hessian(rods_.state(rod), how, band);
-        const int first = rods_.first(rod);
-        for (int column = 0; column < band.rows(); ++column)
-            for (int row = column;
-                 row < std::min(band.rows(), column + band.half_band() + 1); ++row)
-            {
-                const double value = rods_.rod(rod).stiffness * band.lower(row, column);
-                if (value == 0.0)
-                    continue;
-                out.emplace_back(first + row, first + column, value);
-                if (row != column)
-                    out.emplace_back(first + column, first + row, value);
-            }
-    }
-    SparseMatrix matrix(rods_.num_unknowns(), rods_.num_unknowns());
-    matrix.setFromTriplets(out.begin(), out.end());
-    return matrix;
 }
 
 void RodCoupling::linearise(Curvature curvature)
 {
-    const int num_cell_unknowns = rods_.begin().unknown - cells_.begin().unknown;
-    std::vector<Triplet> among, with;
-    for (const GlueFace* face : faces_)
+    std::fill(diagonals_.begin(), diagonals_.end(), Eigen::Matrix<double, 6, 6>::Zero());
+    for (Face& face : faces_)
     {
-        const Pose &pose_a = cells_.pose(face->a), &pose_b = cells_.pose(face->b);
-        const int a = carried_[idx(face->a)], b = carried_[idx(face->b)];
-        const Eigen::Matrix<double, 6, 6> coupling =
-            glue_coupling(*face, pose_a, pose_b).matrix();
-        if (a >= 0)
-            add_block(6 * a, 6 * a, glue_diagonal_a(*face, pose_a, pose_b, curvature),
-                      among);
-        if (b >= 0)
-            add_block(6 * b, 6 * b, glue_diagonal_b(*face, pose_a, pose_b, curvature),
-                      among);
-        if (a >= 0 && b >= 0)
-        {
-            add_block(6 * a, 6 * b, coupling, among);
-            add_block(6 * b, 6 * a, coupling.transpose(), among);
-            continue;
-        }
-        const int unknown = cells_.unknown_of_cell(a >= 0 ? face->b : face->a);
-        if (unknown < 0)
-            continue;
-        const CellState::Basis basis = glue_.basis(unknown);
-        const int column = cells_.first(unknown) - cells_.begin().unknown;
-        if (a >= 0)
-            add_block(6 * a, column, (coupling * basis).eval(), with);
-        else
-            add_block(6 * b, column, (coupling.transpose() * basis).eval(), with);
+        const GlueFace& glue = *face.glue;
+        const Pose &a = cells_.pose(glue.a), &b = cells_.pose(glue.b);
+        face.coupling = glue_coupling(glue, a, b).matrix();
+        if (face.a >= 0)
+            diagonals_[idx(face.a)] += glue_diagonal_a(glue, a, b, curvature);
+        if (face.b >= 0)
+            diagonals_[idx(face.b)] += glue_diagonal_b(glue, a, b, curvature);
+        if (face.unknown >= 0)
+            face.basis = glue_.basis(face.unknown);
     }
-    const int num_twists = 6 * rods_.num_carried();
-    SparseMatrix glue(num_twists, num_twists), to_cells(num_twists, num_cell_unknowns);
-    glue.setFromTriplets(among.begin(), among.end());
-    to_cells.setFromTriplets(with.begin(), with.end());
-    const SparseMatrix twists = rods_.twists() * rods_.steps();
-    const SparseMatrix back = twists.transpose();
-    const SparseMatrix glue_of_twists = glue * twists;
-    const SparseMatrix steps_back = rods_.steps().transpose();
-    const SparseMatrix of_steps =
-        elastic(curvature.share > 0.0 ? RodHessian::Exact : RodHessian::Definite) *
-        rods_.steps();
-    among_rods_ = back * glue_of_twists + steps_back * of_steps;
-    with_cells_ = back * to_cells;
-    // What holds have taken does nothing: any stiffness keeps the matrix definite.
-    const double stiffness = among_rods_.diagonal().cwiseAbs().maxCoeff();
-    std::vector<Triplet> idle;
-    for (int unknown = 0; unknown < rods_.num_unknowns(); ++unknown)
-        if (rods_.is_taken(unknown))
-            idle.emplace_back(unknown, unknown, stiffness > 0.0 ? stiffness : 1.0);
-    SparseMatrix held(rods_.num_unknowns(), rods_.num_unknowns());
-    held.setFromTriplets(idle.begin(), idle.end());
-    among_rods_ += held;
+    idle_ = 0.0;
+    for (std::size_t rod = 0; rod < rods_.size(); ++rod)
+    {
+        models_[rod]->hessian(rods_.state(rod),
+                              curvature.share > 0.0 ? RodHessian::Exact
+                                                    : RodHessian::Definite,
+                              elastic_[rod]);
+        for (int k = 0; k < elastic_[rod].rows(); ++k)
+            idle_ = std::max(idle_, rods_.rod(rod).stiffness *
+                                        std::abs(elastic_[rod].lower(k, k)));
+    }
+    if (!(idle_ > 0.0))
+        idle_ = 1.0;
 }
 
 void RodCoupling::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
 {
     const auto own = x.segment(rods_.begin().unknown, rods_.num_unknowns());
-    const Eigen::Index first = cells_.begin().unknown, count = with_cells_.cols();
-    y.segment(rods_.begin().unknown, rods_.num_unknowns()) +=
-        among_rods_ * own + with_cells_ * x.segment(first, count);
-    y.segment(first, count) += with_cells_.transpose() * own;
+    steps_.noalias() = rods_.steps() * own;
+    for (std::size_t c = 0; c < twists_.size(); ++c)
+    {
+        const CarriedTwist& twist = rods_.twists()[c];
+        twists_[c].setZero();
+        for (std::size_t k = 0; k < twist.steps.size(); ++k)
+            twists_[c] +=
+                steps_[twist.steps[k]] * twist.by_steps.col(static_cast<Eigen::Index>(k));
+        forces_[c].noalias() = diagonals_[c] * twists_[c];
+    }
+    for (const Face& face : faces_)
+    {
+        if (face.a >= 0 && face.b >= 0)
+        {
+            forces_[idx(face.a)] += face.coupling * twists_[idx(face.b)];
+            forces_[idx(face.b)] += face.coupling.transpose() * twists_[idx(face.a)];
+        }
+        else if (face.unknown >= 0)
+        {
+            const Eigen::Index at = cells_.first(face.unknown), size = face.basis.cols();
+            const Twist other = face.basis * x.segment(at, size);
+            if (face.a >= 0)
+            {
+                forces_[idx(face.a)] += face.coupling * other;
+                y.segment(at, size) += face.basis.transpose() *
+                                       (face.coupling.transpose() * twists_[idx(face.a)]);
+            }
+            else
+            {
+                forces_[idx(face.b)] += face.coupling.transpose() * other;
+                y.segment(at, size) +=
+                    face.basis.transpose() * (face.coupling * twists_[idx(face.b)]);
+            }
+        }
+    }
+    by_steps_.setZero(rods_.num_unknowns());
+    add_back(by_steps_);
+    for (std::size_t rod = 0; rod < rods_.size(); ++rod)
+    {
+        const Eigen::Index first = rods_.first(rod), size = elastic_[rod].rows();
+        own_steps_ = steps_.segment(first, size);
+        elastic_[rod].multiply(own_steps_, part_);
+        by_steps_.segment(first, size) += rods_.rod(rod).stiffness * part_;
+    }
+    auto out = y.segment(rods_.begin().unknown, rods_.num_unknowns());
+    out += rods_.steps().transpose() * by_steps_;
+    for (int k = 0; k < rods_.num_unknowns(); ++k)
+        if (rods_.is_taken(k))
+            out[k] += idle_ * own[k];
+}
+
+/// out += J_row^T H J_column of two carried cells, by the steps from \p first and
+/// \p first_column on.
+void RodCoupling::add_between(const CarriedTwist& row,
+                              const Eigen::Matrix<double, 6, 6>& H,
+                              const CarriedTwist& column, int first, int first_column,
+                              Eigen::MatrixXd& out) const
+{
+    const Eigen::MatrixXd block = row.by_steps.transpose() * H * column.by_steps;
+    for (std::size_t i = 0; i < row.steps.size(); ++i)
+        for (std::size_t j = 0; j < column.steps.size(); ++j)
+            out(row.steps[i] - first, column.steps[j] - first_column) +=
+                block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+}
+
+/// The unknowns of a rod and their steps.
+Eigen::SparseMatrix<double> RodCoupling::steps_of(std::size_t rod) const
+{
+    const int first = rods_.first(rod), size = rods_.first(rod + 1) - first;
+    return rods_.steps().block(first, first, size, size);
 }
 
 void RodCoupling::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
 {
-    const int rod = rod_of(block);
-    if (rod < 0 || rod >= static_cast<int>(rods_.size()))
+    const int number = rod_of(block);
+    if (number < 0 || number >= static_cast<int>(rods_.size()))
         return;
-    const int first = rods_.first(idx(rod));
-    out += among_rods_.block(first, first, out.rows(), out.cols());
+    const std::size_t rod = idx(number);
+    const int first = rods_.first(rod);
+    Eigen::MatrixXd by_steps = Eigen::MatrixXd::Zero(out.rows(), out.cols());
+    for (std::size_t c = 0; c < diagonals_.size(); ++c)
+        if (rod_of_carried_[c] == rod)
+            add_between(rods_.twists()[c], diagonals_[c], rods_.twists()[c], first, first,
+                        by_steps);
+    for (const Face& face : faces_)
+        if (face.a >= 0 && face.b >= 0 && rod_of_carried_[idx(face.a)] == rod &&
+            rod_of_carried_[idx(face.b)] == rod)
+        {
+            add_between(twist(face.a), face.coupling, twist(face.b), first, first,
+                        by_steps);
+            add_between(twist(face.b), face.coupling.transpose(), twist(face.a), first,
+                        first, by_steps);
+        }
+    const BandMatrix& band = elastic_[rod];
+    for (int column = 0; column < band.rows(); ++column)
+        for (int row = column; row < std::min(band.rows(), column + band.half_band() + 1);
+             ++row)
+        {
+            const double value = rods_.rod(rod).stiffness * band.lower(row, column);
+            by_steps(row, column) += value;
+            if (row != column)
+                by_steps(column, row) += value;
+        }
+    const Eigen::SparseMatrix<double> steps = steps_of(rod);
+    out += steps.transpose() * (by_steps * steps);
+    for (Eigen::Index k = 0; k < out.rows(); ++k)
+        if (rods_.is_taken(first + static_cast<int>(k)))
+            out(k, k) += idle_;
 }
 
 void RodCoupling::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
 {
     const auto& [row, column] = pairs_[idx(pair)];
-    const int first = rods_.first(idx(rod_of(row)));
-    if (const int other = rod_of(column); other >= 0)
-        out += among_rods_.block(first, rods_.first(idx(other)), out.rows(), out.cols());
+    const std::size_t rod = idx(rod_of(row));
+    const int first = rods_.first(rod);
+    Eigen::MatrixXd by_steps = Eigen::MatrixXd::Zero(out.rows(), out.cols());
+    const int other = rod_of(column);
+    for (const int f : faces_of_pair_[idx(pair)])
+    {
+        const Face& face = faces_[idx(f)];
+        const bool is_a = face.a >= 0 && rod_of_carried_[idx(face.a)] == rod;
+        const Eigen::Matrix<double, 6, 6> H =
+            is_a ? face.coupling : Eigen::Matrix<double, 6, 6>(face.coupling.transpose());
+        const CarriedTwist& own = twist(is_a ? face.a : face.b);
+        if (other >= 0)
+        {
+            add_between(own, H, twist(is_a ? face.b : face.a), first,
+                        rods_.first(idx(other)), by_steps);
+            continue;
+        }
+        const Eigen::MatrixXd block = own.by_steps.transpose() * (H * face.basis);
+        for (std::size_t i = 0; i < own.steps.size(); ++i)
+            by_steps.row(own.steps[i] - first) += block.row(static_cast<Eigen::Index>(i));
+    }
+    const Eigen::MatrixXd left = steps_of(rod).transpose() * by_steps;
+    if (other >= 0)
+        out += left * steps_of(idx(other));
     else
-        out += with_cells_.block(
-            first, cells_.first(column - cells_.begin().block) - cells_.begin().unknown,
-            out.rows(), out.cols());
+        out += left;
 }
 
 } // namespace cellwarp

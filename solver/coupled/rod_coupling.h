@@ -41,19 +41,41 @@ public:
     void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override;
 
 private:
+    /// The glue between a carried cell and another, which may be carried as well.
+    struct Face
+    {
+        const GlueFace* glue = nullptr;
+        int a = -1, b = -1; ///< number among the carried ones, or -1
+        int unknown = -1;   ///< of the other one, if that is unknown
+        int pair = -1;      ///< of pairs_; -1: within one rod, or none
+        Eigen::Matrix<double, 6, 6> coupling =
+            Eigen::Matrix<double, 6, 6>::Zero(); ///< rows of a, columns of b
+        CellState::Basis basis;                  ///< of the unknown cell
+    };
+
     int rod_of(int block) const { return block - rods_.begin().block; }
-    SparseMatrix elastic(RodHessian how) const;
+    const CarriedTwist& twist(int carried) const { return rods_.twists()[idx(carried)]; }
+    void add_back(Eigen::VectorXd& by_steps) const;
+    void add_between(const CarriedTwist& row, const Eigen::Matrix<double, 6, 6>& H,
+                     const CarriedTwist& column, int first, int first_column,
+                     Eigen::MatrixXd& out) const;
+    Eigen::SparseMatrix<double> steps_of(std::size_t rod) const;
 
     const CellState& cells_;
     const GlueTerm& glue_;
     const RodUnknowns& rods_;
-    std::vector<int> carried_; ///< of the cells: number among those carried, or -1
-    std::vector<const GlueFace*> faces_; ///< of carried cells
     std::vector<std::unique_ptr<RodModel>> models_;
+    std::vector<std::size_t> rod_of_carried_;
+    std::vector<Face> faces_;
     std::vector<std::pair<int, int>> pairs_;
+    std::vector<std::vector<int>> faces_of_pair_;
     // Of the last linearise().
-    SparseMatrix among_rods_; ///< unknowns of all rods
-    SparseMatrix with_cells_; ///< rows: unknowns of all rods; columns: of the cells
+    std::vector<Eigen::Matrix<double, 6, 6>> diagonals_; ///< a carried cell, its twist
+    std::vector<BandMatrix> elastic_;                    ///< a rod, its stiffness in it
+    double idle_ = 1.0; ///< of what holds have taken, which does nothing
+    // Scratch.
+    mutable std::vector<Twist> twists_, forces_; ///< a carried cell
+    mutable Eigen::VectorXd steps_, own_steps_, by_steps_, part_;
 };
 
 } // namespace cellwarp

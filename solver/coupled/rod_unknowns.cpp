@@ -12,6 +12,10 @@
 // cell steps in its own axes: what was prepared at rest stays a good preconditioner where
 // the rod bends.
 //
+// Second derivatives by them are taken as J^T H J, without what the curvature of the
+// poses adds: with it Newton's method takes more steps from far, and as many near a
+// minimum.
+//
 // Holds. Places and directions that are held, and the angle where a tangent is held with
 // it, are linear in these steps: C dx = 0. Of m independent rows m unknowns are taken,
 // those by which the rows change most (elimination with full pivoting), and follow the
@@ -46,6 +50,28 @@ bool hold_the_same(std::span<const RodConstraint> a, std::span<const RodConstrai
                           return one.hold == other.hold && one.s == other.s &&
                                  one.control == other.control;
                       });
+}
+
+/// Whether so large a step may have passed over a loop, or over a whole turn.
+bool is_far(const RodState& from, const RodState& to)
+{
+    constexpr double kLeastCosine = 0.5; // of the turn of a tangent
+    constexpr double kMostStretch = 2.0; // of a length, or its inverse
+    constexpr double kMostTwist = 1.5;   // of a span, more than before [rad]
+    for (std::size_t e = 0; e < from.rod().spans().size(); ++e)
+    {
+        if (std::abs(to.twist(e) - from.twist(e)) > kMostTwist)
+            return true;
+        for (int place = 0; place < from.rod().num_places(); ++place)
+        {
+            const RodState::Velocity &a = from.velocity(e, place),
+                                     &b = to.velocity(e, place);
+            if (a.tangent.dot(b.tangent) < kLeastCosine ||
+                b.length > kMostStretch * a.length || a.length > kMostStretch * b.length)
+                return true;
+        }
+    }
+    return false;
 }
 
 } // namespace
@@ -132,6 +158,7 @@ RodUnknowns::RodUnknowns(CellState& cells, std::vector<CoupledRod> rods)
     holds_.resize(rods_.size());
     chosen_rows_.resize(rods_.size());
     taken_.resize(rods_.size());
+    leads_.assign(rods_.size(), 0);
     is_taken_.assign(idx(num_unknowns()), 0);
     find_steps();
 }
@@ -141,6 +168,7 @@ void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& moti
 {
     const bool is_same = hold_the_same(holds_[rod], holds);
     now_[rod] = base_[rod] = state;
+    has_twists_ = false;
     motions_[rod] = motion;
     holds_[rod].assign(holds.begin(), holds.end());
     if (!is_same)
@@ -148,13 +176,21 @@ void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& moti
     find_steps();
 }
 
-void RodUnknowns::lead(bool they_lead)
+void RodUnknowns::lead(std::size_t rod, bool it_leads)
 {
-    if (do_lead_ == they_lead)
+    if (leads(rod) == it_leads)
         return;
-    do_lead_ = they_lead;
-    has_other_bodies_ = true;
+    leads_[rod] = it_leads;
+    mark_taken(rod);
     find_steps();
+}
+
+void RodUnknowns::mark_taken(std::size_t rod)
+{
+    has_other_bodies_ = true;
+    std::fill_n(is_taken_.begin() + first_[rod], sizes_[rod], leads(rod));
+    for (const int unknown : taken_[rod])
+        is_taken_[idx(first_[rod] + unknown)] = 1;
 }
 
 double RodUnknowns::violation(std::size_t rod) const
@@ -175,9 +211,6 @@ Eigen::VectorXd RodUnknowns::multipliers(std::size_t rod,
 void RodUnknowns::choose_taken(std::size_t rod)
 {
     constexpr double kFollows = 1e-9; // of the largest pivot: a row follows from others
-    has_other_bodies_ = true;
-    for (const int unknown : taken_[rod])
-        is_taken_[idx(first_[rod] + unknown)] = 0;
     taken_[rod].clear();
     chosen_rows_[rod].clear();
     find_axes();
@@ -185,21 +218,19 @@ void RodUnknowns::choose_taken(std::size_t rod)
         rows(rod).by_steps *
         axes_.block(first_[rod], first_[rod], sizes_[rod], sizes_[rod]).toDense();
     if (C.rows() == 0)
-        return;
+        return mark_taken(rod);
     for (Eigen::Index r = 0; r < C.rows(); ++r)
         C.row(r).normalize();
     Eigen::FullPivLU<Eigen::MatrixXd> lu(C);
     lu.setThreshold(kFollows);
     for (Eigen::Index k = 0; k < lu.rank(); ++k)
-    {
         taken_[rod].push_back(static_cast<int>(lu.permutationQ().indices()[k]));
-        is_taken_[idx(first_[rod] + taken_[rod].back())] = 1;
-    }
     // P C Q = L U: row r of C has come to the place indices()[r].
     std::vector<int> row_at(idx(static_cast<int>(C.rows())));
     for (Eigen::Index r = 0; r < C.rows(); ++r)
         row_at[idx(lu.permutationP().indices()[r])] = static_cast<int>(r);
     chosen_rows_[rod].assign(row_at.begin(), row_at.begin() + lu.rank());
+    mark_taken(rod);
 }
 
 /// Of the unknowns, at the base.
@@ -233,10 +264,10 @@ void RodUnknowns::find_steps()
     for (int unknown = 0; unknown < num_unknowns(); ++unknown)
         if (!is_taken(unknown))
             followed.emplace_back(unknown, unknown, 1.0);
-    for (std::size_t rod = 0; rod < size() && !do_lead_; ++rod)
+    for (std::size_t rod = 0; rod < size(); ++rod)
     {
         const std::vector<int>& taken = taken_[rod];
-        if (taken.empty())
+        if (taken.empty() || leads(rod))
             continue;
         const Eigen::MatrixXd C =
             rows(rod).by_steps *
@@ -251,50 +282,56 @@ void RodUnknowns::find_steps()
                     followed.emplace_back(first_[rod] + taken[k], first_[rod] + other,
                                           share);
     }
-    SparseMatrix follow(num_unknowns(), num_unknowns());
+    Eigen::SparseMatrix<double> follow(num_unknowns(), num_unknowns());
     follow.setFromTriplets(followed.begin(), followed.end());
     steps_ = axes_ * follow;
 }
 
-SparseMatrix RodUnknowns::twists() const
+const std::vector<CarriedTwist>& RodUnknowns::twists() const
 {
-    std::vector<Triplet> out;
-    int row = 0;
+    if (has_twists_)
+        return twists_;
+    twists_.resize(idx(num_carried_));
+    std::size_t next = 0;
     for (std::size_t rod = 0; rod < size(); ++rod)
-    {
-        const RodState& state = now_[rod];
-        const RodLayout& layout = state.rod().layout();
-        const Matrix3d& R = motions_[rod].R;
         for (const CarriedCell& cell : rods_[rod].cells)
-        {
-            const BasisValues values = state.rod().basis().values(cell.s);
-            const CurvePoint at = state.at(values);
-            const double l = at.first.norm();
-            const Vector3d t = at.first / l;
-            const Vector3d arm =
-                carried_by(state, *rods_[rod].rest, cell.s)(cell.centre) - at.place;
-            const auto add = [&](int unknown, const Vector3d& omega, const Vector3d& v)
-            {
-                const Vector3d turn = R * omega, shift = R * (v + omega.cross(arm));
-                for (int k = 0; k < 3; ++k)
-                {
-                    out.emplace_back(row + k, first_[rod] + unknown, turn[k]);
-                    out.emplace_back(row + 3 + k, first_[rod] + unknown, shift[k]);
-                }
-            };
-            for (int k = 0; k < values.count; ++k)
-                for (int axis = 0; axis < 3; ++axis)
-                    add(layout.control[idx(values.control[idx(k)])] + axis,
-                        values.value[1][idx(k)] / l * t.cross(Vector3d::Unit(axis)),
-                        values.value[0][idx(k)] * Vector3d::Unit(axis));
-            for (const auto& [unknown, value] : spin_at(state, cell.s))
-                add(unknown, value * t, Vector3d::Zero());
-            row += 6;
-        }
-    }
-    SparseMatrix twists(row, num_unknowns());
-    twists.setFromTriplets(out.begin(), out.end());
-    return twists;
+            find_twist(rod, cell, twists_[next++]);
+    has_twists_ = true;
+    return twists_;
+}
+
+void RodUnknowns::find_twist(std::size_t rod, const CarriedCell& cell,
+                             CarriedTwist& out) const
+{
+    const RodState& state = now_[rod];
+    const RodLayout& layout = state.rod().layout();
+    const Matrix3d& R = motions_[rod].R;
+    const BasisValues values = state.rod().basis().values(cell.s);
+    const CurvePoint at = state.at(values);
+    const double l = at.first.norm();
+    const Vector3d t = at.first / l;
+    const Vector3d arm =
+        carried_by(state, *rods_[rod].rest, cell.s)(cell.centre) - at.place;
+    out.steps.clear();
+    out.by_steps.setZero(6, CarriedTwist::kMost);
+    const auto add = [&](int unknown, const Vector3d& omega, const Vector3d& v)
+    {
+        const int step = first_[rod] + unknown;
+        auto found = std::find(out.steps.begin(), out.steps.end(), step);
+        if (found == out.steps.end())
+            found = out.steps.insert(found, step);
+        auto column = out.by_steps.col(found - out.steps.begin());
+        column.head<3>() += R * omega;
+        column.tail<3>() += R * (v + omega.cross(arm));
+    };
+    for (int k = 0; k < values.count; ++k)
+        for (int axis = 0; axis < 3; ++axis)
+            add(layout.control[idx(values.control[idx(k)])] + axis,
+                values.value[1][idx(k)] / l * t.cross(Vector3d::Unit(axis)),
+                values.value[0][idx(k)] * Vector3d::Unit(axis));
+    for (const auto& [unknown, value] : spin_at(state, cell.s))
+        add(unknown, value * t, Vector3d::Zero());
+    out.by_steps.conservativeResize(6, static_cast<Eigen::Index>(out.steps.size()));
 }
 
 void RodUnknowns::add_bodies(std::span<const GridPlace> places,
@@ -353,26 +390,10 @@ void RodUnknowns::add_bodies(std::span<const GridPlace> places,
     }
 }
 
-/// Of a step from one state to another.
-bool is_far(const RodState& from, const RodState& to)
-{
-    constexpr double kTurn = 0.5, kStretch = 2.0; // cosine, factor
-    for (std::size_t e = 0; e < from.rod().spans().size(); ++e)
-        for (int place = 0; place < from.rod().num_places(); ++place)
-        {
-            const RodState::Velocity &a = from.velocity(e, place),
-                                     &b = to.velocity(e, place);
-            if (a.tangent.dot(b.tangent) < kTurn || b.length > kStretch * a.length ||
-                a.length > kStretch * b.length)
-                return true;
-        }
-    return false;
-}
-
 void RodUnknowns::move(const Eigen::VectorXd& step, double length)
 {
     moved_.noalias() = steps_ * step.segment(begin().unknown, num_unknowns());
-    is_too_far_ = false;
+    is_too_far_ = has_twists_ = false;
     for (std::size_t rod = 0; rod < size(); ++rod)
     {
         now_[rod] = base_[rod];

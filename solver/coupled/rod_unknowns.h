@@ -54,7 +54,15 @@ struct CoupledRod
     std::vector<CarriedCell> cells;
 };
 
-using SparseMatrix = Eigen::SparseMatrix<double>;
+/// How a carried cell moves with the control points and angles around it.
+struct CarriedTwist
+{
+    /// Of a span: its control points and the angles of both ends.
+    static constexpr int kMost = 3 * kMaxOrder + 2;
+    std::vector<int> steps; ///< which, among those of all rods
+    /// The twist in world axes, a column a step.
+    Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, kMost> by_steps;
+};
 
 /// Control points and angles of rods, a block a rod. Each step places the cells that they
 /// carry, whose poses the state of the cells takes for given.
@@ -70,9 +78,9 @@ public:
     void set(std::size_t rod, const RodState& state, const Motion& motion,
              std::span<const RodConstraint> holds);
 
-    /// Whether rods stay where they are, and only the cells are solved for.
-    void lead(bool they_lead);
-    bool do_lead() const { return do_lead_; }
+    /// Whether a rod stays where it is while the others and the cells are solved for.
+    void lead(std::size_t rod, bool it_leads);
+    bool leads(std::size_t rod) const { return leads_[rod]; }
 
     std::size_t size() const { return rods_.size(); }
     const CoupledRod& rod(std::size_t rod) const { return rods_[rod]; }
@@ -92,12 +100,11 @@ public:
     Eigen::VectorXd multipliers(std::size_t rod, const Eigen::VectorXd& gradient) const;
 
     /// Steps of control points and angles by the unknowns: a column an unknown, zero for
-    /// one that the holds have taken; all of them where rods lead.
-    const SparseMatrix& steps() const { return steps_; }
-    bool is_taken(int unknown) const { return do_lead_ || is_taken_[idx(unknown)]; }
-    /// Twists, in world axes, of the carried cells by steps of control points and angles:
-    /// six rows a cell, in the order of the rods.
-    SparseMatrix twists() const;
+    /// one that the holds have taken, and for all of a rod that leads.
+    const Eigen::SparseMatrix<double>& steps() const { return steps_; }
+    bool is_taken(int unknown) const { return is_taken_[idx(unknown)]; }
+    /// Of the carried cells, in the order of the rods, at the current state.
+    const std::vector<CarriedTwist>& twists() const;
 
     void add_bodies(std::span<const GridPlace> places,
                     std::vector<UnknownBody>& out) const;
@@ -111,7 +118,9 @@ public:
 private:
     HoldRows rows(std::size_t rod) const { return hold_rows(now_[rod], holds_[rod]); }
     void choose_taken(std::size_t rod);
+    void mark_taken(std::size_t rod);
     void find_axes();
+    void find_twist(std::size_t rod, const CarriedCell& cell, CarriedTwist& out) const;
     void find_steps();
 
     CellState& cells_;
@@ -126,10 +135,13 @@ private:
     std::vector<std::vector<int>> chosen_rows_, taken_;
     std::vector<RodState> now_, base_;
     std::vector<Motion> motions_;
-    std::vector<char> is_taken_;
-    SparseMatrix steps_, axes_;
-    Eigen::VectorXd moved_; ///< scratch
-    bool is_too_far_ = false, do_lead_ = false;
+    std::vector<char> leads_;    ///< a rod
+    std::vector<char> is_taken_; ///< an unknown, by holds or because its rod leads
+    Eigen::SparseMatrix<double> steps_, axes_;
+    mutable std::vector<CarriedTwist> twists_;
+    mutable bool has_twists_ = false; ///< of the current state
+    Eigen::VectorXd moved_;           ///< scratch
+    bool is_too_far_ = false;
     mutable bool has_other_bodies_ = false;
 };
 

@@ -373,7 +373,8 @@ Geometry bar_geometry(std::size_t num_samples)
 enum class Held
 {
     Region,
-    Rod ///< the last point of a rod in the axis, of five
+    Rod,        ///< the last point of a rod in the axis, of five
+    PushingRod, ///< of one that is as stiff as the bar
 };
 
 /// The bar, its lower end held and the other in the user's hand.
@@ -389,8 +390,10 @@ public:
             build_body(build_rest_shape(geometry, geometry.samples, cells), cells));
         const double layers = 2.0 * kDragLength / along;
         const std::string head =
-            held == Held::Rod
-                ? "rod head through 0 0.5 0.5  1 0.5 0.5  2 0.5 0.5  3 0.5 0.5  4 0.5 0.5"
+            held != Held::Region
+                ? std::string("rod head through 0 0.5 0.5  1 0.5 0.5  2 0.5 0.5  3 0.5 "
+                              "0.5  4 0.5 0.5") +
+                      (held == Held::PushingRod ? " radius 0.1 stiffness 1000" : "")
                 : fmt::format("handle head box {} 0 0 {} 1 1", kDragLength - layers,
                               kDragLength);
         const HandleFile file = parse_handles(
@@ -582,8 +585,9 @@ void add_frames()
     for (std::size_t samples = 10000; samples <= 10000000; samples *= 10)
         add_frame(fmt::format("frame/{}", samples), 32, samples);
     for (const std::size_t samples : {43000, 1000000})
-        for (const auto& [name, held] :
-             {std::pair("region", Held::Region), {"rod", Held::Rod}})
+        for (const auto& [name, held] : {std::pair("region", Held::Region),
+                                         {"rod", Held::Rod},
+                                         {"pushing_rod", Held::PushingRod}})
             add_frame(fmt::format("frame_of/{}/{}", name, samples), 32, samples, held);
     for (std::size_t i = 0; i + 1 < std::size(kAlong); ++i)
         add_frame(fmt::format("frame_cells/{}", kAlong[i] * kAcross[i] * kAcross[i]),
