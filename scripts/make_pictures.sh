@@ -38,6 +38,7 @@ posed() {  # sample, its frame, more flags of render
 }
 posed hose last "--view 60 20"
 posed tail last "--view 100 15"
+posed batten last "--view 90 0"
 "$cellwarp" render "$here/samples/spine.json" --strip=3 --size 320x360 --view 25 15 \
     -o "$folder/spine.png" --overwrite
 "$cellwarp" render "$here/samples/ring.json" --strip=3 --size 320x280 --view 20 30 \

@@ -17,7 +17,8 @@ chain     links that do not touch; one is bent
 soup      thousands of loose triangles in random order; a knot is pulled open
 hose      a straight hose; a rod in it goes through eight points
 ring      a ring that slides along a bent bar by three of its points
-posed     scenes of the creature with rods: spine (bent and twisted), tail (curled)
+posed     scenes of the creature with rods: spine (bent and twisted), tail (curled);
+          and of the bar: batten (a stiff rod that pushes back)
 scan      a cloud with holes and noise, seen from three places; the creature bows
 carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
@@ -259,6 +260,16 @@ move tail point 2 to 0 0.85 -0.7
 move tail point 3 to 0 1.04 -0.68
 move tail point 4 to 0 1.12 -0.5
 release tail end tangent twist
+""")
+    scene(folder, "batten", "bar.obj", """cellwarp-handles 1
+# A stiff rod in the lower half of a bar that is bent: nothing but the cells holds it, and it stays straight.
+fixed  foot   box -1 -1 -1  1 1 0.15
+handle head   box -1 -1 3.85  1 1 5
+rod    batten through 0 0 0.5  0 0 2.2  radius 0.15 stiffness 3000
+frame 1
+move head rotate 1 0 0 -90 about 0 0.546 2
+release batten start
+release batten end
 """)
 
 

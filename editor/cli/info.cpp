@@ -71,6 +71,8 @@ Json describe(const RegionStatement& region)
     json["closed"] = line.is_closed;
     if (line.radius)
         json["radius"] = *line.radius;
+    if (line.stiffness)
+        json["stiffness"] = *line.stiffness;
     return json;
 }
 
@@ -124,6 +126,9 @@ std::string text_of(const SceneContents& scene)
                                                 : told(region, ", through");
         if (region.contains("radius"))
             name += ", radius " + shortest(region["radius"].get<double>());
+        if (region.contains("stiffness"))
+            name += ", pushes back with stiffness " +
+                    shortest(region["stiffness"].get<double>());
         add(region["role"].get<std::string>(), name);
     }
     for (const Json& rod : scene.json["rods_in_time"])
