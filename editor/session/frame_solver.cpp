@@ -107,8 +107,8 @@ void FrameSolver::solve_on(Way& way, bool is_last)
             settings_.watch({frames_done_, frame_, way.part, way.parts, done + iteration,
                              gradient, energy});
         };
-    // Rods are solved for where they end: on the way there, which is a straight one, what
-    // holds them presses them together, and soft ones would fold.
+    // On the way the places that hold a rod come nearer to each other than at either end.
+    // Soft rods would fold there: only where the way ends do they push back.
     SolveReport solve = system_.solve(options, way.part < way.parts);
     solve.add_earlier(way.total);
     way.total = solve;

@@ -166,7 +166,10 @@ public:
         // As a round rod of the tube's radius, [theory-rods (35)].
         scale_ = 0.5 * std::numbers::pi * std::pow(radius_, 4);
         if (statement.stiffness)
-            stiffness_ = scale_ *= *statement.stiffness;
+        {
+            scale_ *= *statement.stiffness;
+            stiffness_ = scale_;
+        }
         start();
     }
     Handle(const Spline& rest, double radius)

@@ -252,6 +252,30 @@ TEST(Lines, a_rod_in_the_hand_comes_back_from_far_away)
     editing.cancel_drag();
 }
 
+TEST(Lines, a_rod_that_pushes_back_is_dragged_to_where_it_is_solved_on_release)
+{
+    const Bar bar;
+    Editing editing(bar.open_small(false));
+    RodShape stiff = kAxis;
+    stiff.stiffness = 5.0;
+    editing.document().add_line(Role::Rod, kAxis);
+    editing.document().set_line("rod", stiff);
+    EXPECT_EQ(shape_of(editing.document().regions()[0]).stiffness, 5.0);
+    editing.wait();
+    ASSERT_TRUE(editing.begin_point_drag("rod", 2));
+    for (const Vector3d& place :
+         {Vector3d(0.5, 0.8, 3.8), Vector3d(0.5, 1.0, 3.7), Vector3d(0.5, 1.2, 3.6)})
+        drag(editing, place);
+    EXPECT_EQ(editing.drag_status().error, "");
+    editing.end_drag();
+    editing.wait();
+    ASSERT_TRUE(editing.result());
+    EXPECT_LT(distance(editing, {0.5, 1.2, 3.6}), 1e-9);
+    EXPECT_EQ(editing.result()->samples, replayed(editing.document()));
+    editing.document().undo();
+    EXPECT_EQ(shape_of(editing.document().regions()[0]).stiffness, 5.0);
+}
+
 TEST(Lines, a_rod_is_drawn_along_the_middle_of_the_shape)
 {
     const Bar bar;
