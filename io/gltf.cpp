@@ -16,6 +16,7 @@
 #include "io/error.h"
 #include "io/gltf_data.h"
 #include "io/gltf_json.h"
+#include "io/gltf_nodes.h"
 #include "io/number.h"
 #include "io/text.h"
 
@@ -27,7 +28,6 @@ namespace
 
 using Json = GltfJson::Json;
 
-constexpr std::size_t kMaxNodeNesting = 128;
 constexpr std::size_t kMaxInstances = 100000;
 /// Samples, corners and uses of primitives that there may be beyond what the buffers
 /// hold: instances of meshes, and primitives that share their bytes, could ask for far
@@ -44,7 +44,7 @@ public:
     explicit GltfReader(GeometryFile& file, GltfPlan* plan = nullptr,
                         const InputFile* input = nullptr)
         : file_(file), out_(file.geometry), plan_(plan),
-          data_(file, layout_, plan, input), json_(data_.json())
+          data_(file, layout_, plan, input), json_(data_.json()), nodes_(json_)
     {
     }
 
@@ -63,107 +63,20 @@ private:
         std::size_t depth;
         Eigen::Affine3d to_world;
     };
-    Eigen::Affine3d matrix_of(const Json& node, const std::string& where) const
+    void find_meshes()
     {
-        Eigen::Affine3d map = Eigen::Affine3d::Identity();
-        if (const auto matrix = json_.numbers<16>(node, "matrix", where))
-        {
-            const auto& m = *matrix;
-            if (m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1)
-                json_.fail(where + ".matrix", "its last row is not 0 0 0 1");
-            for (int column = 0; column < 4; ++column)
-                for (int row = 0; row < 3; ++row)
-                    map(row, column) = m[static_cast<std::size_t>(4 * column + row)];
-            return map;
-        }
-        if (const auto shift = json_.numbers<3>(node, "translation", where))
-            map.translate(Eigen::Vector3d((*shift)[0], (*shift)[1], (*shift)[2]));
-        if (const auto turn = json_.numbers<4>(node, "rotation", where))
-        {
-            const Eigen::Quaterniond q((*turn)[3], (*turn)[0], (*turn)[1], (*turn)[2]);
-            if (!(q.norm() > 0) || !std::isfinite(q.norm()))
-                json_.fail(where + ".rotation", "is no rotation");
-            if (q.vec() != Eigen::Vector3d::Zero())
-                map.rotate(q.normalized());
-        }
-        if (const auto scale = json_.numbers<3>(node, "scale", where))
-            map.scale(Eigen::Vector3d((*scale)[0], (*scale)[1], (*scale)[2]));
-        return map;
-    }
-    /// Children of all nodes; each has at most one parent, and there is no ring.
-    void read_tree()
-    {
-        const Json& nodes = json_.list("nodes");
-        children_.resize(nodes.size());
-        std::vector<std::size_t> parent(nodes.size(), nodes.size());
-        for (std::size_t i = 0; i < nodes.size(); ++i)
-        {
-            const std::string where = element("nodes", i);
-            if (const Json* mesh = json_.find(nodes[i], "mesh"))
-                nodes_of_mesh_[json_.index_of(*mesh, where + ".mesh", "meshes",
-                                              json_.list("meshes").size())]
+        for (std::size_t i = 0; i < nodes_.size(); ++i)
+            if (const Json* mesh = json_.find(nodes_[i], "mesh"))
+                nodes_of_mesh_[json_.index_of(*mesh, element("nodes", i) + ".mesh",
+                                              "meshes", json_.list("meshes").size())]
                     .push_back(i);
-            const Json* children = json_.find(nodes[i], "children");
-            if (!children)
-                continue;
-            if (!children->is_array())
-                json_.fail(where + ".children", "need a list of nodes");
-            for (const Json& child : *children)
-            {
-                const std::size_t c =
-                    json_.index_of(child, where + ".children", "nodes", nodes.size());
-                if (parent[c] != nodes.size())
-                    json_.fail(element("nodes", c), "has two parents, nodes[" +
-                                                        std::to_string(parent[c]) +
-                                                        "] and " + where);
-                parent[c] = i;
-                children_[i].push_back(c);
-            }
-        }
-        std::size_t reached = 0;
-        for (std::size_t i = 0; i < nodes.size(); ++i)
-            if (parent[i] == nodes.size())
-            {
-                roots_.push_back(i);
-                std::vector<std::size_t> rest = {i};
-                while (!rest.empty())
-                {
-                    const std::size_t node = rest.back();
-                    rest.pop_back();
-                    ++reached;
-                    rest.insert(rest.end(), children_[node].begin(),
-                                children_[node].end());
-                }
-            }
-        if (reached < nodes.size())
-            json_.fail("nodes", "some are their own ancestors");
-        const Json* scene = json_.find(json_.root(), "scene");
-        if (!scene)
-            return;
-        const Json& scenes = json_.list("scenes");
-        const std::size_t s = json_.index_of(*scene, "scene", "scenes", scenes.size());
-        roots_.clear();
-        const std::string where = element("scenes", s) + ".nodes";
-        const Json* listed = json_.find(scenes[s], "nodes");
-        if (listed && !listed->is_array())
-            json_.fail(where, "need a list of nodes");
-        std::set<std::size_t> known;
-        for (const Json& node : listed ? *listed : Json::array())
-        {
-            const std::size_t n = json_.index_of(node, where, "nodes", nodes.size());
-            if (parent[n] != nodes.size() || !known.insert(n).second)
-                json_.fail(where, "nodes[" + std::to_string(n) +
-                                      "] is no root, or listed twice");
-            roots_.push_back(n);
-        }
     }
     void walk_nodes()
     {
-        read_tree();
+        find_meshes();
         read_meshes();
-        const Json& nodes = json_.list("nodes");
         std::vector<Visit> rest;
-        for (auto root = roots_.rbegin(); root != roots_.rend(); ++root)
+        for (auto root = nodes_.roots().rbegin(); root != nodes_.roots().rend(); ++root)
             rest.push_back({*root, 1, Eigen::Affine3d::Identity()});
         std::size_t instances = 0;
         while (!rest.empty())
@@ -173,12 +86,11 @@ private:
             const std::string where = element("nodes", visit.node);
             if (visit.depth > kMaxNodeNesting)
                 json_.fail(where, "is nested deeper than 128 nodes");
-            const Eigen::Affine3d to_world =
-                visit.to_world * matrix_of(nodes[visit.node], where);
-            const std::vector<std::size_t>& children = children_[visit.node];
+            const Eigen::Affine3d to_world = visit.to_world * nodes_.matrix(visit.node);
+            const std::vector<std::size_t>& children = nodes_.children(visit.node);
             for (auto child = children.rbegin(); child != children.rend(); ++child)
                 rest.push_back({*child, visit.depth + 1, to_world});
-            if (!nodes[visit.node].contains("mesh"))
+            if (!nodes_[visit.node].contains("mesh"))
                 continue;
             if (++instances > kMaxInstances)
                 json_.fail(where, "more than 100000 nodes with meshes");
@@ -550,8 +462,7 @@ private:
     GltfLayout layout_;
     GltfData data_;
     const GltfJson& json_;
-    std::vector<std::vector<std::size_t>> children_; ///< of each node
-    std::vector<std::size_t> roots_;                 ///< of the scene
+    const GltfNodes nodes_;
     std::vector<std::vector<Primitive>> meshes_;
     std::map<std::size_t, std::vector<std::size_t>> nodes_of_mesh_;
     std::map<std::size_t, std::set<std::size_t>> users_; ///< meshes of each accessor

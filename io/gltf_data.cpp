@@ -447,23 +447,14 @@ void GltfData::check_zeros(std::size_t number) const
              "has no bufferView (for " + std::to_string(accessor.count) + " elements)");
 }
 
-std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
+template <class Load>
+void GltfData::visit_elements(std::size_t number, Load&& load) const
 {
     const GltfAccessor& accessor = accessors_[number];
-    const std::string where = element("accessors", number);
-    check_zeros(number);
-    std::vector<Eigen::Vector3d> values(static_cast<std::size_t>(accessor.count),
-                                        Eigen::Vector3d::Zero());
-    const auto load = [&](std::uint64_t at, Eigen::Vector3d& value)
-    {
-        for (std::size_t k = 0; k < std::min<std::size_t>(3, accessor.length); ++k)
-            value[static_cast<Eigen::Index>(k)] =
-                stored(at + k * stored_size(accessor.type), accessor);
-    };
-    for (std::size_t i = 0; accessor.has_data && i < values.size(); ++i)
-        load(accessor.start + i * accessor.stride, values[i]);
+    for (std::uint64_t i = 0; accessor.has_data && i < accessor.count; ++i)
+        load(accessor.start + i * accessor.stride, static_cast<std::size_t>(i));
     if (!accessor.sparse)
-        return values;
+        return;
     const GltfSparse& sparse = *accessor.sparse;
     for (std::uint64_t i = 0; i < sparse.count; ++i)
     {
@@ -471,13 +462,45 @@ std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
                                              i * stored_size(sparse.index_type),
                                          sparse.index_type, false);
         if (!(index >= 0 && index < static_cast<double>(accessor.count)))
-            fail(where + ".sparse.indices", "is out of range (got " + shortest(index) +
-                                                " of " + std::to_string(accessor.count) +
-                                                ")");
+            fail(element("accessors", number) + ".sparse.indices",
+                 "is out of range (got " + shortest(index) + " of " +
+                     std::to_string(accessor.count) + ")");
         load(sparse.values + i * accessor.element_bytes(),
-             values[static_cast<std::size_t>(index)]);
+             static_cast<std::size_t>(index));
     }
+}
+
+std::vector<Eigen::Vector3d> GltfData::values_of(std::size_t number) const
+{
+    const GltfAccessor& accessor = accessors_[number];
+    check_zeros(number);
+    std::vector<Eigen::Vector3d> values(static_cast<std::size_t>(accessor.count),
+                                        Eigen::Vector3d::Zero());
+    const std::size_t length = std::min<std::size_t>(3, accessor.length);
+    visit_elements(number,
+                   [&](std::uint64_t at, std::size_t i)
+                   {
+                       for (std::size_t k = 0; k < length; ++k)
+                           values[i][static_cast<Eigen::Index>(k)] =
+                               stored(at + k * stored_size(accessor.type), accessor);
+                   });
     return values;
+}
+
+std::vector<double> GltfData::numbers_of(std::size_t number) const
+{
+    const GltfAccessor& accessor = accessors_[number];
+    check_zeros(number);
+    std::vector<double> numbers(
+        static_cast<std::size_t>(accessor.count) * accessor.length, 0.0);
+    visit_elements(number,
+                   [&](std::uint64_t at, std::size_t i)
+                   {
+                       for (std::size_t k = 0; k < accessor.length; ++k)
+                           numbers[i * accessor.length + k] =
+                               stored(at + k * stored_size(accessor.type), accessor);
+                   });
+    return numbers;
 }
 
 std::string GltfData::overlap(const std::set<std::size_t>& changing) const

@@ -67,6 +67,8 @@ public:
     void check_zeros(std::size_t number) const;
     /// The first three numbers (of a scalar: the one) of each element.
     std::vector<Eigen::Vector3d> values_of(std::size_t number) const;
+    /// All numbers of all elements.
+    std::vector<double> numbers_of(std::size_t number) const;
     /// Two accessors of which one reads where numbers of the other change, in words;
     /// empty: none. \p changing: those whose numbers do.
     std::string overlap(const std::set<std::size_t>& changing) const;
@@ -90,6 +92,9 @@ private:
     GltfSparse read_sparse(const GltfJson::Json& object, const GltfAccessor& accessor,
                            const std::string& where) const;
     double stored(std::uint64_t at, const GltfAccessor& accessor) const;
+    /// Calls load(byte, number) for each element, last for those that are told apart.
+    template <class Load>
+    void visit_elements(std::size_t number, Load&& load) const;
 
     GeometryFile& file_;
     Geometry& out_;

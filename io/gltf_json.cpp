@@ -55,6 +55,10 @@ GltfJson::GltfJson(std::string path, std::string_view text, std::size_t begin,
         throw malformed({path_, line, ""}, "is no JSON (at byte " +
                                                std::to_string(begin + error.byte) + ")");
     }
+    catch (const Json::out_of_range&)
+    {
+        throw malformed({path_, 0, ""}, "holds a number that is out of range");
+    }
     if (!root_.is_object())
         fail("", "is no glTF: need an object");
     check_asset();
@@ -87,8 +91,8 @@ void GltfJson::check_asset() const
 
 void GltfJson::check_lists() const
 {
-    for (const char* key :
-         {"scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers"})
+    for (const char* key : {"scenes", "nodes", "meshes", "accessors", "bufferViews",
+                            "buffers", "skins", "animations"})
         if (const Json& found = list(key);
             !found.is_array() ||
             std::any_of(found.begin(), found.end(),

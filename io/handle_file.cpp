@@ -356,7 +356,14 @@ void check_operation(const Operation& operation, bool is_first, Role role,
     const Kind kind = operation.kind;
     const bool turns = kind == Kind::Rotate || kind == Kind::Matrix;
     const bool is_of_rod = kind == Kind::Turn || kind == Kind::Tangent;
-    if (place.kind != MovePlace::Kind::Whole)
+    if (role == Role::Bone)
+    {
+        if (is_of_rod || kind == Kind::Matrix)
+            words.fail(region, "a joint takes rotate or to; a root translate as well");
+        if (kind == Kind::Rotate && operation.about)
+            words.fail(region, "a joint turns about itself: leave out 'about'");
+    }
+    else if (place.kind != MovePlace::Kind::Whole)
     {
         if (turns)
             words.fail(region, "a point of it takes translate, to, turn or tangent");
@@ -368,7 +375,7 @@ void check_operation(const Operation& operation, bool is_first, Role role,
     else if (role == Role::Pin && turns)
         words.fail(region, "a pin turns freely: it takes translate or to");
     else if (role != Role::Pin && kind == Kind::To)
-        words.fail(region, "'to' is for a pin, or a point of a rod");
+        words.fail(region, "'to' is for a pin, a joint, or a point of a rod");
     if (kind == Kind::To && !is_first)
         words.fail(region, role == Role::Pin ? "'to' must be a pin's first operation"
                                              : "'to' must be the first operation");
@@ -378,10 +385,16 @@ void check_operation(const Operation& operation, bool is_first, Role role,
 class Parser
 {
 public:
-    explicit Parser(const std::string& path)
+    Parser(const std::string& path, std::vector<SkeletonJoint> joints)
     {
         file_.path = path;
         file_.stages.emplace_back();
+        for (const SkeletonJoint& joint : joints)
+        {
+            regions_.try_emplace(joint.name, Role::Bone, joint.line);
+            joints_.try_emplace(joint.name, joints_.size());
+        }
+        file_.stages.back().joints = std::move(joints);
     }
 
     void statement(std::string_view text, std::int64_t line)
@@ -428,9 +441,15 @@ public:
                 words.fail("units", "got " + in_quotes(unit) + ", need relative");
             if (!stage.regions.empty() || file_.stages.size() > 1)
                 words.fail("units", "comes before the first region");
+            if (!stage.joints.empty())
+                words.fail("units", "the joints before it are in the model's units");
             file_.is_relative = true;
             words.end();
         }
+        else if (keyword == "joint")
+            joint(words, line);
+        else if (keyword == "skeleton")
+            skeleton(words, line);
         else if (keyword == "frame")
             frame(words, line);
         else if (keyword == "move")
@@ -448,11 +467,12 @@ public:
             regions_.clear();
             splines_.clear();
             guided_.clear();
+            joints_.clear();
         }
         else
             words.fail("", "unknown statement (got " + in_quotes(keyword) +
                                ", need units, fixed, handle, pin, stiff, rod, curve, on, "
-                               "frame, move, release or commit)");
+                               "joint, skeleton, frame, move, release or commit)");
     }
 
     HandleFile finish(std::int64_t lines)
@@ -470,6 +490,135 @@ private:
         if (print != std::string_view::npos)
             file_.save = {std::string(text.substr(0, print)),
                           std::string(text.substr(print + kOfScene.size()))};
+    }
+
+    /// Of a statement about joints.
+    Stage& stage_for_joints(const Statement& words)
+    {
+        Stage& stage = file_.stages.back();
+        if (!stage.frames.empty())
+            words.fail("joint", "comes before the frames, or after a commit");
+        return stage;
+    }
+    void know_joint(const std::string& name, std::int64_t line, const Statement& words)
+    {
+        const auto [known, is_new] = regions_.try_emplace(name, Role::Bone, line);
+        if (!is_new)
+            words.fail(name, "is already a " + role_name(known->second.first) +
+                                 (known->second.first == Role::Bone ? "" : " region") +
+                                 " (line " + std::to_string(known->second.second) + ")");
+    }
+
+    void joint(Statement& words, std::int64_t line)
+    {
+        Stage& stage = stage_for_joints(words);
+        SkeletonJoint joint;
+        joint.line = line;
+        joint.name = words.word("joint name");
+        if (joint.name.empty())
+            words.fail("joint name", "is empty");
+        if (words.word("at") != "at")
+            words.fail("at", "need 'at' and a place");
+        joint.at = words.vector("at");
+        while (!words.is_done())
+        {
+            const std::string option = words.word("option");
+            if (option == "parent")
+                joint.parent = words.word("parent");
+            else if (option == "hinge")
+            {
+                joint.hinge = words.vector("hinge");
+                if (joint.hinge->isZero(0))
+                    words.fail("hinge", "got 0 0 0, need a direction");
+            }
+            else if (option == "twist")
+            {
+                const std::vector<double> angles = words.numbers("twist", 2);
+                joint.twist = {angles[0], angles[1]};
+            }
+            else if (option == "swing")
+            {
+                joint.swing = words.number("swing");
+                if (!(*joint.swing >= 0))
+                    words.fail("swing", "got " + shortest(*joint.swing) + ", need >= 0");
+            }
+            else if (option == "radius")
+            {
+                joint.radius = words.number("radius");
+                if (!(*joint.radius >= kMinFactor && *joint.radius <= kMaxFactor))
+                    words.fail("radius", "got " + shortest(*joint.radius) + ", need " +
+                                             shortest(kMinFactor) + " to " +
+                                             shortest(kMaxFactor));
+            }
+            else
+                words.fail("option", "got " + in_quotes(option) +
+                                         ", need parent, hinge, twist, swing or radius");
+        }
+        know_joint(joint.name, line, words);
+        if (stage.joints.size() == kMostJoints)
+            words.fail("joint", "more than " + std::to_string(kMostJoints) + " joints");
+        // A parent stands before its children, so that each line can be checked.
+        const auto parent = joints_.find(joint.parent);
+        if (joint.parent.empty() && !stage.joints.empty())
+            words.fail(joint.name,
+                       "is a second root; the first one is " + stage.joints.front().name);
+        if (!joint.parent.empty() && parent == joints_.end())
+            words.fail(joint.parent, "is no joint that was told of before");
+        if (parent != joints_.end() && stage.joints[parent->second].at == joint.at)
+            words.fail(joint.name,
+                       "the bone from " + joint.parent + " to it has no length");
+        if (joint.twist && (*joint.twist)[0] > (*joint.twist)[1])
+            words.fail("twist", "its least angle is " + shortest((*joint.twist)[0]) +
+                                    ", its largest " + shortest((*joint.twist)[1]));
+        joints_[joint.name] = stage.joints.size();
+        stage.joints.push_back(std::move(joint));
+    }
+
+    void skeleton(Statement& words, std::int64_t line)
+    {
+        Stage& stage = stage_for_joints(words);
+        if (!stage.joints.empty())
+            words.fail("skeleton", "there are joints already");
+        if (file_.is_relative)
+            words.fail("skeleton", "is in the model's units: leave out 'units relative'");
+        const std::string path = resolved_name(file_.path, words.word("file"));
+        if (!is_skeleton_format(extension_of(path)))
+            words.fail("file",
+                       "got " + in_quotes(path) + ", need .tgf, .bvh, .gltf or .glb");
+        SkeletonPlacement placement;
+        while (!words.is_done())
+        {
+            const std::string option = words.word("option");
+            if (option == "root")
+                placement.root = words.word("root");
+            else if (option == "scale")
+            {
+                placement.scale = words.number("scale");
+                if (!(placement.scale >= kMinFactor && placement.scale <= kMaxFactor))
+                    words.fail("scale", "got " + shortest(placement.scale) + ", need " +
+                                            shortest(kMinFactor) + " to " +
+                                            shortest(kMaxFactor));
+            }
+            else if (option == "up")
+            {
+                const std::string axis = words.word("up");
+                if (axis != "x" && axis != "y" && axis != "z")
+                    words.fail("up", "got " + in_quotes(axis) + ", need x, y or z");
+                placement.up = axis[0];
+            }
+            else if (option == "translate")
+                placement.shift = words.vector("translate");
+            else
+                words.fail("option", "got " + in_quotes(option) +
+                                         ", need root, scale, up or translate");
+        }
+        stage.joints = read_skeleton(path, placement).joints;
+        for (SkeletonJoint& joint : stage.joints)
+        {
+            joint.line = line;
+            know_joint(joint.name, line, words);
+            joints_.try_emplace(joint.name, joints_.size());
+        }
     }
 
     static std::optional<Role> role_named(const std::string& word)
@@ -588,6 +737,34 @@ private:
         return released;
     }
 
+    /// The last operation of a joint's move, and the chain behind it.
+    void check_joint_move(Move& move, Statement& words) const
+    {
+        const std::vector<SkeletonJoint>& joints = file_.stages.back().joints;
+        const SkeletonJoint& joint = joints[joints_.at(move.region)];
+        const Operation::Kind kind = move.operations.back().kind;
+        if (kind == Operation::Kind::Translate && !joint.parent.empty())
+            words.fail(move.region,
+                       "hangs on " + joint.parent + ": only a root is translated");
+        if (kind != Operation::Kind::To)
+        {
+            if (move.operations.front().kind == Operation::Kind::To)
+                words.fail(move.region, "'to' is the only operation of its move");
+            return;
+        }
+        if (joint.parent.empty())
+            words.fail(move.region, "is a root: nothing above it turns, use translate");
+        if (words.is_done() || words.peek() != "from")
+            return;
+        words.word("from");
+        move.chain = words.word("first joint");
+        std::string above = joint.parent;
+        while (!above.empty() && above != move.chain)
+            above = joints[joints_.at(above)].parent;
+        if (above.empty())
+            words.fail(move.chain, "is no joint above " + move.region);
+    }
+
     /// \p releases: a release, else a move.
     void move(Statement& words, std::int64_t line, bool releases)
     {
@@ -599,9 +776,10 @@ private:
         move.region = words.word("region name");
         const Role role = role_of(move.region, words);
         if (role == Role::Fixed || role == Role::Stiff)
-            words.fail(move.region, "is a " + role_name(role) +
-                                        " region, only a handle, a pin, a rod or a curve "
-                                        "can be moved");
+            words.fail(move.region,
+                       "is a " + role_name(role) +
+                           " region, only a handle, a pin, a rod, a curve or "
+                           "a joint can be moved");
         if (const auto guided = guided_.find(move.region); guided != guided_.end())
             words.fail(move.region, "is on a curve (line " +
                                         std::to_string(guided->second) +
@@ -626,9 +804,16 @@ private:
                                         std::to_string(other->second) + ")");
         if (releases)
         {
+            if (role == Role::Bone)
+            {
+                words.end();
+                move.released = HoldParts{true, true, true};
+                stage.frames.back().moves.push_back(std::move(move));
+                return;
+            }
             if (role != Role::Rod || move.place.kind == MovePlace::Kind::Whole)
                 words.fail(move.region,
-                           "only a point, start or end of a rod is released");
+                           "only a joint, or a point, start or end of a rod is released");
             move.released = parts(words);
             stage.frames.back().moves.push_back(std::move(move));
             return;
@@ -638,6 +823,8 @@ private:
             move.operations.push_back(parse_operation(words));
             check_operation(move.operations.back(), move.operations.size() == 1, role,
                             move.place, words, move.region);
+            if (role == Role::Bone)
+                check_joint_move(move, words);
         } while (!words.is_done());
         stage.frames.back().moves.push_back(std::move(move));
     }
@@ -648,6 +835,7 @@ private:
     std::map<std::string, std::pair<Role, std::int64_t>> regions_; ///< role, line
     std::map<std::string, std::shared_ptr<const SplineStatement>> splines_;
     std::map<std::string, std::int64_t> guided_; ///< pins on curves: line
+    std::map<std::string, std::size_t> joints_;  ///< number of each
     /// In this frame, by whether it is a release: line.
     std::map<std::tuple<std::string, MovePlace, bool>, std::int64_t> moved_;
 };
@@ -744,11 +932,14 @@ std::string role_name(Role role)
         return "rod";
     case Role::Curve:
         return "curve";
+    case Role::Bone:
+        return "bone";
     }
     return {};
 }
 
-HandleFile parse_handles(const std::string& path, std::string_view text)
+HandleFile parse_handles(const std::string& path, std::string_view text,
+                         std::vector<SkeletonJoint> joints)
 {
     // What begins like a handle file is one, also with names that look like markup.
     const bool is_ours = text.starts_with(kKeyword);
@@ -756,7 +947,7 @@ HandleFile parse_handles(const std::string& path, std::string_view text)
         !guess.empty())
         throw malformed({path, 0, ""},
                         "this looks like " + guess + ", need a handle file");
-    Parser parser(path);
+    Parser parser(path, std::move(joints));
     text.remove_prefix(byte_order_mark(text));
     LineReader lines(text, 0, true);
     for (std::string_view line; lines.next(line);)
@@ -764,9 +955,9 @@ HandleFile parse_handles(const std::string& path, std::string_view text)
     return parser.finish(lines.line_number());
 }
 
-HandleFile read_handles(const std::string& path)
+HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> joints)
 {
-    return parse_handles(path, read_file(path));
+    return parse_handles(path, read_file(path), std::move(joints));
 }
 
 std::vector<std::int64_t> parse_labels(const std::string& path, std::string_view bytes)

@@ -17,6 +17,7 @@
 #include <Eigen/Core>
 
 #include "io/error.h"
+#include "io/skeleton_file.h"
 
 namespace cellwarp
 {
@@ -30,11 +31,12 @@ enum class Role
     Handle,
     Pin,
     Stiff,
-    Rod,  ///< a handle that bends
-    Curve ///< a guide: it carries nothing
+    Rod,   ///< a handle that bends
+    Curve, ///< a guide: it carries nothing
+    Bone   ///< what moves with one joint of a skeleton
 };
 
-/// The word of the file: "fixed", "handle", "pin", "stiff", "rod" or "curve".
+/// The word of the file: "fixed", "handle", "pin", "stiff", "rod" or "curve"; "bone".
 std::string role_name(Role role);
 
 /// Which samples a region statement names. Numbers are in the file's units.
@@ -110,7 +112,7 @@ struct Operation
         Translate, ///< vector
         Rotate,    ///< vector: axis, degrees, about
         Matrix,    ///< matrix
-        To,        ///< vector: where the pin, or the point of a rod, goes
+        To,        ///< vector: where the pin, the point of a rod, or the joint goes
         Turn,      ///< degrees, about the tangent of a rod
         Tangent    ///< vector: where the tangent of a rod points
     };
@@ -148,12 +150,15 @@ struct HoldParts
 
 struct Move
 {
-    std::string region;
+    std::string region; ///< or a joint
     std::vector<Operation> operations;
     std::int64_t line = 0;
     MovePlace place = {};
     /// Of a release: what is no longer held; then there are no operations.
     std::optional<HoldParts> released = {};
+    /// Of a joint that goes to a place: the first joint of the chain that turns for it;
+    /// empty: the one behind the next branch.
+    std::string chain = {};
 };
 
 struct FrameStatement
@@ -161,6 +166,7 @@ struct FrameStatement
     std::int64_t number = 0;
     std::vector<Move> moves;
     std::int64_t line = 0;
+    std::optional<double> time = {}; ///< of the keys that it stands for [s]
 };
 
 /// Regions and the frames that move them, up to a commit.
@@ -169,6 +175,7 @@ struct Stage
     std::vector<RegionStatement> regions;
     std::vector<FrameStatement> frames;
     std::vector<OnStatement> ons = {};
+    std::vector<SkeletonJoint> joints = {}; ///< parents first
 };
 
 /// Label files, each read once: whoever asks later, from any thread, gets the same.
@@ -199,11 +206,13 @@ struct HandleFile
     std::shared_ptr<LabelFiles> labels = std::make_shared<LabelFiles>();
 };
 
-/// Throws Fault::File or Fault::Malformed with line and field.
-HandleFile read_handles(const std::string& path);
+/// Throws Fault::File or Fault::Malformed with line and field; also of a skeleton that
+/// the file names. \p joints stand before its statements, parents first.
+HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> joints = {});
 
 /// The same for text in memory.
-HandleFile parse_handles(const std::string& path, std::string_view text);
+HandleFile parse_handles(const std::string& path, std::string_view text,
+                         std::vector<SkeletonJoint> joints = {});
 
 /// Whether a handle file can say this name of a region, group or label file: it may hold
 /// no line break and no NUL; with a double quote in it, it may neither begin with one nor

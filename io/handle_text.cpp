@@ -101,6 +101,11 @@ public:
         }
         for (const Operation& operation : move.operations)
             this->operation(operation);
+        if (!move.chain.empty())
+        {
+            word("from");
+            name(move.chain);
+        }
         end();
     }
     void on(const OnStatement& on)
@@ -112,6 +117,40 @@ public:
         {
             word("at");
             number(*on.at);
+        }
+        end();
+    }
+    void joint(const SkeletonJoint& joint)
+    {
+        word("joint");
+        name(joint.name);
+        word("at");
+        vector(joint.at);
+        if (!joint.parent.empty())
+        {
+            word("parent");
+            name(joint.parent);
+        }
+        if (joint.hinge)
+        {
+            word("hinge");
+            vector(*joint.hinge);
+        }
+        if (joint.twist)
+        {
+            word("twist");
+            number((*joint.twist)[0]);
+            number((*joint.twist)[1]);
+        }
+        if (joint.swing)
+        {
+            word("swing");
+            number(*joint.swing);
+        }
+        if (joint.radius)
+        {
+            word("radius");
+            number(*joint.radius);
         }
         end();
     }
@@ -297,6 +336,8 @@ std::string handle_text(const HandleFile& file)
             printer.region(region);
         for (const OnStatement& on : file.stages[s].ons)
             printer.on(on);
+        for (const SkeletonJoint& joint : file.stages[s].joints)
+            printer.joint(joint);
         for (const FrameStatement& frame : file.stages[s].frames)
         {
             printer.word("frame");

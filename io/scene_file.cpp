@@ -105,7 +105,12 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     for (const char* key : {"rods", "bodies", "nets", "sheets", "joints", "obstacles",
                             "contact", "unit", "simulate"})
         leave_out(key, "is for cellwarp simulate, ignored");
-    leave_out("skeleton", "is not supported by this version, ignored");
+    if (const Json* skeleton = root.find("skeleton"))
+    {
+        JsonObject object(*skeleton, path, "skeleton.", scene.warnings);
+        scene.skeleton =
+            parse_skeleton_scene(object, path, scene.warnings, scene.left_out);
+    }
     root.warn_of_the_rest();
     return scene;
 }

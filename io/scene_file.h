@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "io/scene_settings.h"
+#include "io/skeleton_scene.h"
 
 namespace cellwarp
 {
@@ -33,7 +34,8 @@ struct SceneFile
     std::vector<std::string> warnings;
     std::vector<std::string> left_out; ///< warnings of what is for other commands
     bool has_carriers = false;         ///< rods carry the model: see rod_scene.h
-    std::string text;                  ///< as it was read, with what the rest leaves out
+    std::optional<SkeletonScene> skeleton;
+    std::string text; ///< as it was read, with what the rest leaves out
 };
 
 /// Whether a scene is about a model: rods in time need none. Throws as read_scene() for

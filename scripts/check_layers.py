@@ -21,6 +21,7 @@ ROOMS = {
     "solver/rods": {"solver/rods", "solver/dynamics", "solver/linear", "octree/base"},
     "solver/contact": {"solver/contact", "solver/rods", "solver/dynamics",
                        "solver/linear", "octree/wrap", "octree/base"},
+    "solver/skeleton": {"solver/skeleton", "octree/base"},
     "solver/minimize": {"solver/minimize", "solver/linear", "octree/base"},
     "solver/cells": {"solver/cells", "solver/minimize", "solver/linear", "octree",
                      "octree/base"},
@@ -30,7 +31,7 @@ ROOMS = {
                      "octree/base"},
     "editor/session": {"editor/session", "io", "octree", "octree/base", "solver/minimize",
                        "solver/linear", "solver/dynamics", "solver/rods", "solver/coupled",
-                       "solver/cells", "solver/field"},
+                       "solver/skeleton", "solver/cells", "solver/field"},
     "editor/apply": {"editor/apply", "editor/session", "io", "octree/base"},
     "editor/study": {"editor/study", "editor/session", "io", "octree", "octree/base",
                      "solver/minimize", "solver/cells", "solver/field"},
@@ -76,18 +77,19 @@ LIBRARIES = {
     "benchmark/": {"tests/bench"},
     "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_tree.cpp",
               "octree/wrap/skeleton_main.cpp",
-              "tests/bench/arap_peer.cpp",
+              "tests/bench/arap_peer.cpp", "tests/bench/skinning_peer.cpp",
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"editor/simulation": {"editor/cli/simulate.cpp", "editor/window/film.cpp"},
             "solver/rods": {"editor/session/spline_handle.cpp", "editor/simulation",
                             "solver/contact", "solver/coupled"},
+            "solver/skeleton": {"editor/session/skeleton_handle.cpp"},
             "solver/coupled": {"editor/session/spline_handle.cpp",
                                "editor/session/pushing_splines.cpp"},
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
-            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp", "octree/centre_line.cpp",
+            "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp", "octree/curve_graph.h", "octree/curve_graph.cpp",
                             "solver/contact/obstacle.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)

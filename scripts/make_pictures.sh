@@ -43,6 +43,20 @@ posed batten last "--view 90 0"
     -o "$folder/spine.png" --overwrite
 "$cellwarp" render "$here/samples/ring.json" --strip=3 --size 320x280 --view 20 30 \
     -o "$folder/ring.png" --overwrite
+# Posed by skeletons.
+"$cellwarp" render "$here/samples/arm.json" --strip=3 --cells --size 320x280 --view 0 10 \
+    -o "$folder/arm.png" --overwrite
+"$cellwarp" render "$here/samples/walk.json" --strip=5 --size 230x330 --view 35 10 \
+    -o "$folder/walk.png" --overwrite
+"$cellwarp" render "$here/samples/fingers.json" --strip=3 --size 300x340 --view 25 5 \
+    -o "$folder/fingers.png" --overwrite
+"$cellwarp" render "$here/samples/wave.json" --strip=4 --size 280x330 --view 10 10 \
+    -o "$folder/wave.png" --overwrite
+"$cellwarp" render "$here/samples/reach.json" --strip=3 --size 300x330 --view 20 10 \
+    -o "$folder/reach.png" --overwrite
+"$cellwarp" skeleton "$here/samples/creature.obj" -o "$work/skeleton.json"
+"$cellwarp" render "$work/skeleton.json" --size 400x400 --view 25 10 \
+    -o "$folder/skeleton.png" --overwrite
 pair chain obj --view 35 10
 pair soup stl --view 15 15
 pair scan xyz --view 25 15

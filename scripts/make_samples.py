@@ -19,6 +19,9 @@ hose      a straight hose; a rod in it goes through eight points
 ring      a ring that slides along a bent bar by three of its points
 posed     scenes of the creature with rods: spine (bent and twisted), tail (curled);
           and of the bar: batten (a stiff rod that pushes back)
+skeletons  an arm (two bones, bent by 90 and 120 degrees), and scenes with bones: walk (the
+          creature, by keys), fingers (the hand), wave (the creature, by a BVH file that is
+          made here as well), reach (the creature's hands and feet go to places)
 scan      a cloud with holes and noise, seen from three places; the creature bows
 carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
@@ -270,6 +273,196 @@ frame 1
 move head rotate 1 0 0 -90 about 0 0.546 2
 release batten start
 release batten end
+""")
+
+
+def quaternion(axis, degrees):
+    size = math.sqrt(sum(x * x for x in axis))
+    half = math.radians(degrees) / 2.0
+    return (math.cos(half),) + tuple(math.sin(half) * x / size for x in axis)
+
+
+def turned(*turns):
+    """Rotations after each other, the first one first, as axis and degrees."""
+    w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    for axis, degrees in turns:
+        a, b, c, d = quaternion(axis, degrees)
+        w, x, y, z = (a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y,
+                      a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w)
+    size = math.sqrt(x * x + y * y + z * z)
+    if size < 1e-12:
+        return [0, 0, 1, 0]
+    angle = math.degrees(2.0 * math.atan2(size, w))
+    return [round(v, 6) for v in (x / size, y / size, z / size, angle)]
+
+
+CREATURE_BONES = [("hips", None, (0, 0.95, 0)), ("chest", "hips", (0, 1.45, 0)),
+                  ("neck", "chest", (0, 1.78, 0.03)), ("crown", "neck", (0, 2.27, 0.06)),
+                  ("tail", "hips", (0, 0.82, -0.2)), ("tail2", "tail", (0, 0.56, -0.58)),
+                  ("tip", "tail2", (0, 0.75, -1.05))] + [
+    bone for side, s in (("left", 1), ("right", -1)) for bone in (
+        (side + " shoulder", "chest", (0.28 * s, 1.49, 0)),
+        (side + " elbow", side + " shoulder", (0.68 * s, 1.36, 0.02)),
+        (side + " wrist", side + " elbow", (1.08 * s, 1.436, 0.096)),
+        (side + " fingers", side + " wrist", (1.27 * s, 1.476, 0.136)),
+        (side + " thigh", "hips", (0.17 * s, 0.82, 0.01)),
+        (side + " knee", side + " thigh", (0.24 * s, 0.46, 0.04)),
+        (side + " ankle", side + " knee", (0.27 * s, 0.11, -0.02)),
+        (side + " toes", side + " ankle", (0.29 * s, 0.07, 0.27)))]
+
+
+def joint_list(bones, limits=None):
+    limits = limits or {}
+    return [dict(name=name, parent=parent, at=list(at),
+                 **({"limits": limits[name]} if name in limits else {}))
+            for name, parent, at in bones]
+
+
+def skeleton_scene(folder, name, model, bones, keys, extra=None, limits=None, **settings):
+    lines = ["    " + json.dumps(joint) for joint in joint_list(bones, limits)]
+    text = ['{', '  "cellwarp": 1,', '  "model": "%s",' % model]
+    text += ['  "%s": %s,' % (key, json.dumps(value)) for key, value in (extra or {}).items()]
+    text += ['  "skeleton": {', '   "joints": [', ",\n".join(lines) + "]"]
+    for key, value in settings.items():
+        text[-1] += ","
+        text += ['   "%s": %s' % (key, json.dumps(value))]
+    if keys:
+        text[-1] += ","
+        text += ['   "keys": [', ",\n".join("    " + json.dumps(key) for key in keys) + "]"]
+    write(folder, name + ".json", "\n".join(text + ["  }", "}"]) + "\n")
+
+
+def walk_keys():
+    """A step with each leg in a second; arms hang and swing against the legs."""
+    x, y, z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+    keys = []
+    for k in range(9):
+        time, phase = k / 8.0, 2.0 * math.pi * k / 8.0
+        def key(joint, *turns, **more):
+            keys.append(dict(time=time, joint=joint, rotate=turned(*turns), **more))
+        key("hips", (y, 7 * math.sin(phase)),
+            translate=[0, round(0.03 * math.cos(2 * phase) - 0.03, 6), 0])
+        key("chest", (y, -12 * math.sin(phase)))
+        key("neck", (y, 5 * math.sin(phase)))
+        key("tail", (y, 18 * math.sin(phase - 0.6)))
+        key("tail2", (y, 25 * math.sin(phase - 1.4)))
+        for side, s in (("left", 1), ("right", -1)):
+            swing = s * math.sin(phase)
+            lift = max(0.0, s * math.cos(phase))
+            key(side + " thigh", (x, -27 * swing))
+            key(side + " knee", (x, 8 + 42 * lift))
+            key(side + " ankle", (x, -6 - 12 * lift + 10 * swing))
+            key(side + " shoulder", (z, -58 * s), (x, 24 * swing))
+            key(side + " elbow", (y, -(22 + 14 * swing) * s))
+    return keys
+
+
+def bvh(folder):
+    """The creature waves: centimetres, z up, channels in the order that motion capture has."""
+    children = {}
+    for name, parent, at in CREATURE_BONES:
+        children.setdefault(parent, []).append((name, at))
+    lines, channels = ["HIERARCHY"], []
+
+    def joint(name, at, above, depth):
+        pad = "  " * depth
+        # y up to z up: (x, y, z) -> (x, -z, y).
+        off = [100 * (at[k] - above[k]) for k in range(3)]
+        offset = "OFFSET %.6g %.6g %.6g" % (off[0], -off[2], off[1])
+        below = children.get(name, [])
+        if not below:
+            lines.extend([pad + "End Site", pad + "{", pad + "  " + offset, pad + "}"])
+            return
+        lines.extend([pad + ("ROOT " if depth == 0 else "JOINT ") + name.replace(" ", "_"),
+                      pad + "{", pad + "  " + offset])
+        if depth == 0:
+            lines.append(pad + "  CHANNELS 6 Xposition Yposition Zposition "
+                               "Zrotation Xrotation Yrotation")
+        else:
+            lines.append(pad + "  CHANNELS 3 Zrotation Xrotation Yrotation")
+        channels.append(name)
+        for child, place in below:
+            joint(child, place, at, depth + 1)
+        lines.append(pad + "}")
+
+    joint("hips", CREATURE_BONES[0][2], (0, 0, 0), 0)
+    frames = 25
+    lines += ["MOTION", "Frames: %d" % frames, "Frame Time: 0.0833333333"]
+    for f in range(frames):
+        t = f / (frames - 1.0)
+        rise = 0.5 - 0.5 * math.cos(2.0 * math.pi * t)
+        wave = rise * math.sin(8.0 * math.pi * t)
+        # In the file's axes: y of the body is z, z of the body is -y. (Z, X, Y)
+        turns = {"left shoulder": (0, 0, -62 * rise), "left elbow": (0, 0, -35 * rise - 25 * wave),
+                 "left wrist": (0, 0, -20 * wave), "right shoulder": (0, 0, 50 * rise),
+                 "neck": (12 * rise, 0, 10 * wave), "chest": (0, 0, 6 * rise),
+                 "tail": (20 * wave, 0, 0), "tail2": (25 * wave, 0, 0)}
+        row = [0.0, 0.0, 2.0 * rise]
+        for name in channels:
+            row += turns.get(name, (0, 0, 0))
+        lines.append(" ".join("%.5g" % v for v in row))
+    write(folder, "wave.bvh", "\n".join(lines) + "\n")
+
+
+def skeletons(folder):
+    arm = [((0, 0, 0), (0.55, 0, 0.02), 0.25, 0.20), ((0.55, 0, 0.02), (1.2, 0, 0), 0.21, 0.155),
+           ((1.2, 0, 0), (1.6, 0, 0.01), 0.16, 0.165), ((1.6, 0, 0.01), (2.25, 0, 0), 0.165, 0.10),
+           ((2.3, 0, 0), (2.6, 0, 0), 0.12, 0.11)]
+    points, faces = surface_nets(lambda p: smooth_union([capsule(p, *part) for part in arm], 0.05),
+                                 (-0.35, -0.35, -0.35), (2.8, 0.35, 0.35), 0.03, 0.1)
+    check_closed(faces)
+    write(folder, "arm.obj", obj(points, faces, "an arm, quads"))
+    skeleton_scene(folder, "arm", "arm.obj",
+                   [("shoulder", None, (0, 0, 0)), ("elbow", "shoulder", (1.2, 0, 0)),
+                    ("wrist", "elbow", (2.25, 0, 0)), ("tip", "wrist", (2.6, 0, 0))],
+                   [dict(time=0, joint="elbow", rotate=[0, 0, 1, 90]),
+                    dict(time=1, joint="elbow", rotate=[0, 0, 1, 120])],
+                   limits={"elbow": {"hinge": [0, 0, 1], "twist": [0, 150]}})
+    skeleton_scene(folder, "walk", "creature.obj", CREATURE_BONES, walk_keys(),
+                   interpolation="squad")
+    fingers = [("wrist", None, (0, 0.02, 0)), ("palm", "wrist", (0, 0.45, 0))]
+    keys = []
+    pitch = 2 * 0.088 + 0.0186
+    for finger, (name, tip) in enumerate((("thumb", 1.12), ("index", 1.52), ("middle", 1.62),
+                                          ("ring", 1.54), ("small", 1.36))):
+        x = round((finger - 2) * pitch, 6)
+        length = tip - 0.86
+        fingers += [(name, "palm", (x, 0.86, 0)),
+                    (name + " 2", name, (x, round(0.86 + 0.5 * length, 6), 0)),
+                    (name + " tip", name + " 2", (x, round(tip + 0.06, 6), 0))]
+        # A fist that closes from the small finger on; the thumb stays.
+        for k, time in enumerate((0, 1)):
+            bend = (0, 20, 30, 45, 60)[finger] if k == 0 else (0, 60, 70, 75, 80)[finger]
+            keys.append(dict(time=time, joint=name, rotate=[1, 0, 0, bend]))
+            keys.append(dict(time=time, joint=name + " 2", rotate=[1, 0, 0, 1.1 * bend]))
+    skeleton_scene(folder, "fingers", "hand.ply", fingers, keys,
+                   {"cells": {"across": 40, "gap": 0.005}})
+    bvh(folder)
+    write(folder, "wave.json", """{
+  "cellwarp": 1,
+  "model": "creature.obj",
+  "skeleton": {"file": "wave.bvh", "scale": 0.01, "up": "z", "every": 0.25}
+}
+""")
+    names = {name: '"%s"' % name if " " in name else name for name, parent, at in CREATURE_BONES}
+    lines = ["cellwarp-handles 1",
+             "# Feet stay where they are, a hand goes to a place, and the rest follows."]
+    for name, parent, at in CREATURE_BONES:
+        lines.append("joint %s at %g %g %g" % ((names[name],) + at) +
+                     (" parent " + names[parent] if parent else "") +
+                     (" hinge 1 0 0 twist 0 140" if name.endswith("knee") else "") +
+                     (" swing 90 twist -60 60" if name == "chest" else ""))
+    lines += ["frame 1", 'move hips translate 0 -0.16 -0.05',
+              'move "left ankle" to 0.27 0.11 -0.02', 'move "right ankle" to -0.27 0.11 -0.02',
+              'move "left wrist" to 0.72 1.86 0.3', "frame 2",
+              "move chest rotate 0 0 1 18", 'move "left wrist" to 0.12 1.62 0.66',
+              'move "right wrist" to -0.85 0.95 0.3']
+    write(folder, "reach.handles", "\n".join(lines) + "\n")
+    write(folder, "reach.json", """{
+  "cellwarp": 1,
+  "model": "creature.obj",
+  "handles": "reach.handles"
+}
 """)
 
 
@@ -1163,7 +1356,7 @@ def main():
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
     for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan,
-                 hose, ring, posed, rods, carried):
+                 hose, ring, posed, skeletons, rods, carried):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

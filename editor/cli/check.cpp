@@ -6,6 +6,7 @@
 
 #include "editor/cli/command.h"
 #include "editor/cli/rods_json.h"
+#include "editor/cli/session_json.h"
 #include "io/geometry_file.h"
 
 namespace cellwarp
@@ -33,16 +34,20 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::size_t samples = session.geometry().samples.size();
     std::string text;
     if (common.is_json)
-        text = Json{{"model", request.model}, {"samples", samples},
-                    {"cells", cells},         {"regions", regions},
-                    {"frames", num_frames},   {"rods", rods_json(session.rods())},
+        text = Json{{"model", request.model},
+                    {"samples", samples},
+                    {"cells", cells},
+                    {"regions", regions},
+                    {"frames", num_frames},
+                    {"rods", rods_json(session.rods())},
+                    {"skeleton", skeleton_json(session)},
                     {"warnings", warnings}}
                    .dump(2) +
                "\n";
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames) +
-               rods_text(session.rods());
+               rods_text(session.rods()) + skeleton_text(session);
     write_file("-", text, Overwrite::Yes);
     return 0;
 }

@@ -11,6 +11,7 @@
 #include <fmt/ranges.h>
 
 #include "editor/session/memory_limit.h"
+#include "editor/session/scene_script.h"
 #include "editor/session/scene_settings.h"
 #include "editor/study/sweep.h"
 #include "io/error.h"
@@ -176,9 +177,9 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
     const std::string handles = flags.handles.empty() ? scene.handles : flags.handles;
     if (!flags.sel.empty())
         request.handles = read_survey_pair(flags.sel, flags.def);
-    else if (!handles.empty())
-        request.handles = read_handles(handles);
-    if (is_scene && request.handles && handles == scene.handles)
+    else
+        request.handles = script_of(scene, handles, request.warnings);
+    if (is_scene && request.handles && !handles.empty() && handles == scene.handles)
         if (const auto parted = parted_save(scene, *request.handles))
             request.warnings.push_back(*parted);
 

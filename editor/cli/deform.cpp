@@ -2,6 +2,7 @@
 // cellwarp deform: one scripted edit session from files to files.
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -10,6 +11,7 @@
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
 #include "editor/session/peak_memory.h"
+#include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
@@ -39,11 +41,54 @@ std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
     return numbers;
 }
 
+/// Frames a second of those that no keys give a time.
+constexpr double kFramesASecond = 24.0;
+
+/// When each frame is shown [s], from 0 on.
+std::vector<double> frame_times(const HandleFile& handles)
+{
+    std::vector<double> times;
+    for (const Stage& stage : handles.stages)
+        for (const FrameStatement& frame : stage.frames)
+            times.push_back(
+                frame.time.value_or(static_cast<double>(frame.number) / kFramesASecond));
+    const double first = times.empty() ? 0.0 : times.front();
+    for (double& time : times)
+        time -= first;
+    return times;
+}
+
+bool has_joints(const HandleFile& handles)
+{
+    return std::any_of(handles.stages.begin(), handles.stages.end(),
+                       [](const Stage& stage) { return !stage.joints.empty(); });
+}
+
+/// Whether all frames go into one file, as far as the names tell.
+bool is_animation(const OutputName& name, const std::string& model,
+                  const HandleFile& handles)
+{
+    return is_animation_format(extension_of(name.of(0)), extension_of(model),
+                               !has_joints(handles));
+}
+
 /// Refuses what cannot be written before any work is done.
 void check_outputs(const OutputName& name, const std::string& output,
-                   const std::string& model, const std::vector<std::int64_t>& frames,
+                   const std::string& model, const HandleFile& handles,
                    const CommonFlags& common)
 {
+    const std::vector<std::int64_t> frames = frame_numbers(handles);
+    if (is_animation(name, model, handles))
+    {
+        if (name.has_frame())
+            throw Error(Fault::Usage, "-o: got " + in_quotes(output) +
+                                          ": all frames go into this one file, leave out "
+                                          "{frame}");
+        if (frames.empty())
+            throw Error(Fault::Usage,
+                        "-o: there is no frame for " + in_quotes(output) + " to show");
+        return check_output(output, common.overwrite());
+    }
     if (!name.has_frame())
         check_output(output, common.overwrite());
     if (output != "-")
@@ -72,6 +117,8 @@ void check_model_outputs(const OutputName& name, const GeometryFile& model,
                          const std::vector<std::int64_t>& frames,
                          const CommonFlags& common)
 {
+    if (name.of(0) != "-")
+        check_output_format(name.of(0), model.geometry.format);
     if (!frames.empty() && !model.geometry.not_writable.empty() &&
         is_geometry_format(model.geometry.format))
         throw malformed({model.path, 0, ""},
@@ -182,7 +229,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (!request.handles)
         request.handles.emplace();
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
-    check_outputs(name, flags.output, request.model, frames, common);
+    check_outputs(name, flags.output, request.model, *request.handles, common);
     if (!flags.field.empty())
         check_field_output(flags.field, frames, common);
     request.settings.keeps_fields = !flags.field.empty();
@@ -190,7 +237,18 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     RunTimes ms;
     const auto model =
         std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
-    check_model_outputs(name, *model, frames, common);
+    // The mesh of a skinned glTF, posed by joints, is written as one that moves.
+    const bool is_patched =
+        model->geometry.not_writable.empty() || !has_joints(*request.handles);
+    const bool moves = is_animation_format(extension_of(name.of(0)),
+                                           model->geometry.format, is_patched) &&
+                       !name.has_frame() && !frames.empty();
+    std::optional<AnimationFile> animation;
+    if (moves)
+        animation.emplace(flags.output, common.overwrite(), model->geometry,
+                          frame_times(*request.handles));
+    else
+        check_model_outputs(name, *model, frames, common);
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
@@ -212,11 +270,19 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     };
     for (std::size_t i = 0; i < frames.size(); ++i)
     {
-        session.next_frame(name.has_frame() || i + 1 == frames.size());
-        if (name.has_frame())
+        session.next_frame(name.has_frame() || moves || i + 1 == frames.size());
+        if (moves)
+            animation->add(session.deformed().samples);
+        else if (name.has_frame())
             write(name.of(frames[i]));
     }
-    if (!name.has_frame())
+    if (moves)
+    {
+        const Clock::time_point write_start = Clock::now();
+        animation->commit();
+        ms.write += ms_since(write_start);
+    }
+    else if (!name.has_frame())
         write(flags.output);
     if (!flags.field.empty())
     {
@@ -242,6 +308,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
             json["frames"].push_back(frame_json(report));
         json["field"] = field_json(session, request.release);
         json["rods"] = rods_json(session.rods());
+        json["skeleton"] = skeleton_json(session);
         json["volume"] = volume_json(session.volume());
         json["ms"] = {{"load", ms.load},   {"cells", ms.cells},
                       {"solve", ms.solve}, {"field", ms.field},
@@ -271,7 +338,9 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
         ->add_option(
             "-o,--output", flags->output,
             "result, in the model's format (of one that is only read: .obj or .ply); "
-            "{frame} or {frame:04}: one a frame; -: stdout")
+            "{frame} or {frame:04}: one a frame; -: stdout; all frames in one file that "
+            "moves: .glb (of another format, or of a skinned one that joints pose), "
+            ".pc2, .mdd")
         ->required();
     command->add_option("--save-field", flags->field,
                         "keeps the deformation (of all commits and the last frame) as "

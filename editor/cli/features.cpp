@@ -8,6 +8,9 @@
 #ifdef CELLWARP_WITH_RODS
 #include "editor/cli/simulate.h"
 #endif
+#ifdef CELLWARP_WITH_SKELETON
+#include "editor/cli/skeleton.h"
+#endif
 
 namespace cellwarp
 {
@@ -20,6 +23,9 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 #endif
 #ifdef CELLWARP_WITH_RODS
     add_simulate(app, common, exit_code);
+#endif
+#ifdef CELLWARP_WITH_SKELETON
+    add_skeleton(app, common, exit_code);
 #endif
 }
 

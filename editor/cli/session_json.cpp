@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/cli/session_json.h"
 
+#include <fmt/format.h>
+
 namespace cellwarp
 {
 
@@ -19,13 +21,49 @@ Json unused_parts(const PartCounts& parts)
         unused.push_back("rbf-global");
     if (parts.rods == 0)
         unused.push_back("rods");
-    for (const char* part : {"skeleton", "picking"})
-        unused.push_back(part);
+    if (parts.skeleton == 0)
+        unused.push_back("skeleton");
+    unused.push_back("picking");
     if (parts.normals == 0)
         unused.push_back("normals");
     if (parts.faces == 0)
         unused.push_back("faces");
     return unused;
+}
+
+Json skeleton_json(const Session& session)
+{
+    const std::optional<SkeletonBinding> binding = session.skeleton();
+    if (!binding)
+        return nullptr;
+    const auto triple = [](const Eigen::Vector3d& x) {
+        return Json{x.x(), x.y(), x.z()};
+    };
+    Json bones = Json::array(), joints = Json::array();
+    for (const BoneBinding& bone : binding->bones)
+        bones.push_back({{"name", bone.name},
+                         {"cells", bone.cells},
+                         {"radius", bone.radius},
+                         {"inside", bone.inside}});
+    for (const PosedJoint& joint : session.joints())
+        joints.push_back({{"name", joint.name}, {"at", triple(joint.place)}});
+    return {{"joints", joints},
+            {"bones", bones},
+            {"outside", binding->outside},
+            {"far_share", binding->far_share},
+            {"farthest", triple(binding->farthest)}};
+}
+
+std::string skeleton_text(const Session& session)
+{
+    const std::optional<SkeletonBinding> binding = session.skeleton();
+    if (!binding)
+        return {};
+    std::string text = fmt::format("  skeleton: {} joints\n", binding->joints);
+    for (const BoneBinding& bone : binding->bones)
+        text += fmt::format("    {}: holds {} cells, radius {:.4g}, {:.0f} % inside\n",
+                            bone.name, bone.cells, bone.radius, 100.0 * bone.inside);
+    return text;
 }
 
 Json frame_json(const FrameReport& report)

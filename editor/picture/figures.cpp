@@ -30,6 +30,8 @@ Colour colour_of(Role role)
         return {110, 168, 96};
     case Role::Rod:
         return {222, 104, 84};
+    case Role::Bone:
+        return {238, 226, 188};
     case Role::Curve:
         return {70, 150, 200};
     }
@@ -117,6 +119,14 @@ Figure figure_of(const Session& session)
         for (std::size_t k = 0; k < rod.points.size(); ++k)
             if (rod.is_rod && rod.holds[k].place)
                 figure.beads.push_back({rod.points[k], kHeld * diagonal, kHeldColour});
+    }
+    const std::vector<PosedJoint> joints = session.joints();
+    for (const PosedJoint& joint : joints)
+    {
+        figure.beads.push_back({joint.place, kHeld * diagonal, kHeldColour});
+        if (joint.parent >= 0)
+            add_thread({joints[idx(joint.parent)].place, joint.place}, kThread * diagonal,
+                       colour_of(Role::Bone), figure);
     }
     return figure;
 }

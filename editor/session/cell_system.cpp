@@ -600,11 +600,16 @@ void CellSystem::solve_to_holds(const SolveOptions& options, double used,
 {
     constexpr int kRounds = 10;
     const Clock::time_point start = Clock::now();
-    for (int round = 0; round < kRounds && pushing_->bring_back(); ++round)
+    for (int round = 0; pushing_->bring_back(); ++round)
     {
         take_solved_rods();
         if (report.stop != Stop::Converged)
             return;
+        if (round == kRounds)
+        {
+            report.stop = Stop::IterationLimit;
+            return;
+        }
         SolveOptions rest = options;
         rest.max_iterations = std::max(0, options.max_iterations - report.iterations);
         if (options.time_budget > 0)

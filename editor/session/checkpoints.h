@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "editor/session/bone_regions.h"
 #include "editor/session/cell_refiner.h"
 #include "editor/session/cell_system.h"
 #include "editor/session/frame_plan.h"
@@ -34,7 +35,8 @@ struct StageStart
     std::shared_ptr<const StageRest> rest;
     std::shared_ptr<const RegionSet> regions;
     Units units;
-    CellRefiner refiner; ///< that has made its first cells
+    CellRefiner refiner;          ///< that has made its first cells
+    SkeletonBinding binding = {}; ///< of its skeleton, if it has one
 };
 
 /// The end of a frame, from which the next one follows to the bit.
@@ -45,7 +47,7 @@ struct Checkpoint
     std::shared_ptr<const StageStart> start;
     Octree octree;
     CellSystemState system;
-    std::vector<RegionAim> aims; ///< a region
+    StageAims aims;
     SolveReport last_solve;
     std::optional<FrameReport> report; ///< none before the first frame
     std::vector<std::string> warnings;

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "io/error.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -98,7 +99,36 @@ int num_parts_of(const SplineHolds& from, const SplineHolds& to, double size)
     return parts;
 }
 
+/// Of limits that cut turns, and places that are out of reach.
+void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
+                    const FrameStatement& frame, const std::string& file, double diagonal,
+                    std::vector<std::string>& warnings)
+{
+    constexpr double kThere = 1e-6; // [diagonal]
+    if (aim.limited > 0)
+        warnings.push_back(at({file, frame.line, ""},
+                              fmt::format("frame {}: {} turns of joints are cut to their "
+                                          "limits",
+                                          frame.number, aim.limited)));
+    for (const JointHold& hold : aim.holds)
+        if (hold.miss > kThere * diagonal)
+            warnings.push_back(
+                at({file, frame.line, skeleton.statement(idx(hold.joint)).name},
+                   fmt::format("frame {}: ends {:.3g} of the diagonal from its place, "
+                               "which is out of reach",
+                               frame.number, hold.miss / diagonal)));
+}
+
 } // namespace
+
+StageAims rest_aims(const RegionSet& regions)
+{
+    StageAims aims;
+    aims.regions.resize(regions.size());
+    if (regions.skeleton())
+        aims.skeleton = regions.skeleton()->rest();
+    return aims;
+}
 
 void hold_point(const Move& move, const SplineHandle& spline, const Units& units,
                 const std::string& file, std::int64_t frame, SplineHolds& holds)
@@ -163,7 +193,7 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
 
 bool FramePlan::stands() const
 {
-    return from_holds == to_holds &&
+    return from_holds == to_holds && (!skeleton || from_pose.is_at(to_pose)) &&
            std::all_of(led.begin(), led.end(), [](const auto& to) { return !to; }) &&
            std::all_of(paths.begin(), paths.end(),
                        [](const HandleTrajectory& path)
@@ -184,23 +214,43 @@ std::vector<Motion> FramePlan::motions(double t) const
     std::vector<Motion> motions;
     for (const HandleTrajectory& path : paths)
         motions.push_back(path.at(t));
+    if (!skeleton)
+        return motions;
+    const std::vector<Motion> of_joints = skeleton->motions(from_pose, to_pose, t);
+    for (std::size_t r = 0; r < motions.size(); ++r)
+        if (joint_of_region[r] >= 0)
+            motions[r] = of_joints[idx(joint_of_region[r])];
     return motions;
 }
 
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
                      std::span<const std::shared_ptr<const SplineState>> led,
-                     std::vector<RegionAim>& aims, std::vector<std::string>& warnings)
+                     StageAims& all_aims, std::vector<std::string>& warnings)
 {
     const double diagonal = rest.frame.diagonal();
+    std::vector<RegionAim>& aims = all_aims.regions;
+    const SkeletonHandle* const skeleton = regions.skeleton().get();
     std::map<std::string, const Move*> moves;
     std::map<std::string, std::vector<const Move*>> moves_of_points;
+    std::vector<const Move*> moves_of_joints;
     for (const Move& move : frame.moves)
-        if (move.place.kind == MovePlace::Kind::Whole)
+        if (skeleton && skeleton->find(move.region) >= 0)
+            moves_of_joints.push_back(&move);
+        else if (move.place.kind == MovePlace::Kind::Whole)
             moves[move.region] = &move;
         else
             moves_of_points[move.region].push_back(&move);
     FramePlan plan;
+    if (skeleton)
+    {
+        plan.skeleton = regions.skeleton();
+        plan.from_pose = all_aims.skeleton;
+        plan.to_pose = all_aims.skeleton =
+            skeleton->moved(plan.from_pose, moves_of_joints, units);
+        plan.num_parts = skeleton->num_parts(plan.from_pose, plan.to_pose, diagonal);
+        warn_of_joints(*skeleton, plan.to_pose, frame, file, diagonal, warnings);
+    }
     std::vector<Motion> motions;
     std::size_t next_led = 0;
     for (std::size_t r = 0; r < regions.size(); ++r)
@@ -247,6 +297,8 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                               std::min(diagonal, rod.rest()->length())));
         }
         motions.push_back(path.at(1.0));
+        plan.joint_of_region.push_back(
+            regions[r].bone ? static_cast<int>(regions[r].bone->joint) : -1);
         if (regions[r].guide && !aims[r].is_on_guide)
         {
             aims[r].is_on_guide = true;
@@ -255,7 +307,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                 parts_of_way(0.0, diagonal > 0 ? way_to_guide(regions, r, rest) / diagonal
                                                : 0.0));
         }
-        if (!regions[r].prescribes())
+        if (!regions[r].prescribes() || regions[r].bone)
             continue;
         plan.num_parts =
             std::max(plan.num_parts, path.num_parts(box.low, box.high, diagonal));

@@ -10,6 +10,7 @@
 #include "editor/session/body.h"
 #include "editor/session/handle_trajectory.h"
 #include "editor/session/region_set.h"
+#include "editor/session/skeleton_handle.h"
 #include "io/handle_file.h"
 
 namespace cellwarp
@@ -25,6 +26,13 @@ struct RegionAim
     std::shared_ptr<const SplineState> led = {};
 };
 
+/// Where the statements so far have all regions, and the skeleton if there is one.
+struct StageAims
+{
+    std::vector<RegionAim> regions;
+    SkeletonAim skeleton;
+};
+
 struct FramePlan
 {
     std::vector<HandleTrajectory> paths; ///< a region
@@ -32,7 +40,11 @@ struct FramePlan
     std::vector<SplineHolds> from_holds, to_holds;
     /// Of rods that are led, a region: where they go; null for others, and if they stay.
     std::vector<std::shared_ptr<const SplineState>> led;
-    int num_parts = 1; ///< in which the way is gone
+    /// Of bones, by their skeleton; null: there is none.
+    std::shared_ptr<const SkeletonHandle> skeleton;
+    SkeletonAim from_pose, to_pose;
+    std::vector<int> joint_of_region; ///< -1: no bone
+    int num_parts = 1;                ///< in which the way is gone
 
     /// Whether no region moves.
     bool stands() const;
@@ -47,12 +59,15 @@ struct FramePlan
 void hold_point(const Move& move, const SplineHandle& spline, const Units& units,
                 const std::string& file, std::int64_t frame, SplineHolds& holds);
 
+/// At rest.
+StageAims rest_aims(const RegionSet& regions);
+
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
 /// \p led: of the rods that are led, in their order; empty: they stay. \p file names
 /// the handle file. Throws Fault::Malformed.
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      const Units& units, const RestShape& rest, const std::string& file,
                      std::span<const std::shared_ptr<const SplineState>> led,
-                     std::vector<RegionAim>& aims, std::vector<std::string>& warnings);
+                     StageAims& aims, std::vector<std::string>& warnings);
 
 } // namespace cellwarp

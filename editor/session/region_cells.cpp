@@ -128,7 +128,7 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
     // takes the cells there that it has most of, unless a larger share holds them.
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (!regions[r].moves_as_one())
+        if (!regions[r].moves_as_one() || regions[r].bone)
             continue;
         std::map<int, double> largest; // of a component
         for (const int home : shares[r].homes)
@@ -146,6 +146,17 @@ std::vector<int> owners(const RegionSet& regions, std::span<const RegionShares> 
                 take(r, cell, share);
         }
     }
+    // Of cells that two bones pass each has the ones that it has more of.
+    for (std::size_t r = 0; r < regions.size(); ++r)
+        for (const int cell : shares[r].on_line)
+        {
+            const auto share = std::lower_bound(
+                shares[r].cells.begin(), shares[r].cells.end(), std::pair(cell, 0.0));
+            const int other = owner[idx(cell)];
+            if (other < 0 ||
+                (regions[idx(other)].bone && owned_share[idx(cell)] < kMajority))
+                take(r, cell, share->second);
+        }
     for (std::size_t r = 0; r < regions.size(); ++r)
         if (regions[r].is_rod())
             for (const auto& [cell, share] : shares[r].cells)
@@ -184,7 +195,7 @@ std::vector<Homeless> homeless_regions(const RegionSet& regions,
     std::vector<Homeless> homeless;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        if (!regions[r].prescribes())
+        if (!regions[r].prescribes() || regions[r].bone)
             continue;
         bool has_any = false;
         std::map<int, std::pair<int, double>> most; // of a component without: cell, share

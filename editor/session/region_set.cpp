@@ -68,6 +68,35 @@ void add_voxels_on(const std::vector<Eigen::Vector3d>& line, const VoxelGrid& gr
     }
 }
 
+/// The material that the lines of a bone pass or touch, each once, ascending: on the
+/// border of two cells it is in both.
+std::vector<std::uint32_t> voxels_on_bone(const Region& region, const VoxelGrid& grid)
+{
+    std::vector<std::uint32_t> voxels;
+    const double step = 0.25 * grid.shape().voxel();
+    for (const auto& [from, to] : region.bone->lines)
+    {
+        const int count = static_cast<int>(std::min(
+            1.0 + std::ceil((to - from).norm() / step), 4.0 * grid.counts().sum()));
+        for (int i = 0; i <= count; ++i)
+        {
+            const Eigen::Vector3d x = from + (to - from) * (double(i) / count);
+            if ((x.array() < 0.0).any() || (x.array() > grid.shape().size.array()).any())
+                continue;
+            for_each_voxel(grid.touched(x),
+                           [&](const Eigen::Vector3i& v)
+                           {
+                               if (grid.material()[grid.index(v)])
+                                   voxels.push_back(
+                                       static_cast<std::uint32_t>(grid.index(v)));
+                           });
+        }
+    }
+    std::sort(voxels.begin(), voxels.end());
+    voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
+    return voxels;
+}
+
 /// The voxels whose centres lie in the shapes of a region, each once, ascending.
 std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShape& rest)
 {
@@ -123,10 +152,12 @@ double RegionShares::largest() const
 }
 
 RegionSet::RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region> regions,
-                     std::string file)
-    : shape_(std::move(shape)), regions_(std::move(regions)), file_(std::move(file))
+                     std::string file, std::shared_ptr<const SkeletonHandle> skeleton)
+    : shape_(std::move(shape)), regions_(std::move(regions)), file_(std::move(file)),
+      skeleton_(std::move(skeleton))
 {
     find_voxels();
+    leave_out_bones();
     for (std::size_t r = 0; r < size(); ++r)
         if (regions_[r].is_rod() && voxels_[r].empty() && regions_[r].samples.empty())
             throw Error(Fault::Unsolvable,
@@ -146,8 +177,20 @@ void RegionSet::find_voxels()
 {
     const VoxelGrid& grid = shape_->material.grid;
     voxels_.resize(size());
-    parallel_for(size(), [&](std::size_t r)
-                 { voxels_[r] = voxels_in_shapes(regions_[r], *shape_); });
+    line_voxels_.resize(size());
+    parallel_for(size(),
+                 [&](std::size_t r)
+                 {
+                     voxels_[r] = voxels_in_shapes(regions_[r], *shape_);
+                     if (!regions_[r].bone)
+                         return;
+                     line_voxels_[r] = voxels_on_bone(regions_[r], grid);
+                     std::vector<std::uint32_t> both;
+                     std::set_union(voxels_[r].begin(), voxels_[r].end(),
+                                    line_voxels_[r].begin(), line_voxels_[r].end(),
+                                    std::back_inserter(both));
+                     voxels_[r] = std::move(both);
+                 });
     // Samples that stand for their voxels: listed ones, and all those of a region
     // that holds no voxel centre.
     std::vector<std::vector<std::uint32_t>> regions_of_sample(shape_->samples.size());
@@ -175,6 +218,26 @@ void RegionSet::find_voxels()
                        more[r].end(), std::back_inserter(both));
         voxels_[r] = std::move(both);
     }
+}
+
+void RegionSet::leave_out_bones()
+{
+    std::vector<Region> kept;
+    std::vector<std::vector<std::uint32_t>> voxels, line_voxels;
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        if (regions_[r].bone && voxels_[r].empty())
+        {
+            outside_.push_back(regions_[r].name);
+            continue;
+        }
+        kept.push_back(std::move(regions_[r]));
+        voxels.push_back(std::move(voxels_[r]));
+        line_voxels.push_back(std::move(line_voxels_[r]));
+    }
+    regions_ = std::move(kept);
+    voxels_ = std::move(voxels);
+    line_voxels_ = std::move(line_voxels);
 }
 
 /// Boxes of the regions' samples: how far they travel.
@@ -267,6 +330,11 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
             for (const std::uint32_t i : regions_[r].samples)
                 if (!regions_[r].is_rod())
                     homes.push_back(component[idx(body.cell_of_sample[i])]);
+            std::vector<int>& on_line = result[r].on_line;
+            for (const std::uint32_t voxel : line_voxels_[r])
+                on_line.push_back(pieces.piece_of_voxel[voxel]);
+            std::sort(on_line.begin(), on_line.end());
+            on_line.erase(std::unique(on_line.begin(), on_line.end()), on_line.end());
             std::sort(homes.begin(), homes.end());
             homes.erase(std::unique(homes.begin(), homes.end()), homes.end());
             for (std::size_t piece = 0; piece < pieces.size(); ++piece)

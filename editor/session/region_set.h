@@ -12,6 +12,7 @@
 
 #include "editor/session/body.h"
 #include "editor/session/regions.h"
+#include "editor/session/skeleton_handle.h"
 
 namespace cellwarp
 {
@@ -21,7 +22,8 @@ namespace cellwarp
 struct RegionShares
 {
     std::vector<std::pair<int, double>> cells; ///< (cell, share > 0), ascending
-    std::vector<int> homes; ///< components that hold samples of it, ascending
+    std::vector<int> homes;   ///< components that hold samples of it, ascending
+    std::vector<int> on_line; ///< cells that the line of a bone passes, ascending
     double largest() const;
 };
 
@@ -35,13 +37,18 @@ public:
     /// but no voxel centre counts as the list of its samples. \p file is where the
     /// regions stand, for messages. Throws Fault::Malformed for a region that selects
     /// nothing, Fault::Unsolvable for a rod whose tube meets no material.
+    /// Bones that meet no material are left out, see outside(); \p skeleton: of those
+    /// that are there, or null.
     RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region> regions,
-              std::string file);
+              std::string file, std::shared_ptr<const SkeletonHandle> skeleton = nullptr);
 
     std::size_t size() const { return regions_.size(); }
     const Region& operator[](std::size_t region) const { return regions_[region]; }
     const std::vector<Region>& regions() const { return regions_; }
     const std::string& file() const { return file_; }
+    const std::shared_ptr<const SkeletonHandle>& skeleton() const { return skeleton_; }
+    /// Names of bones that meet no material.
+    const std::vector<std::string>& outside() const { return outside_; }
 
     /// Ascending.
     std::span<const std::uint32_t> voxels(std::size_t region) const
@@ -74,6 +81,7 @@ public:
 
 private:
     void find_voxels();
+    void leave_out_bones();
     void measure();
     void find_overlaps();
     std::vector<std::uint32_t> samples_without(std::span<const double> part,
@@ -84,7 +92,10 @@ private:
     std::shared_ptr<const RestShape> shape_;
     std::vector<Region> regions_;
     std::string file_;
+    std::shared_ptr<const SkeletonHandle> skeleton_;
+    std::vector<std::string> outside_;
     std::vector<std::vector<std::uint32_t>> voxels_;
+    std::vector<std::vector<std::uint32_t>> line_voxels_; ///< of bones
     std::vector<ModelBox> boxes_;
     std::vector<Overlap> overlaps_;
 };

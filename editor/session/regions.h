@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -61,6 +62,15 @@ struct Region
         std::int64_t line = 0;
     };
     std::optional<Guide> guide = {};
+    /// What moves with one joint of a skeleton. It holds no sample: the field carries
+    /// all.
+    struct Bone
+    {
+        std::size_t joint = 0;
+        /// Straight pieces whose cells it has, whatever share of them is its own [work].
+        std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> lines;
+    };
+    std::optional<Bone> bone = {};
 
     bool is_rod() const { return role == Role::Rod; }
     /// Its cells' places are given, or a point of each.

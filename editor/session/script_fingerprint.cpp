@@ -83,6 +83,20 @@ void add(Fingerprint& fingerprint, const OnStatement& on)
     fingerprint.add(on.at.value_or(-1.0));
 }
 
+void add(Fingerprint& fingerprint, const SkeletonJoint& joint)
+{
+    fingerprint.add(joint.name);
+    fingerprint.add(joint.parent);
+    fingerprint.add(joint.at);
+    fingerprint.add(std::uint64_t(joint.hinge.has_value()) + 2 * joint.twist.has_value() +
+                    4 * joint.swing.has_value());
+    fingerprint.add(joint.hinge.value_or(Eigen::Vector3d::Zero()));
+    for (const double angle : joint.twist.value_or(std::array<double, 2>{}))
+        fingerprint.add(angle);
+    fingerprint.add(joint.swing.value_or(0.0));
+    fingerprint.add(joint.radius.value_or(0.0));
+}
+
 void add(Fingerprint& fingerprint, const FrameStatement& frame)
 {
     fingerprint.add(frame.number);
@@ -99,6 +113,7 @@ void add(Fingerprint& fingerprint, const FrameStatement& frame)
             fingerprint.add(std::uint64_t(1) + 2 * move.released->place +
                             4 * move.released->tangent + 8 * move.released->twist);
         fingerprint.add(std::uint64_t(move.operations.size()));
+        fingerprint.add(move.chain);
         for (const Operation& operation : move.operations)
         {
             fingerprint.add(number_of(operation.kind));
@@ -122,6 +137,8 @@ void add(Fingerprint& fingerprint, const Stage& stage, After&& after)
         add(fingerprint, region);
     for (const OnStatement& on : stage.ons)
         add(fingerprint, on);
+    for (const SkeletonJoint& joint : stage.joints)
+        add(fingerprint, joint);
     after(fingerprint);
     for (const FrameStatement& frame : stage.frames)
     {

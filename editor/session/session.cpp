@@ -15,6 +15,7 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/clock.h"
+#include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
 namespace cellwarp
@@ -33,15 +34,15 @@ struct Session::StageState
 {
     StageState(std::shared_ptr<const StageStart> of_stage, CellSystem in_cells)
         : start(std::move(of_stage)), refiner(start->refiner),
-          system(std::move(in_cells)), aims(system.regions().size())
+          system(std::move(in_cells)), aims(rest_aims(system.regions()))
     {
     }
 
     std::shared_ptr<const StageStart> start;
     CellRefiner refiner;
     CellSystem system;
-    std::vector<RegionAim> aims; ///< of the regions, at the end of the last frame
-    FramePlan plan;              ///< of the frame that is solved
+    StageAims aims; ///< at the end of the last frame
+    FramePlan plan; ///< of the frame that is solved
     SolveReport last_solve;
     std::optional<FieldFitter> fitter; ///< of the system's cells
     std::unique_ptr<Field> field;
@@ -137,11 +138,30 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     std::vector<Region> resolved = resolve_regions(
         stage.regions, *geometry_, samples, units, handles_, nullptr, settings_.led_rods);
     put_on_guides(stage.ons, samples, handles_.path, resolved);
+    std::shared_ptr<const SkeletonHandle> skeleton;
+    SkeletonBinding binding;
+    if (!stage.joints.empty())
+    {
+        skeleton = make_skeleton_handle(stage.joints, units);
+        for (Region& bone : bone_regions(*skeleton, shape, binding))
+            resolved.push_back(std::move(bone));
+        ++parts_.skeleton;
+    }
     const auto regions = std::make_shared<const RegionSet>(
-        rest_->shape, std::move(resolved), handles_.path);
-    const auto start = std::make_shared<StageStart>(StageStart{
-        rest_, regions, units,
-        CellRefiner(rest_->shape, regions, settings_.cells, system_settings())});
+        rest_->shape, std::move(resolved), handles_.path, skeleton);
+    binding.outside = regions->outside();
+    std::erase_if(binding.bones,
+                  [&](const BoneBinding& bone)
+                  {
+                      return std::find(binding.outside.begin(), binding.outside.end(),
+                                       bone.name) != binding.outside.end();
+                  });
+    for (std::string& warning : binding_warnings(binding, handles_.path))
+        warnings_.push_back(std::move(warning));
+    const auto start = std::make_shared<StageStart>(
+        StageStart{rest_, regions, units,
+                   CellRefiner(rest_->shape, regions, settings_.cells, system_settings()),
+                   std::move(binding)});
     CellSystem system = start->refiner.first();
     for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
@@ -270,8 +290,7 @@ void Session::check_memory_of(const FieldChoice& field) const
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
 FramePlan Session::plan(const FrameStatement& frame,
                         std::span<const std::shared_ptr<const SplineState>> led,
-                        std::vector<RegionAim>& aims,
-                        std::vector<std::string>& warnings) const
+                        StageAims& aims, std::vector<std::string>& warnings) const
 {
     const CellSystem& system = state_->system;
     return plan_frame(frame, system.regions(), state_->start->units, system.rest(),
@@ -283,7 +302,7 @@ FramePlan Session::plan(const FrameStatement& frame,
 void Session::check_frames()
 {
     std::vector<std::string> of_frames;
-    std::vector<RegionAim> aims = state_->aims;
+    StageAims aims = state_->aims;
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
     for (std::size_t f = frame_; f < frames.size(); ++f)
         plan(frames[f], {}, aims, of_frames);
@@ -320,7 +339,7 @@ struct Session::Standing
     std::shared_ptr<const StageStart> start;
     std::shared_ptr<const Body> body;
     CellSystemState system;
-    std::vector<RegionAim> aims;
+    StageAims aims;
     SolveReport last_solve;
     std::vector<std::string> warnings;
     std::size_t frames_done, num_reports, num_committed;
@@ -623,9 +642,39 @@ bool Session::commit_to_end()
     return true;
 }
 
+std::optional<SkeletonBinding> Session::skeleton() const
+{
+    if (!state_ || !state_->system.regions().skeleton())
+        return std::nullopt;
+    const CellSystem& system = state_->system;
+    SkeletonBinding binding = state_->start->binding;
+    for (BoneBinding& bone : binding.bones)
+    {
+        bone.radius = system.rest().frame.length_to_model(bone.radius);
+        for (const int owner : system.region_of_cell())
+            bone.cells += owner >= 0 && system.regions()[idx(owner)].name == bone.name;
+    }
+    return binding;
+}
+
+std::vector<PosedJoint> Session::joints() const
+{
+    std::vector<PosedJoint> joints;
+    if (!state_ || !state_->system.regions().skeleton())
+        return joints;
+    const SkeletonHandle& skeleton = *state_->system.regions().skeleton();
+    const SkeletonAim& aim = state_->aims.skeleton;
+    const std::vector<Motion> motions = skeleton.motions(aim, aim, 1.0);
+    for (std::size_t j = 0; j < skeleton.size(); ++j)
+        joints.push_back({skeleton.statement(j).name, skeleton.parent(j),
+                          rest_->shape->frame.to_model(motions[j](skeleton.place(j)))});
+    return joints;
+}
+
 std::vector<RodReport> Session::rods() const
 {
-    return state_ ? rod_reports(state_->system, state_->aims) : std::vector<RodReport>();
+    return state_ ? rod_reports(state_->system, state_->aims.regions)
+                  : std::vector<RodReport>();
 }
 
 FieldFile Session::field_file() const

@@ -13,6 +13,7 @@
 
 #include <Eigen/Core>
 
+#include "editor/session/bone_regions.h"
 #include "editor/session/cell_refiner.h"
 #include "editor/session/cell_system.h"
 #include "editor/session/checkpoints.h"
@@ -34,7 +35,7 @@ namespace cellwarp
 struct PartCounts
 {
     int interior = 0, refinement = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0,
-        faces = 0, rods = 0;
+        faces = 0, rods = 0, skeleton = 0;
 };
 
 class Session
@@ -83,6 +84,10 @@ public:
     const PartCounts& parts() const { return parts_; }
     /// Of this stage, in the order of their statements.
     std::vector<RodReport> rods() const;
+    /// How the skeleton of this stage lies in the material; nothing: there is none.
+    std::optional<SkeletonBinding> skeleton() const;
+    /// Of the skeleton, where they are now.
+    std::vector<PosedJoint> joints() const;
     /// The field of the last frame that wanted samples; may be null.
     const Field* field() const;
     /// What deformed().samples would be by another field of the same poses. Throws
@@ -124,8 +129,7 @@ private:
     void check_memory_of(const FieldChoice& field) const;
     FramePlan plan(const FrameStatement& frame,
                    std::span<const std::shared_ptr<const SplineState>> led,
-                   std::vector<RegionAim>& aims,
-                   std::vector<std::string>& warnings) const;
+                   StageAims& aims, std::vector<std::string>& warnings) const;
     void check_frames();
     void solve_frame(FrameReport& report);
     std::vector<MovedRegion> moved_regions() const;

@@ -21,7 +21,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
-#include "solver/coupled/rod_unknowns.h"
+#include "solver/coupled/rod_motion.h"
 #include "solver/dynamics/implicit_stepper.h"
 #include "solver/rods/elasticity.h"
 #include "solver/rods/rod_model.h"
@@ -47,8 +47,6 @@ constexpr int kPieces = 8;
 /// out, so often, until it turns by no more [rad].
 constexpr int kRounds = 20;
 constexpr double kSameTangent = 1e-11;
-
-constexpr double kTurn = 2.0 * std::numbers::pi;
 
 /// Newton's steps of a rod.
 constexpr int kIterations = 200;
@@ -591,43 +589,7 @@ double Handle::energy_of(const RodState& state) const
 std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodState& lead,
                                                   const SplineHolds& holds) const
 {
-    const auto motion_at = [&](double s)
-    { return carried_by(lead, rest_, s) * inverse(carried_by(from.lead(), rest_, s)); };
-    RodState state = *from.rod();
-    const std::vector<double> parameters = parameters_of_controls(rod_.basis());
-    Eigen::VectorXd x = state.x();
-    for (int k = 0; k < rod_.num_controls(); ++k)
-        x.segment<3>(rod_.layout().control[idx(k)]) =
-            motion_at(parameters[idx(k)])(state.control(k));
-    std::vector<Vector3d> across(idx(rod_.num_stations()));
-    for (const RodSpan& span : rod_.spans())
-        for (const auto& [station, s] : {std::pair(span.station[0], span.begin),
-                                         std::pair(span.station[1], span.end)})
-            across[idx(station)] = motion_at(s).R * state.frame(s).col(0);
-    state.move_to(x);
-    for (const RodSpan& span : rod_.spans())
-        for (const auto& [station, s] : {std::pair(span.station[0], span.begin),
-                                         std::pair(span.station[1], span.end)})
-        {
-            const Matrix3d frame = state.frame(s);
-            const Vector3d& wanted = across[idx(station)];
-            x[rod_.layout().angle[idx(station)]] =
-                state.angle(station) +
-                std::atan2(frame.col(1).dot(wanted), frame.col(0).dot(wanted));
-        }
-    state.move_to(x);
-    // These angles are known up to whole turns; what the spans are twisted by tells.
-    double turns = 0.0;
-    for (std::size_t e = 0; e < rod_.spans().size(); ++e)
-    {
-        const std::array<int, 2>& station = rod_.spans()[e].station;
-        if (station[1] < station[0])
-            continue; // the seam of a closed one
-        const double wanted = from.rod()->twist(e) + lead.twist(e) - from.lead().twist(e);
-        turns += kTurn * std::round((wanted - state.twist(e)) / kTurn);
-        x[rod_.layout().angle[idx(station[1])]] += turns;
-    }
-    state.move_to(x);
+    RodState state = moved_along(*from.rod(), from.lead(), lead, rest_);
     bring_to(state, constraints(state, holds));
     const double energy = energy_of(state);
     return std::make_shared<const State>(

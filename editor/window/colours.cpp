@@ -40,6 +40,8 @@ Colour role_colour(Role role)
         return {226, 112, 72, 0};
     case Role::Curve:
         return {92, 170, 220, 0};
+    case Role::Bone:
+        return {232, 218, 170, 0};
     }
     return free_colour();
 }

@@ -25,7 +25,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -76,72 +75,6 @@ bool is_far(const RodState& from, const RodState& to)
 
 } // namespace
 
-HoldRows hold_rows(const RodState& state, std::span<const RodConstraint> holds)
-{
-    std::vector<ConstraintRow> all;
-    for (const RodConstraint& hold : holds)
-        for (ConstraintRow& row :
-             rows_of(hold, state, HeldBasis(hold, state.rod().basis())))
-            all.push_back(std::move(row));
-    const Eigen::Index count = static_cast<Eigen::Index>(all.size());
-    HoldRows out{Eigen::MatrixXd::Zero(count, state.rod().layout().num_unknowns),
-                 Eigen::VectorXd(count)};
-    for (Eigen::Index r = 0; r < count; ++r)
-    {
-        for (const auto& [unknown, value] : all[idx(static_cast<int>(r))].entries)
-            out.by_steps(r, unknown) = value;
-        out.violation[r] = all[idx(static_cast<int>(r))].violation;
-    }
-    return out;
-}
-
-std::vector<double> parameters_of_controls(const SplineBasis& basis)
-{
-    std::vector<double> parameters(idx(basis.num_controls()), basis.begin());
-    std::vector<double> most(parameters.size(), -1.0);
-    for (std::size_t e = 0; e < basis.spans().size(); ++e)
-        for (const double x : {0.0, 0.5, 1.0})
-        {
-            const SplineSpan& span = basis.spans()[e];
-            const double s = span.begin + x * span.length();
-            const BasisValues values = basis.values_in(static_cast<int>(e), s);
-            for (int k = 0; k < values.count; ++k)
-            {
-                const std::size_t control = idx(values.control[idx(k)]);
-                if (values.value[0][idx(k)] > most[control] + 1e-9)
-                {
-                    most[control] = values.value[0][idx(k)];
-                    parameters[control] = s;
-                }
-            }
-        }
-    return parameters;
-}
-
-Motion carried_by(const RodState& now, const RodState& rest, double s)
-{
-    const Matrix3d turn = now.frame(s) * rest.frame(s).transpose();
-    Motion motion;
-    motion.R = Eigen::Quaterniond(turn).normalized().toRotationMatrix();
-    motion.t = now.at(s).place - motion.R * rest.at(s).place;
-    return motion;
-}
-
-void bring_to(RodState& state, std::span<const RodConstraint> holds)
-{
-    constexpr int kMost = 20;
-    constexpr double kRounding = 1e-15; // of the rod's size
-    const double size = state.rod().arc_length().total();
-    for (int k = 0; k < kMost && !holds.empty(); ++k)
-    {
-        const HoldRows rows = hold_rows(state, holds);
-        if (rows.violation.lpNorm<Eigen::Infinity>() <= kRounding * size)
-            return;
-        state.move(
-            -rows.by_steps.completeOrthogonalDecomposition().solve(rows.violation));
-    }
-}
-
 RodUnknowns::RodUnknowns(CellState& cells, std::vector<CoupledRod> rods)
     : State(cells.end()), cells_(cells), rods_(std::move(rods)), motions_(rods_.size())
 {
@@ -160,7 +93,6 @@ RodUnknowns::RodUnknowns(CellState& cells, std::vector<CoupledRod> rods)
     taken_.resize(rods_.size());
     leads_.assign(rods_.size(), 0);
     is_taken_.assign(idx(num_unknowns()), 0);
-    find_steps();
 }
 
 void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& motion,
@@ -168,12 +100,11 @@ void RodUnknowns::set(std::size_t rod, const RodState& state, const Motion& moti
 {
     const bool is_same = hold_the_same(holds_[rod], holds);
     now_[rod] = base_[rod] = state;
-    has_twists_ = false;
+    has_steps_ = has_twists_ = false;
     motions_[rod] = motion;
     holds_[rod].assign(holds.begin(), holds.end());
     if (!is_same)
         choose_taken(rod);
-    find_steps();
 }
 
 void RodUnknowns::lead(std::size_t rod, bool it_leads)
@@ -182,7 +113,7 @@ void RodUnknowns::lead(std::size_t rod, bool it_leads)
         return;
     leads_[rod] = it_leads;
     mark_taken(rod);
-    find_steps();
+    has_steps_ = false;
 }
 
 void RodUnknowns::mark_taken(std::size_t rod)
@@ -193,16 +124,10 @@ void RodUnknowns::mark_taken(std::size_t rod)
         is_taken_[idx(first_[rod] + unknown)] = 1;
 }
 
-double RodUnknowns::violation(std::size_t rod) const
-{
-    const HoldRows own = rows(rod);
-    return own.violation.size() > 0 ? own.violation.lpNorm<Eigen::Infinity>() : 0.0;
-}
-
 Eigen::VectorXd RodUnknowns::multipliers(std::size_t rod,
                                          const Eigen::VectorXd& gradient) const
 {
-    const HoldRows own = rows(rod);
+    const HoldRows own = hold_rows(now_[rod], holds_[rod]);
     if (own.violation.size() == 0)
         return own.violation;
     return own.by_steps.transpose().completeOrthogonalDecomposition().solve(gradient);
@@ -213,10 +138,7 @@ void RodUnknowns::choose_taken(std::size_t rod)
     constexpr double kFollows = 1e-9; // of the largest pivot: a row follows from others
     taken_[rod].clear();
     chosen_rows_[rod].clear();
-    find_axes();
-    Eigen::MatrixXd C =
-        rows(rod).by_steps *
-        axes_.block(first_[rod], first_[rod], sizes_[rod], sizes_[rod]).toDense();
+    Eigen::MatrixXd C = rows_by_unknowns(rod);
     if (C.rows() == 0)
         return mark_taken(rod);
     for (Eigen::Index r = 0; r < C.rows(); ++r)
@@ -233,58 +155,54 @@ void RodUnknowns::choose_taken(std::size_t rod)
     mark_taken(rod);
 }
 
-/// Of the unknowns, at the base.
-void RodUnknowns::find_axes()
+/// Of the unknowns, at the base: a column each.
+Eigen::MatrixXd RodUnknowns::axes(std::size_t rod) const
 {
-    std::vector<Triplet> axes;
-    for (std::size_t rod = 0; rod < size(); ++rod)
-    {
-        const RodLayout& layout = now_[rod].rod().layout();
-        for (std::size_t k = 0; k < layout.control.size(); ++k)
-        {
-            const Matrix3d turn =
-                carried_by(now_[rod], *rods_[rod].rest, parameters_[rod][k]).R;
-            const int at = first_[rod] + layout.control[k];
-            for (int row = 0; row < 3; ++row)
-                for (int column = 0; column < 3; ++column)
-                    axes.emplace_back(at + row, at + column, turn(row, column));
-        }
-        for (const int angle : layout.angle)
-            axes.emplace_back(first_[rod] + angle, first_[rod] + angle, 1.0);
-    }
-    axes_.resize(num_unknowns(), num_unknowns());
-    axes_.setFromTriplets(axes.begin(), axes.end());
+    const RodLayout& layout = base_[rod].rod().layout();
+    Eigen::MatrixXd axes = Eigen::MatrixXd::Identity(sizes_[rod], sizes_[rod]);
+    for (std::size_t k = 0; k < layout.control.size(); ++k)
+        axes.block<3, 3>(layout.control[k], layout.control[k]) =
+            carried_by(base_[rod], *rods_[rod].rest, parameters_[rod][k]).R;
+    return axes;
 }
 
-/// At the base; what is taken follows.
-void RodUnknowns::find_steps()
+/// Of what holds it, at the base.
+Eigen::MatrixXd RodUnknowns::rows_by_unknowns(std::size_t rod) const
 {
-    find_axes();
-    std::vector<Triplet> followed;
-    for (int unknown = 0; unknown < num_unknowns(); ++unknown)
-        if (!is_taken(unknown))
-            followed.emplace_back(unknown, unknown, 1.0);
+    return hold_rows(base_[rod], holds_[rod]).by_steps * axes(rod);
+}
+
+const Eigen::SparseMatrix<double>& RodUnknowns::steps() const
+{
+    if (has_steps_)
+        return steps_;
+    std::vector<Triplet> entries;
     for (std::size_t rod = 0; rod < size(); ++rod)
     {
-        const std::vector<int>& taken = taken_[rod];
-        if (taken.empty() || leads(rod))
+        if (leads(rod))
             continue;
-        const Eigen::MatrixXd C =
-            rows(rod).by_steps *
-            axes_.block(first_[rod], first_[rod], sizes_[rod], sizes_[rod]);
-        const Eigen::MatrixXd chosen = C(chosen_rows_[rod], Eigen::all);
-        const Eigen::MatrixXd by_others =
-            -chosen(Eigen::all, taken).partialPivLu().solve(chosen);
-        for (std::size_t k = 0; k < taken.size(); ++k)
-            for (int other = 0; other < sizes_[rod]; ++other)
-                if (const double share = by_others(static_cast<Eigen::Index>(k), other);
-                    !is_taken(first_[rod] + other) && std::abs(share) > 1e-14)
-                    followed.emplace_back(first_[rod] + taken[k], first_[rod] + other,
-                                          share);
+        Eigen::MatrixXd steps = axes(rod);
+        const std::vector<int>& taken = taken_[rod];
+        if (!taken.empty())
+        {
+            const Eigen::MatrixXd chosen =
+                rows_by_unknowns(rod)(chosen_rows_[rod], Eigen::all);
+            const Eigen::MatrixXd by_others =
+                -chosen(Eigen::all, taken).partialPivLu().solve(chosen);
+            steps += steps(Eigen::all, taken) * by_others;
+            for (const int unknown : taken)
+                steps.col(unknown).setZero();
+        }
+        for (int row = 0; row < sizes_[rod]; ++row)
+            for (int column = 0; column < sizes_[rod]; ++column)
+                if (std::abs(steps(row, column)) > 1e-14)
+                    entries.emplace_back(first_[rod] + row, first_[rod] + column,
+                                         steps(row, column));
     }
-    Eigen::SparseMatrix<double> follow(num_unknowns(), num_unknowns());
-    follow.setFromTriplets(followed.begin(), followed.end());
-    steps_ = axes_ * follow;
+    steps_.resize(num_unknowns(), num_unknowns());
+    steps_.setFromTriplets(entries.begin(), entries.end());
+    has_steps_ = true;
+    return steps_;
 }
 
 const std::vector<CarriedTwist>& RodUnknowns::twists() const
@@ -392,7 +310,7 @@ void RodUnknowns::add_bodies(std::span<const GridPlace> places,
 
 void RodUnknowns::move(const Eigen::VectorXd& step, double length)
 {
-    moved_.noalias() = steps_ * step.segment(begin().unknown, num_unknowns());
+    moved_.noalias() = steps() * step.segment(begin().unknown, num_unknowns());
     is_too_far_ = has_twists_ = false;
     for (std::size_t rod = 0; rod < size(); ++rod)
     {
@@ -410,7 +328,7 @@ void RodUnknowns::move(const Eigen::VectorXd& step, double length)
 void RodUnknowns::settle()
 {
     base_ = now_;
-    find_steps();
+    has_steps_ = false;
 }
 
 } // namespace cellwarp

@@ -12,31 +12,13 @@
 #include "octree/base/rigid_motion.h"
 #include "solver/cells/cell_state.h"
 #include "solver/cells/unknown_body.h"
+#include "solver/coupled/rod_motion.h"
 #include "solver/minimize/state.h"
 #include "solver/rods/rod.h"
 #include "solver/rods/rod_constraint.h"
 
 namespace cellwarp
 {
-
-/// Where each control point counts most: parameters.
-std::vector<double> parameters_of_controls(const SplineBasis& basis);
-
-/// The motion of space that the frame of a rod has made at \p s, from rest.
-/// [theory-rods (36)]
-Motion carried_by(const RodState& now, const RodState& rest, double s);
-
-/// All rows of what holds a rod.
-struct HoldRows
-{
-    Eigen::MatrixXd by_steps; ///< a row each, of control points and angles
-    Eigen::VectorXd violation;
-};
-
-HoldRows hold_rows(const RodState& state, std::span<const RodConstraint> holds);
-
-/// Moves \p state to where \p holds have no violation, by as little as that takes.
-void bring_to(RodState& state, std::span<const RodConstraint> holds);
 
 /// A cell that follows the frame of a rod.
 struct CarriedCell
@@ -93,15 +75,13 @@ public:
     /// Whether the last step from the base turned or stretched a part of a rod so much
     /// that it may have come to another minimum, with a loop or a turn more.
     bool is_too_far() const { return is_too_far_; }
-    /// By how much the rows of its holds are violated, at the most.
-    double violation(std::size_t rod) const;
     /// What each of its holds pulls the rod with where \p gradient, by the control points
     /// and angles, is left: as many numbers as each has rows.
     Eigen::VectorXd multipliers(std::size_t rod, const Eigen::VectorXd& gradient) const;
 
     /// Steps of control points and angles by the unknowns: a column an unknown, zero for
     /// one that the holds have taken, and for all of a rod that leads.
-    const Eigen::SparseMatrix<double>& steps() const { return steps_; }
+    const Eigen::SparseMatrix<double>& steps() const;
     bool is_taken(int unknown) const { return is_taken_[idx(unknown)]; }
     /// Of the carried cells, in the order of the rods, at the current state.
     const std::vector<CarriedTwist>& twists() const;
@@ -116,12 +96,11 @@ public:
     void settle() override;
 
 private:
-    HoldRows rows(std::size_t rod) const { return hold_rows(now_[rod], holds_[rod]); }
+    Eigen::MatrixXd axes(std::size_t rod) const;
+    Eigen::MatrixXd rows_by_unknowns(std::size_t rod) const;
     void choose_taken(std::size_t rod);
     void mark_taken(std::size_t rod);
-    void find_axes();
     void find_twist(std::size_t rod, const CarriedCell& cell, CarriedTwist& out) const;
-    void find_steps();
 
     CellState& cells_;
     std::vector<CoupledRod> rods_;
@@ -137,7 +116,8 @@ private:
     std::vector<Motion> motions_;
     std::vector<char> leads_;    ///< a rod
     std::vector<char> is_taken_; ///< an unknown, by holds or because its rod leads
-    Eigen::SparseMatrix<double> steps_, axes_;
+    mutable Eigen::SparseMatrix<double> steps_;
+    mutable bool has_steps_ = false; ///< of the base, as held now
     mutable std::vector<CarriedTwist> twists_;
     mutable bool has_twists_ = false; ///< of the current state
     Eigen::VectorXd moved_;           ///< scratch

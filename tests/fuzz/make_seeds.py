@@ -50,6 +50,55 @@ ROPE = json.dumps({
 TRIANGLE = struct.pack("<9f3Bx", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 1, 2)
 
 
+BVH = b"""HIERARCHY
+ROOT a
+{
+  OFFSET 0 1 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT b
+  {
+    OFFSET 1 0 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 1 0 0
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.1
+0 0 0 0 0 0 0 0 0
+1 0 0 10 20 30 40 50 60
+"""
+JOINTS = (b"cellwarp-handles 1\njoint a at 0 0 0 radius 0.1\njoint \"b c\" at 1 0 0 parent a hinge 0 0 1 "
+          b"twist -5 100\njoint d at 2 0 0 parent \"b c\" swing 40\nframe 1\nmove a translate 0 1 0 "
+          b"rotate 0 0 1 20\nmove d to 1 1 0 from a\nframe 2\nrelease d\n")
+BONES = (b'{"cellwarp": 1, "model": "m.obj", "skeleton": {"joints": [{"name": "a", "parent": null, "at": '
+         b'[0, 0, 0]}, {"name": "b", "parent": "a", "at": [1, 0, 0], "limits": {"hinge": [0, 0, 1], '
+         b'"twist": [0, 90], "swing": 5}}], "keys": [{"time": 0, "joint": "b", "rotate": [0, 0, 1, 5]}, '
+         b'{"time": 1, "joint": "a", "translate": [1, 0, 0]}], "interpolation": "squad", "every": 0.1}}')
+
+
+def skin():
+    """Two joints, bound and turned by keys."""
+    one = struct.pack("<16f", 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
+    two = struct.pack("<16f", 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, -1, 0, 0, 1)
+    body = one + two + struct.pack("<2f", 0, 1) + struct.pack("<8f", 0, 0, 0, 1, 0, 0, 1, 0)
+    uri = "data:;base64," + base64.b64encode(body).decode()
+    views = [(0, 128), (128, 8), (136, 32)]
+    kinds = [(2, "MAT4"), (2, "SCALAR"), (2, "VEC4")]
+    return json.dumps({
+        "asset": {"version": "2.0"}, "nodes": [{"children": [1]}, {"translation": [1, 0, 0]}],
+        "skins": [{"joints": [0, 1], "inverseBindMatrices": 0}],
+        "animations": [{"samplers": [{"input": 1, "output": 2, "interpolation": "STEP"}],
+                        "channels": [{"sampler": 0, "target": {"node": 1, "path": "rotation"}}]}],
+        "accessors": [{"bufferView": k, "componentType": 5126, "count": n, "type": kind}
+                      for k, (n, kind) in enumerate(kinds)],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in views],
+        "buffers": [{"byteLength": len(body), "uri": uri}]}).encode()
+
+
 def gltf():
     uri = "data:;base64," + base64.b64encode(TRIANGLE).decode()
     return json.dumps(dict(GLTF, buffers=[{"byteLength": 40, "uri": uri}])).encode()
@@ -110,12 +159,14 @@ SEEDS = {
     "fuzz_glb": [glb()],
     "fuzz_xyz": [b"0 0 0 0 0 1\n1 0 0 0 0 1\n", b"//X Y Z R G B\n0 0 0 1 2 3\n", b"1;2;3\n"],
     "fuzz_csv": [b"id,x,y,z,\"na,me\"\n1,0,0,0,\"a,b\"\n2,1,0,0,c\n"],
-    "fuzz_session_files": [b"\0" + HANDLES, b"\0" + RODS, b"\1" + SCENE, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
+    "fuzz_session_files": [b"\0" + HANDLES, b"\0" + RODS, b"\0" + JOINTS, b"\1" + SCENE, b"\1" + BONES, b"\2# c\n0\n1\n2\n", b"\0031 3\n0\n-1\n2\n",
                            b"\0030 0\n1 1\n" + struct.pack("<d", 3.0)],
     # A flag, a place, a mask; then the file, or the records to write.
     "fuzz_journal": [b"\0\0\0\0\0" + journal(), b"\0\0\0\0\0" + journal()[:-3],
                      b"\1\x50\0\0\0\x01abcdefgh\0\x40" + bytes(600),
                      b"\1\x50\0\x01\0\x01abcdefgh\0\x40" + bytes(600)],
+    "fuzz_skeleton": [b"\0" + b"1 0 0 0\n2 1 0 0\n3 1 1 0\n#\n1 2 1 0 0\n2 3 1 0 0\n", b"\1" + BVH,
+                      b"\2" + skin(), b"\3" + glb()],
     # A choice of everything; then samples, leaves to split, motions, what holds each cell.
     "fuzz_solve": [bytes([choice]) + counted(400, 37) for choice in (0, 6, 38, 94, 158, 222)],
     # 0 and the file; else choices.

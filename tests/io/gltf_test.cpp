@@ -761,4 +761,12 @@ TEST(Gltf, normals_that_are_none_stay)
               body.substr(36, 24));
 }
 
+TEST(Gltf, a_number_beyond_all_others_is_malformed)
+{
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 [] { scan_geometry("a.gltf", "{\"asset\": {\"version\": 2e999}}"); }),
+        "a number that is out of range"));
+}
+
 } // namespace cellwarp

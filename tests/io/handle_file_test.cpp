@@ -160,6 +160,90 @@ TEST(HandleFile, reads_the_label_files)
             << header;
 }
 
+TEST(HandleFile, reads_joints_and_what_moves_them)
+{
+    const HandleFile file = parse_handles(
+        "a.handles", "cellwarp-handles 1\n"
+                     "joint root at 0 1 0 radius 0.2\n"
+                     "joint \"left arm\" at 1 1 0 parent root hinge 0 0 1 twist -10 140\n"
+                     "joint hand at 2 1 0 parent \"left arm\" swing 60\n"
+                     "frame 1\n"
+                     "move root translate 0 0 1 rotate 0 1 0 90\n"
+                     "move hand to 1 2 0 from root\n"
+                     "frame 2\n"
+                     "release hand\n");
+    const Stage& stage = file.stages[0];
+    ASSERT_EQ(stage.joints.size(), 3u);
+    EXPECT_EQ(stage.joints[0].radius, 0.2);
+    EXPECT_EQ(stage.joints[1].parent, "root");
+    EXPECT_EQ((*stage.joints[1].twist)[1], 140.0);
+    EXPECT_EQ(stage.joints[2].swing, 60.0);
+    EXPECT_EQ(stage.frames[0].moves[0].operations.size(), 2u);
+    EXPECT_EQ(stage.frames[0].moves[1].chain, "root");
+    EXPECT_TRUE(stage.frames[1].moves[0].released);
+}
+
+TEST(HandleFile, reads_a_skeleton_from_a_file_beside_it)
+{
+    const support::Folder folder;
+    folder.write("arm.tgf", "1 0 0 0\n2 1 0 0\n3 2 0 0\n#\n1 2\n2 3\n");
+    const std::string path =
+        folder.write("a.handles", "cellwarp-handles 1\n"
+                                  "skeleton arm.tgf scale 2 root 3 translate 0 1 0\n"
+                                  "frame 1\nmove 2 rotate 0 0 1 30\n");
+    const HandleFile file = read_handles(path);
+    ASSERT_EQ(file.stages[0].joints.size(), 3u);
+    EXPECT_EQ(file.stages[0].joints[0].name, "3");
+    EXPECT_EQ(file.stages[0].joints[0].at, Eigen::Vector3d(4, 1, 0));
+}
+
+TEST(HandleFile, refuses_joints_that_cannot_be)
+{
+    const auto refused_joints = [](const std::string& text)
+    {
+        return error_of(Fault::Malformed,
+                        [&]
+                        {
+                            parse_handles("a.handles",
+                                          "cellwarp-handles 1\n"
+                                          "joint root at 0 0 0\n"
+                                          "joint arm at 1 0 0 parent root\n" +
+                                              text);
+                        });
+    };
+    const auto tells = [&](const std::string& text, const std::string& what)
+    {
+        const std::string said = refused_joints(text);
+        EXPECT_TRUE(contains(said, what)) << said;
+    };
+    tells("joint arm at 2 0 0 parent root\n", "is already a bone (line 3)");
+    tells("fixed arm all\n", "arm: is already a bone");
+    tells("joint other at 2 0 0\n", "is a second root; the first one is root");
+    tells("joint hand at 2 0 0 parent leg\n", "leg: is no joint that was told of before");
+    tells("joint hand at 1 0 0 parent arm\n", "the bone from arm to it has no length");
+    tells("joint hand at 2 0 0 parent arm twist 20 10\n", "its least angle is 20");
+    tells("joint hand at 2 0 0 parent arm hinge 0 0 0\n", "need a direction");
+    tells("joint hand at 2 0 0 parent arm swing -1\n", "need >= 0");
+    tells("joint hand at 2 0 0 parent arm radius 0\n", "radius: got 0");
+    tells("joint hand at 2 0 0 parent arm colour 0\n", "need parent, hinge");
+    tells("joint hand 2 0 0\n", "need 'at' and a place");
+    tells("frame 1\njoint hand at 2 0 0 parent arm\n", "comes before the frames");
+    tells("frame 1\nmove arm translate 1 0 0\n", "hangs on root: only a root");
+    tells("frame 1\nmove arm rotate 0 0 1 20 about 0 0 0\n", "leave out 'about'");
+    tells("frame 1\nmove arm turn 20\n", "a joint takes rotate or to");
+    tells("frame 1\nmove root to 1 0 0\n", "is a root");
+    tells("frame 1\nmove arm to 1 0 0 from arm\n", "arm: is no joint above arm");
+    tells("frame 1\nmove arm to 1 0 0 rotate 0 0 1 5\n", "is the only operation");
+    tells("frame 1\nmove arm rotate 0 0 1 5 to 1 0 0\n", "'to' must be the first");
+    tells("frame 1\nrelease arm place\n", "one word too many");
+    tells("skeleton a.tgf\n", "there are joints already");
+    tells("units relative\n", "are in the model's units");
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, []
+                 { parse_handles("a.handles", "cellwarp-handles 1\nskeleton a.fbx\n"); }),
+        "need .tgf, .bvh, .gltf or .glb"));
+}
+
 TEST(HandleFile, reads_the_survey_pair)
 {
     const support::Folder folder;

@@ -532,4 +532,29 @@ TEST(SceneText, says_only_what_the_scene_says)
                          "dir/s.json: cannot name its model or handles"));
 }
 
+TEST(HandleText, joints_come_back_as_they_were)
+{
+    const HandleFile file = parse_handles(
+        kPath, "cellwarp-handles 1\n"
+               "joint root at 0 1 0 radius 0.2\n"
+               "joint \"left arm\" at 1 1 0 parent root hinge 0 0 1 twist -10 140\n"
+               "joint hand at 2 1 0 parent \"left arm\" swing 60\n"
+               "frame 1\n"
+               "move root translate 0 0 1 rotate 0 1 0 90\n"
+               "move hand to 1 2 0 from root\n"
+               "frame 2\n"
+               "release hand\n");
+    const std::string text = handle_text(file);
+    const HandleFile again = parse_handles(kPath, text);
+    EXPECT_EQ(again.stages[0].joints.size(), 3u);
+    EXPECT_EQ(again.stages[0].frames[0].moves[1].chain, "root");
+    for (std::size_t k = 0; k < 3; ++k)
+    {
+        SkeletonJoint joint = again.stages[0].joints[k];
+        joint.line = file.stages[0].joints[k].line;
+        EXPECT_EQ(joint, file.stages[0].joints[k]);
+    }
+    EXPECT_EQ(handle_text(again), text);
+}
+
 } // namespace cellwarp

@@ -318,11 +318,16 @@ TEST(PushingSplines, closed_rods_and_rods_by_control_points_push_as_well)
     EXPECT_LT((by_controls.rods()[0].points[2] - Vector3d(0.5, 0, 2)).norm(), 4e-9);
 }
 
-TEST(PushingSplines, a_rod_without_stiffness_builds_nothing_of_it)
+TEST(PushingSplines, a_commit_makes_what_a_pushing_rod_has_done_the_rest)
 {
-    const Session session = played(
-        long_bar(), "rod spine through 0 0 0  0 0 2  0 0 4\nframe 1\n", settings(8));
-    EXPECT_EQ(session.rods()[0].stiffness, 0.0);
+    const std::string bend = spine(1.0) + kFoot + kBend;
+    const Session before = played(long_bar(), bend, settings(8));
+    const Session after =
+        played(long_bar(), bend + "commit\nfixed all box -9 -9 -9 9 9 9\nframe 2\n",
+               settings(8));
+    EXPECT_TRUE(after.rods().empty());
+    EXPECT_LT(largest_difference(after.deformed().samples, before.deformed().samples),
+              1e-12);
 }
 
 TEST(PushingSplines, no_pin_stays_on_a_rod_that_pushes_back)

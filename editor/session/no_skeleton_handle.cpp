@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Built instead of skeleton_handle.cpp where skeletons are left out.
+#include "editor/session/skeleton_handle.h"
+
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+[[noreturn]] void refuse()
+{
+    throw Error(Fault::Usage, "this build has no skeletons (CELLWARP_SKELETON)");
+}
+
+} // namespace
+
+bool SkeletonAim::is_at(const SkeletonAim&) const
+{
+    return true;
+}
+
+std::shared_ptr<const SkeletonHandle>
+make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&)
+{
+    refuse();
+}
+
+std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>)
+{
+    refuse();
+}
+
+} // namespace cellwarp

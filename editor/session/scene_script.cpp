@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/scene_script.h"
+
+#include <algorithm>
+
+#include "editor/session/skeleton_handle.h"
+#include "io/error.h"
+
+namespace cellwarp
+{
+
+std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& handles,
+                                    std::vector<std::string>& warnings)
+{
+    if (!scene.skeleton)
+        return handles.empty() ? std::nullopt : std::optional(read_handles(handles));
+    const SkeletonValues skeleton = skeleton_of(*scene.skeleton, scene.path);
+    warnings.insert(warnings.end(), skeleton.warnings.begin(), skeleton.warnings.end());
+    HandleFile file;
+    if (handles.empty())
+    {
+        file.path = scene.path;
+        file.stages.emplace_back().joints = skeleton.joints;
+    }
+    else
+        file = read_handles(handles, skeleton.joints);
+    const bool has_keys = !skeleton.turns.empty() || !skeleton.shifts.empty();
+    const bool has_frames =
+        std::any_of(file.stages.begin(), file.stages.end(),
+                    [](const Stage& stage) { return !stage.frames.empty(); });
+    // Keys of the scene are meant; those that only came with a file give way.
+    if (has_frames && !scene.skeleton->keys.empty())
+        throw malformed({scene.path, 0, "skeleton.keys"},
+                        "stand beside the frames of " + handles +
+                            ": one of them moves the skeleton");
+    if (has_frames && has_keys)
+        warnings.push_back(at({scene.path, 0, "skeleton.file"},
+                              "its keys are not used: the handle file has frames"));
+    if (!has_frames && has_keys)
+        file.stages.front().frames = posed_frames(skeleton, scene.skeleton->every);
+    return file;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/skeleton_handle.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "io/error.h"
+#include "octree/base/index.h"
+#include "solver/skeleton/joint_keys.h"
+#include "solver/skeleton/reach.h"
+#include "solver/skeleton/skeleton.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+/// Places of the way at which it is measured.
+constexpr int kProbes = 8;
+
+Vector3d direction(const Vector3d& vector)
+{
+    return (vector / vector.cwiseAbs().maxCoeff()).normalized();
+}
+
+std::vector<RestJoint> joints_of(const std::vector<SkeletonJoint>& statements,
+                                 const Units& units)
+{
+    std::vector<RestJoint> joints;
+    std::map<std::string, int> number;
+    for (const SkeletonJoint& statement : statements)
+    {
+        RestJoint& joint = joints.emplace_back();
+        joint.name = statement.name;
+        if (!statement.parent.empty())
+            joint.parent = number.at(statement.parent);
+        number[joint.name] = static_cast<int>(joints.size()) - 1;
+        joint.at = units.point(statement.at);
+        if (statement.hinge)
+            joint.limits.hinge = units.frame.axes * direction(*statement.hinge);
+        if (statement.twist)
+            joint.limits.twist = {(*statement.twist)[0] * kDegree,
+                                  (*statement.twist)[1] * kDegree};
+        if (statement.swing)
+            joint.limits.swing = *statement.swing * kDegree;
+    }
+    return joints;
+}
+
+SkeletonPose pose_of(const SkeletonAim& aim)
+{
+    return {aim.turns, aim.shifts};
+}
+
+class Handle final : public SkeletonHandle
+{
+public:
+    Handle(const std::vector<SkeletonJoint>& joints, const Units& units)
+        : statements_(joints), skeleton_(joints_of(joints, units)),
+          unit_(units.is_relative ? units.box.size().norm() : 1.0),
+          exponent_(units.frame.exponent)
+    {
+        for (std::size_t j = 0; j < size(); ++j)
+            numbers_[statements_[j].name] = static_cast<int>(j);
+    }
+
+    std::size_t size() const override { return skeleton_.size(); }
+    const SkeletonJoint& statement(std::size_t joint) const override
+    {
+        return statements_[joint];
+    }
+    int parent(std::size_t joint) const override { return skeleton_[joint].parent; }
+    std::vector<std::pair<Vector3d, Vector3d>> bones(std::size_t joint) const override
+    {
+        return skeleton_.bones(joint);
+    }
+    Vector3d place(std::size_t joint) const override { return skeleton_[joint].at; }
+    std::optional<double> told_radius(std::size_t joint) const override
+    {
+        const std::optional<double>& radius = statements_[joint].radius;
+        return radius ? std::optional(std::ldexp(*radius * unit_, exponent_))
+                      : std::nullopt;
+    }
+    int find(const std::string& name) const override
+    {
+        const auto found = numbers_.find(name);
+        return found == numbers_.end() ? -1 : found->second;
+    }
+
+    SkeletonAim rest() const override
+    {
+        SkeletonPose rest = skeleton_.rest();
+        return {std::move(rest.turns), std::move(rest.shifts), {}, 0};
+    }
+
+    SkeletonAim moved(const SkeletonAim& from, std::span<const Move* const> moves,
+                      const Units& units) const override
+    {
+        SkeletonAim to = from;
+        std::set<int> told;
+        for (const Move* const move : moves)
+            apply(*move, units, to, told);
+        SkeletonPose pose = pose_of(to);
+        to.limited = skeleton_.limit(pose);
+        std::vector<ReachTarget> targets;
+        for (const JointHold& hold : to.holds)
+        {
+            ReachTarget& target = targets.emplace_back();
+            target.joint = hold.joint;
+            target.place = hold.place;
+            for (const int joint : hold.chain)
+                if (!told.contains(joint))
+                    target.chain.push_back(joint);
+        }
+        if (!targets.empty())
+        {
+            const ReachReport report = reach(skeleton_, targets, pose);
+            for (std::size_t k = 0; k < targets.size(); ++k)
+                to.holds[k].miss = report.misses[k];
+        }
+        to.turns = std::move(pose.turns);
+        return to;
+    }
+
+    std::vector<Motion> motions(const SkeletonAim& from, const SkeletonAim& to,
+                                double t) const override
+    {
+        return skeleton_.motions(between(pose_of(from), pose_of(to), t));
+    }
+
+    int num_parts(const SkeletonAim& from, const SkeletonAim& to,
+                  double diagonal) const override
+    {
+        if (from.is_at(to))
+            return 1;
+        std::vector<double> turns(size(), 0.0), ways(size(), 0.0);
+        std::vector<Motion> last = motions(from, to, 0.0);
+        for (int probe = 1; probe <= kProbes; ++probe)
+        {
+            const std::vector<Motion> next =
+                motions(from, to, static_cast<double>(probe) / kProbes);
+            for (std::size_t j = 0; j < size(); ++j)
+            {
+                turns[j] += rotation_vector(next[j].R * last[j].R.transpose()).norm();
+                ways[j] += (next[j](place(j)) - last[j](place(j))).norm();
+            }
+            last = next;
+        }
+        const double way = *std::max_element(ways.begin(), ways.end());
+        return parts_of_way(*std::max_element(turns.begin(), turns.end()),
+                            diagonal > 0 ? way / diagonal : 0.0);
+    }
+
+private:
+    void apply(const Move& move, const Units& units, SkeletonAim& to,
+               std::set<int>& told) const
+    {
+        const int joint = find(move.region);
+        const auto hold =
+            std::find_if(to.holds.begin(), to.holds.end(),
+                         [&](const JointHold& h) { return h.joint == joint; });
+        if (move.released)
+        {
+            if (hold != to.holds.end())
+                to.holds.erase(hold);
+            return;
+        }
+        if (move.operations.front().kind == Operation::Kind::To)
+        {
+            JointHold held{joint, units.point(move.operations.front().vector),
+                           chain_of(joint, move.chain), 0.0};
+            if (hold == to.holds.end())
+                to.holds.push_back(std::move(held));
+            else
+                *hold = std::move(held);
+            return;
+        }
+        Quaterniond turn = Quaterniond::Identity();
+        Vector3d shift = Vector3d::Zero();
+        bool turns = false, shifts = false;
+        for (const Operation& operation : move.operations)
+            if (operation.kind == Operation::Kind::Rotate)
+            {
+                turns = true;
+                turn = Quaterniond(Eigen::AngleAxisd(
+                           std::remainder(operation.degrees, 720.0) * kDegree,
+                           units.frame.axes * direction(operation.vector))) *
+                       turn;
+            }
+            else
+            {
+                shifts = true;
+                shift += units.vector(operation.vector);
+            }
+        // What a move does not speak of it does not keep either: moves are absolute.
+        to.turns[idx(joint)] = turn.normalized();
+        to.shifts[idx(joint)] = shift;
+        if (turns || !shifts)
+            told.insert(joint);
+        if (!to.shifts[idx(joint)].allFinite())
+            throw malformed({{}, move.line, move.region},
+                            "moves beyond what numbers can hold");
+    }
+
+    std::vector<int> chain_of(int joint, const std::string& first) const
+    {
+        if (first.empty())
+            return usual_chain(skeleton_, joint);
+        std::vector<int> chain;
+        for (int above = skeleton_[idx(joint)].parent; above >= 0;
+             above = skeleton_[idx(above)].parent)
+        {
+            chain.push_back(above);
+            if (skeleton_[idx(above)].name == first)
+                break;
+        }
+        return chain;
+    }
+
+    const std::vector<SkeletonJoint> statements_;
+    const Skeleton skeleton_;
+    const double unit_;
+    const int exponent_;
+    std::map<std::string, int> numbers_;
+};
+
+Interpolation interpolation_of(KeyStep step)
+{
+    switch (step)
+    {
+    case KeyStep::Hold:
+        return Interpolation::Step;
+    case KeyStep::Linear:
+        return Interpolation::Linear;
+    case KeyStep::Smooth:
+        return Interpolation::Smooth;
+    case KeyStep::Cubic:
+        return Interpolation::Cubic;
+    }
+    return Interpolation::Linear;
+}
+
+std::vector<double> frame_times(const SkeletonValues& skeleton,
+                                std::optional<double> every)
+{
+    std::set<double> keys;
+    for (const TurnTrack& track : skeleton.turns)
+        keys.insert(track.times.begin(), track.times.end());
+    for (const ShiftTrack& track : skeleton.shifts)
+        keys.insert(track.times.begin(), track.times.end());
+    std::vector<double> times(keys.begin(), keys.end());
+    if (!every || times.empty())
+        return times;
+    // A hair of tolerance: the last key has its frame whatever the rounding.
+    const double count = std::floor((times.back() - times.front()) / *every + 1e-6);
+    if (!(count < static_cast<double>(kLastFrame)))
+        throw Error(Fault::Malformed, "skeleton.every: makes more than " +
+                                          std::to_string(kLastFrame) + " frames");
+    const double first = times.front();
+    times.clear();
+    for (std::int64_t k = 0; k <= static_cast<std::int64_t>(count); ++k)
+        times.push_back(first + static_cast<double>(k) * *every);
+    return times;
+}
+
+Operation turn_operation(const Quaterniond& turn)
+{
+    Operation operation;
+    operation.kind = Operation::Kind::Rotate;
+    const Vector3d vector = logarithm(turn);
+    operation.degrees = vector.norm() / kDegree;
+    operation.vector =
+        vector.isZero(0) ? Vector3d::UnitZ() : Vector3d(vector.normalized());
+    return operation;
+}
+
+} // namespace
+
+bool SkeletonAim::is_at(const SkeletonAim& other) const
+{
+    return shifts == other.shifts &&
+           std::equal(turns.begin(), turns.end(), other.turns.begin(), other.turns.end(),
+                      [](const Quaterniond& a, const Quaterniond& b)
+                      { return a.coeffs() == b.coeffs(); });
+}
+
+std::shared_ptr<const SkeletonHandle>
+make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units)
+{
+    return std::make_shared<const Handle>(joints, units);
+}
+
+std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
+                                         std::optional<double> every)
+{
+    std::vector<TurnKeys> turns;
+    for (const TurnTrack& track : skeleton.turns)
+    {
+        TurnKeys& keys = turns.emplace_back();
+        keys.kind = interpolation_of(track.step);
+        keys.times = track.times;
+        keys.tangents = track.tangents;
+        for (const Eigen::Vector4d& value : track.values)
+            keys.turns.emplace_back(value);
+    }
+    std::vector<FrameStatement> frames;
+    for (const double time : frame_times(skeleton, every))
+    {
+        FrameStatement& frame = frames.emplace_back();
+        frame.number = static_cast<std::int64_t>(frames.size());
+        frame.time = time;
+        std::map<std::size_t, Move> moves;
+        const auto move_of = [&](std::size_t joint) -> Move&
+        {
+            Move& move = moves[joint];
+            move.region = skeleton.joints[joint].name;
+            return move;
+        };
+        for (std::size_t k = 0; k < turns.size(); ++k)
+            move_of(skeleton.turns[k].joint)
+                .operations.push_back(turn_operation(turns[k].at(time)));
+        for (const ShiftTrack& track : skeleton.shifts)
+        {
+            Operation operation;
+            operation.vector = ShiftKeys{interpolation_of(track.step), track.times,
+                                         track.values, track.tangents}
+                                   .at(time);
+            move_of(track.joint).operations.push_back(operation);
+        }
+        for (auto& [joint, move] : moves)
+            frame.moves.push_back(std::move(move));
+    }
+    return frames;
+}
+
+} // namespace cellwarp

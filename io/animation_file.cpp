@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// PC2: "POINTCACHE2\0", then little-endian: int version 1, int points, float first frame,
+// float frames a sample, int samples, then x y z as floats, sample by sample.
+// MDD (big-endian): int frames, int points, a float time for each frame [s], then x y z.
+//
+// GLB: the mesh at rest, about the middle of its box (floats keep their digits there; the
+// node stands where that is), and for each frame a morph target, the ways from rest. Keys
+// of their weights show one target at each frame's time; between two frames the weights,
+// and so the places, go straight from one to the next. [glTF2]
+#include "io/animation_file.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include "io/error.h"
+#include "io/number.h"
+#include "io/spill.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// Numbers after each other, in either order of bytes.
+class Bytes
+{
+public:
+    explicit Bytes(bool is_big_endian) : is_big_endian_(is_big_endian) {}
+
+    void add(std::uint32_t word)
+    {
+        std::array<char, 4> bytes;
+        for (unsigned k = 0; k < 4; ++k)
+            bytes[is_big_endian_ ? 3 - k : k] = static_cast<char>(word >> (8 * k));
+        text_.append(bytes.data(), bytes.size());
+    }
+    void add(float number) { add(std::bit_cast<std::uint32_t>(number)); }
+    void add_text(std::string_view text) { text_ += text; }
+    std::string take() { return std::exchange(text_, {}); }
+    std::size_t size() const { return text_.size(); }
+
+private:
+    bool is_big_endian_;
+    std::string text_;
+};
+
+std::uint32_t count_of(std::size_t count, const std::string& path, const char* what)
+{
+    if (count > 0x7fffffffu)
+        throw Error(
+            Fault::Usage,
+            at({path, 0, ""}, "cannot hold " + std::to_string(count) + " " + what));
+    return static_cast<std::uint32_t>(count);
+}
+
+float stored(double value, const std::string& path)
+{
+    const float number = static_cast<float>(value);
+    if (!std::isfinite(number))
+        throw malformed({path, 0, ""}, shortest(value) + " does not fit 32 bits");
+    return number;
+}
+
+} // namespace
+
+class AnimationFile::Writer
+{
+public:
+    virtual ~Writer() = default;
+    virtual void add(const std::vector<Vector3d>& samples) = 0;
+    virtual void commit() = 0;
+};
+
+class AnimationFile::PointCache final : public Writer
+{
+public:
+    PointCache(const std::string& path, Overwrite overwrite, std::size_t points,
+               const std::vector<double>& times, bool is_mdd)
+        : path_(path), file_(path, overwrite), bytes_(is_mdd)
+    {
+        const std::uint32_t num_points = count_of(points, path, "points"),
+                            num_frames = count_of(times.size(), path, "frames");
+        if (is_mdd)
+        {
+            bytes_.add(num_frames);
+            bytes_.add(num_points);
+            for (const double time : times)
+                bytes_.add(stored(time, path));
+        }
+        else
+        {
+            bytes_.add_text(std::string_view("POINTCACHE2\0", 12));
+            bytes_.add(std::uint32_t(1));
+            bytes_.add(num_points);
+            bytes_.add(0.0f);
+            bytes_.add(1.0f);
+            bytes_.add(num_frames);
+        }
+    }
+    void add(const std::vector<Vector3d>& samples) override
+    {
+        for (const Vector3d& x : samples)
+        {
+            for (const double value : x)
+                bytes_.add(stored(value, path_));
+            if (bytes_.size() >= kAtOnce)
+                file_.write(bytes_.take());
+        }
+    }
+    void commit() override
+    {
+        file_.write(bytes_.take());
+        file_.commit();
+    }
+
+private:
+    static constexpr std::size_t kAtOnce = std::size_t(1) << 18;
+
+    std::string path_;
+    OutputFile file_;
+    Bytes bytes_;
+};
+
+class AnimationFile::Glb final : public Writer
+{
+public:
+    Glb(const std::string& path, Overwrite overwrite, const Geometry& geometry,
+        std::vector<double> times)
+        : path_(path), overwrite_(overwrite), geometry_(geometry),
+          times_(std::move(times)), targets_(folder_of(path == "-" ? "." : path))
+    {
+        check_output(path, overwrite);
+        count_of(geometry.samples.size(), path, "points");
+        Vector3d low = Vector3d::Zero(), high = low;
+        if (!geometry.samples.empty())
+            low = high = geometry.samples.front();
+        for (const Vector3d& x : geometry.samples)
+        {
+            low = low.cwiseMin(x);
+            high = high.cwiseMax(x);
+        }
+        middle_ = 0.5 * (low + high);
+        const double points = static_cast<double>(geometry.samples.size()),
+                     frames = static_cast<double>(times_.size());
+        if (12.0 * points * (frames + 1.0) + 4.0 * frames * frames > 4.0e9)
+            throw Error(Fault::Usage,
+                        at({path, 0, ""}, "a .glb ends at 4 GB: use .pc2 or .mdd, or "
+                                          "fewer frames"));
+    }
+
+    void add(const std::vector<Vector3d>& samples) override
+    {
+        Bytes bytes(false);
+        Bounds& bounds = bounds_.emplace_back();
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            add_vector(samples[i] - geometry_.samples[i], bytes, bounds);
+        const std::string text = bytes.take();
+        targets_.append(text.data(), text.size());
+    }
+
+    void commit() override
+    {
+        Bytes head(false);
+        Bounds rest;
+        for (const Vector3d& x : geometry_.samples)
+            add_vector(x - middle_, head, rest);
+        add_view(head, geometry_.samples.size(), "VEC3", 5126, rest.text());
+        const std::size_t colours = add_colours(head);
+        const std::size_t indices = add_faces(head);
+        const std::size_t times = accessors_count_;
+        for (const double time : times_)
+            head.add(stored(time, path_));
+        add_view(head, times_.size(), "SCALAR", 5126,
+                 "\"min\":[" + short_of(times_.front()) + "],\"max\":[" +
+                     short_of(times_.back()) + "]");
+        for (std::size_t k = 0; k < times_.size(); ++k)
+            for (std::size_t target = 0; target < times_.size(); ++target)
+                head.add(target == k ? 1.0f : 0.0f);
+        add_view(head, times_.size() * times_.size(), "SCALAR", 5126, "");
+        const std::size_t first_target = accessors_count_;
+        std::uint64_t end = head.size();
+        for (const Bounds& bounds : bounds_)
+        {
+            add_view_at(end, 12 * geometry_.samples.size(), geometry_.samples.size(),
+                        "VEC3", 5126, bounds.text());
+            end += 12 * geometry_.samples.size();
+        }
+        write(json(colours, indices, times, first_target, end), head.take(), end);
+    }
+
+private:
+    struct Bounds
+    {
+        Eigen::Array3f low = Eigen::Array3f::Constant(INFINITY);
+        Eigen::Array3f high = Eigen::Array3f::Constant(-INFINITY);
+
+        std::string text() const
+        {
+            const auto list = [](const Eigen::Array3f& v)
+            { return short_of(v[0]) + "," + short_of(v[1]) + "," + short_of(v[2]); };
+            return "\"min\":[" + list(low) + "],\"max\":[" + list(high) + "]";
+        }
+    };
+    static constexpr std::size_t kNone = std::size_t(-1);
+
+    static std::string short_of(double value) { return shortest(double(float(value))); }
+
+    void add_vector(const Vector3d& x, Bytes& bytes, Bounds& bounds) const
+    {
+        for (Eigen::Index k = 0; k < 3; ++k)
+        {
+            const float number = stored(x[k], path_);
+            bytes.add(number);
+            bounds.low[k] = std::min(bounds.low[k], number);
+            bounds.high[k] = std::max(bounds.high[k], number);
+        }
+    }
+    void add_view_at(std::uint64_t start, std::uint64_t length, std::size_t count,
+                     const char* type, int component, const std::string& more)
+    {
+        views_ += std::string(views_.empty() ? "" : ",") +
+                  "{\"buffer\":0,\"byteOffset\":" + std::to_string(start) +
+                  ",\"byteLength\":" + std::to_string(length) + "}";
+        accessors_ += std::string(accessors_.empty() ? "" : ",") +
+                      "{\"bufferView\":" + std::to_string(accessors_count_) +
+                      ",\"componentType\":" + std::to_string(component) +
+                      ",\"count\":" + std::to_string(count) + ",\"type\":\"" + type +
+                      "\"" + (more.empty() ? "" : "," + more) + "}";
+        ++accessors_count_;
+    }
+    /// Of all that was added to \p bytes since the last view.
+    void add_view(const Bytes& bytes, std::size_t count, const char* type, int component,
+                  const std::string& more)
+    {
+        add_view_at(viewed_, bytes.size() - viewed_, count, type, component, more);
+        viewed_ = bytes.size();
+    }
+    std::size_t add_colours(Bytes& head)
+    {
+        if (geometry_.colours.empty())
+            return kNone;
+        for (const std::array<std::uint8_t, 3>& colour : geometry_.colours)
+            head.add(std::uint32_t(colour[0]) | std::uint32_t(colour[1]) << 8 |
+                     std::uint32_t(colour[2]) << 16 | std::uint32_t(255) << 24);
+        add_view(head, geometry_.colours.size(), "VEC4", 5121, "\"normalized\":true");
+        return accessors_count_ - 1;
+    }
+    std::size_t add_faces(Bytes& head)
+    {
+        std::size_t count = 0;
+        for (std::size_t f = 0; f < geometry_.num_faces(); ++f)
+        {
+            const std::span<const std::uint32_t> face = geometry_.face(f);
+            for (std::size_t k = 2; k < face.size(); ++k)
+            {
+                for (const std::size_t corner : {std::size_t(0), k - 1, k})
+                    head.add(face[corner]);
+                count += 3;
+            }
+        }
+        if (count == 0)
+            return kNone;
+        add_view(head, count, "SCALAR", 5125, "");
+        return accessors_count_ - 1;
+    }
+
+    std::string json(std::size_t colours, std::size_t indices, std::size_t times,
+                     std::size_t first_target, std::uint64_t length) const
+    {
+        std::string targets, weights;
+        for (std::size_t k = 0; k < times_.size(); ++k)
+        {
+            targets += std::string(k ? "," : "") +
+                       "{\"POSITION\":" + std::to_string(first_target + k) + "}";
+            weights += k ? ",0" : "0";
+        }
+        std::string primitive = "{\"attributes\":{\"POSITION\":0";
+        if (colours != kNone)
+            primitive += ",\"COLOR_0\":" + std::to_string(colours);
+        primitive += "}";
+        primitive +=
+            indices == kNone ? ",\"mode\":0" : ",\"indices\":" + std::to_string(indices);
+        primitive += ",\"targets\":[" + targets + "]}";
+        const std::string at = shortest(middle_.x()) + "," + shortest(middle_.y()) + "," +
+                               shortest(middle_.z());
+        return "{\"asset\":{\"version\":\"2.0\",\"generator\":\"cellwarp\"},"
+               "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+               "\"nodes\":[{\"name\":\"shape\",\"mesh\":0,\"translation\":[" +
+               at + "]}],\"meshes\":[{\"primitives\":[" + primitive + "],\"weights\":[" +
+               weights +
+               "]}],\"animations\":[{\"name\":\"frames\",\"samplers\":[{\"input\":" +
+               std::to_string(times) + ",\"output\":" + std::to_string(times + 1) +
+               ",\"interpolation\":\"LINEAR\"}],\"channels\":[{\"sampler\":0,\"target\":"
+               "{\"node\":0,\"path\":\"weights\"}}]}],\"accessors\":[" +
+               accessors_ + "],\"bufferViews\":[" + views_ +
+               "],\"buffers\":[{\"byteLength\":" + std::to_string(length) + "}]}";
+    }
+
+    void write(std::string text, const std::string& head, std::uint64_t length)
+    {
+        while (text.size() % 4 != 0)
+            text += ' ';
+        OutputFile file(path_, overwrite_);
+        Bytes start(false);
+        start.add_text("glTF");
+        start.add(std::uint32_t(2));
+        start.add(static_cast<std::uint32_t>(28 + text.size() + length));
+        start.add(static_cast<std::uint32_t>(text.size()));
+        start.add_text("JSON");
+        start.add_text(text);
+        start.add(static_cast<std::uint32_t>(length));
+        start.add_text(std::string_view("BIN\0", 4));
+        file.write(start.take());
+        file.write(head);
+        std::string part;
+        for (std::uint64_t at = 0; at < targets_.size(); at += part.size())
+        {
+            part.resize(static_cast<std::size_t>(
+                std::min<std::uint64_t>(1 << 18, targets_.size() - at)));
+            targets_.read(at, part.data(), part.size());
+            file.write(part);
+        }
+        file.commit();
+    }
+
+    std::string path_;
+    Overwrite overwrite_;
+    const Geometry& geometry_;
+    const std::vector<double> times_;
+    Vector3d middle_ = Vector3d::Zero();
+    SpillFile targets_;
+    std::vector<Bounds> bounds_; ///< of the targets
+    std::string views_, accessors_;
+    std::size_t accessors_count_ = 0, viewed_ = 0;
+};
+
+bool is_animation_format(std::string_view extension, std::string_view format,
+                         bool is_patched)
+{
+    if (extension == "pc2" || extension == "mdd")
+        return true;
+    const bool is_gltf = format == "gltf" || format == "glb";
+    return extension == "glb" && !(is_gltf && is_patched);
+}
+
+AnimationFile::AnimationFile(const std::string& path, Overwrite overwrite,
+                             const Geometry& geometry, std::vector<double> times)
+{
+    const std::string extension = extension_of(path);
+    if (extension == "glb")
+        writer_ = std::make_unique<Glb>(path, overwrite, geometry, std::move(times));
+    else
+        writer_ = std::make_unique<PointCache>(path, overwrite, geometry.samples.size(),
+                                               times, extension == "mdd");
+}
+
+AnimationFile::~AnimationFile() = default;
+
+void AnimationFile::add(const std::vector<Vector3d>& samples)
+{
+    writer_->add(samples);
+}
+
+void AnimationFile::commit()
+{
+    writer_->commit();
+}
+
+} // namespace cellwarp

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Frames of one shape as one file that moves: glTF with a morph target a frame (.glb),
+// and the point caches .pc2 and .mdd, which play on a mesh that is there already.
+// animation_file.cpp tells what stands in each.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/bytes.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+/// Whether frames of a model of \p format are written into one file of this extension: a
+/// .pc2 or .mdd always, a .glb but where the model's own is patched.
+bool is_animation_format(std::string_view extension, std::string_view format,
+                         bool is_patched);
+
+/// Takes frame after frame; they never lie in memory together.
+class AnimationFile
+{
+public:
+    /// \p times of the frames [s], ascending. \p geometry must outlive it. Throws
+    /// Fault::Usage for what the format cannot hold, Fault::File.
+    AnimationFile(const std::string& path, Overwrite overwrite, const Geometry& geometry,
+                  std::vector<double> times);
+    ~AnimationFile();
+
+    /// The next frame: as many samples as the geometry has. Throws Fault::Malformed for
+    /// what its 32-bit numbers cannot hold.
+    void add(const std::vector<Eigen::Vector3d>& samples);
+    /// \pre as many frames as times
+    void commit();
+
+private:
+    class Writer;
+    class PointCache;
+    class Glb;
+    std::unique_ptr<Writer> writer_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,487 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Joints are the nodes of all skins, and animated nodes above them; without a skin, nodes
+// that an animation moves and what hangs on them, else all that show no mesh. At rest a
+// joint of a skin is where its inverse bind matrix B says, another where its node stands.
+//
+// A node under the joint p, with the matrices F of nodes between them that do not move,
+// moves space around it, as its parent has turned it, by
+//   L(t) = B_p^-1 F M(t) B,   M(t) = Trans Rot Scale of the node,
+// (above a root B_p^-1 F is what stands above it). With C = B_p^-1 F, x = B^-1 0 its
+// place and the rotation parts q of these, its turn is q_C q(t) q_B and its shift C
+// Trans(t) - x: both are linear in what the file has keys of, so that all ways of
+// interpolation are the same here and there. What L scales is refused.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+
+#include "io/error.h"
+#include "io/gltf_data.h"
+#include "io/gltf_nodes.h"
+#include "io/number.h"
+#include "io/skeleton_file.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Affine3d;
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Json = GltfJson::Json;
+
+/// Scales that differ from 1 by less are rounding of floats.
+constexpr double kNoScale = 1e-3;
+/// A joint that stands nearer to its rest than this has no key [rad, model unit].
+constexpr double kAtRest = 1e-5;
+
+class SkeletonReader
+{
+public:
+    explicit SkeletonReader(GeometryFile& file)
+        : data_(file, layout_, nullptr, nullptr), json_(data_.json()), nodes_(json_)
+    {
+        for (std::size_t i = 0; i < data_.accessors().size(); ++i)
+            if (data_.accessors()[i].is_compressed)
+                compressed_.insert(i);
+    }
+
+    SkeletonValues read(const std::string& animation)
+    {
+        read_animation(animation);
+        find_joints();
+        find_bind();
+        name_joints();
+        for (const std::size_t node : order_)
+            add_joint(node);
+        return std::move(out_);
+    }
+
+private:
+    /// Keys of one thing of a node, as stored.
+    struct Channel
+    {
+        KeyStep step = KeyStep::Linear;
+        std::vector<double> times, numbers;
+        std::string where;
+    };
+    struct Channels
+    {
+        std::optional<Channel> rotation, translation, scale;
+    };
+
+    // --- animations --------------------------------------------------------------------
+    void read_animation(const std::string& name)
+    {
+        const Json& animations = json_.list("animations");
+        if (animations.empty() && name.empty())
+            return;
+        std::size_t chosen = animations.size();
+        const std::optional<std::int64_t> number = parse_integer(name);
+        if (name.empty())
+            chosen = 0;
+        else if (number && *number >= 0)
+            chosen = static_cast<std::size_t>(*number);
+        for (std::size_t k = 0; k < animations.size(); ++k)
+            if (const Json* own = json_.find(animations[k], "name");
+                own && own->is_string() && own->get<std::string>() == name)
+                chosen = k;
+        if (chosen >= animations.size())
+            json_.fail("animations", "there is none of the name " + in_quotes(name) +
+                                         " (there are " +
+                                         std::to_string(animations.size()) + ")");
+        if (animations.size() > 1 && name.empty())
+            out_.warnings.push_back(
+                at({json_.path(), 0, "animations"},
+                   "has " + std::to_string(animations.size()) +
+                       ", the first one is taken (\"animation\" names another)"));
+        const Json& animation = animations[chosen];
+        const std::string where = element("animations", chosen);
+        for (const char* key : {"channels", "samplers"})
+            if (const Json* list = json_.find(animation, key);
+                !list || !list->is_array() ||
+                std::any_of(list->begin(), list->end(),
+                            [](const Json& e) { return !e.is_object(); }))
+                json_.fail(where + "." + key, "need a list of objects");
+        const Json& channels = animation["channels"];
+        for (std::size_t k = 0; k < channels.size(); ++k)
+            read_channel(animation, channels[k],
+                         where + ".channels[" + std::to_string(k) + "]");
+    }
+    void read_channel(const Json& animation, const Json& channel,
+                      const std::string& where)
+    {
+        const Json* target = json_.find(channel, "target");
+        if (!target || !target->is_object())
+            json_.fail(where + ".target", "is missing");
+        const std::string path = json_.text_of(*target, "path", where + ".target");
+        const Json* of_node = json_.find(*target, "node");
+        if (!of_node)
+            return; // of an extension
+        const std::size_t node =
+            json_.index_of(*of_node, where + ".target.node", "nodes", nodes_.size());
+        Channels& channels = channels_[node];
+        std::optional<Channel>* const slot = path == "rotation" ? &channels.rotation
+                                             : path == "translation"
+                                                 ? &channels.translation
+                                             : path == "scale" ? &channels.scale
+                                                               : nullptr;
+        if (!slot)
+        {
+            if (path != "weights")
+                json_.fail(where + ".target.path",
+                           "got " + in_quotes(path) +
+                               ", need rotation, translation, scale or weights");
+            return; // shapes of a mesh
+        }
+        if (*slot)
+            json_.fail(where, "moves what another channel moves");
+        if (nodes_[node].contains("matrix"))
+            json_.fail(where, "moves nodes[" + std::to_string(node) +
+                                  "], which stands by a matrix");
+        *slot = read_sampler(animation, channel, where, path == "rotation" ? 4 : 3);
+    }
+    std::vector<double> numbers(const Json& sampler, const char* key, std::size_t length,
+                                const std::string& where) const
+    {
+        const Json* number = json_.find(sampler, key);
+        if (!number)
+            json_.fail(where + "." + key, "is missing");
+        const std::size_t accessor = json_.index_of(
+            *number, where + "." + key, "accessors", data_.accessors().size());
+        if (data_.accessors()[accessor].length != length)
+            json_.fail(where + "." + key,
+                       element("accessors", accessor) + " has " +
+                           std::to_string(data_.accessors()[accessor].length) +
+                           " numbers an element, need " + std::to_string(length));
+        if (compressed_.contains(accessor))
+            json_.fail(where + "." + key, "is compressed, which is not supported");
+        std::vector<double> values = data_.numbers_of(accessor);
+        if (std::any_of(values.begin(), values.end(),
+                        [](double x) { return !(std::abs(x) <= 1e30); }))
+            json_.fail(where + "." + key,
+                       element("accessors", accessor) + " holds what is not finite");
+        return values;
+    }
+    Channel read_sampler(const Json& animation, const Json& channel,
+                         const std::string& where, std::size_t length) const
+    {
+        const Json& samplers = animation["samplers"];
+        const Json* number = json_.find(channel, "sampler");
+        if (!number)
+            json_.fail(where + ".sampler", "is missing");
+        const std::size_t s =
+            json_.index_of(*number, where + ".sampler", "samplers", samplers.size());
+        Channel out;
+        out.where = where;
+        out.times = numbers(samplers[s], "input", 1, where);
+        out.numbers = numbers(samplers[s], "output", length, where);
+        for (std::size_t k = 1; k < out.times.size(); ++k)
+            if (!(out.times[k] > out.times[k - 1]))
+                json_.fail(where + ".input", "key " + std::to_string(k) +
+                                                 " is not later than the one before");
+        const Json* step = json_.find(samplers[s], "interpolation");
+        const std::string name = !step               ? "LINEAR"
+                                 : step->is_string() ? step->get<std::string>()
+                                                     : "";
+        if (name == "STEP")
+            out.step = KeyStep::Hold;
+        else if (name == "CUBICSPLINE")
+            out.step = KeyStep::Cubic;
+        else if (name != "LINEAR")
+            json_.fail(where + ".interpolation", "need LINEAR, STEP or CUBICSPLINE");
+        const std::size_t each = out.step == KeyStep::Cubic ? 3 : 1;
+        if (out.numbers.size() != out.times.size() * length * each)
+            json_.fail(where + ".output",
+                       "has " + std::to_string(out.numbers.size() / length) +
+                           " elements, need " + std::to_string(out.times.size() * each));
+        return out;
+    }
+
+    // --- joints ------------------------------------------------------------------------
+    void find_joints()
+    {
+        std::vector<bool> is_joint(nodes_.size(), false);
+        const Json& skins = json_.list("skins");
+        for (std::size_t s = 0; s < skins.size(); ++s)
+        {
+            const std::string where = element("skins", s) + ".joints";
+            const Json* joints = json_.find(skins[s], "joints");
+            if (!joints || !joints->is_array() || joints->empty())
+                json_.fail(where, "need a list of nodes");
+            for (const Json& joint : *joints)
+                is_joint[json_.index_of(joint, where, "nodes", nodes_.size())] = true;
+        }
+        const auto spread_up = [&](std::size_t node)
+        {
+            for (int above = nodes_.parent(node); above >= 0;
+                 above = nodes_.parent(static_cast<std::size_t>(above)))
+                if (channels_.contains(static_cast<std::size_t>(above)))
+                    is_joint[static_cast<std::size_t>(above)] = true;
+        };
+        if (!skins.empty())
+            for (std::size_t i = 0; i < nodes_.size(); ++i)
+            {
+                if (is_joint[i])
+                    spread_up(i);
+            }
+        else if (!channels_.empty())
+            for (const auto& [node, channels] : channels_)
+                is_joint[node] = true;
+        else
+            for (std::size_t i = 0; i < nodes_.size(); ++i)
+                is_joint[i] =
+                    !nodes_[i].contains("mesh") && !nodes_[i].contains("camera");
+        // Parents first, at any depth.
+        std::vector<std::size_t> rest(nodes_.roots().rbegin(), nodes_.roots().rend());
+        joint_above_.assign(nodes_.size(), -1);
+        while (!rest.empty())
+        {
+            const std::size_t node = rest.back();
+            rest.pop_back();
+            const int parent = nodes_.parent(node);
+            if (parent >= 0)
+            {
+                const auto above = static_cast<std::size_t>(parent);
+                joint_above_[node] = is_joint[above] ? parent : joint_above_[above];
+                if (skins.empty() && !nodes_[node].contains("mesh") &&
+                    joint_above_[node] >= 0)
+                    is_joint[node] = true;
+            }
+            if (is_joint[node])
+                order_.push_back(node);
+            if (order_.size() > kMostJoints)
+                json_.fail("nodes",
+                           "more than " + std::to_string(kMostJoints) + " joints");
+            const auto& children = nodes_.children(node);
+            rest.insert(rest.end(), children.rbegin(), children.rend());
+        }
+        if (order_.empty())
+            json_.fail("nodes", "there is no skeleton (no skin, and no node but those "
+                                "with meshes)");
+    }
+
+    /// From its parent to a node where nothing moves it.
+    Affine3d world(std::size_t node) const
+    {
+        const auto known = world_.find(node);
+        if (known != world_.end())
+            return known->second;
+        std::vector<std::size_t> up = {node};
+        while (nodes_.parent(up.back()) >= 0)
+            up.push_back(static_cast<std::size_t>(nodes_.parent(up.back())));
+        Affine3d map = Affine3d::Identity();
+        for (auto above = up.rbegin(); above != up.rend(); ++above)
+            map = map * nodes_.matrix(*above);
+        return world_[node] = map;
+    }
+
+    void find_bind()
+    {
+        const Json& skins = json_.list("skins");
+        for (std::size_t s = 0; s < skins.size(); ++s)
+        {
+            const Json& joints = skins[s]["joints"];
+            const std::string where = element("skins", s);
+            if (!skins[s].contains("inverseBindMatrices"))
+                continue;
+            const std::vector<double> all =
+                numbers(skins[s], "inverseBindMatrices", 16, where);
+            if (all.size() < 16 * joints.size())
+                json_.fail(where + ".inverseBindMatrices",
+                           "has " + std::to_string(all.size() / 16) + ", need " +
+                               std::to_string(joints.size()));
+            for (std::size_t k = 0; k < joints.size(); ++k)
+            {
+                Affine3d map;
+                map.matrix() = Eigen::Map<const Eigen::Matrix4d>(all.data() + 16 * k);
+                map.makeAffine();
+                bind_.try_emplace(joints[k].get<std::size_t>(), map);
+            }
+        }
+        for (const std::size_t node : order_)
+            bind_.try_emplace(node, world(node).inverse());
+        for (const auto& [node, map] : bind_)
+            if (!(std::abs(map.linear().determinant()) > 1e-30) ||
+                !map.matrix().allFinite())
+                json_.fail(element("nodes", node), "its bind pose is flat: its matrix "
+                                                   "has no inverse");
+    }
+
+    void name_joints()
+    {
+        std::set<std::string> known;
+        for (const std::size_t node : order_)
+        {
+            const std::string own = nodes_.name(node);
+            std::string name = own.empty() ? "node " + std::to_string(node) : own;
+            for (int k = 2; !known.insert(name).second; ++k)
+                name = own + "." + std::to_string(k);
+            names_[node] = name;
+        }
+    }
+
+    // --- their keys --------------------------------------------------------------------
+    /// The rotation of a map, and its scale.
+    std::pair<Quaterniond, double> parts(const Matrix3d& map, std::size_t node) const
+    {
+        const Eigen::JacobiSVD<Matrix3d> svd(map,
+                                             Eigen::ComputeFullU | Eigen::ComputeFullV);
+        const Vector3d scales = svd.singularValues();
+        const Matrix3d turn = svd.matrixU() * svd.matrixV().transpose();
+        if (!(scales[2] > 0) || scales[0] > (1.0 + kNoScale) * scales[2] ||
+            turn.determinant() < 0)
+            json_.fail(element("nodes", node),
+                       "joint " + in_quotes(names_.at(node)) +
+                           " is scaled differently along its axes, or mirrored");
+        return {Quaterniond(turn).normalized(), scales.mean()};
+    }
+
+    void add_joint(std::size_t node)
+    {
+        const std::size_t number = out_.joints.size();
+        const int parent = joint_above_[node];
+        SkeletonJoint& joint = out_.joints.emplace_back();
+        joint.name = names_.at(node);
+        Affine3d before = Affine3d::Identity(); // C: all that stands above M
+        std::vector<std::size_t> between;
+        for (int above = nodes_.parent(node); above >= 0 && above != parent;
+             above = nodes_.parent(static_cast<std::size_t>(above)))
+            between.push_back(static_cast<std::size_t>(above));
+        if (parent >= 0)
+        {
+            joint.parent = names_.at(static_cast<std::size_t>(parent));
+            before = bind_.at(static_cast<std::size_t>(parent)).inverse();
+        }
+        for (auto above = between.rbegin(); above != between.rend(); ++above)
+            before = before * nodes_.matrix(*above);
+        const Affine3d& bind = bind_.at(node);
+        joint.at = bind.inverse().translation();
+        check_scale(node, before, bind);
+        const Quaterniond left = parts(before.linear(), node).first;
+        const Quaterniond right = parts(bind.linear(), node).first;
+        const Affine3d now = nodes_.matrix(node);
+        const Quaterniond turn_now = parts(now.linear(), node).first;
+        const auto found = channels_.find(node);
+        const Channels none;
+        const Channels& channels = found == channels_.end() ? none : found->second;
+        const auto to_turn = [&](const double* q) -> Eigen::Vector4d
+        { return (left * Quaterniond(q[3], q[0], q[1], q[2]) * right).coeffs(); };
+        add_track<4>(number, channels.rotation, out_.turns, to_turn, to_turn,
+                     (left * turn_now * right).coeffs(),
+                     Quaterniond::Identity().coeffs());
+        const Vector3d rest = joint.at;
+        add_track<3>(
+            number, channels.translation, out_.shifts,
+            [&](const double* x) -> Vector3d
+            { return before * Vector3d(x[0], x[1], x[2]) - rest; },
+            [&](const double* x) -> Vector3d
+            { return before.linear() * Vector3d(x[0], x[1], x[2]); },
+            before* now.translation() - rest, Vector3d::Zero());
+    }
+
+    /// That the joint moves space without scaling it, at rest and by its keys.
+    void check_scale(std::size_t node, const Affine3d& before, const Affine3d& bind) const
+    {
+        const double around =
+            parts(before.linear(), node).second * parts(bind.linear(), node).second;
+        const double own = parts(nodes_.matrix(node).linear(), node).second;
+        const auto check = [&](double scale, const std::string& where)
+        {
+            if (!(std::abs(around * scale - 1.0) <= kNoScale))
+                json_.fail(where, "scales joint " + in_quotes(names_.at(node)) +
+                                      ": bones are rigid (got " +
+                                      shortest(around * scale) + ", need 1)");
+        };
+        const auto found = channels_.find(node);
+        if (found == channels_.end() || !found->second.scale)
+            return check(own, element("nodes", node));
+        const Channel& keys = *found->second.scale;
+        const std::size_t each = keys.step == KeyStep::Cubic ? 3 : 1;
+        for (std::size_t k = 0; k < keys.times.size(); ++k)
+            for (std::size_t axis = 0; axis < 3; ++axis)
+                check(keys.numbers[3 * (each * k + each / 2) + axis], keys.where);
+    }
+
+    /// The keys of a channel; without one, one key where the joint does not stand at
+    /// rest.
+    template <int size, class ToValue, class ToSlope>
+    void add_track(std::size_t joint, const std::optional<Channel>& keys,
+                   std::vector<KeyTrack<size>>& out, ToValue&& to_value,
+                   ToSlope&& to_slope, const Eigen::Matrix<double, size, 1>& now,
+                   const Eigen::Matrix<double, size, 1>& rest)
+    {
+        using Value = Eigen::Matrix<double, size, 1>;
+        KeyTrack<size> track;
+        track.joint = joint;
+        const auto unit = [](Value value) -> Value
+        {
+            if constexpr (size == 4)
+                value.normalize();
+            return value;
+        };
+        if (!keys)
+        {
+            const double away =
+                std::min((now - rest).norm(), size == 4 ? (now + rest).norm() : INFINITY);
+            if (away <= kAtRest * std::max(1.0, out_.joints[joint].at.norm()))
+                return;
+            track.times = {0.0};
+            track.values = {unit(now)};
+            out.push_back(std::move(track));
+            return;
+        }
+        track.step = keys->step;
+        track.times = keys->times;
+        const bool is_cubic = keys->step == KeyStep::Cubic;
+        for (std::size_t k = 0; k < keys->times.size(); ++k)
+        {
+            const double* const first =
+                keys->numbers.data() + (is_cubic ? 3 : 1) * k * size;
+            const double* const value = first + (is_cubic ? size : 0);
+            if (size == 4 && !(Eigen::Map<const Eigen::Vector4d>(value).norm() > 1e-6))
+                json_.fail(keys->where, "key " + std::to_string(k) + " is no rotation");
+            track.values.push_back(unit(to_value(value)));
+            if (is_cubic)
+                track.tangents.push_back({to_slope(first), to_slope(first + 2 * size)});
+        }
+        out.push_back(std::move(track));
+    }
+
+    GltfLayout layout_;
+    GltfData data_;
+    const GltfJson& json_;
+    const GltfNodes nodes_;
+    std::set<std::size_t> compressed_;
+    std::map<std::size_t, Channels> channels_; ///< of nodes
+    std::vector<std::size_t> order_;           ///< nodes that are joints, parents first
+    std::vector<int> joint_above_;             ///< of a node: the next one; -1: none
+    std::map<std::size_t, Affine3d> bind_;     ///< of a joint: from the rest to its space
+    mutable std::map<std::size_t, Affine3d> world_;
+    std::map<std::size_t, std::string> names_;
+    SkeletonValues out_;
+};
+
+} // namespace
+
+SkeletonValues parse_gltf_skeleton(const std::string& path, std::string bytes,
+                                   const std::string& animation)
+{
+    GeometryFile file;
+    file.path = path;
+    file.bytes = std::move(bytes);
+    file.geometry.format = extension_of(path);
+    SkeletonValues out = SkeletonReader(file).read(animation);
+    out.warnings.insert(out.warnings.begin(), file.geometry.warnings.begin(),
+                        file.geometry.warnings.end());
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/skeleton_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <set>
+
+#include <Eigen/Geometry>
+
+#include "io/error.h"
+#include "io/json_object.h"
+#include "io/number.h"
+#include "io/relative_name.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+constexpr double kHuge = 1e30, kTiny = 1e-30;
+
+Vector3d vector_of(const JsonObject& object, const std::string& key, const Json& value)
+{
+    const std::array<double, 3> v = object.vector(key, value);
+    if (std::max({std::abs(v[0]), std::abs(v[1]), std::abs(v[2])}) > kHuge)
+        object.fail(key, "is beyond 1e30");
+    return {v[0], v[1], v[2]};
+}
+
+template <std::size_t count>
+std::array<double, count> numbers_of(const JsonObject& object, const std::string& key,
+                                     const Json& value)
+{
+    std::array<double, count> out{};
+    if (!value.is_array() || value.size() != count)
+        object.fail(key, "need " + std::to_string(count) + " numbers");
+    for (std::size_t k = 0; k < count; ++k)
+    {
+        if (!value[k].is_number() || !(std::abs(value[k].get<double>()) <= kHuge))
+            object.fail(key, "need " + std::to_string(count) + " finite numbers");
+        out[k] = value[k].get<double>();
+    }
+    return out;
+}
+
+/// Each object of a list.
+template <class Each>
+void for_each(JsonObject& object, const char* key, Each&& each)
+{
+    const Json* list = object.find(key);
+    if (!list)
+        return;
+    if (!list->is_array())
+        object.fail(key, "need a list");
+    for (std::size_t k = 0; k < list->size(); ++k)
+        each((*list)[k], std::string(key) + "[" + std::to_string(k) + "]");
+}
+
+SkeletonJoint read_joint(const Json& json, const std::string& path,
+                         const std::string& prefix, std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, prefix + ".", warnings);
+    SkeletonJoint joint;
+    std::optional<std::string> name;
+    object.read("name", name);
+    if (!name)
+        object.fail("name", "is missing");
+    joint.name = *name;
+    if (const Json* parent = object.find("parent"); parent && !parent->is_null())
+    {
+        if (!parent->is_string() || parent->get<std::string>().empty())
+            object.fail("parent", "need the name of a joint, or null");
+        joint.parent = parent->get<std::string>();
+    }
+    const Json* at = object.find("at");
+    if (!at)
+        object.fail("at", "is missing");
+    joint.at = vector_of(object, "at", *at);
+    if (const Json* json_limits = object.find("limits"))
+    {
+        JsonObject limits(*json_limits, path, prefix + ".limits.", warnings);
+        if (const Json* hinge = limits.find("hinge"))
+        {
+            joint.hinge = vector_of(limits, "hinge", *hinge);
+            if (joint.hinge->isZero(0))
+                limits.fail("hinge", "got 0 0 0, need a direction");
+        }
+        if (const Json* twist = limits.find("twist"))
+            joint.twist = numbers_of<2>(limits, "twist", *twist);
+        limits.read("swing", Between<double>{0.0, 360.0}, joint.swing);
+        limits.warn_of_the_rest();
+    }
+    object.warn_of_the_rest();
+    return joint;
+}
+
+SceneKey read_key(const Json& json, const std::string& path, const std::string& prefix,
+                  std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, prefix + ".", warnings);
+    SceneKey key;
+    key.field = prefix;
+    std::optional<double> time;
+    object.read("time", Between<double>{-1e9, 1e9}, time);
+    if (!time)
+        object.fail("time", "is missing");
+    key.time = *time;
+    std::optional<std::string> joint;
+    object.read("joint", joint);
+    if (!joint)
+        object.fail("joint", "is missing");
+    key.joint = *joint;
+    if (const Json* rotate = object.find("rotate"))
+    {
+        key.rotate = numbers_of<4>(object, "rotate", *rotate);
+        if ((*key.rotate)[0] == 0 && (*key.rotate)[1] == 0 && (*key.rotate)[2] == 0)
+            object.fail("rotate", "its axis has no length");
+    }
+    if (const Json* translate = object.find("translate"))
+        key.translate = vector_of(object, "translate", *translate);
+    if (!key.rotate && !key.translate)
+        object.fail("", "needs rotate or translate");
+    object.warn_of_the_rest();
+    return key;
+}
+
+Eigen::Vector4d turn_of(const std::array<double, 4>& rotate)
+{
+    const Vector3d axis(rotate[0], rotate[1], rotate[2]);
+    return Eigen::Quaterniond(
+               Eigen::AngleAxisd(std::remainder(rotate[3], 720.0) * std::numbers::pi /
+                                     180.0,
+                                 (axis / axis.cwiseAbs().maxCoeff()).normalized()))
+        .coeffs();
+}
+
+/// Adds a key to the track of its joint.
+template <int size>
+void add_key(std::vector<KeyTrack<size>>& tracks, std::size_t joint, const SceneKey& key,
+             const Eigen::Matrix<double, size, 1>& value, KeyStep step,
+             const std::string& path)
+{
+    auto track = std::find_if(tracks.begin(), tracks.end(),
+                              [&](const auto& t) { return t.joint == joint; });
+    if (track == tracks.end())
+    {
+        track = tracks.emplace(tracks.end());
+        track->joint = joint;
+        track->step = step;
+    }
+    const auto later =
+        std::lower_bound(track->times.begin(), track->times.end(), key.time);
+    if (later != track->times.end() && *later == key.time)
+        throw malformed({path, 0, key.field}, "joint " + key.joint + " has a key at " +
+                                                  shortest(key.time) + " already");
+    track->values.insert(track->values.begin() + (later - track->times.begin()), value);
+    track->times.insert(later, key.time);
+}
+
+} // namespace
+
+SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
+                                   std::vector<std::string>& warnings,
+                                   std::vector<std::string>& left_out)
+{
+    SkeletonScene scene;
+    std::optional<std::string> file, up, interpolation;
+    object.read("file", file);
+    if (file && file->empty())
+        object.fail("file", "need the name of a file");
+    scene.file = file ? resolved_name(path, *file) : "";
+    std::optional<std::string> root, animation;
+    object.read("root", root);
+    object.read("animation", animation);
+    scene.placement.root = root.value_or("");
+    scene.placement.animation = animation.value_or("");
+    std::optional<double> scale;
+    object.read("scale", Between<double>{kTiny, kHuge}, scale);
+    scene.placement.scale = scale.value_or(1.0);
+    object.read("up", OneOf{{"x", "y", "z"}}, up);
+    scene.placement.up = up.value_or("y")[0];
+    if (const Json* shift = object.find("translate"))
+        scene.placement.shift = vector_of(object, "translate", *shift);
+    for_each(object, "joints",
+             [&](const Json& joint, const std::string& name)
+             {
+                 if (scene.joints.size() == kMostJoints)
+                     object.fail("joints",
+                                 "more than " + std::to_string(kMostJoints) + " joints");
+                 scene.joints.push_back(
+                     read_joint(joint, path, "skeleton." + name, warnings));
+             });
+    if (scene.file.empty() == scene.joints.empty())
+        object.fail("", "needs either a file or joints");
+    if (scene.file.empty() && (scene.placement != SkeletonPlacement()))
+        object.fail("", "root, animation, scale, up and translate are for a file");
+    scene.joints = in_order(std::move(scene.joints), path, "skeleton.joints");
+    for_each(object, "keys",
+             [&](const Json& key, const std::string& name) {
+                 scene.keys.push_back(read_key(key, path, "skeleton." + name, warnings));
+             });
+    object.read("interpolation", OneOf{{"slerp", "squad"}}, interpolation);
+    scene.is_smooth = interpolation.value_or("slerp") == "squad";
+    object.read("every", Between<double>{1e-6, 1e9}, scene.every);
+    object.read("tube_radius", Between<double>{kTiny, kHuge}, scene.radius);
+    for (const char* key : {"E", "nu", "density", "damping", "materials", "law",
+                            "weights", "newton", "lattice", "across", "max_depth",
+                            "detail", "tube", "tube_stiffness", "contact"})
+        if (object.find(key))
+            left_out.push_back(at({path, 0, std::string("skeleton.") + key},
+                                  "is for flesh that follows in time, ignored"));
+    object.warn_of_the_rest();
+    return scene;
+}
+
+SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
+{
+    SkeletonValues out;
+    if (scene.file.empty())
+        out.joints = scene.joints;
+    else
+        out = read_skeleton(scene.file, scene.placement);
+    if (scene.radius)
+        for (SkeletonJoint& joint : out.joints)
+            joint.radius = scene.radius;
+    if (scene.keys.empty())
+        return out;
+    out.turns.clear();
+    out.shifts.clear();
+    std::map<std::string, std::size_t> number;
+    for (std::size_t k = 0; k < out.joints.size(); ++k)
+        number[out.joints[k].name] = k;
+    const KeyStep step = scene.is_smooth ? KeyStep::Smooth : KeyStep::Linear;
+    for (const SceneKey& key : scene.keys)
+    {
+        const auto joint = number.find(key.joint);
+        if (joint == number.end())
+            throw malformed({path, 0, key.field + ".joint"},
+                            in_quotes(key.joint) + " is no joint");
+        if (key.rotate)
+            add_key<4>(out.turns, joint->second, key, turn_of(*key.rotate), step, path);
+        if (key.translate && !out.joints[joint->second].parent.empty())
+            throw malformed({path, 0, key.field + ".translate"},
+                            "joint " + key.joint + " hangs on " +
+                                out.joints[joint->second].parent +
+                                ": only a root is moved");
+        if (key.translate)
+            add_key<3>(out.shifts, joint->second, key, *key.translate, step, path);
+    }
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a scene file says of a skeleton, as plain values.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "io/skeleton_file.h"
+
+namespace cellwarp
+{
+
+class JsonObject;
+
+/// A key of a scene.
+struct SceneKey
+{
+    double time = 0.0; ///< [s]
+    std::string joint;
+    std::optional<std::array<double, 4>> rotate; ///< axis, [degree], from rest
+    std::optional<Eigen::Vector3d> translate;    ///< from rest [model unit]
+    std::string field;                           ///< of the scene, for messages
+};
+
+struct SkeletonScene
+{
+    std::string file; ///< resolved; empty: the scene has the joints
+    SkeletonPlacement placement;
+    std::vector<SkeletonJoint> joints; ///< of the scene, parents first
+    std::vector<SceneKey> keys;        ///< in the order of the scene
+    bool is_smooth = false;            ///< between keys of the scene
+    std::optional<double> every;       ///< frames so far apart [s]; none: at the keys
+    std::optional<double> radius;      ///< of all bones [model unit]
+};
+
+/// The object "skeleton" of the scene at \p path. Throws Fault::Malformed. \p left_out:
+/// warnings of what is for other commands.
+SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
+                                   std::vector<std::string>& warnings,
+                                   std::vector<std::string>& left_out);
+
+/// The joints of the scene or its file, and what moves them: the scene's keys, else the
+/// file's. \p path: of the scene. Throws what read_skeleton() throws, and
+/// Fault::Malformed for keys of no joint, of one time, and for translations of a joint
+/// that is no root.
+SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path);
+
+} // namespace cellwarp

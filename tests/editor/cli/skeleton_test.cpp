@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Skeletons as scripts see them: scenes that pose, cellwarp skeleton, files that move.
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "io/bytes.h"
+#include "io/geometry_file.h"
+#include "tests/support/program.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+using Json = nlohmann::json;
+
+/// A bar along z with two bones, posed by two keys.
+struct Files
+{
+    support::Folder folder;
+    std::string model, scene;
+
+    Files()
+    {
+        model = folder.write("bar.obj", support::obj_text(support::box_shape(
+                                            {-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4)));
+        scene = folder.write("s.json", scene_text());
+    }
+    static std::string scene_text(const std::string& more = "")
+    {
+        return R"({"cellwarp": 1, "model": "bar.obj", "cells": {"across": 12, "max_depth": 0},
+            "skeleton": {"joints": [
+                {"name": "root", "parent": null, "at": [0, 0, 0]},
+                {"name": "knee", "parent": "root", "at": [0, 0, 2]},
+                {"name": "foot", "parent": "knee", "at": [0, 0, 4]}],
+            "keys": [{"time": 0, "joint": "knee", "rotate": [1, 0, 0, 20]},
+                     {"time": 2, "joint": "knee", "rotate": [1, 0, 0, 50]}])" +
+               more + "}}";
+    }
+    std::string out(const std::string& name) const { return folder / name; }
+};
+
+} // namespace
+
+TEST(SkeletonCli, keys_are_frames_and_json_tells_of_bones)
+{
+    const Files files;
+    const Result result =
+        run({"deform", files.scene, "-o", files.out("o-{frame}.obj"), "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const Json json = Json::parse(result.out);
+    EXPECT_EQ(json["frames"].size(), 2u);
+    EXPECT_EQ(json["skeleton"]["bones"].size(), 2u);
+    EXPECT_GT(json["skeleton"]["bones"][1]["cells"], 3);
+    EXPECT_EQ(json["skeleton"]["joints"][2]["name"], "foot");
+    for (const auto& part : json["unused"])
+        EXPECT_NE(part, "skeleton");
+    EXPECT_TRUE(std::filesystem::exists(files.out("o-2.obj")));
+    EXPECT_TRUE(contains(run({"check", files.scene}).out, "knee: holds"));
+}
+
+TEST(SkeletonCli, all_frames_go_into_one_file_that_moves)
+{
+    const Files files;
+    for (const char* name : {"o.glb", "o.pc2", "o.mdd"})
+    {
+        const Result result = run({"deform", files.scene, "-o", files.out(name)});
+        EXPECT_EQ(result.code, 0) << name << result.err;
+        EXPECT_EQ(run({"deform", files.scene, "-o", files.out(name)}).code, 4);
+    }
+    // Two frames of 290 places.
+    EXPECT_EQ(read_file(files.out("o.pc2")).size(), 32u + 2u * 290u * 12u);
+    const GeometryFile glb = read_geometry(files.out("o.glb"));
+    EXPECT_EQ(glb.geometry.samples.size(), 290u);
+    EXPECT_TRUE(contains(read_file(files.out("o.glb")), "\"max\":[2]")); // the last time
+    EXPECT_EQ(run({"deform", files.scene, "-o", files.out("o-{frame}.pc2")}).code, 2);
+    EXPECT_EQ(run({"deform", files.model, "-o", files.out("n.pc2")}).code, 2);
+}
+
+TEST(SkeletonCli, a_field_of_a_pose_applies_to_the_same_samples)
+{
+    const Files files;
+    ASSERT_EQ(run({"deform", files.scene, "-o", files.out("o.obj"), "--save-field",
+                   files.out("f.cwf")})
+                  .code,
+              0);
+    ASSERT_EQ(
+        run({"apply", files.out("f.cwf"), files.model, "-o", files.out("a.obj")}).code,
+        0);
+    const auto one = read_geometry(files.out("o.obj")).geometry.samples,
+               other = read_geometry(files.out("a.obj")).geometry.samples;
+    for (std::size_t i = 0; i < one.size(); ++i)
+        EXPECT_LT((one[i] - other[i]).norm(), 1e-9);
+}
+
+TEST(SkeletonCli, what_contradicts_is_refused)
+{
+    const Files files;
+    const std::string handles = files.folder.write(
+        "h.handles", "cellwarp-handles 1\nframe 1\nmove knee rotate 1 0 0 30\n");
+    Result result =
+        run({"deform", files.scene, "--handles", handles, "-o", files.out("o.obj")});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "skeleton.keys: stand beside the frames of"));
+    const std::string missing = files.folder.write(
+        "m.json",
+        R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"file": "no.bvh"}})");
+    EXPECT_EQ(run({"check", missing}).code, 4);
+    const std::string none = files.folder.write(
+        "n.json", R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {}})");
+    EXPECT_EQ(run({"check", none}).code, 3);
+}
+
+TEST(SkeletonCli, a_handle_file_moves_the_joints_of_a_scene)
+{
+    const Files files;
+    const std::string scene = files.folder.write(
+        "h.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "h.handles",
+            "cells": {"across": 12, "max_depth": 0}, "skeleton": {"file": "bar.tgf"}})");
+    files.folder.write("bar.tgf", "1 0 0 0\n2 0 0 2\n3 0 0 4\n#\n1 2\n2 3\n");
+    files.folder.write("h.handles",
+                       "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 0.2\n"
+                       "frame 1\nmove 2 rotate 1 0 0 30\n");
+    const Result result = run({"deform", scene, "-o", files.out("o.obj"), "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_NEAR(Json::parse(result.out)["skeleton"]["joints"][2]["at"][1], -1.0, 1e-9);
+}
+
+TEST(SkeletonCli, files_of_skeletons_that_cannot_be_written_are_told_first)
+{
+    const Files files;
+    EXPECT_EQ(run({"skeleton", files.model, "-o", files.out("s.obj")}).code, 2);
+    EXPECT_EQ(
+        run({"skeleton", files.model, "-o", files.out("s.tgf"), "--bones", "0"}).code, 2);
+    EXPECT_EQ(
+        run({"skeleton", files.model, "-o", files.out("s.tgf"), "--bend", "0"}).code, 2);
+    EXPECT_EQ(run({"skeleton", files.out("none.obj"), "-o", files.out("s.tgf")}).code, 4);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/animation_file.h"
+
+#include <bit>
+#include <cstring>
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "io/geometry_file.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+using Eigen::Vector3d;
+using Json = nlohmann::json;
+
+class AnimationFileTest : public testing::Test
+{
+protected:
+    AnimationFileTest() { std::filesystem::create_directories(folder_); }
+    ~AnimationFileTest() override { std::filesystem::remove_all(folder_); }
+
+    /// A square of two triangles far from the origin, moved up by 1 and by 2.
+    std::string written(const std::string& name)
+    {
+        const GeometryFile file = scan_geometry(
+            "a.obj", "v 1000 0 0\nv 1001 0 0\nv 1001 1 0\nv 1000 1 0\nf 1 2 3 4\n");
+        const std::string path = folder_ + "/" + name;
+        AnimationFile out(path, Overwrite::No, file.geometry, {0.0, 0.5});
+        for (const double up : {1.0, 2.0})
+        {
+            std::vector<Vector3d> samples = file.geometry.samples;
+            for (Vector3d& x : samples)
+                x.z() += up;
+            out.add(samples);
+        }
+        EXPECT_FALSE(std::filesystem::exists(path)); // before it is whole
+        out.commit();
+        return read_file(path);
+    }
+
+    const std::string folder_ =
+        testing::TempDir() + "/animation" +
+        testing::UnitTest::GetInstance()->current_test_info()->name();
+};
+
+float number_at(const std::string& bytes, std::size_t at, bool is_big_endian)
+{
+    std::uint32_t word = 0;
+    for (unsigned k = 0; k < 4; ++k)
+        word |= std::uint32_t(std::uint8_t(bytes[at + (is_big_endian ? 3 - k : k)]))
+                << (8 * k);
+    return std::bit_cast<float>(word);
+}
+
+std::uint32_t word_at(const std::string& bytes, std::size_t at, bool is_big_endian)
+{
+    return std::bit_cast<std::uint32_t>(number_at(bytes, at, is_big_endian));
+}
+
+} // namespace
+
+TEST_F(AnimationFileTest, a_pc2_holds_every_place_of_every_frame)
+{
+    const std::string bytes = written("a.pc2");
+    EXPECT_EQ(bytes.substr(0, 12), std::string("POINTCACHE2\0", 12));
+    EXPECT_EQ(word_at(bytes, 12, false), 1u);
+    EXPECT_EQ(word_at(bytes, 16, false), 4u);
+    EXPECT_EQ(word_at(bytes, 28, false), 2u);
+    ASSERT_EQ(bytes.size(), 32u + 2 * 4 * 12);
+    EXPECT_EQ(number_at(bytes, 32, false), 1000.0f);
+    EXPECT_EQ(number_at(bytes, 40, false), 1.0f);
+    EXPECT_EQ(number_at(bytes, 32 + 48 + 8, false), 2.0f);
+}
+
+TEST_F(AnimationFileTest, an_mdd_is_big_endian_and_has_the_times)
+{
+    const std::string bytes = written("a.mdd");
+    EXPECT_EQ(word_at(bytes, 0, true), 2u);
+    EXPECT_EQ(word_at(bytes, 4, true), 4u);
+    EXPECT_EQ(number_at(bytes, 12, true), 0.5f);
+    ASSERT_EQ(bytes.size(), 16u + 2 * 4 * 12);
+    EXPECT_EQ(number_at(bytes, 16 + 8, true), 1.0f);
+}
+
+TEST_F(AnimationFileTest, a_glb_has_a_morph_target_a_frame)
+{
+    const std::string bytes = written("a.glb");
+    ASSERT_EQ(bytes.substr(0, 4), "glTF");
+    ASSERT_EQ(word_at(bytes, 8, false), bytes.size());
+    const std::size_t length = word_at(bytes, 12, false);
+    const Json json = Json::parse(bytes.substr(20, length));
+    const std::size_t body = 28 + length;
+    const Json& primitive = json["meshes"][0]["primitives"][0];
+    ASSERT_EQ(primitive["targets"].size(), 2u);
+    EXPECT_EQ(json["nodes"][0]["translation"][0], 1000.5);
+    const auto view = [&](std::size_t accessor) -> const Json&
+    { return json["bufferViews"][json["accessors"][accessor]["bufferView"].get<int>()]; };
+    // About the middle: floats keep their digits.
+    const std::size_t rest = body + view(0)["byteOffset"].get<std::size_t>();
+    EXPECT_EQ(number_at(bytes, rest, false), -0.5f);
+    const std::size_t target = primitive["targets"][1]["POSITION"];
+    const std::size_t way = body + view(target)["byteOffset"].get<std::size_t>();
+    EXPECT_EQ(number_at(bytes, way + 8, false), 2.0f);
+    EXPECT_EQ(json["accessors"][target]["max"][2], 2.0);
+    EXPECT_EQ(json["accessors"][primitive["indices"].get<std::size_t>()]["count"], 6);
+    const Json& sampler = json["animations"][0]["samplers"][0];
+    EXPECT_EQ(json["accessors"][sampler["input"].get<std::size_t>()]["max"][0], 0.5);
+    EXPECT_EQ(json["accessors"][sampler["output"].get<std::size_t>()]["count"], 4);
+    EXPECT_EQ(json["buffers"][0]["byteLength"], bytes.size() - body);
+    // Our own reader takes it: the mesh at rest.
+    const GeometryFile again = scan_geometry("a.glb", bytes);
+    EXPECT_EQ(again.geometry.samples[2], Vector3d(1001, 1, 0));
+    EXPECT_EQ(again.geometry.num_faces(), 2u);
+}
+
+TEST_F(AnimationFileTest, what_is_not_committed_leaves_nothing)
+{
+    const GeometryFile file = scan_geometry("a.obj", "v 0 0 0\nv 1 0 0\n");
+    {
+        AnimationFile out(folder_ + "/b.pc2", Overwrite::No, file.geometry, {0.0});
+        out.add(file.geometry.samples);
+    }
+    EXPECT_TRUE(std::filesystem::is_empty(folder_));
+}
+
+TEST_F(AnimationFileTest, what_does_not_fit_is_refused)
+{
+    const GeometryFile file = scan_geometry("a.obj", "v 0 0 0\nv 1e60 0 0\n");
+    AnimationFile out(folder_ + "/b.pc2", Overwrite::No, file.geometry, {0.0});
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed, [&] { out.add(file.geometry.samples); }), "32 bits"));
+}
+
+TEST_F(AnimationFileTest, a_glb_of_a_glb_is_a_patch_but_of_a_skinned_one)
+{
+    EXPECT_TRUE(is_animation_format("pc2", "obj", true));
+    EXPECT_TRUE(is_animation_format("mdd", "glb", true));
+    EXPECT_TRUE(is_animation_format("glb", "obj", true));
+    EXPECT_FALSE(is_animation_format("glb", "glb", true));
+    EXPECT_FALSE(is_animation_format("glb", "gltf", true));
+    EXPECT_TRUE(is_animation_format("glb", "glb", false));
+    EXPECT_FALSE(is_animation_format("obj", "obj", true));
+}
+
+} // namespace cellwarp

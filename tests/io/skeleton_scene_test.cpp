@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/skeleton_scene.h"
+
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "io/scene_file.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::error_of;
+
+namespace
+{
+
+const std::string kJoints = R"("joints": [
+    {"name": "hand", "parent": "elbow", "at": [2, 0, 0]},
+    {"name": "elbow", "parent": "shoulder", "at": [1, 0, 0],
+     "limits": {"hinge": [0, 0, 2], "twist": [0, 150]}},
+    {"name": "shoulder", "parent": null, "at": [0, 0, 0], "limits": {"swing": 90}}])";
+
+SceneFile scene_of(const std::string& skeleton)
+{
+    return parse_scene("s.json", R"({"cellwarp": 1, "model": "arm.obj", "skeleton": {)" +
+                                     skeleton + "}}");
+}
+
+SkeletonValues values_of(const std::string& skeleton)
+{
+    return skeleton_of(*scene_of(skeleton).skeleton, "s.json");
+}
+
+std::string refusal(const std::string& skeleton)
+{
+    return error_of(Fault::Malformed, [&] { values_of(skeleton); });
+}
+
+} // namespace
+
+TEST(SkeletonScene, joints_come_parents_first_with_their_limits)
+{
+    const SkeletonValues values = values_of(kJoints);
+    ASSERT_EQ(values.joints.size(), 3u);
+    EXPECT_EQ(values.joints[0].name, "shoulder");
+    EXPECT_EQ(values.joints[0].swing, 90.0);
+    EXPECT_EQ(values.joints[1].hinge, Eigen::Vector3d(0, 0, 2));
+    EXPECT_EQ((*values.joints[1].twist)[1], 150.0);
+    EXPECT_TRUE(values.turns.empty());
+}
+
+TEST(SkeletonScene, keys_of_a_joint_are_one_track_in_the_order_of_their_times)
+{
+    const SkeletonValues values =
+        values_of(kJoints + R"(, "interpolation": "squad", "keys": [
+        {"time": 2, "joint": "elbow", "rotate": [0, 0, 3, 90]},
+        {"time": 1, "joint": "elbow", "rotate": [0, 0, 1, 0]},
+        {"time": 1, "joint": "shoulder", "translate": [0, 1, 0]}])");
+    ASSERT_EQ(values.turns.size(), 1u);
+    EXPECT_EQ(values.turns[0].joint, 1u);
+    EXPECT_EQ(values.turns[0].step, KeyStep::Smooth);
+    EXPECT_EQ(values.turns[0].times, (std::vector<double>{1, 2}));
+    EXPECT_NEAR(values.turns[0].values[1][2], std::sin(std::numbers::pi / 4), 1e-15);
+    ASSERT_EQ(values.shifts.size(), 1u);
+    EXPECT_EQ(values.shifts[0].values[0], Eigen::Vector3d(0, 1, 0));
+}
+
+TEST(SkeletonScene, one_radius_is_that_of_all_bones)
+{
+    for (const SkeletonJoint& joint :
+         values_of(kJoints + R"(, "tube_radius": 0.25)").joints)
+        EXPECT_EQ(joint.radius, 0.25);
+}
+
+TEST(SkeletonScene, what_is_wrong_is_told_by_its_key)
+{
+    const std::string with_keys = kJoints + R"(, "keys": [)";
+    EXPECT_TRUE(contains(refusal(""), "needs either a file or joints"));
+    EXPECT_TRUE(contains(refusal(R"("file": "a.tgf", )" + kJoints), "needs either"));
+    EXPECT_TRUE(contains(refusal(kJoints + R"(, "up": "z")"), "are for a file"));
+    EXPECT_TRUE(contains(refusal(R"("joints": [{"name": "a"}])"),
+                         "skeleton.joints[0].at: is missing"));
+    EXPECT_TRUE(contains(refusal(with_keys + R"({"time": 1, "joint": "knee",
+                                                 "rotate": [1, 0, 0, 5]}])"),
+                         "skeleton.keys[0].joint: 'knee' is no joint"));
+    EXPECT_TRUE(contains(
+        refusal(with_keys + R"({"time": 1, "joint": "elbow", "translate": [1, 0, 0]}])"),
+        "only a root is moved"));
+    EXPECT_TRUE(contains(
+        refusal(with_keys + R"({"time": 1, "joint": "elbow", "rotate": [0, 0, 0, 5]}])"),
+        "skeleton.keys[0].rotate: its axis has no length"));
+    EXPECT_TRUE(contains(
+        refusal(with_keys + R"({"time": 1, "joint": "elbow", "rotate": [1, 0, 0, 5]},
+                               {"time": 1, "joint": "elbow", "rotate": [1, 0, 0, 6]}])"),
+        "skeleton.keys[1]: joint elbow has a key at 1 already"));
+    EXPECT_TRUE(contains(refusal(with_keys + R"({"time": 1, "joint": "elbow"}])"),
+                         "needs rotate or translate"));
+    EXPECT_TRUE(contains(refusal(kJoints + R"(, "interpolation": "linear")"),
+                         "need one of slerp, squad"));
+}
+
+TEST(SkeletonScene, unknown_keys_and_those_of_flesh_in_time_are_warnings)
+{
+    const SceneFile scene = scene_of(kJoints + R"(, "bones": 3, "E": 1e4)");
+    ASSERT_EQ(scene.warnings.size(), 1u);
+    EXPECT_TRUE(contains(scene.warnings[0], "skeleton.bones: unknown key"));
+    ASSERT_EQ(scene.left_out.size(), 1u);
+    EXPECT_TRUE(contains(scene.left_out[0], "skeleton.E"));
+}
+
+TEST(SkeletonScene, a_scene_keeps_it_when_it_is_written)
+{
+    SceneFile scene = scene_of(kJoints);
+    const SceneFile again = parse_scene("s.json", scene_text(scene));
+    ASSERT_TRUE(again.skeleton);
+    EXPECT_EQ(again.skeleton->joints, scene.skeleton->joints);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/limb_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "octree/base/index.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// A trunk along z, 1 x 1 x 10, with two arms along x at 7 to 8, 5 long to either side.
+Shape cross()
+{
+    std::vector<double> x, y, z;
+    for (int k = -20; k <= 20; ++k)
+        x.push_back(0.25 * k);
+    for (int k = -2; k <= 2; ++k)
+        y.push_back(0.25 * k);
+    for (int k = 0; k <= 40; ++k)
+        z.push_back(0.25 * k);
+    return support::blocks_shape({x, y, z}, [](int i, int, int k)
+                                 { return (i >= 18 && i < 22) || (k >= 28 && k < 32); });
+}
+
+/// A closed tube about a line in the plane z = 0.
+Shape tube(const std::vector<Vector3d>& line, double radius, bool is_ring)
+{
+    constexpr int kAround = 12;
+    Shape shape;
+    const std::size_t n = line.size();
+    for (std::size_t k = 0; k < n; ++k)
+    {
+        const Vector3d before = line[k > 0 ? k - 1 : (is_ring ? n - 1 : 0)];
+        const Vector3d after = line[k + 1 < n ? k + 1 : (is_ring ? 0 : n - 1)];
+        const Vector3d side =
+            (after - before).normalized().cross(Vector3d::UnitZ()).normalized();
+        for (int i = 0; i < kAround; ++i)
+        {
+            const double a = 2.0 * std::numbers::pi * i / kAround;
+            shape.samples.push_back(line[k] + radius * (std::cos(a) * side +
+                                                        std::sin(a) * Vector3d::UnitZ()));
+        }
+    }
+    const auto at = [&](std::size_t ring, int i)
+    {
+        return static_cast<std::uint32_t>((ring % n) * kAround +
+                                          idx((i + kAround) % kAround));
+    };
+    for (std::size_t k = 0; k + (is_ring ? 0 : 1) < n; ++k)
+        for (int i = 0; i < kAround; ++i)
+        {
+            shape.triangles.push_back({at(k, i), at(k, i + 1), at(k + 1, i + 1)});
+            shape.triangles.push_back({at(k, i), at(k + 1, i + 1), at(k + 1, i)});
+        }
+    for (const std::size_t end : {std::size_t(0), n - 1})
+    {
+        if (is_ring)
+            break;
+        const auto middle = static_cast<std::uint32_t>(shape.samples.size());
+        shape.samples.push_back(line[end]);
+        for (int i = 0; i < kAround; ++i)
+            if (end == 0)
+                shape.triangles.push_back({middle, at(end, i + 1), at(end, i)});
+            else
+                shape.triangles.push_back({middle, at(end, i), at(end, i + 1)});
+    }
+    return shape;
+}
+
+/// Every joint hangs on an earlier one that is elsewhere.
+void expect_tree(const std::vector<LimbJoint>& joints)
+{
+    ASSERT_FALSE(joints.empty());
+    EXPECT_EQ(joints[0].parent, -1);
+    for (std::size_t j = 1; j < joints.size(); ++j)
+    {
+        ASSERT_GE(joints[j].parent, 0);
+        ASSERT_LT(joints[j].parent, static_cast<int>(j));
+        EXPECT_GT((joints[j].at - joints[idx(joints[j].parent)].at).norm(), 1e-6);
+    }
+}
+
+int tips(const std::vector<LimbJoint>& joints)
+{
+    std::vector<bool> has_child(joints.size(), false);
+    for (const LimbJoint& joint : joints)
+        if (joint.parent >= 0)
+            has_child[idx(joint.parent)] = true;
+    return static_cast<int>(std::count(has_child.begin(), has_child.end(), false));
+}
+
+} // namespace
+
+TEST(LimbTree, a_cross_hangs_on_its_branching_and_has_four_limbs)
+{
+    const std::vector<LimbJoint> joints = limb_tree(cross());
+    expect_tree(joints);
+    EXPECT_LT((joints[0].at - Vector3d(0, 0, 7.5)).norm(), 0.6);
+    EXPECT_EQ(tips(joints), 4);
+    for (const Vector3d& end : {Vector3d(0, 0, 0), Vector3d(5, 0, 7.5),
+                                Vector3d(-5, 0, 7.5), Vector3d(0, 0, 10)})
+    {
+        double least = INFINITY;
+        for (const LimbJoint& joint : joints)
+            least = std::min(least, (joint.at - end).norm());
+        EXPECT_LT(least, 0.8) << end.transpose();
+    }
+}
+
+TEST(LimbTree, the_corners_of_a_box_are_no_limbs)
+{
+    const std::vector<LimbJoint> bar =
+        limb_tree(support::box_shape({0, 0, 0}, {1, 1, 5}, 8));
+    expect_tree(bar);
+    EXPECT_EQ(tips(bar), 1); // the other end is the root
+    for (const LimbJoint& joint : bar)
+        EXPECT_LT((joint.at - Vector3d(0.5, 0.5, joint.at.z())).norm(), 0.1);
+}
+
+TEST(LimbTree, a_limb_has_a_joint_where_it_bends)
+{
+    std::vector<Vector3d> line;
+    for (int k = 0; k <= 20; ++k)
+        line.emplace_back(0.2 * k, 0, 0);
+    for (int k = 1; k <= 20; ++k)
+        line.emplace_back(4, 0.2 * k, 0);
+    const std::vector<LimbJoint> joints = limb_tree(tube(line, 0.4, false));
+    expect_tree(joints);
+    EXPECT_EQ(tips(joints), 1);
+    double least = INFINITY;
+    for (const LimbJoint& joint : joints)
+        least = std::min(least, (joint.at - Vector3d(4, 0, 0)).norm());
+    EXPECT_LT(least, 0.6);
+}
+
+TEST(LimbTree, a_long_straight_limb_has_as_many_bones_as_asked_for)
+{
+    std::vector<Vector3d> line;
+    for (int k = 0; k <= 30; ++k)
+        line.emplace_back(0.2 * k, 0, 0);
+    const Shape rod = tube(line, 0.3, false);
+    EXPECT_EQ(limb_tree(rod).size(), 3u);
+    EXPECT_EQ(limb_tree(rod, {0.35, 5}).size(), 6u);
+    EXPECT_EQ(limb_tree(rod, {0.35, 1}).size(), 2u);
+}
+
+TEST(LimbTree, a_ring_is_open_in_one_place)
+{
+    std::vector<Vector3d> line;
+    for (int k = 0; k < 60; ++k)
+        line.emplace_back(2.0 * std::cos(2.0 * std::numbers::pi * k / 60),
+                          2.0 * std::sin(2.0 * std::numbers::pi * k / 60), 0);
+    const std::vector<LimbJoint> joints = limb_tree(tube(line, 0.3, true));
+    expect_tree(joints);
+    EXPECT_EQ(tips(joints), 1);
+    EXPECT_GT(joints.size(), 4u);
+    for (const LimbJoint& joint : joints)
+        EXPECT_NEAR(joint.at.head<2>().norm(), 2.0, 0.25);
+}
+
+TEST(LimbTree, the_same_each_time)
+{
+    const std::vector<LimbJoint> one = limb_tree(cross()), other = limb_tree(cross());
+    ASSERT_EQ(one.size(), other.size());
+    for (std::size_t j = 0; j < one.size(); ++j)
+        EXPECT_EQ(one[j].at, other[j].at);
+}
+
+TEST(LimbTree, what_has_no_line_has_no_joints)
+{
+    EXPECT_TRUE(limb_tree(Shape()).empty());
+    Shape three;
+    three.samples = {Vector3d(0, 0, 0), Vector3d(1, 0, 0), Vector3d(0, 1, 0)};
+    EXPECT_TRUE(limb_tree(three).empty());
+}
+
+} // namespace cellwarp
