@@ -145,6 +145,8 @@ std::string scene_text(const SceneFile& scene)
     }
     else if (json.contains("cells"))
         json["cells"].erase("frame");
+    if (!scene.skeleton)
+        json.erase("skeleton");
     if (scene.save)
         json["save"] = *scene.save;
     else

@@ -75,6 +75,21 @@ quit
 END
 play "$work/rod" "$here/samples/creature.obj"
 
+cat >"$work/joints" <<END
+size 1400 900
+wait
+region neck
+tool rotate
+key r
+key z
+text -20
+key enter
+wait
+shot $folder/editor-joints.png
+quit
+END
+play "$work/joints" "$here/samples/reach.json"
+
 cat >"$work/film" <<END
 size 1400 900
 key 1 alt

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "editor/document/document_state.h"
+#include "editor/session/scene_script.h"
 #include "editor/session/spline_region.h"
 #include "io/checksum.h"
 #include "io/geometry_file.h"
@@ -120,8 +121,10 @@ Document::Document(const std::string& path, const std::string& journal_folder)
             s.warnings.insert(s.warnings.end(), s.scene.left_out.begin(),
                               s.scene.left_out.end());
         s.edited.settings = s.scene.settings;
-        if (!s.scene.handles.empty())
-            s.edited.handles = read_handles(s.scene.handles);
+        if (std::optional<HandleFile> script =
+                script_of(s.scene, s.scene.handles, s.warnings))
+            s.edited.handles = std::move(*script);
+        s.scene.skeleton.reset(); // its joints and keys are statements now
         if (const auto parted = parted_save(s.scene, s.edited.handles))
             s.warnings.push_back(*parted);
         s.scene.save.reset(); // what is edited is of none
@@ -282,6 +285,23 @@ const EditedRegion* Document::region(const std::string& name) const
         if (region.name == name)
             return &region;
     return nullptr;
+}
+
+std::vector<Motion> Document::joint_motions(const std::string& joint,
+                                            const Placement& to) const
+{
+    const State& s = *state_;
+    if (!s.skeleton)
+        return {};
+    SkeletonAim aim = s.pose;
+    if (const EditedRegion* const held = region(joint); held && held->joint)
+    {
+        const RegionGround ground = s.ground();
+        const Move move = joint_move(*held, to, ground);
+        const std::vector<const Move*> moves = {&move};
+        aim = s.skeleton->moved(aim, moves, ground.units);
+    }
+    return s.skeleton->motions(aim, aim, 1.0);
 }
 
 int Document::region_of(std::size_t sample) const

@@ -58,6 +58,10 @@ public:
     const Selection& selection() const;
     const std::vector<EditedRegion>& regions() const;          ///< of the current stage
     const EditedRegion* region(const std::string& name) const; ///< null: none
+    /// Of the joints, in their order, from rest [work]; \p joint: one that the hand has
+    /// at a placement, or none.
+    std::vector<Motion> joint_motions(const std::string& joint,
+                                      const Placement& to) const;
     /// The region that holds a sample, the first declared; -1: none.
     int region_of(std::size_t sample) const;
     /// Finds the points of a rod in the centre line of the limb at some samples, or
@@ -94,6 +98,8 @@ public:
     void set_role(const std::string& region, Role role, double factor = 1.0);
     /// Adds a frame.
     void move_region(const std::string& region, const Placement& placement);
+    /// A joint that is held at its place is so no longer.
+    void release_joint(const std::string& joint);
     /// Makes a rod or a curve of rest coordinates. Gives its name.
     std::string add_line(Role role, const RodShape& shape, const std::string& name = "");
     /// Before the first frame of a stage: other points, radius (none: the usual one).

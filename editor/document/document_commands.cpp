@@ -46,6 +46,13 @@ RegionStatement statement_of(const std::string& name, Role role, double factor,
 }
 
 constexpr const char* kSpline = " is a rod or a curve: points tell it, no samples do";
+constexpr const char* kJoint = " is a joint of the skeleton: it can only be moved";
+
+void refuse_joint(const EditedRegion& region)
+{
+    if (region.joint)
+        throw usage(in_quotes(region.name) + kJoint);
+}
 
 bool is_same(const RegionStatement& a, const RegionStatement& b)
 {
@@ -86,7 +93,7 @@ std::vector<RegionDraft> Document::State::drafts()
     for (const EditedRegion& region : regions)
     {
         // After a commit rods and curves start anew, from statements of their own.
-        if (region.is_spline() && !frames().empty())
+        if (region.joint || (region.is_spline() && !frames().empty()))
             continue;
         RegionDraft& draft = drafts.emplace_back(RegionDraft{{}, &region});
         if (!frames().empty() && !samples_of(region).empty())
@@ -235,6 +242,7 @@ void Document::set_samples(const std::string& region)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
+    refuse_joint(old);
     if (old.is_spline())
         throw usage(in_quotes(region) + kSpline);
     const std::vector<std::uint32_t> samples = s.selected();
@@ -250,6 +258,7 @@ void Document::remove_region(const std::string& region)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
+    refuse_joint(old);
     std::vector<Change> changes;
     std::vector<OnStatement> ons = s.stage().ons;
     std::erase_if(ons, [&](const OnStatement& on)
@@ -264,7 +273,7 @@ void Document::remove_region(const std::string& region)
 void Document::rename_region(const std::string& region, const std::string& name)
 {
     State& s = *state_;
-    s.find(region);
+    refuse_joint(s.find(region));
     if (name == region)
         return;
     s.check_new_name(name);
@@ -275,6 +284,7 @@ void Document::set_role(const std::string& region, Role role, double factor)
 {
     State& s = *state_;
     const EditedRegion& old = s.find(region);
+    refuse_joint(old);
     if (!(factor > 0) || !std::isfinite(factor))
         throw usage("stiffness: need a factor above 0 (got " + shortest(factor) + ")");
     if (old.is_spline() || role == Role::Rod || role == Role::Curve)
@@ -317,6 +327,18 @@ void Document::move_region(const std::string& region, const Placement& placement
     const bool turns = to.degrees != old.placement.degrees;
     s.push({(turns ? "Turn " : "Move ") + region,
             {FramesAdded{frames_to(old, to, s.next_number(), s.ground())}}});
+}
+
+void Document::release_joint(const std::string& joint)
+{
+    State& s = *state_;
+    const EditedRegion& old = s.find(joint);
+    if (!old.joint || !old.joint->is_held)
+        throw usage(in_quotes(joint) + " is no joint that is held at a place");
+    Move move;
+    move.region = joint;
+    move.released = HoldParts{true, true, true};
+    s.push({"Release " + joint, {FramesAdded{{{s.next_number(), {move}, 0}}}}});
 }
 
 std::string Document::add_line(Role role, const RodShape& shape, const std::string& name)

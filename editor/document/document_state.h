@@ -14,9 +14,11 @@
 #include "editor/document/journal_header.h"
 #include "editor/session/coincident_samples.h"
 #include "editor/session/script_fingerprint.h"
+#include "editor/session/skeleton_handle.h"
 #include "io/error.h"
 #include "io/journal.h"
 #include "io/number.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -70,6 +72,9 @@ struct Document::State
         coincident; ///< found when they are asked for
     mutable const std::vector<Eigen::Vector3d>* coincident_of = nullptr;
     ModelBox rest_box;
+    std::shared_ptr<const SkeletonHandle> skeleton; ///< of the stage; null: none
+    SkeletonAim pose;                               ///< after so many of its frames
+    std::size_t posed_frames = 0;
     std::uint64_t revision = 0, result_revision = 0;
 
     Stage& stage() { return edited.handles.stages.back(); }
@@ -152,8 +157,45 @@ struct Document::State
                 }
             find_placement(region, on);
         }
+        skeleton = stage().joints.empty()
+                       ? nullptr
+                       : make_skeleton_handle(stage().joints, on.units);
+        if (skeleton)
+        {
+            pose = skeleton->rest();
+            posed_frames = 0;
+            find_pose(on);
+            for (EditedRegion& joint : edited_joints(*skeleton, pose, on))
+                found.push_back(std::move(joint));
+        }
         regions = std::move(found);
         region_of_sample = std::move(of_sample);
+    }
+
+    /// Goes on through the frames that are new; from rest where some have gone.
+    void find_pose(const RegionGround& on)
+    {
+        if (frames().size() < posed_frames)
+        {
+            pose = skeleton->rest();
+            posed_frames = 0;
+        }
+        for (; posed_frames < frames().size(); ++posed_frames)
+        {
+            std::vector<const Move*> moves;
+            for (const Move& move : frames()[posed_frames].moves)
+                if (skeleton->find(move.region) >= 0)
+                    moves.push_back(&move);
+            pose = skeleton->moved(pose, moves, on.units);
+        }
+    }
+
+    void place_joints(const RegionGround& on)
+    {
+        find_pose(on);
+        for (EditedRegion& joint : edited_joints(*skeleton, pose, on))
+            regions[idx(static_cast<std::ptrdiff_t>(regions.size() - skeleton->size()) +
+                        skeleton->find(joint.name))] = joint;
     }
 
     /// What changes may have made other than it was.
@@ -187,8 +229,10 @@ struct Document::State
         {
             const RegionGround on = ground();
             for (EditedRegion& region : regions)
-                if (touched.moved.contains(region.name))
+                if (!region.joint && touched.moved.contains(region.name))
                     find_placement(region, on);
+            if (skeleton)
+                place_joints(on);
         }
         result_revision += touched.content;
         ++revision;

@@ -305,6 +305,8 @@ Json json_of(const FrameStatement& frame)
             moves.emplace_back(Json{{"region", move.region}, {"do", operations}});
         if (move.place.kind != MovePlace::Kind::Whole)
             json["at"] = {word_of(move.place.kind, kPlaces), move.place.point};
+        if (!move.chain.empty())
+            json["chain"] = move.chain;
         if (move.released)
             json["released"] = {move.released->place, move.released->tangent,
                                 move.released->twist};
@@ -325,6 +327,7 @@ FrameStatement frame_of(const Json& json)
             move.place.kind = kind_of<MovePlace::Kind>(move_json["at"].at(0), kPlaces);
             move.place.point = move_json["at"].at(1).get<std::int64_t>();
         }
+        move.chain = move_json.value("chain", std::string());
         if (move_json.contains("released"))
         {
             const auto parts = move_json["released"].get<std::array<bool, 3>>();

@@ -9,6 +9,7 @@
 
 #include "editor/session/frame_plan.h"
 #include "editor/session/regions.h"
+#include "octree/base/index.h"
 
 namespace cellwarp
 {
@@ -119,6 +120,27 @@ std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& sta
     return regions;
 }
 
+namespace
+{
+
+/// As a turn about the centre and a shift.
+Placement placement_by(const Motion& motion, const Eigen::Vector3d& centre,
+                       const WorkFrame& frame)
+{
+    Placement placement;
+    placement.translation = frame.vector_to_model(motion(centre) - centre);
+    const Eigen::AngleAxisd turn(
+        Eigen::Matrix3d(frame.axes.transpose() * motion.R * frame.axes));
+    if (turn.angle() != 0.0)
+    {
+        placement.axis = turn.axis();
+        placement.degrees = turn.angle() * 180.0 / std::numbers::pi;
+    }
+    return placement;
+}
+
+} // namespace
+
 Placement placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground)
 {
@@ -140,16 +162,7 @@ Placement placement_of(const Move& move, const EditedRegion& region,
     std::vector<std::string> warnings;
     const std::vector<Step> steps =
         steps_of(move, ground.units, centre, centre, ground.file.path, warnings);
-    const Motion motion = motion_of(steps);
-    placement.translation = frame.vector_to_model(motion(centre) - centre);
-    const Eigen::AngleAxisd turn(
-        Eigen::Matrix3d(frame.axes.transpose() * motion.R * frame.axes));
-    if (turn.angle() != 0.0)
-    {
-        placement.axis = turn.axis();
-        placement.degrees = turn.angle() * 180.0 / std::numbers::pi;
-    }
-    return placement;
+    return placement_by(motion_of(steps), centre, frame);
 }
 
 bool is_placed_anywhere(const Move& move, const RegionGround& ground)
@@ -306,9 +319,68 @@ Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d&
     return inverse(motion_of(region.placement, region.centre, WorkFrame()))(place);
 }
 
+std::vector<EditedRegion> edited_joints(const SkeletonHandle& skeleton,
+                                        const SkeletonAim& aim,
+                                        const RegionGround& ground)
+{
+    const WorkFrame& frame = ground.units.frame;
+    const std::vector<Motion> motions = skeleton.motions(aim, aim, 1.0);
+    std::vector<EditedRegion> joints;
+    for (std::size_t j = 0; j < skeleton.size(); ++j)
+    {
+        EditedRegion& joint = joints.emplace_back();
+        joint.name = skeleton.statement(j).name;
+        joint.role = Role::Bone;
+        joint.centre = frame.to_model(skeleton.place(j));
+        joint.frame = frame;
+        joint.knows_placement = ground.is_known;
+        joint.placement = placement_by(motions[j], skeleton.place(j), frame);
+        joint.joint.emplace();
+        joint.joint->is_root = skeleton.parent(j) < 0;
+        if (!joint.joint->is_root)
+            joint.joint->turn_above =
+                frame.axes.transpose() * motions[idx(skeleton.parent(j))].R * frame.axes;
+        for (const JointHold& hold : aim.holds)
+            joint.joint->is_held |= hold.joint == static_cast<int>(j);
+    }
+    return joints;
+}
+
+Move joint_move(const EditedRegion& joint, const Placement& to,
+                const RegionGround& ground)
+{
+    Move move;
+    move.region = joint.name;
+    const bool is_rest = to == Placement(); // of its own turn, wherever the others are
+    if (!is_rest && !joint.joint->is_root &&
+        to.translation != joint.placement.translation)
+    {
+        Operation& operation = move.operations.emplace_back();
+        operation.kind = Operation::Kind::To;
+        operation.vector = given_point(joint.centre + to.translation, ground.units);
+        return move;
+    }
+    Eigen::Matrix3d own = Eigen::Matrix3d::Identity();
+    if (!is_rest)
+        own =
+            joint.joint->turn_above.transpose() *
+            Eigen::AngleAxisd(to.degrees * std::numbers::pi / 180.0, to.axis.normalized())
+                .toRotationMatrix();
+    const Eigen::AngleAxisd turn(own);
+    Operation& operation = move.operations.emplace_back();
+    operation.kind = Operation::Kind::Rotate;
+    operation.vector = turn.axis();
+    operation.degrees = turn.angle() * 180.0 / std::numbers::pi;
+    if (joint.joint->is_root)
+        move.operations.push_back(translation(to, ground));
+    return move;
+}
+
 std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
                                       std::int64_t number, const RegionGround& ground)
 {
+    if (region.joint)
+        return {{number, {joint_move(region, to, ground)}, 0}};
     std::vector<FrameStatement> frames;
     const Placement& from = region.placement;
     // The way is clear where the operations are the same as before: from rest they are.

@@ -12,6 +12,7 @@
 
 #include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
+#include "editor/session/skeleton_handle.h"
 #include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -88,6 +89,15 @@ struct EditedRegion
     std::string guide = {};           ///< of a pin that stays on a curve or rod: which
     std::optional<double> share = {}; ///< where on it; none: it slides
     WorkFrame frame = {};             ///< of the ground that it was found on
+
+    /// Of a joint: what is above it. Its placement is the motion that space around it
+    /// makes, from rest.
+    struct JointPart
+    {
+        bool is_root = false, is_held = false; ///< held: at a place that others turn for
+        Eigen::Matrix3d turn_above = Eigen::Matrix3d::Identity(); ///< in model axes
+    };
+    std::optional<JointPart> joint = {};
     /// A place of a rod or curve at rest [model unit].
     Eigen::Vector3d rest_at(double s) const
     {
@@ -97,7 +107,8 @@ struct EditedRegion
     bool is_spline() const { return role == Role::Rod || role == Role::Curve; }
     bool moves() const
     {
-        return role == Role::Handle || (role == Role::Pin && !is_guided()) || is_spline();
+        return role == Role::Handle || (role == Role::Pin && !is_guided()) ||
+               is_spline() || joint.has_value();
     }
 };
 
@@ -115,6 +126,16 @@ struct RegionGround
 /// Of all statements, at rest. Throws what resolve_regions() throws.
 std::vector<EditedRegion> edited_regions(const std::vector<RegionStatement>& statements,
                                          const RegionGround& ground);
+
+/// Of all joints, where \p aim has them.
+std::vector<EditedRegion> edited_joints(const SkeletonHandle& skeleton,
+                                        const SkeletonAim& aim,
+                                        const RegionGround& ground);
+
+/// What takes a joint to a placement: a turn of itself, or of those above it so that it
+/// comes to its place.
+Move joint_move(const EditedRegion& joint, const Placement& to,
+                const RegionGround& ground);
 
 /// A list of samples as a selector.
 Selector selector_of(const std::vector<std::uint32_t>& samples);

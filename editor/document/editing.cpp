@@ -162,16 +162,30 @@ struct Editing::State
     {
         const std::vector<EditedRegion>& regions = document.regions();
         const RegionSet& own = *drag.source.regions;
+        const std::size_t count = num_without_bones(own);
+        const auto told = std::count_if(regions.begin(), regions.end(),
+                                        [](const EditedRegion& r) { return !r.joint; });
         if (drag.source.stage_fingerprint != document.stage_fingerprint() ||
-            own.size() != regions.size())
+            count != static_cast<std::size_t>(told) ||
+            (own.skeleton() ? own.skeleton()->size() : 0) + count != regions.size())
             return false;
-        for (std::size_t r = 0; r < own.size(); ++r)
+        for (std::size_t r = 0; r < count; ++r)
             if (own[r].role != regions[r].role || own[r].factor != regions[r].factor ||
                 !(own[r].told ? regions[r].line && *own[r].told == *regions[r].line
                               : own[r].samples == regions[r].samples) ||
                 !is_same_guide(own, own[r].guide, regions[r]))
                 return false;
         return true;
+    }
+
+    /// They stand before the bones.
+    static std::size_t num_without_bones(const RegionSet& regions)
+    {
+        const auto& all = regions.regions();
+        return static_cast<std::size_t>(
+            std::find_if(all.begin(), all.end(),
+                         [](const Region& region) { return region.bone.has_value(); }) -
+            all.begin());
     }
 
     static bool is_same_guide(const RegionSet& own,
@@ -188,6 +202,8 @@ struct Editing::State
         std::vector<SplineHolds> holds;
         for (EditedRegion region : document.regions())
         {
+            if (holds.size() == hand->regions->size())
+                break; // joints without bones
             SplineHolds& of = holds.emplace_back();
             if (!region.spline)
                 continue;
@@ -202,11 +218,21 @@ struct Editing::State
 
     std::vector<Motion> motions() const
     {
+        const std::vector<Motion> of_joints =
+            document.joint_motions(hand->region, hand->to);
         std::vector<Motion> motions;
-        for (const EditedRegion& region : document.regions())
+        for (const Region& own : hand->regions->regions())
+        {
+            if (own.bone)
+            {
+                motions.push_back(of_joints[own.bone->joint]);
+                continue;
+            }
+            const EditedRegion& region = document.regions()[motions.size()];
             motions.push_back(
                 motion_of(region.name == hand->region ? hand->to : region.placement,
                           region.centre, hand->frame));
+        }
         return motions;
     }
 

@@ -164,6 +164,45 @@ Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view)
     return matrix;
 }
 
+namespace
+{
+
+/// Each joint, and the bone that leads to it. A joint without material of its own goes
+/// with the one above it.
+void add_joints(const CellSystem& system, const WorkFrame& view,
+                std::vector<ShownLine>& lines)
+{
+    const SkeletonHandle& skeleton = *system.regions().skeleton();
+    std::vector<Motion> motions(skeleton.size());
+    std::vector<bool> is_known(skeleton.size(), false);
+    for (std::size_t r = 0; r < system.regions().size(); ++r)
+        if (const auto& bone = system.regions()[r].bone)
+        {
+            motions[bone->joint] = system.motions()[r];
+            is_known[bone->joint] = true;
+        }
+    std::vector<Eigen::Vector3d> places;
+    for (std::size_t j = 0; j < skeleton.size(); ++j)
+    {
+        const int parent = skeleton.parent(j);
+        if (!is_known[j] && parent >= 0)
+            motions[j] = motions[idx(parent)];
+        places.push_back(
+            view.to_work(system.rest().frame.to_model(motions[j](skeleton.place(j)))));
+        ShownLine& line = lines.emplace_back();
+        line.name = skeleton.statement(j).name;
+        line.is_rod = false;
+        line.is_bone = true;
+        if (parent >= 0)
+            line.places = {places[idx(parent)], places[j]};
+        line.points = {places[j]};
+        line.tangents = {Eigen::Vector3d::Zero()};
+        line.turns = {0.0};
+    }
+}
+
+} // namespace
+
 std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& view)
 {
     constexpr int kPlacesOfLine = 65;
@@ -199,6 +238,8 @@ std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& vi
                                      : 0.0);
         }
     }
+    if (system.regions().skeleton())
+        add_joints(system, view, lines);
     return lines;
 }
 

@@ -37,7 +37,7 @@ struct ShapeLayout
 struct ShownLine
 {
     std::string name;
-    bool is_rod = true;
+    bool is_rod = true, is_bone = false;
     std::vector<Eigen::Vector3d> places; ///< along it
     std::vector<Eigen::Vector3d> points; ///< those that it is written by
     /// Unit, at the points; zero at control points off the line.
@@ -51,7 +51,7 @@ struct ShownShape
     std::shared_ptr<const ShapeLayout> layout;
     std::vector<float> positions; ///< [work]
     std::vector<float> normals;   ///< unit or zero; empty for a cloud
-    std::vector<ShownLine> lines; ///< rods and curves
+    std::vector<ShownLine> lines; ///< rods, curves, joints with the bones to them
     Eigen::Matrix4d to_view = Eigen::Matrix4d::Identity(); ///< from work to view space
     /// Rises whenever anything of it changes.
     std::uint64_t version = 0;

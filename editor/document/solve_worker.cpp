@@ -184,7 +184,8 @@ struct SolveWorker::State
                         [](const Region& region)
                         {
                             return region.role == Role::Handle ||
-                                   region.role == Role::Pin || region.spline != nullptr;
+                                   region.role == Role::Pin || region.spline != nullptr ||
+                                   region.bone.has_value();
                         }))
             out.drag.emplace(
                 DragSource{model,

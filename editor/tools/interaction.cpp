@@ -242,18 +242,21 @@ std::vector<SeenLine> Interaction::lines() const
     for (const ShownLine& line : s.editing.shape().lines)
     {
         const EditedRegion* const region = s.document().region(line.name);
-        const bool is_known = region && region->is_spline();
+        const bool is_known = region && (region->is_spline() || region->joint);
         if (!is_known && !s.editing.shows_film())
             continue; // it is gone, and the shape without it not there yet
         SeenLine& seen = lines.emplace_back();
         seen.places = line.places;
         seen.is_rod = line.is_rod;
+        seen.is_bone = line.is_bone;
         seen.is_active = line.name == s.active;
         for (std::size_t k = 0; k < line.points.size(); ++k)
             seen.points.push_back(
                 {line.points[k],
-                 is_known && k < region->points.size() && region->points[k].parts.place,
-                 seen.is_active && s.active_point == k,
+                 is_known && (region->joint ? region->joint->is_held
+                                            : k < region->points.size() &&
+                                                  region->points[k].parts.place),
+                 seen.is_active && (line.is_bone || s.active_point == k),
                  s.hot_point && s.hot_point->region == line.name &&
                      s.hot_point->point == k});
     }

@@ -37,7 +37,7 @@ struct SeenLine
     };
     std::vector<Eigen::Vector3d> places;
     std::vector<Point> points;
-    bool is_rod = true, is_active = false;
+    bool is_rod = true, is_bone = false, is_active = false;
 };
 
 class Interaction

@@ -101,6 +101,13 @@ std::vector<GizmoPart> Interaction::State::gizmo() const
     return parts;
 }
 
+/// Which is in the hand as a whole, by its only point.
+bool Interaction::State::is_joint(const std::string& region) const
+{
+    const EditedRegion* const found = document().region(region);
+    return found && found->joint;
+}
+
 bool Interaction::State::tool_turns(const EditedRegion& region) const
 {
     return tool == Tool::Rotate && region.role != Role::Pin;
@@ -277,7 +284,7 @@ void Interaction::State::press(Button button, const Modifiers& with)
               false,
               {},
               {},
-              point->point});
+              is_joint(point->region) ? std::nullopt : std::optional(point->point)});
     else if (const auto part = part_at(pixel))
         take(active, {way_of(*part, tool_turns(*active_region())),
                       pixel,

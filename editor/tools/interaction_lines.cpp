@@ -48,7 +48,7 @@ Interaction::State::point_at(const Eigen::Vector2d& where) const
     for (const ShownLine& line : editing.shape().lines)
     {
         const EditedRegion* const region = document().region(line.name);
-        if (!region || region->points.size() != line.points.size())
+        if (!region || (!region->joint && region->points.size() != line.points.size()))
             continue;
         for (std::size_t k = 0; k < line.points.size(); ++k)
         {

@@ -175,6 +175,7 @@ struct Interaction::State
     // Rods and curves.
     const ShownLine* line_of(const std::string& region) const; ///< null: none is shown
     std::optional<Eigen::Vector3d> active_place() const;       ///< of the point [view]
+    bool is_joint(const std::string& region) const;
     std::optional<PointAt> point_at(const Eigen::Vector2d& where) const;
     PointPlacement point_placement(const HandleDrag& drag) const;
     /// The middle of the shape under the pixel; beside it, as deep as the last point.

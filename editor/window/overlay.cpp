@@ -135,8 +135,9 @@ void draw_lines(const Overlay& overlay, const Interaction& hand)
 {
     for (const SeenLine& line : hand.lines())
     {
-        const ImU32 ink =
-            packed(shown(role_colour(line.is_rod ? Role::Rod : Role::Curve)));
+        const ImU32 ink = packed(shown(role_colour(line.is_bone  ? Role::Bone
+                                                   : line.is_rod ? Role::Rod
+                                                                 : Role::Curve)));
         draw_thread(overlay, line.places, ink, line.is_active ? 3.0f : 2.0f);
         for (const SeenLine::Point& point : line.points)
             draw_point(overlay, point, ink);

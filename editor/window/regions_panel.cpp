@@ -52,7 +52,7 @@ const char* name_of(Role role)
     for (const RoleName& known : kRoles)
         if (known.role == role)
             return known.name;
-    return role == Role::Rod ? "Rod" : "Curve";
+    return role == Role::Rod ? "Rod" : role == Role::Bone ? "Joint" : "Curve";
 }
 
 void show_makers(EditorApp& app)
@@ -436,8 +436,17 @@ void show_active(EditorApp& app, PanelState& state)
     ImGui::Separator();
     ImGui::Dummy({0, letters(0.1f)});
     ImGui::BeginDisabled(app.opened()->editing.dragged().has_value());
-    show_name(app, state, region);
-    show_role(app, state, region);
+    if (region.joint)
+        faint_text(region.name + (region.joint->is_root   ? ": the root of the skeleton"
+                                  : region.joint->is_held ? ": held at its place"
+                                                          : ": a joint"));
+    if (region.joint && region.joint->is_held && ImGui::Button("Let go"))
+        app.attempt(Place::Regions, [&] { app.document().release_joint(region.name); });
+    if (!region.joint)
+    {
+        show_name(app, state, region);
+        show_role(app, state, region);
+    }
     if (region.is_spline())
         show_points(app, state, region);
     if (region.role == Role::Pin)
@@ -452,14 +461,17 @@ void show_active(EditorApp& app, PanelState& state)
                     [&] { app.document().move_region(region.name, Placement()); });
     if (region.moves())
         ImGui::SameLine();
-    ImGui::BeginDisabled(app.document().selection().empty() || region.is_spline());
+    ImGui::BeginDisabled(app.document().selection().empty() || region.is_spline() ||
+                         region.joint);
     if (ImGui::Button("Use selection"))
         app.attempt(Place::Regions, [&] { app.document().set_samples(region.name); });
     tip("The region becomes what is selected");
     ImGui::EndDisabled();
     ImGui::SameLine();
+    ImGui::BeginDisabled(region.joint.has_value());
     if (ImGui::Button("Remove"))
         app.attempt(Place::Regions, [&] { app.document().remove_region(region.name); });
+    ImGui::EndDisabled();
     ImGui::EndDisabled();
 }
 

@@ -2,6 +2,7 @@
 // A view with a hand in it, for tests of what the hand does.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -18,7 +19,10 @@ struct Desk
     Editing editing;
     Interaction hand;
 
-    Desk() : editing(document_of(bar())), hand(editing)
+    Desk() : Desk(bar) {}
+    /// \p write: a model or scene into a folder, which gives its path.
+    explicit Desk(const std::function<std::string(const Folder&)>& write)
+        : editing(document_of(write(folder))), hand(editing)
     {
         editing.wait();
         hand.resize(900, 600);
@@ -28,7 +32,7 @@ struct Desk
         frame();
         hand.wait();
     }
-    std::string bar() const
+    static std::string bar(const Folder& folder)
     {
         return folder.write("bar.obj", obj_text(box_shape({0, 0, 0}, {3, 1, 1}, 6)));
     }
