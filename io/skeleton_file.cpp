@@ -482,22 +482,26 @@ private:
 // --- all of them
 // ------------------------------------------------------------------------
 
-/// Names that handle files can say.
+/// Names that handle files can say, and that still differ.
 void make_sayable(std::vector<SkeletonJoint>& joints)
 {
-    const auto sayable = [](std::string name)
+    std::map<std::string, std::string> now; // by what it was
+    std::set<std::string> known;
+    for (SkeletonJoint& joint : joints)
     {
+        std::string name = joint.name;
         if (!is_handle_name(name))
             std::replace_if(
                 name.begin(), name.end(),
                 [](char c) { return c == '\n' || c == '\r' || c == '\0' || c == '"'; },
                 '_');
-        return name;
-    };
-    for (SkeletonJoint& joint : joints)
-    {
-        joint.name = sayable(joint.name);
-        joint.parent = sayable(joint.parent);
+        const std::string first = name;
+        for (int k = 2; !known.insert(name).second; ++k)
+            name = first + "." + std::to_string(k);
+        now[joint.name] = name;
+        joint.name = name;
+        if (!joint.parent.empty())
+            joint.parent = now.at(joint.parent);
     }
 }
 
@@ -547,6 +551,10 @@ SkeletonValues parse_skeleton(const std::string& path, std::string bytes,
     const std::string extension = extension_of(path);
     if (!is_skeleton_format(extension))
         throw Error(Fault::Usage, path + ": need a skeleton: .tgf, .bvh, .gltf or .glb");
+    if (!placement.root.empty() && extension != "tgf")
+        throw malformed({path, 0, "root"}, "is for a .tgf: this file tells its own");
+    if (!placement.animation.empty() && (extension == "tgf" || extension == "bvh"))
+        throw malformed({path, 0, "animation"}, "is for a glTF");
     SkeletonValues out;
     if (extension == "tgf" || extension == "bvh")
     {

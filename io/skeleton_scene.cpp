@@ -13,6 +13,7 @@
 #include "io/json_object.h"
 #include "io/number.h"
 #include "io/relative_name.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -174,6 +175,9 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     if (file && file->empty())
         object.fail("file", "need the name of a file");
     scene.file = file ? resolved_name(path, *file) : "";
+    if (file && !is_skeleton_format(extension_of(*file)))
+        object.fail("file",
+                    "got " + in_quotes(*file) + ", need .tgf, .bvh, .gltf or .glb");
     std::optional<std::string> root, animation;
     object.read("root", root);
     object.read("animation", animation);

@@ -166,6 +166,21 @@ Shape surface_of(const Shape& shape, std::size_t most_triangles)
     return alpha_wrap(shape.samples, ball, std::max(kOffset * diagonal, 0.05 * ball));
 }
 
+/// The middle of a box that is far away, of its size: the flow does not end there, digits
+/// of its differences are lost. Else zero.
+Eigen::Vector3d far_middle(const std::vector<Eigen::Vector3d>& samples)
+{
+    constexpr double kFar = 100.0; // [diagonal]
+    Eigen::Vector3d low = samples.front(), high = low;
+    for (const Eigen::Vector3d& x : samples)
+    {
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    const Eigen::Vector3d middle = 0.5 * (low + high);
+    return middle.norm() > kFar * (high - low).norm() ? middle : Eigen::Vector3d::Zero();
+}
+
 } // namespace
 
 CurveGraph::CurveGraph(const Shape& shape, const CurveOptions& options)
@@ -173,14 +188,37 @@ CurveGraph::CurveGraph(const Shape& shape, const CurveOptions& options)
 {
     if (shape.samples.size() < 4)
         return;
-    surface_ = surface_of(shape, options.most_triangles);
+    const Eigen::Vector3d away = far_middle(shape.samples);
+    if (away.isZero(0))
+    {
+        find(shape);
+        return;
+    }
+    Shape near = shape;
+    for (Eigen::Vector3d& x : near.samples)
+        x -= away;
+    find(near);
+    for (Eigen::Vector3d& x : surface_.samples)
+        x += away;
+    for (Eigen::Vector3d& x : skeleton_.points)
+        x += away;
+    for (std::vector<std::vector<Eigen::Vector3d>>* const all :
+         {&skeleton_.around, &around_})
+        for (std::vector<Eigen::Vector3d>& around : *all)
+            for (Eigen::Vector3d& x : around)
+                x += away;
+}
+
+void CurveGraph::find(const Shape& shape)
+{
+    surface_ = surface_of(shape, options_.most_triangles);
     skeleton_ = curve_skeleton(surface_);
-    if (is_empty() && shape.triangles.size() <= options.most_triangles)
+    if (is_empty() && shape.triangles.size() <= options_.most_triangles)
     {
         // It was not closed.
         Shape samples;
         samples.samples = shape.samples;
-        surface_ = surface_of(samples, options.most_triangles);
+        surface_ = surface_of(samples, options_.most_triangles);
         skeleton_ = curve_skeleton(surface_);
     }
     if (is_empty())

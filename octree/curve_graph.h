@@ -60,6 +60,7 @@ public:
     std::vector<Eigen::Vector3d> plain_line(const std::vector<int>& way, int count) const;
 
 private:
+    void find(const Shape& shape);
     double length(int a, int b) const;
     void cut_spurs();
     std::pair<double, int> spur_of(int tip) const;

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/session/scene_script.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/handle_file.h"
@@ -86,21 +87,26 @@ struct SceneContents
 SceneContents contents_of(const std::string& path)
 {
     SceneContents out;
-    Json regions = Json::array();
+    Json regions = Json::array(), joints = Json::array();
     std::size_t frames = 0;
     if (has_model(path))
     {
         const SceneFile scene = read_scene(path);
         out.model = scene.model;
-        if (!scene.handles.empty())
-            for (const Stage& stage : read_handles(scene.handles).stages)
+        std::vector<std::string> warnings; // those of the scene are for other commands
+        if (const std::optional<HandleFile> script =
+                script_of(scene, scene.handles, warnings))
+            for (const Stage& stage : script->stages)
             {
                 for (const RegionStatement& region : stage.regions)
                     regions.push_back(describe(region));
+                for (const SkeletonJoint& joint : stage.joints)
+                    joints.push_back(joint.name);
                 frames += stage.frames.size();
             }
     }
     out.json["regions"] = std::move(regions);
+    out.json["joints"] = std::move(joints);
     out.json["frames"] = frames;
     out.json["rods_in_time"] = rods_in_time(path);
     return out;
@@ -134,6 +140,8 @@ std::string text_of(const SceneContents& scene)
     for (const Json& rod : scene.json["rods_in_time"])
         add("rod in time",
             told(rod, ",") + (rod["carries"].get<bool>() ? ", carries the model" : ""));
+    if (!scene.json["joints"].empty())
+        add("joints", std::to_string(scene.json["joints"].size()));
     add("frames", std::to_string(scene.json["frames"].get<std::size_t>()));
     return text;
 }

@@ -28,7 +28,8 @@ make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&)
     refuse();
 }
 
-std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>)
+std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>,
+                                         const std::string&)
 {
     refuse();
 }

@@ -37,7 +37,8 @@ std::optional<HandleFile> script_of(const SceneFile& scene, const std::string& h
         warnings.push_back(at({scene.path, 0, "skeleton.file"},
                               "its keys are not used: the handle file has frames"));
     if (!has_frames && has_keys)
-        file.stages.front().frames = posed_frames(skeleton, scene.skeleton->every);
+        file.stages.front().frames =
+            posed_frames(skeleton, scene.skeleton->every, scene.path);
     return file;
 }
 

@@ -169,6 +169,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     for (const Region& region : regions->regions())
         parts_.rods += region.spline != nullptr;
     state_ = std::make_unique<StageState>(start, std::move(system));
+    warn_of_bones();
     check_memory_of(settings_.field);
     check_frames();
     deformed_ = rest_->samples;
@@ -655,6 +656,22 @@ std::optional<SkeletonBinding> Session::skeleton() const
             bone.cells += owner >= 0 && system.regions()[idx(owner)].name == bone.name;
     }
     return binding;
+}
+
+/// Of those that others leave no cell.
+void Session::warn_of_bones()
+{
+    const std::optional<SkeletonBinding> binding = skeleton();
+    std::string names;
+    for (const BoneBinding& bone : binding ? binding->bones : std::vector<BoneBinding>())
+        if (bone.cells == 0)
+            names += (names.empty() ? "" : ", ") + bone.name;
+    if (!names.empty())
+        warnings_.push_back(
+            at({handles_.path, 0, "skeleton"},
+               "bones without a cell of their own move nothing: " + names +
+                   " (smaller cells would part them from others: raise "
+                   "--across or --max-depth)"));
 }
 
 std::vector<PosedJoint> Session::joints() const

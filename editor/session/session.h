@@ -121,6 +121,7 @@ private:
     std::shared_ptr<const StageRest> make_rest(std::size_t stage,
                                                DeformedSamples samples);
     void start_stage(std::shared_ptr<const StageRest> rest);
+    void warn_of_bones();
     void go_to(const Checkpoint& state);
     void go_back();
     void add_checkpoint();

@@ -23,6 +23,9 @@ using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180.0;
 
+/// Squares of places do not overflow [work].
+constexpr double kHuge = 1e100;
+
 /// Places of the way at which it is measured.
 constexpr int kProbes = 8;
 
@@ -177,6 +180,9 @@ private:
         {
             JointHold held{joint, units.point(move.operations.front().vector),
                            chain_of(joint, move.chain), 0.0};
+            if (!(held.place.cwiseAbs().maxCoeff() <= kHuge))
+                throw malformed({{}, move.line, move.region},
+                                "moves beyond what numbers can hold");
             if (hold == to.holds.end())
                 to.holds.push_back(std::move(held));
             else
@@ -248,8 +254,11 @@ Interpolation interpolation_of(KeyStep step)
     return Interpolation::Linear;
 }
 
+/// Frames of one scene: each of them is a list of moves.
+constexpr double kMostFrames = 100000;
+
 std::vector<double> frame_times(const SkeletonValues& skeleton,
-                                std::optional<double> every)
+                                std::optional<double> every, const std::string& file)
 {
     std::set<double> keys;
     for (const TurnTrack& track : skeleton.turns)
@@ -259,15 +268,17 @@ std::vector<double> frame_times(const SkeletonValues& skeleton,
     std::vector<double> times(keys.begin(), keys.end());
     if (!every || times.empty())
         return times;
-    // A hair of tolerance: the last key has its frame whatever the rounding.
-    const double count = std::floor((times.back() - times.front()) / *every + 1e-6);
-    if (!(count < static_cast<double>(kLastFrame)))
-        throw Error(Fault::Malformed, "skeleton.every: makes more than " +
-                                          std::to_string(kLastFrame) + " frames");
-    const double first = times.front();
+    const double first = times.front(), last = times.back();
+    // A hair of tolerance: whatever the rounding, the last key has one frame.
+    const double count = std::ceil((last - first) / *every - 1e-6);
+    if (!(count < kMostFrames))
+        throw malformed({file, 0, "skeleton.every"},
+                        "makes more than " +
+                            std::to_string(static_cast<int>(kMostFrames)) + " frames");
     times.clear();
-    for (std::int64_t k = 0; k <= static_cast<std::int64_t>(count); ++k)
-        times.push_back(first + static_cast<double>(k) * *every);
+    for (int k = 0; k < static_cast<int>(count); ++k)
+        times.push_back(first + k * *every);
+    times.push_back(last);
     return times;
 }
 
@@ -299,7 +310,8 @@ make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& unit
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
-                                         std::optional<double> every)
+                                         std::optional<double> every,
+                                         const std::string& file)
 {
     std::vector<TurnKeys> turns;
     for (const TurnTrack& track : skeleton.turns)
@@ -312,7 +324,7 @@ std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
             keys.turns.emplace_back(value);
     }
     std::vector<FrameStatement> frames;
-    for (const double time : frame_times(skeleton, every))
+    for (const double time : frame_times(skeleton, every, file))
     {
         FrameStatement& frame = frames.emplace_back();
         frame.number = static_cast<std::int64_t>(frames.size());

@@ -87,9 +87,10 @@ std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units);
 
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
-/// \p every so many seconds from the first to the last. Fault::Usage where skeletons are
-/// not built.
+/// \p every so many seconds from the first on, and at the last. \p file: of the scene,
+/// for messages. Fault::Usage where skeletons are not built.
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
-                                         std::optional<double> every);
+                                         std::optional<double> every,
+                                         const std::string& file);
 
 } // namespace cellwarp

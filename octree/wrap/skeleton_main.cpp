@@ -7,6 +7,9 @@
 #include <string>
 #include <vector>
 
+#include <csignal>
+#include <sys/prctl.h>
+
 #include <CGAL/Polygon_mesh_processing/connected_components.h>
 #include <CGAL/Polygon_mesh_processing/polygon_mesh_to_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
@@ -109,6 +112,8 @@ int run()
 
 int main()
 {
+    // It ends with the program that started it.
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     try
     {
         return cellwarp::run();

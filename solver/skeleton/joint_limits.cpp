@@ -26,14 +26,15 @@ double wrapped(double angle)
     return angle - kTurn * std::ceil((angle - std::numbers::pi) / kTurn);
 }
 
-/// The angle within limits that is nearest on the circle. An angle in (-pi, pi] may stand
-/// for one a turn away.
+/// The angle within limits that is nearest on the circle; an angle stands for all that
+/// are whole turns away.
 double nearest_within(double angle, const std::array<double, 2>& limits)
 {
     const auto& [least, most] = limits;
-    for (const double same : {angle, angle + kTurn, angle - kTurn})
-        if (same >= least && same <= most)
-            return angle;
+    if (std::isinf(least) || std::isinf(most))
+        return angle;
+    if (angle + kTurn * std::ceil((least - angle) / kTurn) <= most)
+        return angle;
     return std::abs(wrapped(angle - least)) <= std::abs(wrapped(angle - most)) ? least
                                                                                : most;
 }

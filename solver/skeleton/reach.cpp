@@ -47,6 +47,9 @@ constexpr double kLeastTurn = 1e-13;
 /// A step that brings the targets nearer by a smaller share is the last.
 constexpr double kLeastGain = 1e-12;
 
+/// Of the length of a chain: places beyond that are brought so near.
+constexpr double kFar = 100.0;
+
 /// By which a straight chain is bent [rad], and the share by which it must come nearer to
 /// stay so.
 constexpr double kNudge = 0.1, kGain = 1e-6;
@@ -74,6 +77,7 @@ public:
             size_ = 1.0;
         for (const int joint : joints_)
             pose_.turns[idx(joint)] = within(joint, pose_.turns[idx(joint)]);
+        find_places();
         residual_ = residual(pose_);
     }
 
@@ -84,7 +88,9 @@ public:
             go(report);
         for (std::size_t k = 0; k < targets_.size(); ++k)
             report.misses.push_back(
-                size_ * residual_.segment<3>(static_cast<Eigen::Index>(3 * k)).norm());
+                (size_ * residual_.segment<3>(static_cast<Eigen::Index>(3 * k)) +
+                 places_[k] - targets_[k].place)
+                    .stableNorm());
         return report;
     }
 
@@ -98,6 +104,29 @@ private:
         return limited(turn, skeleton_[idx(joint)].limits,
                        skeleton_.direction(idx(joint)));
     }
+    /// What is much farther away than a chain is long is only a direction: beside such
+    /// ways the joint's own would be rounding.
+    void find_places()
+    {
+        const std::vector<Motion> motions = skeleton_.motions(pose_);
+        for (const ReachTarget& target : targets_)
+        {
+            Vector3d& place = places_.emplace_back(target.place);
+            if (target.chain.empty())
+                continue;
+            const int first = *std::min_element(target.chain.begin(), target.chain.end());
+            double length = 0.0;
+            for (int joint = target.joint; joint > first;
+                 joint = skeleton_[idx(joint)].parent)
+                length += (skeleton_[idx(joint)].at -
+                           skeleton_[idx(skeleton_[idx(joint)].parent)].at)
+                              .norm();
+            const Vector3d base = motions[idx(first)](skeleton_[idx(first)].at);
+            const Vector3d way = target.place - base;
+            if (way.stableNorm() > kFar * length)
+                place = base + kFar * length * way.stableNormalized();
+        }
+    }
     double miss() const { return residual_.lpNorm<Eigen::Infinity>(); }
 
     VectorXd residual(const SkeletonPose& pose) const
@@ -107,7 +136,7 @@ private:
         for (std::size_t k = 0; k < targets_.size(); ++k)
             residual.segment<3>(static_cast<Eigen::Index>(3 * k)) =
                 (motions[idx(targets_[k].joint)](skeleton_[idx(targets_[k].joint)].at) -
-                 targets_[k].place) /
+                 places_[k]) /
                 size_;
         return residual;
     }
@@ -119,7 +148,7 @@ private:
         for (std::size_t k = 0; k < targets_.size(); ++k)
         {
             const auto row = static_cast<Eigen::Index>(3 * k);
-            const Vector3d place = size_ * residual_.segment<3>(row) + targets_[k].place;
+            const Vector3d place = size_ * residual_.segment<3>(row) + places_[k];
             for (std::size_t i = 0; i < joints_.size(); ++i)
             {
                 const int joint = joints_[i];
@@ -291,8 +320,9 @@ private:
     SkeletonPose& pose_;
     std::vector<int> joints_, first_; ///< those that turn; the first unknown of each
     int num_unknowns_ = 0;
-    double size_ = 0.0; ///< of the skeleton
-    VectorXd residual_; ///< [size]
+    double size_ = 0.0;            ///< of the skeleton
+    std::vector<Vector3d> places_; ///< of the targets, not too far away
+    VectorXd residual_;            ///< [size]
 };
 
 } // namespace

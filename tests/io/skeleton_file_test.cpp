@@ -404,6 +404,29 @@ TEST(SkeletonFile, what_is_wrong_with_an_animation_is_told_by_its_place)
     EXPECT_TRUE(contains(with("/animations/0/channels", 3), "need a list of objects"));
 }
 
+TEST(SkeletonFile, names_that_cannot_be_said_become_others_that_still_differ)
+{
+    Json json = rig();
+    json["nodes"][1]["name"] = "a\nb";
+    json["nodes"][2]["name"] = "a_b";
+    const SkeletonValues values = gltf(json);
+    EXPECT_EQ(values.joints[0].name, "a_b");
+    EXPECT_EQ(values.joints[1].name, "a_b.2");
+    EXPECT_EQ(values.joints[1].parent, "a_b");
+}
+
+TEST(SkeletonFile, what_is_for_other_files_is_refused)
+{
+    SkeletonPlacement placement;
+    placement.root = "Hips";
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { bvh(kWalk, placement); }),
+                         "root: is for a .tgf"));
+    placement.root.clear();
+    placement.animation = "0";
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { tgf(kArm, placement); }),
+                         "animation: is for a glTF"));
+}
+
 TEST(SkeletonFile, parents_come_first_whatever_the_order_and_what_cannot_be_is_named)
 {
     const auto joint = [](const char* name, const char* parent, const Vector3d& at)

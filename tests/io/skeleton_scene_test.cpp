@@ -82,6 +82,8 @@ TEST(SkeletonScene, what_is_wrong_is_told_by_its_key)
     EXPECT_TRUE(contains(refusal(""), "needs either a file or joints"));
     EXPECT_TRUE(contains(refusal(R"("file": "a.tgf", )" + kJoints), "needs either"));
     EXPECT_TRUE(contains(refusal(kJoints + R"(, "up": "z")"), "are for a file"));
+    EXPECT_TRUE(
+        contains(refusal(R"("file": "arm.obj")"), "skeleton.file: got 'arm.obj'"));
     EXPECT_TRUE(contains(refusal(R"("joints": [{"name": "a"}])"),
                          "skeleton.joints[0].at: is missing"));
     EXPECT_TRUE(contains(refusal(with_keys + R"({"time": 1, "joint": "knee",

@@ -169,6 +169,18 @@ TEST(LimbTree, a_ring_is_open_in_one_place)
         EXPECT_NEAR(joint.at.head<2>().norm(), 2.0, 0.25);
 }
 
+TEST(LimbTree, limbs_are_found_far_from_the_origin)
+{
+    const Vector3d away(1e6, -2e6, 5e5);
+    Shape far = cross();
+    for (Vector3d& x : far.samples)
+        x += away;
+    const std::vector<LimbJoint> joints = limb_tree(far);
+    expect_tree(joints);
+    EXPECT_EQ(tips(joints), 4);
+    EXPECT_LT((joints[0].at - away - Vector3d(0, 0, 7.5)).norm(), 0.6);
+}
+
 TEST(LimbTree, the_same_each_time)
 {
     const std::vector<LimbJoint> one = limb_tree(cross()), other = limb_tree(cross());

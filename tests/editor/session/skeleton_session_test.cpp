@@ -251,6 +251,15 @@ TEST(SkeletonSession, bones_outside_and_material_far_from_all_are_told)
     EXPECT_NEAR(binding->farthest.z(), 4.0, 0.5);
 }
 
+TEST(SkeletonSession, bones_that_others_leave_no_cell_are_told)
+{
+    const Session session(
+        model(long_bar()),
+        handles("fixed all box -9 -9 -9 9 9 9\n" + kBones + "frame 1\n"), settings(8));
+    ASSERT_EQ(session.warnings().size(), 1u);
+    EXPECT_TRUE(contains(session.warnings()[0], "move nothing: root, knee"));
+}
+
 TEST(SkeletonSession, a_bone_has_half_the_distance_to_the_outside_for_its_radius)
 {
     const Session session(model(long_bar()), handles(kBones + "frame 1\n"), settings(16));
@@ -352,6 +361,12 @@ TEST(SkeletonSession, keys_of_a_scene_are_frames)
     SceneFile finer = scene;
     finer.skeleton->every = 0.25;
     EXPECT_EQ(script_of(finer, "", warnings)->stages[0].frames.size(), 5u);
+    finer.skeleton->every = 0.7; // the last key has its frame as well
+    EXPECT_EQ(script_of(finer, "", warnings)->stages[0].frames.back().time, 1.0);
+    finer.skeleton->every = 1e-6;
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed, [&] { script_of(finer, "", warnings); }),
+                 "s.json: skeleton.every: makes more than 100000 frames"));
 }
 
 TEST(SkeletonSession, scenes_without_one_build_none)

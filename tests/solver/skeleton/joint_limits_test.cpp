@@ -106,6 +106,18 @@ TEST(JointLimits, limits_beyond_half_a_turn_hold_what_they_say)
         1e-15);
 }
 
+TEST(JointLimits, limits_may_be_whole_turns_away)
+{
+    JointLimits limits;
+    limits.twist = {800.0 * kPi / 180.0, 1000.0 * kPi / 180.0}; // 80 to 280 degrees
+    const Vector3d axis = Vector3d::UnitZ();
+    const Quaterniond inside(AngleAxisd(100.0 * kPi / 180.0, axis));
+    EXPECT_EQ(limited(inside, limits, axis).coeffs(), inside.coeffs());
+    EXPECT_NEAR(
+        twist_angle(limited(Quaterniond(AngleAxisd(1.0, axis)), limits, axis), axis),
+        80.0 * kPi / 180.0, 1e-12);
+}
+
 TEST(JointLimits, a_hinge_keeps_its_twist_alone)
 {
     JointLimits limits;

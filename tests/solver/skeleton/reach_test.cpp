@@ -115,6 +115,18 @@ TEST(Reach, what_is_too_far_is_pointed_at_with_a_straight_arm)
     EXPECT_LT((place_of(skeleton, pose, 3) - 3.0 / 13.0 * place).norm(), 1e-3);
 }
 
+TEST(Reach, what_is_however_far_away_is_pointed_at)
+{
+    const Skeleton skeleton(joints_in_line(4));
+    for (const double far : {1e3, 1e8, 1e17, 1e90})
+    {
+        SkeletonPose pose = skeleton.rest();
+        const ReachReport report = reach_one(skeleton, 3, {0, far, 0}, pose);
+        EXPECT_LT((place_of(skeleton, pose, 3) - Vector3d(0, 3, 0)).norm(), 1e-3) << far;
+        EXPECT_NEAR(report.misses[0] / (far - 3.0), 1.0, 1e-9);
+    }
+}
+
 TEST(Reach, hinges_turn_about_their_axes_alone_and_within_their_limits)
 {
     std::vector<RestJoint> joints = joints_in_line(4);
