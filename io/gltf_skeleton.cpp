@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Joints are the nodes of all skins, and animated nodes above them; without a skin, nodes
-// that an animation moves and what hangs on them, else all that show no mesh. At rest a
+// that an animation moves, else all that show no mesh; and what hangs on them and shows
+// none. The last joint of a skin's limb has a bone as well, half as long as the one that
+// leads to it, in its direction: few files tell where it ends. At rest a
 // joint of a skin is where its inverse bind matrix B says, another where its node stands.
 //
 // A node under the joint p, with the matrices F of nodes between them that do not move,
@@ -61,6 +63,7 @@ public:
         name_joints();
         for (const std::size_t node : order_)
             add_joint(node);
+        add_ends();
         return std::move(out_);
     }
 
@@ -217,8 +220,10 @@ private:
             if (!joints || !joints->is_array() || joints->empty())
                 json_.fail(where, "need a list of nodes");
             for (const Json& joint : *joints)
-                is_joint[json_.index_of(joint, where, "nodes", nodes_.size())] = true;
+                of_skin_.insert(json_.index_of(joint, where, "nodes", nodes_.size()));
         }
+        for (const std::size_t node : of_skin_)
+            is_joint[node] = true;
         const auto spread_up = [&](std::size_t node)
         {
             for (int above = nodes_.parent(node); above >= 0;
@@ -251,8 +256,7 @@ private:
             {
                 const auto above = static_cast<std::size_t>(parent);
                 joint_above_[node] = is_joint[above] ? parent : joint_above_[above];
-                if (skins.empty() && !nodes_[node].contains("mesh") &&
-                    joint_above_[node] >= 0)
+                if (!nodes_[node].contains("mesh") && joint_above_[node] >= 0)
                     is_joint[node] = true;
             }
             if (is_joint[node])
@@ -387,6 +391,36 @@ private:
             before* now.translation() - rest, Vector3d::Zero());
     }
 
+    /// Of limbs whose last joint is that of a skin.
+    void add_ends()
+    {
+        std::set<std::string> parents, names;
+        for (const SkeletonJoint& joint : out_.joints)
+        {
+            parents.insert(joint.parent);
+            names.insert(joint.name);
+        }
+        const std::size_t count = out_.joints.size();
+        for (std::size_t j = 0; j < count; ++j)
+        {
+            const SkeletonJoint joint = out_.joints[j];
+            const int above = joint_above_[order_[j]];
+            if (above < 0 || parents.contains(joint.name) ||
+                !of_skin_.contains(order_[j]))
+                continue;
+            const Vector3d from =
+                bind_.at(static_cast<std::size_t>(above)).inverse().translation();
+            SkeletonJoint end;
+            end.name = joint.name + ".end";
+            for (int k = 2; !names.insert(end.name).second; ++k)
+                end.name = joint.name + ".end" + std::to_string(k);
+            end.parent = joint.name;
+            end.at = joint.at + 0.5 * (joint.at - from);
+            if (end.at != joint.at)
+                out_.joints.push_back(end);
+        }
+    }
+
     /// That the joint moves space without scaling it, at rest and by its keys.
     void check_scale(std::size_t node, const Affine3d& before, const Affine3d& bind) const
     {
@@ -459,7 +493,8 @@ private:
     GltfData data_;
     const GltfJson& json_;
     const GltfNodes nodes_;
-    std::set<std::size_t> compressed_;
+    std::set<std::size_t> compressed_;         ///< accessors
+    std::set<std::size_t> of_skin_;            ///< nodes
     std::map<std::size_t, Channels> channels_; ///< of nodes
     std::vector<std::size_t> order_;           ///< nodes that are joints, parents first
     std::vector<int> joint_above_;             ///< of a node: the next one; -1: none

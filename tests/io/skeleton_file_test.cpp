@@ -308,11 +308,27 @@ TEST(SkeletonFile, a_bvh_without_frames_is_a_skeleton_at_rest)
 TEST(SkeletonFile, a_gltf_rests_where_its_bind_matrices_say_in_the_axes_of_the_world)
 {
     const SkeletonValues values = gltf(rig());
-    ASSERT_EQ(values.joints.size(), 2u);
+    ASSERT_EQ(values.joints.size(), 3u);
     EXPECT_EQ(values.joints[1].name, "two");
     EXPECT_EQ(values.joints[1].parent, "one");
     EXPECT_LT((values.joints[0].at - Vector3d(0, 1, 0)).norm(), 1e-6);
     EXPECT_LT((values.joints[1].at - Vector3d(0, 2, 0)).norm(), 1e-6);
+}
+
+TEST(SkeletonFile, the_last_joint_of_a_skin_has_a_bone_as_well)
+{
+    const SkeletonValues values = gltf(rig());
+    EXPECT_EQ(values.joints[2].name, "two.end");
+    EXPECT_EQ(values.joints[2].parent, "two");
+    EXPECT_LT((values.joints[2].at - Vector3d(0, 2.5, 0)).norm(), 1e-6);
+    // Where a node tells where it ends, that does.
+    Json json = rig();
+    json["nodes"][2]["children"] = {3};
+    json["nodes"].push_back({{"name", "tip"}, {"translation", {300, 0, 0}}});
+    const SkeletonValues told = gltf(json);
+    ASSERT_EQ(told.joints.size(), 3u);
+    EXPECT_EQ(told.joints[2].name, "tip");
+    EXPECT_LT((told.joints[2].at - Vector3d(0, 5, 0)).norm(), 1e-5);
 }
 
 TEST(SkeletonFile, turns_of_a_gltf_are_told_from_rest_in_the_axes_of_the_world)
