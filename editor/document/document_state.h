@@ -157,9 +157,9 @@ struct Document::State
                 }
             find_placement(region, on);
         }
-        skeleton = stage().joints.empty()
-                       ? nullptr
-                       : make_skeleton_handle(stage().joints, on.units);
+        skeleton = stage().joints.empty() ? nullptr
+                                          : make_skeleton_handle(stage().joints, on.units,
+                                                                 edited.handles.path);
         if (skeleton)
         {
             pose = skeleton->rest();

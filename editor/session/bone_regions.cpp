@@ -14,6 +14,7 @@
 #include "io/error.h"
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
+#include "octree/distance_transform.h"
 
 namespace cellwarp
 {
@@ -40,86 +41,68 @@ constexpr double kMostCut = 0.6;
 /// Material is far from a bone beyond this, of the bone's distance to the outside.
 constexpr double kFar = 3.0;
 
-/// Distance from \p x to the nearest voxel that \p is_wanted, or to beyond the grid where
-/// \p beyond; infinity: none.
-template <class IsWanted>
-double distance_to(const VoxelGrid& grid, const Vector3d& x, bool beyond,
-                   IsWanted&& is_wanted)
+/// Distances to the outside of a solid, or to the material of a shell.
+class Distances
 {
-    const double edge = grid.shape().voxel();
-    const Vector3i centre = grid.locate(x);
-    double least = INFINITY;
-    if (beyond)
+public:
+    explicit Distances(const Material& material)
+        : grid_(material.grid), is_solid_(material.method != InsideMethod::None)
     {
-        const Vector3d low = grid.from_voxels(Vector3d::Zero()), size = grid.shape().size;
-        for (int axis = 0; axis < 3; ++axis)
-            least = std::min({least, std::max(0.0, x[axis] - std::max(low[axis], 0.0)),
-                              std::max(0.0, size[axis] - x[axis])});
+        std::vector<std::uint8_t> marks = grid_.material();
+        if (is_solid_)
+            for (std::uint8_t& mark : marks)
+                mark = !mark;
+        squared_ = squared_distances(marks, grid_.counts());
     }
-    const int most = grid.counts().maxCoeff();
-    for (int ring = 0; ring <= most && (ring - 1) * edge < least; ++ring)
+    bool is_solid() const { return is_solid_; }
+    bool holds(const Vector3d& x) const
     {
-        const Vector3i first = (centre.array() - ring).cwiseMax(0);
-        const Vector3i last = (centre.array() + ring).cwiseMin(grid.counts().array() - 1);
-        for (int k = first.z(); k <= last.z(); ++k)
-            for (int j = first.y(); j <= last.y(); ++j)
-                for (int i = first.x(); i <= last.x(); ++i)
-                {
-                    const Vector3i v(i, j, k);
-                    if ((v - centre).cwiseAbs().maxCoeff() != ring)
-                    {
-                        // On to the other side of the cube.
-                        if (i > first.x() && i < last.x() &&
-                            std::max(std::abs(j - centre.y()), std::abs(k - centre.z())) <
-                                ring)
-                            i = std::max(i, last.x() - 1);
-                        continue;
-                    }
-                    if (is_wanted(grid.index(v)))
-                        least =
-                            std::min(least, std::max(0.0, (grid.centre(v) - x).norm() -
-                                                              0.5 * edge));
-                }
+        return (x.array() >= 0.0).all() &&
+               (x.array() <= grid_.shape().size.array()).all();
     }
-    return least;
-}
+    bool is_material(const Vector3d& x) const
+    {
+        return holds(x) && grid_.material()[grid_.index(grid_.locate(x))];
+    }
+    /// Of a place in the box, whose faces are the outside as well.
+    double at(const Vector3d& x) const
+    {
+        const double voxels =
+            std::sqrt(static_cast<double>(squared_[grid_.index(grid_.locate(x))]));
+        const double away = grid_.shape().voxel() * std::max(0.0, voxels - 0.5);
+        return is_solid_
+                   ? std::min({away, x.minCoeff(), (grid_.shape().size - x).minCoeff()})
+                   : away;
+    }
+
+private:
+    const VoxelGrid& grid_;
+    bool is_solid_;
+    std::vector<float> squared_; ///< [voxel]
+};
 
 struct Measured
 {
-    double inside = 0.0;  ///< share of places in the material
-    double outward = 0.0; ///< median distance to the outside
-    double inward = 0.0;  ///< median distance to the material
+    double inside = 0.0;   ///< share of places in the material
+    double distance = 0.0; ///< median: to the outside, in a shell to the material
 };
 
-Measured measured(const std::vector<Line>& bones, const VoxelGrid& grid, bool is_solid)
+Measured measured(const std::vector<Line>& bones, const Distances& distances)
 {
-    std::vector<double> outward, inward;
+    std::vector<double> away;
     double inside = 0.0;
     for (const auto& [from, to] : bones)
         for (int k = 0; k < kPlaces; ++k)
         {
             const Vector3d x = from + (k + 0.5) / kPlaces * (to - from);
-            const bool is_in_grid = (x.array() >= 0.0).all() &&
-                                    (x.array() <= grid.shape().size.array()).all();
-            const bool is_in = is_in_grid && grid.material()[grid.index(grid.locate(x))];
-            inside += is_in;
-            if (is_solid && is_in)
-                outward.push_back(distance_to(
-                    grid, x, true, [&](std::size_t v) { return !grid.material()[v]; }));
-            if (!is_solid && is_in_grid)
-                inward.push_back(distance_to(
-                    grid, x, false, [&](std::size_t v) { return grid.material()[v]; }));
+            inside += distances.is_material(x);
+            if (distances.is_solid() ? distances.is_material(x) : distances.holds(x))
+                away.push_back(distances.at(x));
         }
-    const auto median = [](std::vector<double>& values)
-    {
-        if (values.empty())
-            return 0.0;
-        const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-        std::nth_element(values.begin(), middle, values.end());
-        return *middle;
-    };
-    return {inside / static_cast<double>(kPlaces * bones.size()), median(outward),
-            median(inward)};
+    const auto middle = away.begin() + std::ptrdiff_t(away.size() / 2);
+    std::nth_element(away.begin(), middle, away.end());
+    return {inside / static_cast<double>(kPlaces * bones.size()),
+            away.empty() ? 0.0 : *middle};
 }
 
 /// Whether a joint turns its bones against that of its parent.
@@ -219,7 +202,7 @@ std::vector<Region> bone_regions(const SkeletonHandle& skeleton, const RestShape
                                  SkeletonBinding& binding)
 {
     const VoxelGrid& grid = rest.material.grid;
-    const bool is_solid = rest.material.method != InsideMethod::None;
+    const Distances distances(rest.material);
     std::vector<Region> regions;
     std::vector<std::pair<Line, double>> reaches;
     binding.joints = skeleton.size();
@@ -229,12 +212,12 @@ std::vector<Region> bone_regions(const SkeletonHandle& skeleton, const RestShape
         if (bones.empty())
             continue;
         const SkeletonJoint& statement = skeleton.statement(j);
-        const Measured found = measured(bones, grid, is_solid);
-        double radius = is_solid ? 0.5 * found.outward : kGrip * found.inward;
-        radius = std::max(skeleton.told_radius(j).value_or(radius),
-                          kLeastRadius * grid.shape().voxel());
-        const double reach =
-            std::max(is_solid ? found.outward : found.inward, grid.shape().edge);
+        const Measured found = measured(bones, distances);
+        const double radius =
+            std::max(skeleton.told_radius(j).value_or(
+                         (distances.is_solid() ? 0.5 : kGrip) * found.distance),
+                     kLeastRadius * grid.shape().voxel());
+        const double reach = std::max(found.distance, grid.shape().edge);
         Region region;
         region.role = Role::Bone;
         region.name = statement.name;

@@ -23,7 +23,7 @@ bool SkeletonAim::is_at(const SkeletonAim&) const
 }
 
 std::shared_ptr<const SkeletonHandle>
-make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&)
+make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&, const std::string&)
 {
     refuse();
 }

@@ -66,8 +66,9 @@ SkeletonPose pose_of(const SkeletonAim& aim)
 class Handle final : public SkeletonHandle
 {
 public:
-    Handle(const std::vector<SkeletonJoint>& joints, const Units& units)
-        : statements_(joints), skeleton_(joints_of(joints, units)),
+    Handle(const std::vector<SkeletonJoint>& joints, const Units& units, std::string file)
+        : file_(std::move(file)), statements_(joints),
+          skeleton_(joints_of(joints, units)),
           unit_(units.is_relative ? units.box.size().norm() : 1.0),
           exponent_(units.frame.exponent)
     {
@@ -181,7 +182,7 @@ private:
             JointHold held{joint, units.point(move.operations.front().vector),
                            chain_of(joint, move.chain), 0.0};
             if (!(held.place.cwiseAbs().maxCoeff() <= kHuge))
-                throw malformed({{}, move.line, move.region},
+                throw malformed({file_, move.line, move.region},
                                 "moves beyond what numbers can hold");
             if (hold == to.holds.end())
                 to.holds.push_back(std::move(held));
@@ -212,7 +213,7 @@ private:
         if (turns || !shifts)
             told.insert(joint);
         if (!to.shifts[idx(joint)].allFinite())
-            throw malformed({{}, move.line, move.region},
+            throw malformed({file_, move.line, move.region},
                             "moves beyond what numbers can hold");
     }
 
@@ -231,6 +232,7 @@ private:
         return chain;
     }
 
+    const std::string file_;
     const std::vector<SkeletonJoint> statements_;
     const Skeleton skeleton_;
     const double unit_;
@@ -304,9 +306,10 @@ bool SkeletonAim::is_at(const SkeletonAim& other) const
 }
 
 std::shared_ptr<const SkeletonHandle>
-make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units)
+make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
+                     const std::string& file)
 {
-    return std::make_shared<const Handle>(joints, units);
+    return std::make_shared<const Handle>(joints, units, file);
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,

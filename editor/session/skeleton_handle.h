@@ -82,9 +82,11 @@ public:
                           double diagonal) const = 0;
 };
 
-/// \p joints: parents first. Fault::Usage where skeletons are not built.
+/// \p joints: parents first. \p file: where they are told, for messages. Fault::Usage
+/// where skeletons are not built.
 std::shared_ptr<const SkeletonHandle>
-make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units);
+make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
+                     const std::string& file);
 
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
 /// \p every so many seconds from the first on, and at the last. \p file: of the scene,

@@ -17,24 +17,6 @@ namespace
 
 using Eigen::Vector3d;
 
-/// Bars along x that meet a long one along z, in one closed surface of blocks.
-Shape cross(bool has_arms)
-{
-    std::vector<double> x, y, z;
-    for (int k = -20; k <= 20; ++k)
-        x.push_back(0.25 * k);
-    for (int k = -2; k <= 2; ++k)
-        y.push_back(0.25 * k);
-    for (int k = 0; k <= 40; ++k)
-        z.push_back(0.25 * k);
-    return support::blocks_shape({x, y, z},
-                                 [=](int i, int, int k)
-                                 {
-                                     const bool is_trunk = i >= 18 && i < 22;
-                                     return is_trunk || (has_arms && k >= 28 && k < 32);
-                                 });
-}
-
 double length_of(const std::vector<Vector3d>& places)
 {
     double sum = 0.0;
@@ -56,7 +38,7 @@ std::vector<std::uint32_t> samples_where(const Shape& shape, auto&& holds)
 
 TEST(CentreLine, of_a_bar_is_its_axis)
 {
-    const Shape bar = cross(false);
+    const Shape bar = support::cross(false);
     const CentreLine line = centre_line(bar, {});
     ASSERT_GT(line.places.size(), 2u);
     EXPECT_GT(length_of(line.places), 8.0); // of 10
@@ -69,7 +51,7 @@ TEST(CentreLine, of_a_bar_is_its_axis)
 
 TEST(CentreLine, of_a_limb_goes_from_the_branching_to_its_tip)
 {
-    const Shape shape = cross(true);
+    const Shape shape = support::cross(true);
     const CentreLine line = centre_line(
         shape, samples_where(shape, [](const Vector3d& x) { return x.x() > 4.7; }));
     ASSERT_GT(line.places.size(), 2u);
@@ -90,7 +72,7 @@ TEST(CentreLine, of_a_limb_goes_from_the_branching_to_its_tip)
 
 TEST(CentreLine, of_a_soup_or_a_cloud_is_that_of_a_wrap_around_it)
 {
-    const Shape mesh = cross(true);
+    const Shape mesh = support::cross(true);
     Shape cloud;
     cloud.samples = support::random_points(mesh, 20000, 1);
     const CentreLine line = centre_line(
@@ -103,7 +85,7 @@ TEST(CentreLine, of_a_soup_or_a_cloud_is_that_of_a_wrap_around_it)
 
 TEST(CentreLine, is_the_same_each_time_and_turns_with_the_shape)
 {
-    const Shape shape = cross(true);
+    const Shape shape = support::cross(true);
     const CentreLine line = centre_line(shape, {});
     EXPECT_EQ(centre_line(shape, {}).places, line.places);
     Shape turned = shape;

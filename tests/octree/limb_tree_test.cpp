@@ -19,20 +19,6 @@ namespace
 
 using Eigen::Vector3d;
 
-/// A trunk along z, 1 x 1 x 10, with two arms along x at 7 to 8, 5 long to either side.
-Shape cross()
-{
-    std::vector<double> x, y, z;
-    for (int k = -20; k <= 20; ++k)
-        x.push_back(0.25 * k);
-    for (int k = -2; k <= 2; ++k)
-        y.push_back(0.25 * k);
-    for (int k = 0; k <= 40; ++k)
-        z.push_back(0.25 * k);
-    return support::blocks_shape({x, y, z}, [](int i, int, int k)
-                                 { return (i >= 18 && i < 22) || (k >= 28 && k < 32); });
-}
-
 /// A closed tube about a line in the plane z = 0.
 Shape tube(const std::vector<Vector3d>& line, double radius, bool is_ring)
 {
@@ -104,7 +90,7 @@ int tips(const std::vector<LimbJoint>& joints)
 
 TEST(LimbTree, a_cross_hangs_on_its_branching_and_has_four_limbs)
 {
-    const std::vector<LimbJoint> joints = limb_tree(cross());
+    const std::vector<LimbJoint> joints = limb_tree(support::cross(true));
     expect_tree(joints);
     EXPECT_LT((joints[0].at - Vector3d(0, 0, 7.5)).norm(), 0.6);
     EXPECT_EQ(tips(joints), 4);
@@ -172,7 +158,7 @@ TEST(LimbTree, a_ring_is_open_in_one_place)
 TEST(LimbTree, limbs_are_found_far_from_the_origin)
 {
     const Vector3d away(1e6, -2e6, 5e5);
-    Shape far = cross();
+    Shape far = support::cross(true);
     for (Vector3d& x : far.samples)
         x += away;
     const std::vector<LimbJoint> joints = limb_tree(far);
@@ -183,7 +169,8 @@ TEST(LimbTree, limbs_are_found_far_from_the_origin)
 
 TEST(LimbTree, the_same_each_time)
 {
-    const std::vector<LimbJoint> one = limb_tree(cross()), other = limb_tree(cross());
+    const std::vector<LimbJoint> one = limb_tree(support::cross(true)),
+                                 other = limb_tree(support::cross(true));
     ASSERT_EQ(one.size(), other.size());
     for (std::size_t j = 0; j < one.size(); ++j)
         EXPECT_EQ(one[j].at, other[j].at);

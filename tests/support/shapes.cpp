@@ -119,6 +119,23 @@ Shape l_prism()
                         [](int i, int j, int) { return i < 4 || j < 2; });
 }
 
+Shape cross(bool has_arms)
+{
+    std::vector<double> x, y, z;
+    for (int k = -20; k <= 20; ++k)
+        x.push_back(0.25 * k);
+    for (int k = -2; k <= 2; ++k)
+        y.push_back(0.25 * k);
+    for (int k = 0; k <= 40; ++k)
+        z.push_back(0.25 * k);
+    return blocks_shape({x, y, z},
+                        [=](int i, int, int k)
+                        {
+                            const bool is_trunk = i >= 18 && i < 22;
+                            return is_trunk || (has_arms && k >= 28 && k < 32);
+                        });
+}
+
 Shape comb()
 {
     return blocks_shape({std::vector{0.0, 0.66, 1.32, 1.98, 2.485, 2.99, 3.495, 4.0},

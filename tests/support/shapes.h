@@ -33,6 +33,8 @@ Shape blocks_shape(const std::array<std::vector<double>, 3>& lines,
 Shape l_prism();
 /// A comb of two teeth 4 x 1 x 1, slit from x = 1.98 on between y = 0.45 and 0.55.
 Shape comb();
+/// A trunk 1 x 1 x 10 along z; with arms 1 thick from x = -5 to 5, from z = 7 to 8.
+Shape cross(bool has_arms);
 /// Four steps 1 x 1 x 1 each, one above the other.
 Shape steps();
 /// An open sheet in the plane z = 0, from the origin along x and y; \p n quads along its

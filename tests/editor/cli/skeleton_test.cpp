@@ -86,6 +86,28 @@ TEST(SkeletonCli, all_frames_go_into_one_file_that_moves)
     EXPECT_EQ(run({"deform", files.model, "-o", files.out("n.pc2")}).code, 2);
 }
 
+TEST(SkeletonCli, blender_reads_the_frames_where_it_is_installed)
+{
+    const char* const blender = "/usr/bin/blender";
+    if (!std::filesystem::exists(blender))
+        GTEST_SKIP() << "there is no " << blender;
+    const Files files;
+    ASSERT_EQ(run({"deform", files.scene, "-o", files.out("o.glb")}).code, 0);
+    const std::string script = files.folder.write(
+        "look.py", "import numpy\n"
+                   "numpy.bool = bool\n" // Debian 12's importer asks for it
+                   "import bpy\n"
+                   "bpy.ops.wm.read_factory_settings(use_empty=True)\n"
+                   "bpy.ops.import_scene.gltf(filepath='" +
+                       files.out("o.glb") +
+                       "')\n"
+                       "shape = [o for o in bpy.data.objects if o.type == 'MESH'][0]\n"
+                       "print('SEEN', len(shape.data.vertices),"
+                       " len(shape.data.shape_keys.key_blocks))\n");
+    const Result seen = support::run_program(blender, {"-b", "--python", script});
+    EXPECT_TRUE(contains(seen.out, "SEEN 290 3")) << seen.out << seen.err;
+}
+
 TEST(SkeletonCli, a_field_of_a_pose_applies_to_the_same_samples)
 {
     const Files files;

@@ -7,7 +7,6 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
-#include "editor/session/session.h"
 #include "io/bytes.h"
 #include "tests/editor/document/random_edits.h"
 #include "tests/support/shapes.h"
@@ -19,6 +18,7 @@ namespace cellwarp
 using support::contains;
 using support::contents;
 using support::error_of;
+using support::replayed;
 
 namespace
 {
@@ -47,18 +47,6 @@ struct Limb
         return Document(scene, has_journal ? journals : "");
     }
 };
-
-/// What a session makes of the document's statements.
-std::vector<Vector3d> replayed(const Document& document)
-{
-    SessionSettings settings;
-    settings.cells.across = 12;
-    settings.cells.max_depth = 0;
-    Session session(geometry_of(document.model()), document.handles(), settings);
-    while (session.next_frame(true))
-        ;
-    return session.deformed().samples;
-}
 
 Placement turned(const EditedRegion& joint, double degrees)
 {

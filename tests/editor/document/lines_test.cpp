@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include "editor/document/editing.h"
-#include "editor/session/session.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/editor/document/random_edits.h"
@@ -18,6 +17,7 @@ namespace cellwarp
 using support::contains;
 using support::contents;
 using support::error_of;
+using support::replayed;
 
 namespace
 {
@@ -43,18 +43,6 @@ const RodShape kAxis{{{0.5, 0.5, 0.2}, {0.5, 0.5, 2}, {0.5, 0.5, 3.8}}, false, 0
 PointPlacement to(const Vector3d& place)
 {
     return {place, std::nullopt};
-}
-
-/// What a session makes of the document's statements.
-std::vector<Vector3d> replayed(const Document& document)
-{
-    SessionSettings settings;
-    settings.cells.across = 12;
-    settings.cells.max_depth = 0;
-    Session session(geometry_of(document.model()), document.handles(), settings);
-    while (session.next_frame(true))
-        ;
-    return session.deformed().samples;
 }
 
 /// From a place [model unit] to where the third point of the only line is shown [view].

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "editor/session/session.h"
 #include "io/bytes.h"
 #include "io/error.h"
 
@@ -18,6 +19,17 @@ BarDocument::BarDocument(int n)
 Document BarDocument::open(bool has_journal) const
 {
     return {model, has_journal ? journals : ""};
+}
+
+std::vector<Eigen::Vector3d> replayed(const Document& document)
+{
+    SessionSettings settings;
+    settings.cells.across = 12;
+    settings.cells.max_depth = 0;
+    Session session(geometry_of(document.model()), document.handles(), settings);
+    while (session.next_frame(true))
+        ;
+    return session.deformed().samples;
 }
 
 Selection between(const Document& document, double low, double high)

@@ -30,6 +30,9 @@ void hold_ends(Document& document);
 /// All that the edits amount to, as text.
 std::string contents(const Document& document);
 
+/// What a session makes of the document's statements, in 12 cells along the longest side.
+std::vector<Eigen::Vector3d> replayed(const Document& document);
+
 /// One edit, or none, of a kind that the generator draws.
 void edit_at_random(Document& document, std::mt19937& rng);
 

@@ -369,6 +369,27 @@ TEST(SkeletonSession, keys_of_a_scene_are_frames)
                  "s.json: skeleton.every: makes more than 100000 frames"));
 }
 
+TEST(SkeletonSession, cells_are_refined_where_a_joint_bends)
+{
+    const std::string bend = kBones + "frame 1\nmove knee rotate 1 0 0 60\n";
+    const Session coarse = played(long_bar(), bend, settings(16));
+    const Session fine = played(long_bar(), bend, settings(16, 1));
+    EXPECT_GT(fine.system()->body().cells.size(), coarse.system()->body().cells.size());
+    EXPECT_LT(off_bone(fine, 3.6, about({1, 0, 0}, 60)), 0.02);
+    for (const BoneBinding& bone : bones_of(fine))
+        EXPECT_GT(bone.cells, 0);
+}
+
+TEST(SkeletonSession, moves_beyond_numbers_are_told_with_file_and_line)
+{
+    const std::string said = error_of(
+        Fault::Malformed,
+        [] {
+            played(long_bar(), kBones + "frame 1\nmove foot to 0 0 1e300\n", settings(8));
+        });
+    EXPECT_TRUE(contains(said, "h.handles:6: foot: moves beyond")) << said;
+}
+
 TEST(SkeletonSession, scenes_without_one_build_none)
 {
     const Session session =
