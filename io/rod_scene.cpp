@@ -785,16 +785,6 @@ bool RodScene::carries() const
                        [](const RodStatement& rod) { return rod.carries; });
 }
 
-bool has_simulation(const std::string& path)
-{
-    if (extension_of(path) != "json")
-        return false;
-    const Json json = parse_json(path, read_file(path));
-    return json.contains("simulate") ||
-           ((json.contains("rods") || json.contains("sheets")) &&
-            !json.contains("model"));
-}
-
 RodScene read_rod_scene(const std::string& path)
 {
     return parse_rod_scene(path, read_file(path));
@@ -843,7 +833,7 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
         }
     root.each("joints", [&](const Json& value, const std::string& key)
               { read_joint(value, key + ".", scene); });
-    root.read("unit", kTiny, kHuge, scene.unit);
+    read_time_settings(root.object(), scene.path, scene, scene.warnings);
     if (json.contains("model") && !scene.carries())
         scene.warnings.push_back(
             at({path, 0, "model"}, "no rod carries it, it is left out"));
@@ -853,21 +843,6 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     root.each("obstacles", [&](const Json& value, const std::string& key)
               { read_obstacle(value, key + ".", scene); });
     read_contact(root, scene);
-    if (const Json* value = root.object().find("simulate"))
-    {
-        Reader simulate(*value, scene, "simulate.", scene.warnings);
-        simulate.read("dt", 1e-12, 1e6, scene.dt);
-        simulate.read("duration", 0.0, 1e9, scene.duration);
-        simulate.read("every", 1e-12, 1e9, scene.every);
-        simulate.read("integrator",
-                      OneOf{{"implicit-euler", "midpoint", "rk4", "static"}},
-                      scene.integrator);
-        simulate.read("gravity", scene.gravity);
-        simulate.read("viscosity", 0.0, kHuge, scene.viscosity);
-        simulate.object().warn_of_the_rest();
-        if (scene.duration / scene.dt > 1e9)
-            simulate.object().fail("duration", "takes more than 1e9 steps of dt");
-    }
     if (scene.integrator == "static")
         for (std::size_t k = 0; k < scene.rods.size(); ++k)
             if (!scene.rods[k].cuts.empty())

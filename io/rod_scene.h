@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
+#include "io/time_settings.h"
+
 namespace cellwarp
 {
-
-using Triple = std::array<double, 3>;
 
 /// Where a held place has come to at a time.
 struct RodKey
@@ -205,7 +205,7 @@ struct ObstacleStatement
     std::string mesh;                            ///< file
 };
 
-struct RodScene
+struct RodScene : TimeSettings
 {
     std::string path;
     std::vector<RodStatement> rods;
@@ -215,20 +215,11 @@ struct RodScene
     std::vector<JointStatement> joints;
     std::vector<ObstacleStatement> obstacles;
     std::optional<ContactStatement> contact; ///< nothing: rods pass through everything
-    double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
-    std::string integrator = "implicit-euler";
-    Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
-    double viscosity = 0.0;          ///< [N s/m^2]
-    double unit = 1.0;               ///< of the model [m]
     std::vector<std::string> warnings;
 
     /// Whether a rod carries the model's cells.
     bool carries() const;
 };
-
-/// Whether a scene file has rods in time, and is not one of edits alone. Throws what
-/// reading it throws.
-bool has_simulation(const std::string& path);
 
 /// Of a scene file with "rods" and "simulate". Throws Fault::File, Fault::Malformed with
 /// the key that is wrong: "rods[1].fixed[0].at".

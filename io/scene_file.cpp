@@ -16,6 +16,8 @@ namespace cellwarp
 namespace
 {
 
+constexpr double kStepOfFlesh = 1.0 / 120.0; ///< [s]
+
 /// The settings of one section.
 void read_settings(JsonObject& object, std::string_view section, SceneSettings& settings)
 {
@@ -110,6 +112,12 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         JsonObject object(*skeleton, path, "skeleton.", scene.warnings);
         scene.skeleton =
             parse_skeleton_scene(object, path, scene.warnings, scene.left_out);
+    }
+    if (scene.skeleton && json.contains("simulate") && !json.contains("rods") &&
+        !json.contains("sheets"))
+    {
+        scene.time.emplace().dt = kStepOfFlesh;
+        read_time_settings(root, path, *scene.time, scene.warnings);
     }
     root.warn_of_the_rest();
     return scene;

@@ -10,6 +10,7 @@
 
 #include "io/scene_settings.h"
 #include "io/skeleton_scene.h"
+#include "io/time_settings.h"
 
 namespace cellwarp
 {
@@ -35,7 +36,8 @@ struct SceneFile
     std::vector<std::string> left_out; ///< warnings of what is for other commands
     bool has_carriers = false;         ///< rods carry the model: see rod_scene.h
     std::optional<SkeletonScene> skeleton;
-    std::string text; ///< as it was read, with what the rest leaves out
+    std::optional<TimeSettings> time; ///< of flesh that follows the skeleton
+    std::string text;                 ///< as it was read, with what the rest leaves out
 };
 
 /// Whether a scene is about a model: rods in time need none. Throws as read_scene() for

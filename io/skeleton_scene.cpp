@@ -25,6 +25,9 @@ using Eigen::Vector3d;
 
 constexpr double kHuge = 1e30, kTiny = 1e-30;
 
+/// Nearer to 0.5 the equations have hardly a digit left.
+constexpr double kMostPoisson = 0.4999;
+
 Vector3d vector_of(const JsonObject& object, const std::string& key, const Json& value)
 {
     const std::array<double, 3> v = object.vector(key, value);
@@ -130,6 +133,87 @@ SceneKey read_key(const Json& json, const std::string& path, const std::string& 
     return key;
 }
 
+FleshRegion read_material(const Json& json, const std::string& path,
+                          const std::string& prefix, std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, prefix + ".", warnings);
+    FleshRegion material;
+    material.field = prefix;
+    std::optional<std::string> region;
+    object.read("region", region);
+    if (!region || region->empty() || region->find('\n') != std::string::npos)
+        object.fail("region", "need a selector, as \"box 0 0 0 1 1 1\"");
+    material.region = *region;
+    object.read("E", Between<double>{kTiny, kHuge}, material.young);
+    object.read("nu", Between<double>{0.0, kMostPoisson}, material.poisson);
+    object.read("density", Between<double>{kTiny, kHuge}, material.density);
+    object.warn_of_the_rest();
+    return material;
+}
+
+bool read_switch(JsonObject& object, const char* key, bool otherwise)
+{
+    const Json* const value = object.find(key);
+    if (value && !value->is_boolean())
+        object.fail(key, "need true or false");
+    return value ? value->get<bool>() : otherwise;
+}
+
+FleshStatement read_flesh(JsonObject& object, const std::string& path,
+                          std::vector<std::string>& warnings)
+{
+    FleshStatement flesh;
+    const auto number =
+        [](JsonObject& of, const char* key, double low, double high, double& out)
+    {
+        std::optional<double> value;
+        of.read(key, Between<double>{low, high}, value);
+        out = value.value_or(out);
+    };
+    number(object, "E", kTiny, kHuge, flesh.young);
+    number(object, "nu", 0.0, kMostPoisson, flesh.poisson);
+    number(object, "density", kTiny, kHuge, flesh.density);
+    if (const Json* json = object.find("damping"))
+    {
+        JsonObject damping(*json, path, "skeleton.damping.", warnings);
+        number(damping, "alpha", 0.0, kHuge, flesh.alpha);
+        number(damping, "beta", 0.0, kHuge, flesh.beta);
+        damping.warn_of_the_rest();
+    }
+    for_each(object, "materials",
+             [&](const Json& material, const std::string& name)
+             {
+                 flesh.materials.push_back(
+                     read_material(material, path, "skeleton." + name, warnings));
+             });
+    std::optional<std::string> law, lattice;
+    object.read("law", OneOf{{"cells", "linear", "regions", "stvk", "neo-hookean"}}, law);
+    flesh.law = law.value_or(flesh.law);
+    std::optional<std::int64_t> newton;
+    object.read("newton", Between<std::int64_t>{1, 5}, newton);
+    flesh.newton = newton.value_or(flesh.newton);
+    object.read("lattice", lattice);
+    if (lattice && lattice->empty())
+        object.fail("lattice", "need octree, or the name of a file");
+    if (lattice && *lattice != "octree")
+    {
+        if (extension_of(*lattice) != "mesh")
+            object.fail("lattice", "got " + in_quotes(*lattice) +
+                                       ", need octree, or a file that ends in .mesh");
+        flesh.lattice = resolved_name(path, *lattice);
+    }
+    object.read("across", Between<std::int64_t>{1, 1 << 20}, flesh.across);
+    object.read("max_depth", Between<std::int64_t>{0, 20}, flesh.max_depth);
+    number(object, "detail", 0.0, 1.0, flesh.detail);
+    flesh.has_tube = read_switch(object, "tube", true);
+    number(object, "tube_stiffness", 0.0, kHuge, flesh.tube_stiffness);
+    flesh.settles = read_switch(object, "settle", false);
+    flesh.has_weights = object.find("weights") != nullptr;
+    const Json* const contact = object.find("contact");
+    flesh.has_contact = contact && !contact->empty();
+    return flesh;
+}
+
 Eigen::Vector4d turn_of(const std::array<double, 4>& rotate)
 {
     const Vector3d axis(rotate[0], rotate[1], rotate[2]);
@@ -214,10 +298,11 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     object.read("tube_radius", Between<double>{kTiny, kHuge}, scene.radius);
     for (const char* key : {"E", "nu", "density", "damping", "materials", "law",
                             "weights", "newton", "lattice", "across", "max_depth",
-                            "detail", "tube", "tube_stiffness", "contact"})
+                            "detail", "tube", "tube_stiffness", "settle", "contact"})
         if (object.find(key))
             left_out.push_back(at({path, 0, std::string("skeleton.") + key},
                                   "is for flesh that follows in time, ignored"));
+    scene.flesh = read_flesh(object, path, warnings);
     object.warn_of_the_rest();
     return scene;
 }

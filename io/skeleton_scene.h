@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,6 +27,31 @@ struct SceneKey
     std::string field;                           ///< of the scene, for messages
 };
 
+/// What one material of the flesh is like; what it leaves out is that of the flesh.
+struct FleshRegion
+{
+    std::string region; ///< a selector, as in a handle file
+    std::optional<double> young, poisson, density;
+    std::string field; ///< of the scene, for messages
+};
+
+/// Flesh that follows the skeleton in time.
+struct FleshStatement
+{
+    double young = 1e4, poisson = 0.4, density = 1000.0; ///< [Pa], [kg/m^3]
+    double alpha = 0.0, beta = 0.0;                      ///< damping [1/s], [s]
+    std::vector<FleshRegion> materials;
+    std::string law = "cells";
+    std::int64_t newton = 1;
+    std::string lattice; ///< file, resolved; empty: the octree
+    std::optional<std::int64_t> across, max_depth;
+    double detail = 0.0;
+    bool has_tube = true;
+    double tube_stiffness = 10.0;
+    bool settles = false; ///< hangs in its weight from the first frame on
+    bool has_weights = false, has_contact = false;
+};
+
 struct SkeletonScene
 {
     std::string file; ///< resolved; empty: the scene has the joints
@@ -35,6 +61,7 @@ struct SkeletonScene
     bool is_smooth = false;            ///< between keys of the scene
     std::optional<double> every;       ///< frames so far apart [s]; none: at the keys
     std::optional<double> radius;      ///< of all bones [model unit]
+    FleshStatement flesh;
 };
 
 /// The object "skeleton" of the scene at \p path. Throws Fault::Malformed. \p left_out:

@@ -2,6 +2,7 @@
 // What all subcommands of the command line share: settings, messages, progress.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -73,18 +74,26 @@ struct Pictures
 /// Nothing in a build without pictures: editor/cli/features.cpp.
 std::optional<Pictures> make_pictures();
 
+/// What is seen of a scene in time at one moment, in one unit.
+struct FilmFrame
+{
+    std::vector<Geometry> parts;
+    std::vector<PosedJoint> joints; ///< of a skeleton
+    /// Of a lattice: corner k at the upper end of axis a if bit a of k is set.
+    std::vector<std::array<Eigen::Vector3d, 8>> cells;
+};
+
 /// A scene in time.
 struct Film
 {
     std::int64_t last = 0; ///< number of its last frame; the first is 0
     /// What is seen of a frame, asked for in ascending order.
-    std::function<std::vector<Geometry>(std::int64_t frame)> frame;
+    std::function<FilmFrame(std::int64_t frame)> frame;
     /// Whether all that was asked for so far converged.
     std::function<bool()> is_converged;
     std::function<std::vector<std::string>()> warnings; ///< so far
 };
-/// Nothing for models and for scenes of edits, nor in a build without rods:
-/// editor/cli/features.cpp.
+/// Nothing for models and for scenes of edits.
 std::optional<Film> film_of(const std::string& input);
 
 /// What a scene says of rods in time, an object each; none in a build without rods:

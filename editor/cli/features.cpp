@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The one file that knows which optional parts this build has.
 #include "editor/cli/command.h"
+#include "editor/cli/in_time.h"
+#include "io/error.h"
+#include "io/time_settings.h"
 
 #ifdef CELLWARP_WITH_PICTURE
 #include "editor/cli/render.h"
-#endif
-#ifdef CELLWARP_WITH_RODS
-#include "editor/cli/simulate.h"
 #endif
 #ifdef CELLWARP_WITH_SKELETON
 #include "editor/cli/skeleton.h"
@@ -21,7 +21,7 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 #ifdef CELLWARP_WITH_PICTURE
     add_render(app, common, exit_code);
 #endif
-#ifdef CELLWARP_WITH_RODS
+#if defined(CELLWARP_WITH_RODS) || defined(CELLWARP_WITH_SKELETON)
     add_simulate(app, common, exit_code);
 #endif
 #ifdef CELLWARP_WITH_SKELETON
@@ -29,12 +29,31 @@ void add_features([[maybe_unused]] CLI::App& app, [[maybe_unused]] CommonFlags& 
 #endif
 }
 
-std::optional<Film> film_of([[maybe_unused]] const std::string& input)
+std::unique_ptr<InTime> open_in_time(const std::string& input,
+                                     [[maybe_unused]] const InTimeOptions& options)
 {
+    switch (time_scene_of(input))
+    {
+    case TimeScene::None:
+        return nullptr;
+    case TimeScene::Rods:
 #ifdef CELLWARP_WITH_RODS
-    return film_of_rods(input);
+        return open_rods_in_time(input, options);
 #else
-    return std::nullopt;
+        break;
+#endif
+    case TimeScene::Flesh:
+#ifdef CELLWARP_WITH_SKELETON
+        return open_flesh_in_time(input, options);
+#else
+        break;
+#endif
+    }
+#if defined(CELLWARP_WITH_RODS) || defined(CELLWARP_WITH_SKELETON)
+    throw Error(Fault::Usage, input + ": this build has no part that moves it in time "
+                                      "(CELLWARP_RODS, CELLWARP_SKELETON)");
+#else
+    return nullptr; // scenes are for edits alone
 #endif
 }
 

@@ -84,8 +84,6 @@ std::vector<std::int64_t> spread(std::int64_t last, std::int64_t count)
 
 std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
 {
-    if (flags.shows_cells)
-        throw Error(Fault::Usage, "--cells: rods have none");
     std::vector<std::int64_t> frames = {0};
     if (flags.strip > 0)
         frames = spread(film.last, flags.strip);
@@ -98,7 +96,15 @@ std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
     }
     std::vector<Figure> figures;
     for (const std::int64_t frame : frames)
-        figures.push_back(figure_of(film.frame(frame)));
+    {
+        const FilmFrame seen = film.frame(frame);
+        if (flags.shows_cells && seen.cells.empty())
+            throw Error(Fault::Usage, "--cells: rods have none");
+        Figure& figure = figures.emplace_back(figure_of(seen.parts));
+        add_joints(figure, seen.joints);
+        if (flags.shows_cells)
+            add_lattice(figure, seen.cells);
+    }
     return figures;
 }
 

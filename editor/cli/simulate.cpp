@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// cellwarp simulate: rods in time, frames out.
-#include "editor/cli/simulate.h"
-
+// cellwarp simulate: a scene in time, frames out.
 #include <algorithm>
-#include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 
+#include "editor/cli/in_time.h"
 #include "editor/cli/output_name.h"
-#include "editor/cli/session_json.h"
 #include "editor/session/peak_memory.h"
-#include "editor/simulation/carried_model.h"
-#include "editor/simulation/simulation.h"
+#include "io/animation_file.h"
+#include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
+#include "io/number.h"
 #include "io/plain_mesh.h"
-#include "io/rod_scene.h"
 #include "io/text.h"
 #include "octree/base/clock.h"
 
@@ -25,188 +23,37 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kPlaces = 33;     ///< of each curve in --json
-constexpr int kSheetPlaces = 5; ///< along each side of a sheet
 constexpr int kNotConverged = 7;
 constexpr std::int64_t kMostTold = 10; ///< frames that did not converge
 
 struct SimulateFlags
 {
     std::string scene, output, rods;
-    bool writes_lines = false;
-    std::int64_t around = 12;
+    InTime::Drawing drawing;
+    bool is_tight = false;
 };
-
-/// A scene, and the model that its rods carry, if they do.
-struct SceneInTime
-{
-    RodScene scene;
-    Simulation simulation;
-    std::shared_ptr<const GeometryFile> model = {};
-    std::optional<CarriedModel> carried = {};
-    std::vector<std::string> warnings = {};
-
-    /// \p watch: on the way of the cells.
-    explicit SceneInTime(const std::string& path,
-                         std::function<void(const FrameProgress&)> watch = {})
-        : scene(read_rod_scene(path)), simulation(scene), warnings(scene.warnings)
-    {
-        warnings.insert(warnings.end(), simulation.warnings().begin(),
-                        simulation.warnings().end());
-        if (!scene.carries())
-            return;
-        SessionFlags flags;
-        flags.model = path;
-        SessionRequest request = read_request(flags, true);
-        warnings.insert(warnings.end(), request.warnings.begin(), request.warnings.end());
-        request.settings.watch = std::move(watch);
-        model = std::make_shared<const GeometryFile>(
-            read_geometry(request.model, request.read));
-        carried.emplace(geometry_of(model),
-                        std::move(request.handles).value_or(HandleFile()),
-                        request.settings, scene.unit, simulation);
-    }
-    /// An equilibrium is frame 0.
-    std::int64_t last_frame() const
-    {
-        return simulation.is_static() ? 0 : simulation.last_frame();
-    }
-    /// Goes on by one; \p wants_samples: of the model.
-    void next_frame(const std::function<void()>& show, bool wants_samples)
-    {
-        simulation.next_frame(show);
-        if (carried)
-            carried->follow(simulation, wants_samples);
-    }
-};
-
-Json numbers(const Eigen::Vector3d& v)
-{
-    return {v.x(), v.y(), v.z()};
-}
-
-Json frame_json(std::int64_t frame, const SimulationReport& report,
-                const Simulation& simulation)
-{
-    Json rods = Json::array();
-    for (const SimulatedRod& rod : simulation.rods(kPlaces))
-    {
-        Json curve = Json::array();
-        for (const Eigen::Vector3d& p : rod.curve)
-            curve.push_back(numbers(p));
-        rods.push_back({{"name", rod.name},
-                        {"length", rod.length},
-                        {"curve", std::move(curve)},
-                        {"knots", rod.knots},
-                        {"sliding", rod.sliding}});
-    }
-    Json bodies = Json::array();
-    for (const SimulatedBody& body : simulation.bodies())
-    {
-        Json axes = Json::array();
-        for (Eigen::Index k = 0; k < 3; ++k)
-            axes.push_back(numbers(body.R.col(k)));
-        bodies.push_back(
-            {{"name", body.name}, {"at", numbers(body.at)}, {"axes", std::move(axes)}});
-    }
-    Json nets = Json::array();
-    for (const SimulatedNet& net : simulation.nets())
-    {
-        Json points = Json::array();
-        for (const Eigen::Vector3d& p : net.points)
-            points.push_back(numbers(p));
-        nets.push_back({{"name", net.name}, {"points", std::move(points)}});
-    }
-    Json out = {{"frame", frame},
-                {"time", report.time},
-                {"energy",
-                 {{"kinetic", report.kinetic},
-                  {"elastic", report.elastic},
-                  {"gravity", report.gravity}}},
-                {"momentum", numbers(report.momentum)},
-                {"angular_momentum", numbers(report.turning)},
-                {"constraint", report.violation},
-                {"iterations", report.iterations},
-                {"stop", report.stop},
-                {"rods", std::move(rods)},
-                {"bodies", std::move(bodies)},
-                {"nets", std::move(nets)}};
-    Json sheets = Json::array();
-    for (const SimulatedSheet& sheet : simulation.sheets(kSheetPlaces))
-    {
-        Json points = Json::array(), sliding = Json::array();
-        for (const Eigen::Vector3d& p : sheet.points)
-            points.push_back(numbers(p));
-        for (const Eigen::Vector3d& at : sheet.sliding)
-            sliding.push_back(std::isnan(at.x()) ? Json() : Json{at.x(), at.y()});
-        sheets.push_back({{"name", sheet.name},
-                          {"points", std::move(points)},
-                          {"sliding", std::move(sliding)}});
-    }
-    if (!sheets.empty())
-        out["sheets"] = std::move(sheets);
-    if (report.has_contacts)
-    {
-        out["energy"]["contact"] = report.touching;
-        out["contact"] = {{"count", report.contacts},
-                          {"nearest", report.nearest ? Json(*report.nearest) : Json()}};
-    }
-    return out;
-}
-
-/// The rods' middles as an OBJ of lines.
-std::string lines_of(const Simulation& simulation, double unit)
-{
-    std::string text = "# cellwarp simulate\n";
-    std::size_t first = 1;
-    for (const SimulatedRod& rod : simulation.rods(kPlaces))
-    {
-        text += "o " + rod.name + "\n";
-        for (const Eigen::Vector3d& p : rod.curve)
-            text += fmt::format("v {} {} {}\n", p.x() / unit, p.y() / unit, p.z() / unit);
-        text += "l";
-        for (std::size_t k = 0; k < rod.curve.size(); ++k)
-            text += fmt::format(" {}", first + k);
-        text += "\n";
-        first += rod.curve.size();
-    }
-    return text;
-}
-
-/// \p unit: of the file [m].
-std::string bytes_of(const Simulation& simulation, const std::string& name, double unit,
-                     const SimulateFlags& flags)
-{
-    if (flags.writes_lines)
-        return lines_of(simulation, unit);
-    Geometry surface = simulation.surface(static_cast<int>(flags.around));
-    for (Eigen::Vector3d& x : surface.samples)
-        x /= unit;
-    const std::string extension = extension_of(name);
-    return plain_mesh_bytes(surface, {surface.samples, {}},
-                            extension.empty() ? "obj" : extension);
-}
 
 /// Refuses what cannot be written, before any work is done. \p flag: that names it.
 void check_rods_output(const std::string& output, const char* flag,
                        const SimulateFlags& flags)
 {
-    if (output != "-" && !(flags.writes_lines ? extension_of(output) == "obj"
-                                              : is_plain_format(extension_of(output))))
-        throw Error(Fault::Usage,
-                    std::string(flag) + ": got " + in_quotes(output) +
-                        (flags.writes_lines ? ", lines are written as .obj"
-                                            : ", rods are written as .obj or .ply"));
+    if (output != "-" &&
+        !(flags.drawing.writes_lines ? extension_of(output) == "obj"
+                                     : is_plain_format(extension_of(output))))
+        throw Error(Fault::Usage, std::string(flag) + ": got " + in_quotes(output) +
+                                      (flags.drawing.writes_lines
+                                           ? ", lines are written as .obj"
+                                           : ", rods are written as .obj or .ply"));
 }
 
 /// The same for all files of one name.
-void check_files(const OutputName& name, const SceneInTime& in_time, bool is_model,
+void check_files(const OutputName& name, const InTime& in_time, bool is_model,
                  const CommonFlags& common)
 {
     const std::int64_t first = name.has_frame() ? 0 : in_time.last_frame();
     for (std::int64_t frame = first; frame <= in_time.last_frame(); ++frame)
         if (is_model)
-            check_geometry_output(name.of(frame), *in_time.model, common.overwrite());
+            check_geometry_output(name.of(frame), *in_time.model(), common.overwrite());
         else
             check_output(name.of(frame), common.overwrite());
 }
@@ -221,58 +68,69 @@ void check_flags(const SimulateFlags& flags, const CommonFlags& common)
         throw Error(Fault::Usage, "--rods: need the name of a file");
 }
 
-void check_outputs(const SimulateFlags& flags, const SceneInTime& in_time,
-                   const CommonFlags& common)
+/// Whether all frames of the model go into one file.
+bool is_animation(const SimulateFlags& flags, const InTime& in_time)
 {
-    if (!in_time.carried && !flags.rods.empty())
-        throw Error(Fault::Usage,
-                    "--rods: without a model that they carry, rods are written by -o");
-    const std::string& rods = in_time.carried ? flags.rods : flags.output;
-    if (!rods.empty())
+    return in_time.model() && !in_time.is_static() &&
+           is_animation_format(extension_of(flags.output),
+                               in_time.model()->geometry.format,
+                               in_time.model()->geometry.not_writable.empty());
+}
+
+void check_model_output(const SimulateFlags& flags, const InTime& in_time,
+                        const CommonFlags& common)
+{
+    const OutputName name(flags.output);
+    if (is_animation(flags, in_time))
     {
-        check_rods_output(rods, in_time.carried ? "--rods" : "-o", flags);
-        if (rods != "-")
-            check_files(OutputName(rods), in_time, false, common);
-    }
-    if (!in_time.carried || flags.output.empty())
+        if (name.has_frame())
+            throw Error(Fault::Usage, "-o: got " + in_quotes(flags.output) +
+                                          ": all frames go into this one file, leave "
+                                          "out {frame}");
+        check_output(flags.output, common.overwrite());
         return;
-    const GeometryFile& model = *in_time.model;
+    }
+    const GeometryFile& model = *in_time.model();
     if (flags.output != "-")
-        check_output_format(OutputName(flags.output).of(0), extension_of(model.path));
+        check_output_format(name.of(0), extension_of(model.path));
     if (!model.geometry.not_writable.empty() && is_geometry_format(model.geometry.format))
         throw malformed({model.path, 0, ""},
                         "cannot be written: " + model.geometry.not_writable);
-    check_files(OutputName(flags.output), in_time, true, common);
+    check_files(name, in_time, true, common);
+}
+
+void check_outputs(const SimulateFlags& flags, const InTime& in_time,
+                   const CommonFlags& common)
+{
+    const bool has_model = in_time.model() != nullptr;
+    if (!has_model && !flags.rods.empty())
+        throw Error(Fault::Usage,
+                    "--rods: without a model that they carry, rods are written by -o");
+    if (!flags.rods.empty() && !in_time.bytes_of_rods("x.obj", 1.0, {}))
+        throw Error(Fault::Usage, "--rods: the scene has no rods");
+    const std::string& rods = has_model ? flags.rods : flags.output;
+    if (!rods.empty())
+    {
+        check_rods_output(rods, has_model ? "--rods" : "-o", flags);
+        if (rods != "-")
+            check_files(OutputName(rods), in_time, false, common);
+    }
+    if (has_model && !flags.output.empty())
+        check_model_output(flags, in_time, common);
 }
 
 /// What went on, frame by frame.
 class Record
 {
 public:
-    void add(std::int64_t frame, SceneInTime& in_time, bool is_told)
+    void add(std::int64_t frame, InTime& in_time, bool is_told)
     {
-        const SimulationReport report = in_time.simulation.report();
-        const Session* const session =
-            in_time.carried ? &in_time.carried->session() : nullptr;
-        const FrameReport* const cells =
-            session && !session->frames().empty() ? &session->frames().back() : nullptr;
-        if (!report.is_converged)
-        {
-            std::string what = report.stopped + ": " + report.stop;
-            if (report.violation > 1e-9)
-                what +=
-                    fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
-                                report.violation);
-            warn(frame, what);
-        }
-        if (cells && cells->solve.stop != Stop::Converged)
-            warn(frame, fmt::format("the cells did not converge ({}, gradient {:.3g})",
-                                    stop_name(cells->solve.stop), cells->solve.gradient));
-        if (!is_told)
-            return;
-        frames_.push_back(frame_json(frame, report, in_time.simulation));
-        if (cells)
-            frames_.back()["model"] = frame_json(*cells);
+        InTime::Told told = in_time.tell(frame, is_told);
+        for (const std::string& problem : told.problems)
+            if (++num_stopped_ <= kMostTold)
+                warnings_.push_back(fmt::format("frame {}, {}", frame, problem));
+        if (is_told)
+            frames_.push_back(std::move(told.json));
     }
     bool is_converged() const { return num_stopped_ == 0; }
     Json take_frames() { return std::move(frames_); }
@@ -285,109 +143,127 @@ public:
     }
 
 private:
-    void warn(std::int64_t frame, const std::string& what)
-    {
-        if (++num_stopped_ <= kMostTold)
-            warnings_.push_back(fmt::format("frame {}, {}", frame, what));
-    }
-
     Json frames_ = Json::array();
     std::vector<std::string> warnings_;
     std::int64_t num_stopped_ = 0;
 };
 
-/// How many cells each rod carries.
-Json carriers_json(const Session& session)
+/// Writes what was asked for, frame by frame.
+class Outputs
 {
-    Json carriers = Json::array();
-    const CellSystem* const system = session.system();
-    for (std::size_t r = 0; system && r < system->regions().size(); ++r)
-        if (system->regions()[r].is_led())
-            carriers.push_back({{"name", system->regions()[r].name},
-                                {"cells", std::count(system->region_of_cell().begin(),
-                                                     system->region_of_cell().end(),
-                                                     static_cast<int>(r))}});
-    return carriers;
-}
+public:
+    Outputs(const SimulateFlags& flags, const CommonFlags& common, const InTime& in_time)
+        : flags_(flags), common_(common), name_(flags.output), rods_(flags.rods)
+    {
+        if (!is_animation(flags, in_time))
+            return;
+        std::vector<double> times;
+        for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
+            times.push_back(static_cast<double>(frame) * in_time.seconds_a_frame());
+        animation_.emplace(flags.output, common.overwrite(), in_time.model()->geometry,
+                           std::move(times));
+    }
+
+    bool want_samples(bool is_last) const
+    {
+        return animation_ || is_wanted(name_, flags_.output, is_last);
+    }
+    void write(std::int64_t frame, const InTime& in_time)
+    {
+        const bool is_last = frame == in_time.last_frame();
+        const bool has_model = in_time.model() != nullptr;
+        if (animation_)
+        {
+            animation_->add(in_time.deformed().samples);
+            if (is_last)
+                animation_->commit();
+        }
+        else if (has_model && is_wanted(name_, flags_.output, is_last))
+            write_geometry(name_.of(frame), *in_time.model(), in_time.deformed(),
+                           common_.overwrite());
+        const OutputName& of_rods = has_model ? rods_ : name_;
+        if (is_wanted(of_rods, has_model ? flags_.rods : flags_.output, is_last))
+            write_file(of_rods.of(frame),
+                       *in_time.bytes_of_rods(of_rods.of(frame),
+                                              has_model ? in_time.unit() : 1.0,
+                                              flags_.drawing),
+                       common_.overwrite());
+    }
+
+private:
+    static bool is_wanted(const OutputName& of, const std::string& text, bool is_last)
+    {
+        return !text.empty() && (of.has_frame() || is_last);
+    }
+
+    const SimulateFlags& flags_;
+    const CommonFlags& common_;
+    const OutputName name_, rods_;
+    std::optional<AnimationFile> animation_;
+};
 
 int run(const SimulateFlags& flags, const CommonFlags& common)
 {
     const Clock::time_point start = Clock::now();
     check_flags(flags, common);
-    const OutputName name(flags.output), rods(flags.rods);
     Progress progress(common);
     double share = 0.0; ///< of the steps that is done
-    SceneInTime in_time(flags.scene,
-                        [&](const FrameProgress& now)
-                        {
-                            progress.show(share, fmt::format("cells of frame {}, {}",
-                                                             now.frame, now.iteration));
-                        });
-    Simulation& simulation = in_time.simulation;
-    check_outputs(flags, in_time, common);
-    const std::int64_t steps = simulation.num_steps();
+    InTimeOptions options;
+    options.is_tight = flags.is_tight;
+    options.watch = [&](const FrameProgress& now) {
+        progress.show(share,
+                      fmt::format("cells of frame {}, {}", now.frame, now.iteration));
+    };
+    const std::unique_ptr<InTime> in_time = open_in_time(flags.scene, options);
+    if (!in_time)
+        throw malformed({flags.scene, 0, "simulate"},
+                        "is missing: there is nothing to simulate");
+    check_outputs(flags, *in_time, common);
+    Outputs outputs(flags, common, *in_time);
+    const std::int64_t steps = in_time->num_steps();
     const double load_ms = ms_since(start);
 
     Record record;
     double write_ms = 0.0;
     const Clock::time_point begin = Clock::now();
-    const auto is_wanted =
-        [&](const OutputName& of, const std::string& text, bool is_last)
-    { return !text.empty() && (of.has_frame() || is_last); };
     const auto end_frame = [&](std::int64_t frame)
     {
-        const bool is_last = frame == in_time.last_frame();
-        record.add(frame, in_time, common.is_json);
+        record.add(frame, *in_time, common.is_json);
         const Clock::time_point write_start = Clock::now();
-        if (in_time.carried && is_wanted(name, flags.output, is_last))
-            write_geometry(name.of(frame), *in_time.model,
-                           in_time.carried->session().deformed(), common.overwrite());
-        const OutputName& of_rods = in_time.carried ? rods : name;
-        if (is_wanted(of_rods, in_time.carried ? flags.rods : flags.output, is_last))
-            write_file(of_rods.of(frame),
-                       bytes_of(simulation, of_rods.of(frame),
-                                in_time.carried ? in_time.scene.unit : 1.0, flags),
-                       common.overwrite());
+        outputs.write(frame, *in_time);
         write_ms += ms_since(write_start);
     };
     const auto show = [&]
     {
-        const std::int64_t done = simulation.steps_done();
+        const std::int64_t done = in_time->steps_done();
         share = static_cast<double>(done) / static_cast<double>(steps);
         progress.show(share, fmt::format("step {} of {}", done, steps));
     };
-    if (!simulation.is_static())
+    if (!in_time->is_static())
         end_frame(0);
-    for (std::int64_t frame = simulation.is_static() ? 0 : 1;
-         frame <= in_time.last_frame(); ++frame)
+    for (std::int64_t frame = in_time->is_static() ? 0 : 1;
+         frame <= in_time->last_frame(); ++frame)
     {
-        in_time.next_frame(show,
-                           is_wanted(name, flags.output, frame == in_time.last_frame()));
+        in_time->next_frame(show, outputs.want_samples(frame == in_time->last_frame()));
         end_frame(frame);
     }
     progress.end();
     const double simulate_ms = ms_since(begin) - write_ms;
-    std::vector<std::string> warnings = in_time.warnings;
-    for (const std::vector<std::string>& more :
-         {in_time.carried ? in_time.carried->session().warnings()
-                          : std::vector<std::string>(),
-          record.warnings()})
-        warnings.insert(warnings.end(), more.begin(), more.end());
+    std::vector<std::string> warnings = in_time->warnings();
+    const std::vector<std::string> problems = record.warnings();
+    warnings.insert(warnings.end(), problems.begin(), problems.end());
     print_warnings(warnings, common);
     if (common.is_json)
     {
         Json json;
         json["frames"] = record.take_frames();
-        json["steps"] = simulation.steps_done();
-        if (in_time.carried)
-            json["carriers"] = carriers_json(in_time.carried->session());
+        json["steps"] = in_time->steps_done();
         json["ms"] = {{"load", load_ms},
                       {"simulate", simulate_ms},
                       {"write", write_ms},
                       {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
-        json["unused"] = unused_parts(in_time.carried ? in_time.carried->session().parts()
-                                                      : PartCounts{});
+        in_time->add_to(json);
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }
@@ -396,11 +272,11 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
 
 } // namespace
 
-std::optional<Film> film_of_rods(const std::string& scene)
+std::optional<Film> film_of(const std::string& input)
 {
-    if (!has_simulation(scene))
+    const std::shared_ptr<InTime> in_time = open_in_time(input);
+    if (!in_time)
         return std::nullopt;
-    const auto in_time = std::make_shared<SceneInTime>(scene);
     const auto frame = std::make_shared<std::int64_t>(0);
     const auto is_converged = std::make_shared<bool>(true);
     const auto draw = [=](std::int64_t wanted)
@@ -410,47 +286,13 @@ std::optional<Film> film_of_rods(const std::string& scene)
         {
             ++*frame;
             in_time->next_frame({}, *frame == wanted);
-            if (in_time->carried)
-                *is_converged &= in_time->carried->session().frames().back().solve.stop ==
-                                 Stop::Converged;
+            *is_converged &= in_time->tell(*frame, false).problems.empty();
         }
-        std::vector<Geometry> seen = {in_time->simulation.stage(kAround)};
-        if (in_time->carried)
-        {
-            const Session& session = in_time->carried->session();
-            Geometry& model = seen.emplace_back(session.geometry());
-            model.samples = session.deformed().samples;
-            for (Eigen::Vector3d& x : model.samples)
-                x *= in_time->scene.unit;
-        }
-        return seen;
+        return in_time->seen(kAround);
     };
-    const auto warnings = [=]
-    {
-        std::vector<std::string> all = in_time->warnings;
-        if (in_time->carried)
-        {
-            const std::vector<std::string>& more = in_time->carried->session().warnings();
-            all.insert(all.end(), more.begin(), more.end());
-        }
-        return all;
-    };
-    return Film{in_time->simulation.last_frame(), draw,
-                [=]
-                { return *is_converged && in_time->simulation.report().is_converged; },
-                warnings};
-}
-
-Json rods_of_scene(const std::string& scene)
-{
-    Json rods = Json::array();
-    if (has_simulation(scene))
-        for (const RodStatement& rod : read_rod_scene(scene).rods)
-            rods.push_back({{"name", rod.name},
-                            {"points", std::max(rod.points.size(), rod.through.size())},
-                            {"closed", rod.is_closed},
-                            {"carries", rod.carries}});
-    return rods;
+    // An equilibrium is seen after its rest.
+    return Film{in_time->is_static() ? 1 : in_time->last_frame(), draw,
+                [=] { return *is_converged; }, [=] { return in_time->warnings(); }};
 }
 
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
@@ -458,24 +300,30 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
     const auto flags = std::make_shared<SimulateFlags>();
     CLI::App* const command = app.add_subcommand(
         "simulate",
-        "Spline rods in time, and the model whose cells they carry: a scene in, frames "
-        "out.\n\n"
+        "A scene in time, frames out: spline rods and the model whose cells they carry, "
+        "or "
+        "flesh that follows a skeleton.\n\n"
         "  cellwarp simulate samples/rods/cantilever.json -o bent.obj\n"
         "  cellwarp simulate samples/rods/pendulum.json -o 'swing-{frame:03}.obj'\n"
-        "  cellwarp simulate samples/rods/tentacle.json -o 'tentacle-{frame:03}.obj'\n");
-    command->add_option("SCENE", flags->scene, "scene with rods and simulate (json)")
-        ->required();
-    command->add_option(
-        "-o,--output", flags->output,
-        "rods as tubes (.obj, .ply), or the model that they carry, in its format: the "
-        "last frame; {frame} or {frame:04}: one a frame; -: stdout, rods as OBJ");
+        "  cellwarp simulate samples/flesh/walk.json -o walk.glb\n");
+    command->add_option("SCENE", flags->scene, "scene with simulate (json)")->required();
+    command->add_option("-o,--output", flags->output,
+                        "rods as tubes (.obj, .ply), or the model, in its format: the "
+                        "last frame; {frame} "
+                        "or {frame:04}: one a frame; -: stdout, rods as OBJ; all frames "
+                        "of a model in one "
+                        "file that moves: .glb, .pc2, .mdd");
     command->add_option(
         "--rods", flags->rods,
         "rods beside the model that they carry, in its unit (.obj, .ply)");
-    command->add_flag("--lines", flags->writes_lines,
+    command->add_flag("--lines", flags->drawing.writes_lines,
                       "rods as lines along their middle, not as tubes");
-    command->add_option("--around", flags->around, "corners around a tube (default 12)")
+    command
+        ->add_option("--around", flags->drawing.around,
+                     "corners around a tube (default 12)")
         ->check(CLI::Range(3, 1000));
+    command->add_flag("--tight", flags->is_tight,
+                      "flesh: linear systems to 1e-10 instead of 1e-3");
     command->callback([=, &common, &exit_code] { exit_code = run(*flags, common); });
 }
 

@@ -120,7 +120,13 @@ Figure figure_of(const Session& session)
             if (rod.is_rod && rod.holds[k].place)
                 figure.beads.push_back({rod.points[k], kHeld * diagonal, kHeldColour});
     }
-    const std::vector<PosedJoint> joints = session.joints();
+    add_joints(figure, session.joints());
+    return figure;
+}
+
+void add_joints(Figure& figure, const std::vector<PosedJoint>& joints)
+{
+    const double diagonal = bounding_box(figure.points).size().norm();
     for (const PosedJoint& joint : joints)
     {
         figure.beads.push_back({joint.place, kHeld * diagonal, kHeldColour});
@@ -128,7 +134,12 @@ Figure figure_of(const Session& session)
             add_thread({joints[idx(joint.parent)].place, joint.place}, kThread * diagonal,
                        colour_of(Role::Bone), figure);
     }
-    return figure;
+}
+
+void add_lattice(Figure& figure, const std::vector<std::array<Eigen::Vector3d, 8>>& cells)
+{
+    figure.boxes.insert(figure.boxes.end(), cells.begin(), cells.end());
+    figure.box_colours.resize(figure.boxes.size(), kPlain);
 }
 
 void add_cells(Figure& figure, const Session& session)

@@ -19,6 +19,13 @@ Figure figure_of(const std::vector<Geometry>& parts);
 /// the samples of fixed regions blue, handles orange, pins purple, stiff ones green.
 Figure figure_of(const Session& session);
 
+/// Adds the bones of a skeleton, seen through the rest.
+void add_joints(Figure& figure, const std::vector<PosedJoint>& joints);
+
+/// Adds the cells of a lattice, corners as Figure::boxes has them.
+void add_lattice(Figure& figure,
+                 const std::vector<std::array<Eigen::Vector3d, 8>>& cells);
+
 /// Adds the cells at their poses, coloured by what holds them.
 void add_cells(Figure& figure, const Session& session);
 

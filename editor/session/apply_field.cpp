@@ -33,31 +33,50 @@ void turn(const AtPlaces<Vector>& some, std::span<const FieldValue> values,
                     });
 }
 
+/// \p displacement(i) of place i [work].
+template <class Displacement>
+void shift(const WorkFrame& frame, std::span<Eigen::Vector3d> places,
+           const Displacement& displacement)
+{
+    parallel_ranges(places.size(), kGrain,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t i = begin; i < end; ++i)
+                            places[i] += frame.vector_to_model(displacement(i));
+                    });
+}
+
 } // namespace
+
+void carry(const WorkFrame& frame, std::span<const FieldValue> values,
+           const Carried& carried)
+{
+    shift(frame, carried.places,
+          [&](std::size_t i) -> const Eigen::Vector3d&
+          { return values[i].displacement; });
+    turn(carried.normals, values, frame.axes, turned_normal);
+    turn(carried.tangents, values, frame.axes, turned_tangent);
+    turn(carried.rotations, values, frame.axes, turned_rotation);
+}
 
 std::vector<Eigen::Vector3d> apply_field(const Field& field, const WorkFrame& frame,
                                          std::span<const Eigen::Vector3d> work,
                                          std::span<const int> own, const Carried& carried)
 {
     std::vector<Eigen::Vector3d> displacements;
-    std::vector<FieldValue> values;
     if (carried.has_directions())
     {
-        values = field.values(work, own);
+        const std::vector<FieldValue> values = field.values(work, own);
         for (const FieldValue& value : values)
             displacements.push_back(value.displacement);
+        carry(frame, values, carried);
     }
     else
+    {
         displacements = field.displacements(work, own);
-    parallel_ranges(work.size(), kGrain,
-                    [&](std::size_t begin, std::size_t end)
-                    {
-                        for (std::size_t i = begin; i < end; ++i)
-                            carried.places[i] += frame.vector_to_model(displacements[i]);
-                    });
-    turn(carried.normals, values, frame.axes, turned_normal);
-    turn(carried.tangents, values, frame.axes, turned_tangent);
-    turn(carried.rotations, values, frame.axes, turned_rotation);
+        shift(frame, carried.places,
+              [&](std::size_t i) -> const Eigen::Vector3d& { return displacements[i]; });
+    }
     return displacements;
 }
 

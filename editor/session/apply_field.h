@@ -36,6 +36,10 @@ struct Carried
     }
 };
 
+/// Moves what is at places by what is known at each of them [work].
+void carry(const WorkFrame& frame, std::span<const FieldValue> values,
+           const Carried& carried);
+
 /// \p work: the places in the field's own space; \p own: the cell that holds each. On all
 /// threads; what a place becomes depends on it alone, to the bit. Returns the
 /// displacements [work].

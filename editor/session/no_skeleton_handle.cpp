@@ -28,6 +28,16 @@ make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&, const std:
     refuse();
 }
 
+KeyedJoints::KeyedJoints(const SkeletonValues&)
+{
+    refuse();
+}
+
+std::vector<Move> KeyedJoints::moves_at(double) const
+{
+    refuse();
+}
+
 std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>,
                                          const std::string&)
 {

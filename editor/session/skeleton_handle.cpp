@@ -312,46 +312,70 @@ make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& unit
     return std::make_shared<const Handle>(joints, units, file);
 }
 
-std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
-                                         std::optional<double> every,
-                                         const std::string& file)
+struct KeyedJoints::Tracks
 {
-    std::vector<TurnKeys> turns;
+    std::vector<std::string> names; ///< of the joints
+    std::vector<std::pair<std::size_t, TurnKeys>> turns;
+    std::vector<std::pair<std::size_t, ShiftKeys>> shifts;
+};
+
+KeyedJoints::KeyedJoints(const SkeletonValues& skeleton)
+{
+    const auto tracks = std::make_shared<Tracks>();
+    for (const SkeletonJoint& joint : skeleton.joints)
+        tracks->names.push_back(joint.name);
     for (const TurnTrack& track : skeleton.turns)
     {
-        TurnKeys& keys = turns.emplace_back();
+        auto& [joint, keys] = tracks->turns.emplace_back();
+        joint = track.joint;
         keys.kind = interpolation_of(track.step);
         keys.times = track.times;
         keys.tangents = track.tangents;
         for (const Eigen::Vector4d& value : track.values)
             keys.turns.emplace_back(value);
     }
+    for (const ShiftTrack& track : skeleton.shifts)
+        tracks->shifts.emplace_back(track.joint,
+                                    ShiftKeys{interpolation_of(track.step), track.times,
+                                              track.values, track.tangents});
+    tracks_ = tracks;
+}
+
+std::vector<Move> KeyedJoints::moves_at(double time) const
+{
+    std::map<std::size_t, Move> moves;
+    const auto move_of = [&](std::size_t joint) -> Move&
+    {
+        Move& move = moves[joint];
+        move.region = tracks_->names[joint];
+        return move;
+    };
+    for (const auto& [joint, keys] : tracks_->turns)
+        move_of(joint).operations.push_back(turn_operation(keys.at(time)));
+    for (const auto& [joint, keys] : tracks_->shifts)
+    {
+        Operation operation;
+        operation.vector = keys.at(time);
+        move_of(joint).operations.push_back(operation);
+    }
+    std::vector<Move> out;
+    for (auto& [joint, move] : moves)
+        out.push_back(std::move(move));
+    return out;
+}
+
+std::vector<FrameStatement> posed_frames(const SkeletonValues& skeleton,
+                                         std::optional<double> every,
+                                         const std::string& file)
+{
+    const KeyedJoints joints(skeleton);
     std::vector<FrameStatement> frames;
     for (const double time : frame_times(skeleton, every, file))
     {
         FrameStatement& frame = frames.emplace_back();
         frame.number = static_cast<std::int64_t>(frames.size());
         frame.time = time;
-        std::map<std::size_t, Move> moves;
-        const auto move_of = [&](std::size_t joint) -> Move&
-        {
-            Move& move = moves[joint];
-            move.region = skeleton.joints[joint].name;
-            return move;
-        };
-        for (std::size_t k = 0; k < turns.size(); ++k)
-            move_of(skeleton.turns[k].joint)
-                .operations.push_back(turn_operation(turns[k].at(time)));
-        for (const ShiftTrack& track : skeleton.shifts)
-        {
-            Operation operation;
-            operation.vector = ShiftKeys{interpolation_of(track.step), track.times,
-                                         track.values, track.tangents}
-                                   .at(time);
-            move_of(track.joint).operations.push_back(operation);
-        }
-        for (auto& [joint, move] : moves)
-            frame.moves.push_back(std::move(move));
+        frame.moves = joints.moves_at(time);
     }
     return frames;
 }

@@ -88,6 +88,21 @@ std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
                      const std::string& file);
 
+/// What the tracks of a skeleton do to its joints at any time. Immutable.
+class KeyedJoints
+{
+public:
+    /// Fault::Usage where skeletons are not built.
+    explicit KeyedJoints(const SkeletonValues& skeleton);
+
+    /// Before the first key and after the last one a joint holds.
+    std::vector<Move> moves_at(double time) const;
+
+private:
+    struct Tracks;
+    std::shared_ptr<const Tracks> tracks_;
+};
+
 /// The tracks of \p skeleton as frames, numbered from 1: at each time that has a key, or
 /// \p every so many seconds from the first on, and at the last. \p file: of the scene,
 /// for messages. Fault::Usage where skeletons are not built.

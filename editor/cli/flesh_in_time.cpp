@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "editor/cli/in_time.h"
+#include "editor/cli/session_json.h"
+#include "editor/flesh/flesh_simulation.h"
+#include "editor/session/volume.h"
+#include "io/geometry_file.h"
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+Json numbers(const Eigen::Vector3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+class FleshInTime final : public InTime
+{
+public:
+    FleshInTime(const std::string& path, const InTimeOptions& options)
+    {
+        SessionFlags flags;
+        flags.model = path;
+        const SessionRequest request = read_request(flags, true);
+        const SceneFile scene = read_scene(path);
+        warnings_ = request.warnings;
+        if (request.handles &&
+            std::any_of(request.handles->stages.begin(), request.handles->stages.end(),
+                        [](const Stage& stage) { return !stage.regions.empty(); }))
+            warnings_.push_back(at({scene.handles, 0, ""},
+                                   "regions are for deform: flesh is held by its bones"));
+        file_ = std::make_shared<const GeometryFile>(
+            read_geometry(request.model, request.read));
+        simulation_.emplace(geometry_of(file_), scene, request.settings.cells,
+                            options.is_tight);
+        deformed_ = simulation_->deformed();
+    }
+
+    std::vector<std::string> warnings() const override
+    {
+        std::vector<std::string> all = warnings_;
+        all.insert(all.end(), simulation_->warnings().begin(),
+                   simulation_->warnings().end());
+        if (limited_ > 0)
+            all.push_back(
+                fmt::format("{} turns of joints were cut to their limits", limited_));
+        return all;
+    }
+    bool is_static() const override { return false; }
+    std::int64_t last_frame() const override { return simulation_->last_frame(); }
+    double seconds_a_frame() const override
+    {
+        return simulation_->time().dt * static_cast<double>(simulation_->steps_a_frame());
+    }
+    std::int64_t num_steps() const override { return simulation_->num_steps(); }
+    std::int64_t steps_done() const override { return simulation_->steps_done(); }
+    void next_frame(const std::function<void()>& watch, bool wants_samples) override
+    {
+        simulation_->next_frame(watch);
+        if (wants_samples)
+            deformed_ = simulation_->deformed();
+    }
+
+    Told tell(std::int64_t number, bool wants_json) override
+    {
+        Told told;
+        const FleshFrame frame = simulation_->report();
+        limited_ += frame.limited;
+        if (!frame.is_converged)
+            told.problems.push_back("the flesh: " + frame.stop);
+        if (!wants_json)
+            return told;
+        const FleshBody& body = simulation_->body();
+        const std::optional<Volume> volume = enclosed_volumes(
+            simulation_->geometry(), simulation_->deformed_live().samples);
+        told.json = {
+            {"frame", number},
+            {"time", frame.time},
+            {"energy",
+             {{"kinetic", frame.kinetic},
+              {"elastic", frame.elastic},
+              {"gravity", frame.gravity}}},
+            {"momentum", numbers(frame.momentum)},
+            {"angular_momentum", numbers(frame.angular_momentum)},
+            {"constraint", frame.miss},
+            {"iterations", frame.systems},
+            {"stop", frame.stop},
+            {"rods", Json::array()},
+            {"skeleton",
+             {{"elastic", frame.elastic},
+              {"kinetic", frame.kinetic},
+              {"largest_strain", frame.largest_strain},
+              {"nodes", body.flesh->lattice().places.size()},
+              {"free_nodes", body.flesh->nodes().free.size()},
+              {"cells", body.flesh->lattice().cells.size()},
+              {"cg_steps", frame.cg_steps},
+              {"held_points", body.held},
+              {"rows_dropped", body.dropped},
+              {"step_ms", frame.step_ms}}},
+            {"volume", volume ? Json{{"before", volume->before}, {"after", volume->after}}
+                              : Json()}};
+        return told;
+    }
+    void add_to(Json& json) const override
+    {
+        PartCounts parts;
+        parts.skeleton = 1;
+        const FleshBody& body = simulation_->body();
+        parts.interior =
+            body.octree && body.octree->rest->material.method != InsideMethod::None;
+        parts.rbf = body.octree != nullptr;
+        parts.faces = simulation_->geometry().num_faces() > 0;
+        parts.normals = !simulation_->geometry().directions.empty();
+        json["mass"] = body.mass;
+        json["unused"] = unused_parts(parts);
+    }
+
+    std::shared_ptr<const GeometryFile> model() const override { return file_; }
+    const DeformedSamples& deformed() const override { return deformed_; }
+    std::optional<std::string> bytes_of_rods(const std::string&, double,
+                                             const Drawing&) const override
+    {
+        return std::nullopt;
+    }
+    double unit() const override { return simulation_->time().unit; }
+
+    FilmFrame seen(int) const override
+    {
+        FilmFrame seen;
+        Geometry& model = seen.parts.emplace_back(simulation_->geometry());
+        model.samples = deformed_.samples;
+        seen.joints = simulation_->joints();
+        const std::vector<Eigen::Vector3d> nodes = simulation_->nodes();
+        for (const CornerNodes& cell : simulation_->body().flesh->lattice().cells)
+            for (std::size_t k = 0; k < 8; ++k)
+            {
+                if (k == 0)
+                    seen.cells.emplace_back();
+                seen.cells.back()[k] = nodes[idx(cell[k])];
+            }
+        return seen;
+    }
+
+private:
+    std::vector<std::string> warnings_;
+    std::shared_ptr<const GeometryFile> file_;
+    std::optional<FleshSimulation> simulation_;
+    DeformedSamples deformed_;
+    std::int64_t limited_ = 0;
+};
+
+} // namespace
+
+std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
+                                           const InTimeOptions& options)
+{
+    return std::make_unique<FleshInTime>(scene, options);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A scene in time as the command line sees it: rods with what they carry, or flesh that
+// follows a skeleton. Each kind has a file of its own.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "editor/cli/command.h"
+#include "io/geometry.h"
+
+namespace cellwarp
+{
+
+class InTime
+{
+public:
+    /// How rods are written.
+    struct Drawing
+    {
+        bool writes_lines = false;
+        int around = 12; ///< corners of a tube
+    };
+    /// What a frame is told of.
+    struct Told
+    {
+        Json json;
+        std::vector<std::string> problems; ///< what did not converge
+    };
+
+    virtual ~InTime() = default;
+
+    /// So far.
+    virtual std::vector<std::string> warnings() const = 0;
+    virtual bool is_static() const = 0;
+    /// An equilibrium is frame 0; of all else the first is 0.
+    virtual std::int64_t last_frame() const = 0;
+    virtual double seconds_a_frame() const = 0;
+    virtual std::int64_t num_steps() const = 0;
+    virtual std::int64_t steps_done() const = 0;
+    /// Goes on by one; \p wants_samples: of the model; \p watch: after each step.
+    virtual void next_frame(const std::function<void()>& watch, bool wants_samples) = 0;
+    /// Of now, since the last call. \p wants_json: else it may be empty.
+    virtual Told tell(std::int64_t frame, bool wants_json) = 0;
+    /// What is told of the whole, behind the frames.
+    virtual void add_to(Json& json) const = 0;
+
+    /// Null: there is none. Its samples are those that were wanted last.
+    virtual std::shared_ptr<const GeometryFile> model() const = 0;
+    virtual const DeformedSamples& deformed() const = 0;
+    /// Rods as a file of this name; nothing: the scene has none. \p unit: of the file
+    /// [m].
+    virtual std::optional<std::string> bytes_of_rods(const std::string& name, double unit,
+                                                     const Drawing& drawing) const = 0;
+    virtual double unit() const = 0; ///< of the model [m]
+
+    /// What a picture shows of now.
+    virtual FilmFrame seen(int around) const = 0;
+};
+
+struct InTimeOptions
+{
+    bool is_tight = false;
+    std::function<void(const FrameProgress&)> watch = {}; ///< on the way of cells
+};
+
+/// Nothing for models and for scenes of edits. Throws Fault::Usage where this build does
+/// not have what the scene asks for: editor/cli/features.cpp.
+std::unique_ptr<InTime> open_in_time(const std::string& input,
+                                     const InTimeOptions& options = {});
+
+/// Rods: editor/cli/rods_in_time.cpp.
+std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
+                                          const InTimeOptions& options);
+/// See rods_in_time().
+Json rods_of_scene(const std::string& scene);
+/// Flesh: editor/cli/flesh_in_time.cpp.
+std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
+                                           const InTimeOptions& options);
+
+/// The subcommand simulate.
+void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);
+
+} // namespace cellwarp

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "editor/cli/in_time.h"
+#include "editor/cli/session_json.h"
+#include "editor/simulation/carried_model.h"
+#include "editor/simulation/simulation.h"
+#include "io/geometry_file.h"
+#include "io/plain_mesh.h"
+#include "io/rod_scene.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr int kPlaces = 33;     ///< of each curve in --json
+constexpr int kSheetPlaces = 5; ///< along each side of a sheet
+
+Json numbers(const Eigen::Vector3d& v)
+{
+    return {v.x(), v.y(), v.z()};
+}
+
+Json frame_json(std::int64_t frame, const SimulationReport& report,
+                const Simulation& simulation)
+{
+    Json rods = Json::array();
+    for (const SimulatedRod& rod : simulation.rods(kPlaces))
+    {
+        Json curve = Json::array();
+        for (const Eigen::Vector3d& p : rod.curve)
+            curve.push_back(numbers(p));
+        rods.push_back({{"name", rod.name},
+                        {"length", rod.length},
+                        {"curve", std::move(curve)},
+                        {"knots", rod.knots},
+                        {"sliding", rod.sliding}});
+    }
+    Json bodies = Json::array();
+    for (const SimulatedBody& body : simulation.bodies())
+    {
+        Json axes = Json::array();
+        for (Eigen::Index k = 0; k < 3; ++k)
+            axes.push_back(numbers(body.R.col(k)));
+        bodies.push_back(
+            {{"name", body.name}, {"at", numbers(body.at)}, {"axes", std::move(axes)}});
+    }
+    Json nets = Json::array();
+    for (const SimulatedNet& net : simulation.nets())
+    {
+        Json points = Json::array();
+        for (const Eigen::Vector3d& p : net.points)
+            points.push_back(numbers(p));
+        nets.push_back({{"name", net.name}, {"points", std::move(points)}});
+    }
+    Json out = {{"frame", frame},
+                {"time", report.time},
+                {"energy",
+                 {{"kinetic", report.kinetic},
+                  {"elastic", report.elastic},
+                  {"gravity", report.gravity}}},
+                {"momentum", numbers(report.momentum)},
+                {"angular_momentum", numbers(report.turning)},
+                {"constraint", report.violation},
+                {"iterations", report.iterations},
+                {"stop", report.stop},
+                {"rods", std::move(rods)},
+                {"bodies", std::move(bodies)},
+                {"nets", std::move(nets)}};
+    Json sheets = Json::array();
+    for (const SimulatedSheet& sheet : simulation.sheets(kSheetPlaces))
+    {
+        Json points = Json::array(), sliding = Json::array();
+        for (const Eigen::Vector3d& p : sheet.points)
+            points.push_back(numbers(p));
+        for (const Eigen::Vector3d& at : sheet.sliding)
+            sliding.push_back(std::isnan(at.x()) ? Json() : Json{at.x(), at.y()});
+        sheets.push_back({{"name", sheet.name},
+                          {"points", std::move(points)},
+                          {"sliding", std::move(sliding)}});
+    }
+    if (!sheets.empty())
+        out["sheets"] = std::move(sheets);
+    if (report.has_contacts)
+    {
+        out["energy"]["contact"] = report.touching;
+        out["contact"] = {{"count", report.contacts},
+                          {"nearest", report.nearest ? Json(*report.nearest) : Json()}};
+    }
+    return out;
+}
+
+/// The rods' middles as an OBJ of lines.
+std::string lines_of(const Simulation& simulation, double unit)
+{
+    std::string text = "# cellwarp simulate\n";
+    std::size_t first = 1;
+    for (const SimulatedRod& rod : simulation.rods(kPlaces))
+    {
+        text += "o " + rod.name + "\n";
+        for (const Eigen::Vector3d& p : rod.curve)
+            text += fmt::format("v {} {} {}\n", p.x() / unit, p.y() / unit, p.z() / unit);
+        text += "l";
+        for (std::size_t k = 0; k < rod.curve.size(); ++k)
+            text += fmt::format(" {}", first + k);
+        text += "\n";
+        first += rod.curve.size();
+    }
+    return text;
+}
+
+/// How many cells each rod carries.
+Json carriers_json(const Session& session)
+{
+    Json carriers = Json::array();
+    const CellSystem* const system = session.system();
+    for (std::size_t r = 0; system && r < system->regions().size(); ++r)
+        if (system->regions()[r].is_led())
+            carriers.push_back({{"name", system->regions()[r].name},
+                                {"cells", std::count(system->region_of_cell().begin(),
+                                                     system->region_of_cell().end(),
+                                                     static_cast<int>(r))}});
+    return carriers;
+}
+
+class RodsInTime final : public InTime
+{
+public:
+    RodsInTime(const std::string& path, const InTimeOptions& options)
+        : scene_(read_rod_scene(path)), simulation_(scene_), warnings_(scene_.warnings)
+    {
+        warnings_.insert(warnings_.end(), simulation_.warnings().begin(),
+                         simulation_.warnings().end());
+        if (!scene_.carries())
+            return;
+        SessionFlags flags;
+        flags.model = path;
+        SessionRequest request = read_request(flags, true);
+        warnings_.insert(warnings_.end(), request.warnings.begin(),
+                         request.warnings.end());
+        request.settings.watch = options.watch;
+        model_ = std::make_shared<const GeometryFile>(
+            read_geometry(request.model, request.read));
+        carried_.emplace(geometry_of(model_),
+                         std::move(request.handles).value_or(HandleFile()),
+                         request.settings, scene_.unit, simulation_);
+    }
+
+    std::vector<std::string> warnings() const override
+    {
+        std::vector<std::string> all = warnings_;
+        if (carried_)
+            all.insert(all.end(), carried_->session().warnings().begin(),
+                       carried_->session().warnings().end());
+        return all;
+    }
+    bool is_static() const override { return simulation_.is_static(); }
+    std::int64_t last_frame() const override
+    {
+        return is_static() ? 0 : simulation_.last_frame();
+    }
+    double seconds_a_frame() const override
+    {
+        return scene_.dt * static_cast<double>(simulation_.steps_a_frame());
+    }
+    std::int64_t num_steps() const override { return simulation_.num_steps(); }
+    std::int64_t steps_done() const override { return simulation_.steps_done(); }
+    void next_frame(const std::function<void()>& watch, bool wants_samples) override
+    {
+        simulation_.next_frame(watch);
+        if (carried_)
+            carried_->follow(simulation_, wants_samples);
+    }
+
+    Told tell(std::int64_t frame, bool wants_json) override
+    {
+        Told told;
+        const SimulationReport report = simulation_.report();
+        const FrameReport* const cells = carried_ && !carried_->session().frames().empty()
+                                             ? &carried_->session().frames().back()
+                                             : nullptr;
+        if (!report.is_converged)
+        {
+            std::string what = report.stopped + ": " + report.stop;
+            if (report.violation > 1e-9)
+                what +=
+                    fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
+                                report.violation);
+            told.problems.push_back(std::move(what));
+        }
+        if (cells && cells->solve.stop != Stop::Converged)
+            told.problems.push_back(
+                fmt::format("the cells did not converge ({}, gradient {:.3g})",
+                            stop_name(cells->solve.stop), cells->solve.gradient));
+        if (!wants_json)
+            return told;
+        told.json = frame_json(frame, report, simulation_);
+        if (cells)
+            told.json["model"] = cellwarp::frame_json(*cells);
+        return told;
+    }
+    void add_to(Json& json) const override
+    {
+        if (carried_)
+            json["carriers"] = carriers_json(carried_->session());
+        json["unused"] =
+            unused_parts(carried_ ? carried_->session().parts() : PartCounts{});
+    }
+
+    std::shared_ptr<const GeometryFile> model() const override { return model_; }
+    const DeformedSamples& deformed() const override
+    {
+        return carried_->session().deformed();
+    }
+    std::optional<std::string> bytes_of_rods(const std::string& name, double unit,
+                                             const Drawing& drawing) const override
+    {
+        if (drawing.writes_lines)
+            return lines_of(simulation_, unit);
+        Geometry surface = simulation_.surface(drawing.around);
+        for (Eigen::Vector3d& x : surface.samples)
+            x /= unit;
+        const std::string extension = extension_of(name);
+        return plain_mesh_bytes(surface, {surface.samples, {}},
+                                extension.empty() ? "obj" : extension);
+    }
+    double unit() const override { return scene_.unit; }
+
+    FilmFrame seen(int around) const override
+    {
+        FilmFrame seen = {{simulation_.stage(around)}, {}, {}};
+        if (carried_)
+        {
+            const Session& session = carried_->session();
+            Geometry& model = seen.parts.emplace_back(session.geometry());
+            model.samples = session.deformed().samples;
+            for (Eigen::Vector3d& x : model.samples)
+                x *= scene_.unit;
+        }
+        return seen;
+    }
+
+private:
+    RodScene scene_;
+    Simulation simulation_;
+    std::shared_ptr<const GeometryFile> model_;
+    std::optional<CarriedModel> carried_;
+    std::vector<std::string> warnings_;
+};
+
+} // namespace
+
+std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
+                                          const InTimeOptions& options)
+{
+    return std::make_unique<RodsInTime>(scene, options);
+}
+
+Json rods_of_scene(const std::string& scene)
+{
+    Json rods = Json::array();
+    if (time_scene_of(scene) == TimeScene::Rods)
+        for (const RodStatement& rod : read_rod_scene(scene).rods)
+            rods.push_back({{"name", rod.name},
+                            {"points", std::max(rod.points.size(), rod.through.size())},
+                            {"closed", rod.is_closed},
+                            {"carries", rod.carries}});
+    return rods;
+}
+
+} // namespace cellwarp

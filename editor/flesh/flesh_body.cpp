@@ -1,0 +1,424 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/flesh_body.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "editor/session/bone_regions.h"
+#include "editor/session/region_set.h"
+#include "io/error.h"
+#include "io/medit_file.h"
+#include "io/number.h"
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+#include "octree/base/segment.h"
+#include "octree/base/union_find.h"
+#include "solver/flesh/bone_points.h"
+#include "solver/flesh/bone_tube.h"
+#include "solver/flesh/drawn_cells.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// Cells of the lattice along the longest side.
+constexpr int kAcross = 24;
+
+constexpr double kUsualTolerance = 1e-3, kTightTolerance = 1e-10;
+
+/// The vertices of a drawn lattice are those of a bone within this [diagonal].
+constexpr double kOnBone = 1e-6;
+
+/// Cells of a drawn lattice whose middles are nearest to a sample that are looked at.
+constexpr std::size_t kNearCells = 24;
+
+/// A bone of a drawn lattice whose scene gives no radius [its length].
+constexpr double kRadiusOfBone = 0.1;
+
+FleshMaterial material_of(const FleshStatement& flesh)
+{
+    return {flesh.young, flesh.poisson, flesh.density};
+}
+
+/// What of a scene this version does not build.
+void refuse_what_is_not_built(const SceneFile& scene)
+{
+    const FleshStatement& flesh = scene.skeleton->flesh;
+    const auto refuse = [&](const char* key, const std::string& what) {
+        throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
+    };
+    if (flesh.law != "cells" && flesh.law != "linear")
+        refuse("law",
+               "got " + in_quotes(flesh.law) + ", this version has cells and linear");
+    if (flesh.detail > 0.0)
+        refuse("detail", "is not supported by this version");
+    if (flesh.has_contact)
+        refuse("contact", "is not supported by this version");
+    if (scene.time->integrator != "implicit-euler")
+        throw malformed({scene.path, 0, "simulate.integrator"},
+                        "got " + in_quotes(scene.time->integrator) +
+                            ", flesh has implicit-euler alone");
+}
+
+struct Builder
+{
+    const Geometry& geometry;
+    const SceneFile& scene;
+    const SkeletonValues& skeleton;
+    FleshBody body;
+    std::vector<FleshMaterial> materials;
+    std::vector<TubeBone> bones;
+
+    const FleshStatement& flesh() const { return scene.skeleton->flesh; }
+
+    Units units() const
+    {
+        return {body.frame, false, bounding_box(geometry.samples), 0.0};
+    }
+
+    /// Bones as lines, and the radii of their tubes where they are told [m].
+    void place_bones()
+    {
+        body.skeleton = make_skeleton_handle(skeleton.joints, units(), scene.path);
+        for (std::size_t j = 0; j < body.skeleton->size(); ++j)
+            for (const auto& [from, to] : body.skeleton->bones(j))
+                bones.push_back(
+                    {{body.metre * from, body.metre * to, static_cast<int>(j)},
+                     body.metre * body.skeleton->told_radius(j).value_or(0.0)});
+    }
+
+    /// Regions of other materials: of each voxel the last that has it.
+    std::vector<int> materials_of_voxels(const Body& octree)
+    {
+        std::vector<int> of_voxel(octree.rest->material.grid.size(), 0);
+        for (const FleshRegion& told : flesh().materials)
+        {
+            HandleFile file;
+            try
+            {
+                file = parse_handles(scene.path, "cellwarp-handles 1\nfixed material " +
+                                                     told.region + "\nframe 1\n");
+            }
+            catch (const Error& error)
+            {
+                throw malformed({scene.path, 0, told.field + ".region"},
+                                "no selector: " + std::string(error.what()));
+            }
+            const RegionSet region(octree.rest,
+                                   resolve_regions(file.stages.front().regions, geometry,
+                                                   geometry.samples, units(), file),
+                                   scene.path);
+            const int number = static_cast<int>(materials.size());
+            FleshMaterial& material = materials.emplace_back(materials.front());
+            material.young = told.young.value_or(material.young);
+            material.poisson = told.poisson.value_or(material.poisson);
+            material.density = told.density.value_or(material.density);
+            for (const std::uint32_t voxel : region.voxels(0))
+                of_voxel[voxel] = number;
+        }
+        return of_voxel;
+    }
+
+    /// The octree's cells; those that bones pass are divided max_depth times.
+    Body cut_octree(const CellSettings& settings)
+    {
+        CellSettings cells = settings;
+        cells.across = static_cast<int>(flesh().across.value_or(kAcross));
+        cells.max_depth = static_cast<int>(flesh().max_depth.value_or(0));
+        cells.min_depth = 0;
+        Body octree =
+            build_body(build_rest_shape(geometry, geometry.samples, cells), cells);
+        const VoxelGrid& grid = octree.rest->material.grid;
+        const MaterialTest has_material = material_test(grid);
+        for (int level = 1; level <= cells.max_depth; ++level)
+        {
+            std::vector<int> crossed;
+            for (std::size_t l = 0; l < octree.octree.leaves().size(); ++l)
+            {
+                const VoxelBlock block =
+                    voxel_block(grid.shape(), octree.octree.leaves()[l]);
+                const Vector3d middle = grid.from_voxels(
+                    block.first.cast<double>() + Vector3d::Constant(0.5 * block.width));
+                const double reach =
+                    0.5 * std::sqrt(3.0) * block.width * grid.shape().voxel();
+                if (std::any_of(bones.begin(), bones.end(),
+                                [&](const TubeBone& bone)
+                                {
+                                    const Vector3d a = bone.line.from / body.metre,
+                                                   b = bone.line.to / body.metre;
+                                    const double t = nearest_share(a, b, middle);
+                                    return (a + t * (b - a) - middle).norm() <= reach;
+                                }))
+                    crossed.push_back(static_cast<int>(l));
+            }
+            octree = cut(octree.rest, octree.octree.split(crossed, has_material));
+        }
+        if (static_cast<std::int64_t>(octree.cells.size()) > cells.max_cells)
+            throw Error(Fault::Budget,
+                        fmt::format("the lattice has {} cells, more than max_cells {}: "
+                                    "use a smaller skeleton.across or max_depth",
+                                    octree.cells.size(), cells.max_cells));
+        return octree;
+    }
+
+    FleshSettings settings(bool is_tight) const
+    {
+        FleshSettings out;
+        out.law = flesh().law == "linear" ? FleshLaw::Linear : FleshLaw::Cells;
+        out.alpha = flesh().alpha;
+        out.beta = flesh().beta;
+        const Triple& g = scene.time->gravity;
+        out.gravity = body.frame.axes * Vector3d(g[0], g[1], g[2]);
+        out.tolerance = is_tight ? kTightTolerance : kUsualTolerance;
+        out.newton = static_cast<int>(flesh().newton);
+        return out;
+    }
+
+    void from_octree(const CellSettings& cells, bool is_tight)
+    {
+        const auto octree = std::make_shared<const Body>(cut_octree(cells));
+        body.octree = octree;
+        const RestShape& rest = *octree->rest;
+        body.warnings.insert(body.warnings.end(), rest.warnings.begin(),
+                             rest.warnings.end());
+        Lattice lattice = octree_lattice(octree->octree, octree->cells, body.metre);
+        if (!flesh().materials.empty())
+            lattice.parts =
+                parts_by_material(rest.material.grid, octree->octree, octree->pieces,
+                                  materials_of_voxels(*octree), body.metre);
+        SkeletonBinding binding;
+        bone_regions(*body.skeleton, rest, binding);
+        for (TubeBone& bone : bones)
+            for (const BoneBinding& bound : binding.bones)
+                if (bound.name == body.skeleton->statement(idx(bone.line.motion)).name)
+                    bone.radius = body.metre * bound.radius;
+        const std::vector<std::int32_t>& pieces = octree->pieces.piece_of_voxel;
+        const VoxelGrid& grid = rest.material.grid;
+        const HoldsPoint holds = [&](int cell, const Vector3d& x)
+        { return piece_at(grid, pieces, x / body.metre) == cell; };
+        std::vector<TubePart> tubes;
+        if (flesh().has_tube)
+            tubes = tube_parts(lattice, materials, bones,
+                               points_in_tubes(grid, pieces, lattice, body.metre, bones),
+                               flesh().tube_stiffness);
+        std::vector<BoneLine> lines;
+        for (const TubeBone& bone : bones)
+            lines.push_back(bone.line);
+        finish(std::move(lattice), points_on_bones(lattice, lines, holds),
+               std::move(tubes), is_tight);
+        body.cell_of_sample = octree->cell_of_sample;
+        for (std::size_t i = 0; i < rest.samples.size(); ++i)
+            body.local.push_back(*local_place(body.flesh->lattice(),
+                                              body.cell_of_sample[i],
+                                              body.metre * rest.samples[i]));
+        warn_of_parts(octree->cells);
+    }
+
+    void from_file(bool is_tight)
+    {
+        if (!flesh().materials.empty())
+            throw malformed({scene.path, 0, "skeleton.materials"},
+                            "a lattice of a file has one material");
+        const MeditMesh mesh = read_medit(flesh().lattice);
+        DrawnCells drawn;
+        for (const Vector3d& x : mesh.vertices)
+            drawn.places.push_back(body.to_metres(x));
+        for (const auto& cell : mesh.hexahedra)
+            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
+        for (const auto& cell : mesh.tetrahedra)
+            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
+        for (const auto& cell : mesh.prisms)
+            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
+        for (const auto& edge : mesh.edges)
+            drawn.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
+        const Hexahedra hexahedra = hexahedra_of(drawn);
+        Lattice lattice;
+        try
+        {
+            lattice =
+                drawn_lattice(hexahedra.places, hexahedra.cells, hexahedra.material);
+        }
+        catch (const std::invalid_argument& fault)
+        {
+            throw malformed({flesh().lattice, 0, ""}, fault.what());
+        }
+        const double near = kOnBone * body.metre * body.frame.diagonal();
+        std::vector<HeldPoint> points = points_of_edges(hexahedra, near);
+        std::vector<BoneLine> lines;
+        for (const TubeBone& bone : bones)
+            if (!runs_along_edges(bone.line, hexahedra, near))
+                lines.push_back(bone.line);
+        const std::vector<HeldPoint> crossings =
+            points_on_bones(lattice, lines, [](int, const Vector3d&) { return true; });
+        points.insert(points.end(), crossings.begin(), crossings.end());
+        for (TubeBone& bone : bones)
+            if (!(bone.radius > 0.0))
+                bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
+        std::vector<TubePart> tubes;
+        if (flesh().has_tube)
+            tubes = tube_parts(lattice, materials, bones, points_in_tubes(lattice, bones),
+                               flesh().tube_stiffness);
+        finish(std::move(lattice), std::move(points), std::move(tubes), is_tight);
+        locate_samples();
+    }
+
+    /// The vertices of edges that lie on a bone of the skeleton, each once.
+    std::vector<HeldPoint> points_of_edges(const Hexahedra& lattice, double near) const
+    {
+        std::map<int, int> motion_of_vertex;
+        std::size_t off = 0;
+        for (const auto& [a, b] : lattice.edges)
+        {
+            bool is_on = false;
+            for (const TubeBone& bone : bones)
+                if (is_near(bone.line, lattice.places[idx(a)], near) &&
+                    is_near(bone.line, lattice.places[idx(b)], near))
+                {
+                    is_on = true;
+                    motion_of_vertex.emplace(a, bone.line.motion);
+                    motion_of_vertex.emplace(b, bone.line.motion);
+                    break;
+                }
+            off += !is_on;
+        }
+        if (off > 0)
+            throw malformed({flesh().lattice, 0, "Edges"},
+                            fmt::format("{} of {} lie on no bone of the skeleton", off,
+                                        lattice.edges.size()));
+        std::vector<HeldPoint> points;
+        for (const auto& [vertex, motion] : motion_of_vertex)
+            points.push_back({{{vertex, 1.0}}, lattice.places[idx(vertex)], motion});
+        return points;
+    }
+
+    static bool is_near(const BoneLine& bone, const Vector3d& x, double near)
+    {
+        const double t = nearest_share(bone.from, bone.to, x);
+        return (bone.from + t * (bone.to - bone.from) - x).norm() <= near;
+    }
+
+    /// A bone that edges follow from end to end needs no other points.
+    static bool runs_along_edges(const BoneLine& bone, const Hexahedra& lattice,
+                                 double near)
+    {
+        double covered = 0.0;
+        for (const auto& [a, b] : lattice.edges)
+            if (is_near(bone, lattice.places[idx(a)], near) &&
+                is_near(bone, lattice.places[idx(b)], near))
+                covered += (lattice.places[idx(a)] - lattice.places[idx(b)]).norm();
+        return covered >= (bone.to - bone.from).norm() - 4.0 * near;
+    }
+
+    /// The cell of a drawn lattice that each sample lies in, or nearest to.
+    void locate_samples()
+    {
+        const Lattice& lattice = body.flesh->lattice();
+        std::vector<Vector3d> middles;
+        for (int c = 0; c < static_cast<int>(lattice.cells.size()); ++c)
+            middles.push_back(cell_point(lattice, c, Vector3d::Constant(0.5)));
+        const PointTree tree(middles);
+        std::vector<PointTree::Neighbour> near;
+        std::size_t outside = 0;
+        for (const Vector3d& sample : geometry.samples)
+        {
+            const Vector3d x = body.to_metres(sample);
+            tree.nearest(x, kNearCells, near);
+            double least = INFINITY;
+            int best = static_cast<int>(near.front().index);
+            Vector3d at = Vector3d::Constant(0.5);
+            for (const PointTree::Neighbour& candidate : near)
+            {
+                const int cell = static_cast<int>(candidate.index);
+                const std::optional<Vector3d> local = local_place(lattice, cell, x);
+                if (!local)
+                    continue;
+                const double beyond =
+                    (*local - local->cwiseMax(0.0).cwiseMin(1.0)).norm();
+                if (beyond < least)
+                {
+                    least = beyond;
+                    best = cell;
+                    at = *local;
+                }
+                if (beyond == 0.0)
+                    break;
+            }
+            constexpr double kOutside = 0.05; // of a cell
+            outside += !(least <= kOutside);
+            body.cell_of_sample.push_back(best);
+            body.local.push_back(at);
+        }
+        if (outside > 0)
+            body.warnings.push_back(at(
+                {flesh().lattice, 0, ""},
+                fmt::format("{} of {} samples lie outside the lattice: they follow the "
+                            "nearest cell",
+                            outside, geometry.samples.size())));
+    }
+
+    void finish(Lattice lattice, std::vector<HeldPoint> points,
+                std::vector<TubePart> tubes, bool is_tight)
+    {
+        if (points.empty())
+            body.warnings.push_back(at({scene.path, 0, "skeleton"},
+                                       "no bone lies in the material: nothing is held"));
+        body.held = points.size();
+        for (const LatticePart& part : lattice.parts)
+            body.mass += part.volume * materials[idx(part.material)].density;
+        body.flesh =
+            std::make_shared<Flesh>(std::move(lattice), materials, std::move(points),
+                                    std::move(tubes), settings(is_tight));
+        body.dropped = body.flesh->nodes().dropped.size();
+    }
+
+    /// Of parts of the material that no bone holds.
+    void warn_of_parts(const Cells& cells)
+    {
+        const std::vector<int> component = connected_components(cells);
+        const Lattice& lattice = body.flesh->lattice();
+        std::vector<bool> is_bound(lattice.places.size(), false);
+        for (std::size_t k = 0; k < body.flesh->nodes().bound.size(); ++k)
+            if (!body.flesh->nodes().by_points[k].empty())
+                is_bound[idx(body.flesh->nodes().bound[k])] = true;
+        std::map<int, bool> is_held;
+        for (std::size_t c = 0; c < cells.size(); ++c)
+            for (const int node : lattice.cells[c])
+                is_held[component[c]] = is_held[component[c]] || is_bound[idx(node)];
+        const auto loose = std::count_if(is_held.begin(), is_held.end(),
+                                         [](const auto& part) { return !part.second; });
+        if (loose > 0 && body.held > 0)
+            body.warnings.push_back(at(
+                {scene.path, 0, "skeleton"},
+                fmt::format("{} of {} parts of the material have no bone: they fly free",
+                            loose, is_held.size())));
+    }
+};
+
+} // namespace
+
+FleshBody build_flesh(const Geometry& geometry, const SceneFile& scene,
+                      const SkeletonValues& skeleton, const CellSettings& cells,
+                      bool is_tight)
+{
+    refuse_what_is_not_built(scene);
+    Builder builder{geometry, scene, skeleton, {}, {}, {}};
+    builder.body.frame = cells.frame ? given_frame(*cells.frame, cells.frame_file)
+                                     : automatic_frame(bounding_box(geometry.samples));
+    builder.body.metre = builder.body.frame.length_to_model(1.0) * scene.time->unit;
+    builder.materials.push_back(material_of(builder.flesh()));
+    builder.place_bones();
+    if (builder.flesh().lattice.empty())
+        builder.from_octree(cells, is_tight);
+    else
+        builder.from_file(is_tight);
+    return std::move(builder.body);
+}
+
+} // namespace cellwarp

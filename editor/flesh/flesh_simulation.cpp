@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/flesh_simulation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "editor/session/apply_field.h"
+#include "editor/session/scene_settings.h"
+#include "io/error.h"
+#include "io/skeleton_scene.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr std::size_t kGrain = 1024; ///< samples
+
+/// Flesh is taken from rest to the first pose in parts of at most this turn [rad].
+constexpr double kTurnOfFirst = 0.2;
+
+} // namespace
+
+FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
+                                 const SceneFile& scene, const CellSettings& cells,
+                                 bool is_tight)
+    : geometry_(std::move(geometry)), time_(*scene.time),
+      settles_(scene.skeleton->flesh.settles), file_(scene.path),
+      skeleton_(skeleton_of(*scene.skeleton, scene.path)),
+      body_(build_flesh(*geometry_, scene, skeleton_, cells, is_tight)),
+      warnings_(skeleton_.warnings), field_(settings_of(scene).field)
+{
+    warnings_.insert(warnings_.end(), body_.warnings.begin(), body_.warnings.end());
+    keys_.emplace(skeleton_);
+    for (const DirectionUse& use : direction_uses(*geometry_))
+        use_samples_.push_back(use.sample);
+    snapshot_.state = body_.flesh->rest();
+    begin();
+}
+
+FleshSimulation::~FleshSimulation() = default;
+
+std::int64_t FleshSimulation::num_steps() const
+{
+    return std::llround(time_.duration / time_.dt);
+}
+
+std::int64_t FleshSimulation::steps_a_frame() const
+{
+    return std::max<std::int64_t>(1, std::llround(time_.every / time_.dt));
+}
+
+std::int64_t FleshSimulation::last_frame() const
+{
+    const std::int64_t every = steps_a_frame();
+    return (num_steps() + every - 1) / every;
+}
+
+/// Of space around each joint, from rest [m].
+std::vector<Motion> FleshSimulation::motions_at(double time,
+                                                const std::vector<Move>& by_hand,
+                                                int* limited) const
+{
+    std::vector<Move> moves = keys_->moves_at(time);
+    for (const Move& move : by_hand)
+    {
+        const auto same =
+            std::find_if(moves.begin(), moves.end(),
+                         [&](const Move& other) { return other.region == move.region; });
+        if (same == moves.end())
+            moves.push_back(move);
+        else
+            *same = move;
+    }
+    std::vector<const Move*> pointers;
+    for (const Move& move : moves)
+        pointers.push_back(&move);
+    const Units units{body_.frame, false, bounding_box(geometry_->samples), 0.0};
+    const SkeletonAim aim =
+        body_.skeleton->moved(body_.skeleton->rest(), pointers, units);
+    if (limited)
+        *limited = aim.limited;
+    std::vector<Motion> motions = body_.skeleton->motions(aim, aim, 1.0);
+    for (Motion& motion : motions)
+        motion.t *= body_.metre;
+    return motions;
+}
+
+/// From rest to the first pose, without inertia.
+void FleshSimulation::begin()
+{
+    const std::vector<Motion> first = motions_at(0.0, {});
+    double turn = 0.0, way = 0.0;
+    for (std::size_t j = 0; j < first.size(); ++j)
+    {
+        turn = std::max(turn, rotation_vector(first[j].R).norm());
+        const Vector3d at = body_.metre * body_.skeleton->place(j);
+        way = std::max(way, (first[j](at) - at).norm());
+    }
+    FleshReport report;
+    if (turn > 0.0 || way > 0.0)
+    {
+        // The way of the joints, not that of each bone alone: they stay together.
+        const SkeletonAim rest = body_.skeleton->rest();
+        std::vector<Move> moves = keys_->moves_at(0.0);
+        std::vector<const Move*> pointers;
+        for (const Move& move : moves)
+            pointers.push_back(&move);
+        const Units units{body_.frame, false, bounding_box(geometry_->samples), 0.0};
+        const SkeletonAim pose = body_.skeleton->moved(rest, pointers, units);
+        const int parts = std::max(1, static_cast<int>(std::ceil(turn / kTurnOfFirst)));
+        for (int part = 1; part <= parts; ++part)
+        {
+            std::vector<Motion> motions =
+                body_.skeleton->motions(rest, pose, static_cast<double>(part) / parts);
+            for (Motion& motion : motions)
+                motion.t *= body_.metre;
+            report = body_.flesh->settle(snapshot_.state, motions, Weighs::No);
+        }
+    }
+    if (settles_)
+        report = body_.flesh->settle(snapshot_.state, first, Weighs::Yes);
+    if (!report.is_converged)
+        warnings_.push_back(
+            at({file_, 0, "skeleton"}, "the flesh did not come to rest before frame 0"));
+}
+
+void FleshSimulation::step()
+{
+    const Clock::time_point start = Clock::now();
+    const double end = static_cast<double>(snapshot_.steps + 1) * time_.dt;
+    const FleshReport report = body_.flesh->step(
+        snapshot_.state, time_.dt, motions_at(end, snapshot_.by_hand, &since_.limited));
+    ++snapshot_.steps;
+    since_.systems += report.systems;
+    since_.cg_steps += report.cg_steps;
+    since_.step_ms += ms_since(start);
+    if (report.is_converged || !since_.is_converged)
+        return;
+    since_.is_converged = false;
+    since_.stop = report.is_finite ? "iteration limit" : "no finite numbers";
+}
+
+void FleshSimulation::next_frame(const std::function<void()>& watch)
+{
+    do
+    {
+        step();
+        if (watch)
+            watch();
+    } while (steps_done() < num_steps() && steps_done() % steps_a_frame() != 0);
+}
+
+FleshFrame FleshSimulation::report()
+{
+    FleshFrame out = std::exchange(since_, {});
+    out.time = static_cast<double>(steps_done()) * time_.dt;
+    const std::vector<Motion> motions = motions_at(out.time, snapshot_.by_hand);
+    const FleshState& state = snapshot_.state;
+    const Flesh::Energies energies = body_.flesh->energies(state, motions);
+    out.kinetic = energies.kinetic;
+    out.elastic = energies.elastic + energies.tube;
+    // Heights count from the model's own origin.
+    const Vector3d origin = body_.to_metres(Vector3d::Zero());
+    const Vector3d gravity =
+        body_.frame.axes * Vector3d(time_.gravity[0], time_.gravity[1], time_.gravity[2]);
+    out.gravity = energies.gravity + body_.mass * gravity.dot(origin);
+    const Vector3d momentum = body_.flesh->momentum(state);
+    const Matrix3d to_model = body_.frame.axes.transpose();
+    out.momentum = to_model * momentum;
+    out.angular_momentum =
+        to_model * (body_.flesh->angular_momentum(state) - origin.cross(momentum));
+    out.miss = body_.flesh->largest_miss(state, motions);
+    out.largest_strain = body_.flesh->largest_strain(state);
+    return out;
+}
+
+std::vector<PosedJoint> FleshSimulation::joints() const
+{
+    const std::vector<Motion> motions =
+        motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+    std::vector<PosedJoint> joints;
+    for (std::size_t j = 0; j < motions.size(); ++j)
+        joints.push_back(
+            {body_.skeleton->statement(j).name, body_.skeleton->parent(j),
+             body_.to_model(motions[j](body_.metre * body_.skeleton->place(j)))});
+    return joints;
+}
+
+DeformedSamples FleshSimulation::rest_samples() const
+{
+    DeformedSamples out{
+        geometry_->samples, {}, geometry_->tangents, geometry_->rotations};
+    for (const DirectionUse& use : direction_uses(*geometry_))
+        out.directions.push_back(geometry_->directions[use.direction]);
+    return out;
+}
+
+DeformedSamples FleshSimulation::deformed_live() const
+{
+    const Lattice& lattice = body_.flesh->lattice();
+    DeformedSamples out = rest_samples();
+    const Carried carried{out.samples,
+                          {use_samples_, out.directions},
+                          {geometry_->tangent_samples, out.tangents},
+                          {geometry_->rotation_samples, out.rotations}};
+    // What turns does so by F, averaged at the nodes.
+    std::vector<Matrix3d> slopes;
+    if (carried.has_directions())
+    {
+        slopes.assign(lattice.places.size(), Matrix3d::Zero());
+        std::vector<double> counts(lattice.places.size(), 0.0);
+        const std::vector<Matrix3d> F = body_.flesh->deformations(snapshot_.state);
+        for (const LatticePart& part : lattice.parts)
+            for (const int node : lattice.cells[idx(part.cell)])
+            {
+                slopes[idx(node)] +=
+                    part.volume * (F[idx(part.cell)] - Matrix3d::Identity());
+                counts[idx(node)] += part.volume;
+            }
+        for (std::size_t n = 0; n < slopes.size(); ++n)
+            if (counts[n] > 0.0)
+                slopes[n] /= counts[n];
+    }
+    std::vector<FieldValue> values(geometry_->samples.size());
+    parallel_for(values.size(), kGrain,
+                 [&](std::size_t i)
+                 {
+                     const std::array<double, 8> shares = corner_shares(body_.local[i]);
+                     const CornerNodes& nodes =
+                         lattice.cells[idx(body_.cell_of_sample[i])];
+                     FieldValue& value = values[i];
+                     value = {};
+                     for (std::size_t k = 0; k < 8; ++k)
+                     {
+                         value.displacement += shares[k] / body_.metre *
+                                               snapshot_.state.u.segment<3>(3 * nodes[k]);
+                         if (!slopes.empty())
+                             value.gradient += shares[k] * slopes[idx(nodes[k])];
+                     }
+                 });
+    carry(body_.frame, values, carried);
+    return out;
+}
+
+DeformedSamples FleshSimulation::deformed()
+{
+    if (!body_.octree)
+        return deformed_live();
+    const Cells& cells = body_.octree->cells;
+    const Lattice& lattice = body_.flesh->lattice();
+    if (!fitter_)
+    {
+        constraints_.assign(cells.size(), {});
+        fitter_ = std::make_unique<FieldFitter>(field_, cells, constraints_, true);
+    }
+    const std::vector<Matrix3d> frames = body_.flesh->frames(snapshot_.state);
+    std::vector<Pose> poses(cells.size());
+    for (std::size_t c = 0; c < cells.size(); ++c)
+    {
+        const Vector3d& centre = cells.cells[c].centre;
+        const std::array<double, 8> shares = corner_shares(
+            *local_place(lattice, static_cast<int>(c), body_.metre * centre));
+        poses[c] = {frames[c], centre};
+        for (std::size_t k = 0; k < 8; ++k)
+            poses[c].p += shares[k] / body_.metre *
+                          snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
+    }
+    const std::optional<Field> field = fitter_->fit(poses, {});
+    DeformedSamples out = rest_samples();
+    apply_field(*field, body_.frame, body_.octree->rest->samples, body_.cell_of_sample,
+                {out.samples,
+                 {use_samples_, out.directions},
+                 {geometry_->tangent_samples, out.tangents},
+                 {geometry_->rotation_samples, out.rotations}});
+    return out;
+}
+
+std::vector<Vector3d> FleshSimulation::nodes() const
+{
+    const Lattice& lattice = body_.flesh->lattice();
+    std::vector<Vector3d> places;
+    for (std::size_t n = 0; n < lattice.places.size(); ++n)
+        places.push_back(body_.to_model(
+            lattice.places[n] + snapshot_.state.u.segment<3>(Eigen::Index(3 * n))));
+    return places;
+}
+
+} // namespace cellwarp

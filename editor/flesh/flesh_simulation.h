@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Flesh that follows a skeleton in time: steps of a fixed length from the keys of a scene
+// or from the hand. A step depends on its snapshot alone, so that what is played live is
+// what was baked, to the bit.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/flesh/flesh_body.h"
+#include "editor/session/skeleton_handle.h"
+#include "io/geometry.h"
+#include "io/scene_file.h"
+#include "solver/field/field.h"
+
+namespace cellwarp
+{
+
+/// What a moment measures, and the steps since the last one.
+struct FleshFrame
+{
+    double time = 0.0;                                  ///< [s]
+    double kinetic = 0.0, elastic = 0.0, gravity = 0.0; ///< [J]; tubes are elastic
+    Eigen::Vector3d momentum = Eigen::Vector3d::Zero(); ///< [kg m/s]
+    Eigen::Vector3d angular_momentum = Eigen::Vector3d::Zero(); ///< [kg m^2/s]
+    double miss = 0.0;           ///< of a held point, at the most [m]
+    double largest_strain = 0.0; ///< Frobenius norm of Green's mean strain of a cell
+    std::int64_t systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
+    double step_ms = 0.0;                   ///< all steps together
+    bool is_converged = true;
+    std::string stop = "converged"; ///< the first that was not
+    int limited = 0;                ///< turns of joints that were cut to their limits
+};
+
+class FleshSimulation
+{
+public:
+    /// Stands at frame 0: in the pose of the keys there, at rest; where the scene says
+    /// so, hanging in its weight. Throws what build_flesh() throws.
+    FleshSimulation(std::shared_ptr<const Geometry> geometry, const SceneFile& scene,
+                    const CellSettings& cells, bool is_tight = false);
+    ~FleshSimulation();
+
+    const std::vector<std::string>& warnings() const { return warnings_; }
+    const Geometry& geometry() const { return *geometry_; }
+    const FleshBody& body() const { return body_; }
+    const TimeSettings& time() const { return time_; }
+
+    std::int64_t num_steps() const;
+    std::int64_t steps_a_frame() const;
+    std::int64_t last_frame() const;
+    std::int64_t steps_done() const { return snapshot_.steps; }
+    void step();
+    /// To the end of the next frame. \p watch: after each step.
+    void next_frame(const std::function<void()>& watch = {});
+    FleshFrame report();
+
+    /// All that comes after depends on.
+    struct Snapshot
+    {
+        FleshState state;
+        std::int64_t steps = 0;
+        /// What a hand has done to joints since the keys: it stays. Empty: nothing.
+        std::vector<Move> by_hand;
+    };
+    const Snapshot& snapshot() const { return snapshot_; }
+    void go_to(Snapshot snapshot) { snapshot_ = std::move(snapshot); }
+    /// Joints that do not go by their keys from the next step on, as moves of a frame
+    /// do; of those that are not named the keys go on.
+    void lead(std::vector<Move> moves) { snapshot_.by_hand = std::move(moves); }
+
+    /// Where the skeleton is now.
+    std::vector<PosedJoint> joints() const;
+    /// The shape as the lattice has it: at once, exact at bones, with creases in its
+    /// slopes where cells meet.
+    DeformedSamples deformed_live() const;
+    /// The same, smooth, by a field through the cells' middles; of a lattice that was
+    /// drawn it is deformed_live().
+    DeformedSamples deformed();
+    /// Nodes of the lattice now [model unit].
+    std::vector<Eigen::Vector3d> nodes() const;
+
+private:
+    std::vector<Motion> motions_at(double time, const std::vector<Move>& by_hand,
+                                   int* limited = nullptr) const;
+    void begin();
+    DeformedSamples rest_samples() const;
+
+    std::shared_ptr<const Geometry> geometry_;
+    const TimeSettings time_;
+    const bool settles_;
+    std::string file_;
+    SkeletonValues skeleton_;
+    FleshBody body_;
+    std::vector<std::string> warnings_;
+    std::optional<KeyedJoints> keys_;
+    std::vector<std::uint32_t> use_samples_; ///< of the direction uses
+    FieldChoice field_;
+    std::vector<Constraint> constraints_; ///< none: all cells are free
+    std::unique_ptr<FieldFitter> fitter_;
+    Snapshot snapshot_;
+    FleshFrame since_; ///< the last report
+};
+
+} // namespace cellwarp

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "io/time_settings.h"
+
+#include "io/bytes.h"
+#include "io/json_object.h"
+#include "io/text.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+void read(JsonObject& object, const char* key, double low, double high, double& out)
+{
+    std::optional<double> value;
+    object.read(key, Between<double>{low, high}, value);
+    out = value.value_or(out);
+}
+
+} // namespace
+
+void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings& out,
+                        std::vector<std::string>& warnings)
+{
+    read(scene, "unit", 1e-30, 1e30, out.unit);
+    const Json* const value = scene.find("simulate");
+    if (!value)
+        return;
+    JsonObject simulate(*value, path, "simulate.", warnings);
+    read(simulate, "dt", 1e-12, 1e6, out.dt);
+    read(simulate, "duration", 0.0, 1e9, out.duration);
+    read(simulate, "every", 1e-12, 1e9, out.every);
+    std::optional<std::string> integrator;
+    simulate.read("integrator", OneOf{{"implicit-euler", "midpoint", "rk4", "static"}},
+                  integrator);
+    out.integrator = integrator.value_or(out.integrator);
+    if (const Json* gravity = simulate.find("gravity"))
+        out.gravity = simulate.vector("gravity", *gravity);
+    read(simulate, "viscosity", 0.0, 1e30, out.viscosity);
+    simulate.warn_of_the_rest();
+    if (out.duration / out.dt > 1e9)
+        simulate.fail("duration", "takes more than 1e9 steps of dt");
+}
+
+TimeScene time_scene_of(const std::string& path)
+{
+    if (extension_of(path) != "json")
+        return TimeScene::None;
+    const Json json = parse_json(path, read_file(path));
+    const bool has_rods = json.contains("rods") || json.contains("sheets");
+    if (json.contains("simulate"))
+        return json.contains("skeleton") && !has_rods ? TimeScene::Flesh
+                                                      : TimeScene::Rods;
+    return has_rods && !json.contains("model") ? TimeScene::Rods : TimeScene::None;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a scene says of its time: steps, frames, gravity. The same for all that moves.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace cellwarp
+{
+
+class JsonObject;
+
+using Triple = std::array<double, 3>;
+
+struct TimeSettings
+{
+    double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
+    std::string integrator = "implicit-euler";
+    Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
+    double viscosity = 0.0;          ///< [N s/m^2]
+    double unit = 1.0;               ///< of the model [m]
+};
+
+/// The keys "unit" and "simulate" of the scene at \p path; what they leave out stays as
+/// it is. Throws Fault::Malformed.
+void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings& out,
+                        std::vector<std::string>& warnings);
+
+/// What moves in time in a scene.
+enum class TimeScene
+{
+    None,
+    Rods, ///< see rod_scene.h
+    Flesh ///< around a skeleton, see flesh_scene.h
+};
+
+/// Of the file at \p path; None for what is no scene file. Throws what reading it throws.
+TimeScene time_scene_of(const std::string& path);
+
+} // namespace cellwarp

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/flesh/bone_tube.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <unordered_map>
+
+#include <Eigen/LU>
+
+#include "octree/base/segment.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+using Eigen::Vector3i;
+
+/// A line passes within this of the centres of the voxels that it goes through [voxel].
+constexpr double kHalfDiagonal = 0.87;
+
+/// Parts of a drawn cell along each axis.
+constexpr int kCuts = 6;
+
+double distance(const BoneLine& bone, const Vector3d& x)
+{
+    const double t = nearest_share(bone.from, bone.to, x);
+    return (bone.from + t * (bone.to - bone.from) - x).norm();
+}
+
+/// The nearest bone of a voxel so far.
+struct Nearest
+{
+    double distance = std::numeric_limits<double>::infinity();
+    int bone = -1;
+};
+
+/// The voxels of a bone's tube that are joined to the bone, and their distance.
+std::vector<std::pair<std::size_t, double>>
+joined_voxels(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+              double unit, const TubeBone& bone)
+{
+    const Vector3d reach = Vector3d::Constant(bone.radius / unit);
+    const Vector3d a = bone.line.from / unit, b = bone.line.to / unit;
+    const BoneLine line{a, b, bone.line.motion};
+    const double radius = bone.radius / unit,
+                 through = kHalfDiagonal * grid.shape().voxel();
+    const VoxelRange range{grid.locate(a.cwiseMin(b) - reach),
+                           grid.locate(a.cwiseMax(b) + reach)};
+    const auto away = [&](const Vector3i& v)
+    {
+        return piece_of_voxel[grid.index(v)] < 0 ? std::numeric_limits<double>::infinity()
+                                                 : distance(line, grid.centre(v));
+    };
+    std::unordered_map<std::size_t, double> found;
+    std::vector<Vector3i> queue;
+    const auto visit = [&](const Vector3i& v)
+    {
+        const double d = away(v);
+        if (d <= radius && found.emplace(grid.index(v), d).second)
+            queue.push_back(v);
+    };
+    for_each_voxel(range,
+                   [&](const Vector3i& v)
+                   {
+                       if (away(v) <= std::min(through, radius))
+                           visit(v);
+                   });
+    for (std::size_t next = 0; next < queue.size(); ++next)
+    {
+        const Vector3i at = queue[next];
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int step : {-1, 1})
+            {
+                Vector3i v = at;
+                v[axis] += step;
+                if (range.contains(v))
+                    visit(v);
+            }
+    }
+    std::vector<std::pair<std::size_t, double>> out(found.begin(), found.end());
+    std::sort(out.begin(), out.end());
+    return out;
+}
+
+} // namespace
+
+std::vector<std::vector<MaterialPoint>>
+points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+                const Lattice& lattice, double unit, std::span<const TubeBone> bones)
+{
+    std::map<std::size_t, Nearest> nearest; // by voxel
+    for (std::size_t b = 0; b < bones.size(); ++b)
+        for (const auto& [voxel, away] :
+             joined_voxels(grid, piece_of_voxel, unit, bones[b]))
+            if (Nearest& of = nearest[voxel]; away < of.distance)
+                of = {away, static_cast<int>(b)};
+    std::vector<std::vector<MaterialPoint>> out(bones.size());
+    for (const auto& [voxel, of] : nearest)
+    {
+        const Vector3i v = grid.coordinates(voxel);
+        const int cell = piece_of_voxel[voxel];
+        const std::optional<Vector3d> local =
+            local_place(lattice, cell, unit * grid.centre(v));
+        out[idx(of.bone)].push_back({cell, local.value_or(Vector3d::Constant(0.5)),
+                                     unit * unit * unit * grid.extent(0, v.x()) *
+                                         grid.extent(1, v.y()) * grid.extent(2, v.z())});
+    }
+    return out;
+}
+
+std::vector<std::vector<MaterialPoint>> points_in_tubes(const Lattice& lattice,
+                                                        std::span<const TubeBone> bones)
+{
+    std::vector<std::vector<MaterialPoint>> out(bones.size());
+    for (std::size_t c = 0; c < lattice.cells.size(); ++c)
+        for_each_voxel({Vector3i::Zero(), Vector3i::Constant(kCuts - 1)},
+                       [&](const Vector3i& v)
+                       {
+                           const int cell = static_cast<int>(c);
+                           const Vector3d local =
+                               (v.cast<double>().array() + 0.5) / kCuts;
+                           const Vector3d x = cell_point(lattice, cell, local);
+                           Nearest nearest;
+                           for (std::size_t b = 0; b < bones.size(); ++b)
+                               if (const double d = distance(bones[b].line, x);
+                                   d <= bones[b].radius && d < nearest.distance)
+                                   nearest = {d, static_cast<int>(b)};
+                           if (nearest.bone >= 0)
+                               out[idx(nearest.bone)].push_back(
+                                   {cell, local,
+                                    cell_slopes(lattice, cell, local).determinant() /
+                                        (kCuts * kCuts * kCuts)});
+                       });
+    return out;
+}
+
+std::vector<TubePart> tube_parts(const Lattice& lattice,
+                                 std::span<const FleshMaterial> materials,
+                                 std::span<const TubeBone> bones,
+                                 std::span<const std::vector<MaterialPoint>> points,
+                                 double chi)
+{
+    // Where a cell is of several materials that of the largest part counts.
+    std::vector<int> material(lattice.cells.size(), 0);
+    std::vector<double> volume(lattice.cells.size(), 0.0);
+    for (const LatticePart& part : lattice.parts)
+        if (part.volume > volume[idx(part.cell)])
+        {
+            volume[idx(part.cell)] = part.volume;
+            material[idx(part.cell)] = part.material;
+        }
+    std::vector<TubePart> out;
+    for (std::size_t b = 0; b < bones.size(); ++b)
+    {
+        std::map<int, std::size_t> part_of_cell;
+        for (const MaterialPoint& point : points[b])
+        {
+            const auto [found, is_new] = part_of_cell.try_emplace(point.cell, out.size());
+            if (is_new)
+                out.push_back({point.cell, bones[b].line.motion,
+                               Eigen::Matrix<double, 8, 8>::Zero(),
+                               chi * materials[idx(material[idx(point.cell)])].shear() /
+                                   (bones[b].radius * bones[b].radius)});
+            const std::array<double, 8> shares = corner_shares(point.local);
+            const Eigen::Map<const Eigen::Matrix<double, 8, 1>> phi(shares.data());
+            out[found->second].overlap += point.volume * phi * phi.transpose();
+        }
+    }
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Flesh around moving bones, in time: elastic, heavy, held by its bones. [Capell02]
+// flesh.cpp has the step.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/base/rigid_motion.h"
+#include "solver/flesh/bone_tube.h"
+#include "solver/flesh/bound_nodes.h"
+#include "solver/flesh/lattice.h"
+
+namespace cellwarp
+{
+
+/// What is taken for the strain of a cell.
+enum class FleshLaw
+{
+    Cells, ///< small strain in a frame that turns with the cell
+    Linear ///< small strain: right for small turns alone
+};
+
+struct FleshSettings
+{
+    FleshLaw law = FleshLaw::Cells;
+    double alpha = 0.0;                                ///< damping of the mass [1/s]
+    double beta = 0.0;                                 ///< and of the stiffness [s]
+    Eigen::Vector3d gravity = Eigen::Vector3d::Zero(); ///< [m/s^2]
+    double tolerance = 1e-3; ///< of the linear systems' residual, relative
+    int newton = 1;          ///< linear systems a step, at the most
+    bool has_levels = true;  ///< of the preconditioner, where a step is long enough
+};
+
+/// All that a step depends on.
+struct FleshState
+{
+    Eigen::VectorXd u, v; ///< displacements and velocities of the nodes [m], [m/s]
+    Eigen::VectorXd last; ///< what the free nodes' velocities changed by, the last time
+
+    bool operator==(const FleshState& other) const
+    {
+        return u == other.u && v == other.v && last == other.last;
+    }
+};
+
+struct FleshReport
+{
+    int systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
+    double residual = 0.0;         ///< of the last linear system, relative
+    bool is_converged = true;      ///< to the tolerance
+    bool is_finite = true;         ///< else the state is that of before
+};
+
+/// Whether gravity pulls, while flesh comes to rest.
+enum class Weighs
+{
+    No,
+    Yes
+};
+
+class Flesh
+{
+public:
+    /// \p materials: of the lattice's parts; \p points: as bind_nodes() takes them.
+    Flesh(Lattice lattice, std::vector<FleshMaterial> materials,
+          std::vector<HeldPoint> points, std::vector<TubePart> tubes,
+          FleshSettings settings);
+    ~Flesh();
+    Flesh(Flesh&&) noexcept;
+
+    const Lattice& lattice() const;
+    const BoundNodes& nodes() const;
+    FleshState rest() const;
+    /// Further forces on the nodes, until they are set again [N].
+    void load(const Eigen::VectorXd& forces);
+
+    /// Goes on by \p dt [s], to where the bones have moved by \p motions (from rest).
+    FleshReport step(FleshState& state, double dt, std::span<const Motion> motions);
+    /// To where all is at rest while the bones stand. Not converged: the way was long.
+    FleshReport settle(FleshState& state, std::span<const Motion> motions,
+                       Weighs weighs = Weighs::Yes);
+
+    struct Energies
+    {
+        double kinetic = 0.0, elastic = 0.0, tube = 0.0, gravity = 0.0; ///< [J]
+    };
+    Energies energies(const FleshState& state, std::span<const Motion> motions) const;
+    Eigen::Vector3d momentum(const FleshState& state) const;         ///< [kg m/s]
+    Eigen::Vector3d angular_momentum(const FleshState& state) const; ///< [kg m^2/s]
+    /// Frobenius norm of Green's mean strain, of the cell where it is largest.
+    double largest_strain(const FleshState& state) const;
+    /// How far a held point is from where it should be, at the most; those that were
+    /// dropped do not count [m].
+    double largest_miss(const FleshState& state, std::span<const Motion> motions) const;
+    /// The rotation of each cell.
+    std::vector<Eigen::Matrix3d> frames(const FleshState& state) const;
+    /// F, the mean of each cell.
+    std::vector<Eigen::Matrix3d> deformations(const FleshState& state) const;
+
+    /// y = (sum of the factors' matrices) x of all nodes at rest, for tests.
+    Eigen::MatrixXd dense_matrix(double mass, double stiffness, double tube) const;
+
+private:
+    struct Parts;
+    std::unique_ptr<Parts> parts_;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,424 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Each part gives numbers for its corners into a place of its own; then each node sums
+// what its places hold, in their order.
+#include "solver/flesh/flesh_forces.h"
+
+#include <algorithm>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "octree/base/nearest_rotation.h"
+#include "octree/base/parallel.h"
+#include "solver/flesh/part_points.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr std::size_t kRowsOfBlock = 24;
+/// Eight numbers of each axis.
+constexpr std::size_t kRowsOfTube = 3;
+
+/// Blocks and nodes that are worth a thread of their own.
+constexpr std::size_t kGrainOfBlocks = 16, kGrainOfNodes = 1024;
+
+/// The rotation of a polar decomposition, by Newton's method where the matrix turns
+/// nothing inside out [Higham86], else by singular vectors.
+Matrix3d rotation_of(const Matrix3d& F)
+{
+    constexpr double kFlat = 1e-2, kClose = 1e-14;
+    constexpr int kSteps = 20;
+    const double scale = F.norm();
+    if (!(F.determinant() > kFlat * scale * scale * scale / 5.2))
+        return nearest_rotation(F);
+    Matrix3d R = F;
+    for (int step = 0; step < kSteps; ++step)
+    {
+        Matrix3d cofactor;
+        cofactor << R.col(1).cross(R.col(2)), R.col(2).cross(R.col(0)),
+            R.col(0).cross(R.col(1));
+        const Matrix3d next = 0.5 * (R + cofactor / R.col(0).dot(cofactor.col(0)));
+        const double change = (next - R).squaredNorm();
+        R = next;
+        if (change < kClose)
+            break; // it converges quadratically: the next step would change nothing
+    }
+    return R;
+}
+
+void set_part(BoxBlock& block, std::size_t lane, const PartPoints& points,
+              const FleshMaterial&)
+{
+    Vector3d centre = Vector3d::Zero();
+    for (const Vector3d& x : points.local)
+        centre += x / 8.0;
+    for (std::size_t c = 0; c < 3; ++c)
+        block.centre[c].lane[lane] = centre[Eigen::Index(c)] - 0.5;
+    for (int i = 0; i < 3; ++i)
+    {
+        const Vector3d spread = 0.5 * (points.local[idx(1 << i)] - points.local[0]);
+        for (int c = 0; c < 3; ++c)
+            block.spread[idx(3 * i + c)].lane[lane] = spread[c];
+    }
+    block.inverse_edge.lane[lane] = points.inverse[0](0, 0);
+    block.weight.lane[lane] = points.weight[0];
+}
+
+void set_part(DrawnBlock& block, std::size_t lane, const PartPoints& points,
+              const FleshMaterial& material)
+{
+    for (std::size_t k = 0; k < 8; ++k)
+    {
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 3; ++i)
+                block.inverse[9 * k + idx(3 * j + i)].lane[lane] =
+                    points.inverse[k](i, j);
+        block.weight[k].lane[lane] = points.weight[k];
+        block.scale[k].lane[lane] = points.scale[k];
+    }
+    const Eigen::Matrix<double, 9, 9> solve = mode_costs(points, material).inverse();
+    for (int r = 0; r < 9; ++r)
+        for (int c = 0; c < 9; ++c)
+            block.mode_solve[idx(9 * r + c)].lane[lane] =
+                0.5 * (solve(r, c) + solve(c, r));
+}
+
+/// All lanes of a block, the last ones filled up with the first.
+template <class Block>
+void fill_up(Block& block, std::size_t used)
+{
+    PartRow* const rows = reinterpret_cast<PartRow*>(&block);
+    for (std::size_t r = 0; r < sizeof(Block) / sizeof(PartRow); ++r)
+        for (std::size_t l = used; l < kPartLanes; ++l)
+            rows[r].lane[l] = rows[r].lane[0];
+}
+
+template <class Block>
+std::vector<Block> blocks_of(const Lattice& lattice,
+                             std::span<const FleshMaterial> materials)
+{
+    std::vector<Block> blocks((lattice.parts.size() + kPartLanes - 1) / kPartLanes);
+    for (std::size_t p = 0; p < lattice.parts.size(); ++p)
+    {
+        const LatticePart& part = lattice.parts[p];
+        const FleshMaterial& material = materials[idx(part.material)];
+        const PartPoints points = points_of(lattice, part);
+        Block& block = blocks[p / kPartLanes];
+        const std::size_t lane = p % kPartLanes;
+        block.lambda.lane[lane] = material.lambda();
+        block.shear.lane[lane] = material.shear();
+        block.density.lane[lane] = material.density;
+        const Vector3d middle = cell_point(lattice, part.cell, Vector3d::Constant(0.5));
+        for (std::size_t a = 0; a < 8; ++a)
+        {
+            const Vector3d x =
+                lattice.places[idx(lattice.cells[idx(part.cell)][a])] - middle;
+            for (std::size_t c = 0; c < 3; ++c)
+                block.rest[3 * a + c].lane[lane] = x[Eigen::Index(c)];
+        }
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 3; ++i)
+                block.modes[idx(3 * j + i)].lane[lane] = points.modes(i, j);
+        set_part(block, lane, points, material);
+    }
+    if (!blocks.empty() && lattice.parts.size() % kPartLanes != 0)
+        fill_up(blocks.back(), lattice.parts.size() % kPartLanes);
+    return blocks;
+}
+
+} // namespace
+
+FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> materials,
+                         std::vector<TubePart> tubes)
+    : FleshForces(lattice, materials, std::move(tubes), instruction_sets().back())
+{
+}
+
+FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> materials,
+                         std::vector<TubePart> tubes, InstructionSet set)
+    : lattice_(lattice), kernels_(part_kernels(set)), num_nodes_(lattice.places.size()),
+      materials_(materials.begin(), materials.end()), tubes_(std::move(tubes))
+{
+    if (lattice.has_boxes)
+        boxes_ = blocks_of<BoxBlock>(lattice, materials);
+    else
+        drawn_ = blocks_of<DrawnBlock>(lattice, materials);
+    const std::size_t num_parts = lattice.parts.size();
+    num_blocks_ = (num_parts + kPartLanes - 1) / kPartLanes;
+    nodes_.resize(8 * kPartLanes * num_blocks_);
+    std::vector<double> volume(lattice.cells.size(), 0.0);
+    for (const LatticePart& part : lattice.parts)
+    {
+        volume[idx(part.cell)] += part.volume;
+        mass_ += part.volume * materials[idx(part.material)].density;
+    }
+    std::vector<std::vector<std::uint32_t>> of_node(num_nodes_);
+    for (std::size_t p = 0; p < kPartLanes * num_blocks_; ++p)
+    {
+        const std::size_t block = p / kPartLanes, lane = p % kPartLanes;
+        const bool is_real = p < num_parts;
+        const LatticePart& part = lattice.parts[is_real ? p : block * kPartLanes];
+        cell_of_part_.push_back(part.cell);
+        share_of_cell_.push_back(is_real ? 1.0 / volume[idx(part.cell)] : 0.0);
+        for (std::size_t a = 0; a < 8; ++a)
+        {
+            const int node = lattice.cells[idx(part.cell)][a];
+            nodes_[(8 * block + a) * kPartLanes + lane] = node;
+            if (is_real)
+                of_node[idx(node)].push_back(static_cast<std::uint32_t>(
+                    (kRowsOfBlock * block + 3 * a) * kPartLanes + lane));
+        }
+    }
+    for (std::size_t t = 0; t < tubes_.size(); ++t)
+        for (std::size_t a = 0; a < 8; ++a)
+            of_node[idx(lattice.cells[idx(tubes_[t].cell)][a])].push_back(
+                static_cast<std::uint32_t>(
+                    (kRowsOfBlock * num_blocks_ + kRowsOfTube * t) * kPartLanes + a));
+    given_.resize(kRowsOfBlock * num_blocks_ + kRowsOfTube * tubes_.size());
+    first_of_node_.push_back(0);
+    for (const std::vector<std::uint32_t>& offsets : of_node)
+    {
+        offsets_.insert(offsets_.end(), offsets.begin(), offsets.end());
+        first_of_node_.push_back(offsets_.size());
+    }
+    frames_.assign(lattice.cells.size(), Matrix3d::Identity());
+    frame_rows_.resize(9 * num_blocks_);
+    stand_still();
+}
+
+template <class Call>
+void FleshForces::for_blocks(Call&& call) const
+{
+    parallel_for(num_blocks_, kGrainOfBlocks,
+                 [&](std::size_t b)
+                 {
+                     if (lattice_.has_boxes)
+                         call(b, PartRun<BoxBlock>{&boxes_[b]}, kernels_.boxes,
+                              kernels_.box_gradients);
+                     else
+                         call(b, PartRun<DrawnBlock>{&drawn_[b]}, kernels_.drawn,
+                              kernels_.drawn_gradients);
+                 });
+}
+
+void FleshForces::stand_still()
+{
+    std::fill(frames_.begin(), frames_.end(), Matrix3d::Identity());
+    for (std::size_t b = 0; b < num_blocks_; ++b)
+        for (std::size_t i = 0; i < 9; ++i)
+            std::fill_n(frame_rows_[9 * b + i].lane, kPartLanes, i % 4 == 0 ? 1.0 : 0.0);
+}
+
+void FleshForces::mean_deformations(const VectorXd& u, std::vector<Matrix3d>& out) const
+{
+    for_blocks(
+        [&](std::size_t b, auto run, auto, auto gradients)
+        {
+            run.nodes = &nodes_[8 * kPartLanes * b];
+            run.values = u.data();
+            run.out = &given_[kRowsOfBlock * b];
+            gradients(run);
+        });
+    out.assign(frames_.size(), Matrix3d::Identity());
+    for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
+    {
+        const PartRow* const rows = &given_[kRowsOfBlock * (p / kPartLanes)];
+        Matrix3d& F = out[idx(cell_of_part_[p])];
+        for (int i = 0; i < 9; ++i)
+            F(i) += share_of_cell_[p] * rows[i].lane[p % kPartLanes];
+    }
+}
+
+void FleshForces::follow(const VectorXd& u)
+{
+    std::vector<Matrix3d>& F = frames_;
+    std::vector<Matrix3d> deformations;
+    mean_deformations(u, deformations);
+    parallel_for(F.size(), kGrainOfNodes / 8,
+                 [&](std::size_t c) { F[c] = rotation_of(deformations[c]); });
+    for (std::size_t p = 0; p < cell_of_part_.size(); ++p)
+        for (int i = 0; i < 9; ++i)
+            frame_rows_[9 * (p / kPartLanes) + idx(i)].lane[p % kPartLanes] =
+                frames_[idx(cell_of_part_[p])](i);
+}
+
+/// Of the tubes, into their places.
+void FleshForces::add_tubes(const VectorXd& x, double factor) const
+{
+    parallel_for(tubes_.size(), kGrainOfBlocks * 8,
+                 [&](std::size_t t)
+                 {
+                     const TubePart& tube = tubes_[t];
+                     const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
+                     Eigen::Matrix<double, 8, 3> values;
+                     for (int a = 0; a < 8; ++a)
+                         values.row(a) = x.segment<3>(3 * nodes[idx(a)]).transpose();
+                     Eigen::Map<Eigen::Matrix<double, 8, 3>> out(
+                         given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane);
+                     out.noalias() = (factor * tube.stiffness) * tube.overlap * values;
+                 });
+}
+
+void FleshForces::gather(VectorXd& out) const
+{
+    out.resize(Eigen::Index(3 * num_nodes_));
+    const double* const given = given_.front().lane;
+    parallel_for(num_nodes_, kGrainOfNodes,
+                 [&](std::size_t n)
+                 {
+                     double x = 0.0, y = 0.0, z = 0.0;
+                     for (std::size_t k = first_of_node_[n]; k < first_of_node_[n + 1];
+                          ++k)
+                     {
+                         const double* const at = given + offsets_[k];
+                         x += at[0];
+                         y += at[kPartLanes];
+                         z += at[2 * kPartLanes];
+                     }
+                     double* const sum = out.data() + 3 * n;
+                     sum[0] = x;
+                     sum[1] = y;
+                     sum[2] = z;
+                 });
+}
+
+void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
+                           VectorXd& y) const
+{
+    for_blocks(
+        [&](std::size_t b, auto run, auto product, auto)
+        {
+            run.nodes = &nodes_[8 * kPartLanes * b];
+            run.values = x.data();
+            run.frames = &frame_rows_[9 * b];
+            run.mass = factors.mass;
+            run.stiffness = factors.stiffness;
+            run.out = &given_[kRowsOfBlock * b];
+            product(run);
+        });
+    add_tubes(x, factors.tube);
+    gather(y);
+}
+
+void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
+                         VectorXd& out) const
+{
+    for_blocks(
+        [&](std::size_t b, auto run, auto product, auto)
+        {
+            run.nodes = &nodes_[8 * kPartLanes * b];
+            run.values = u.data();
+            run.frames = &frame_rows_[9 * b];
+            run.stiffness = -1.0;
+            run.from_rest = true;
+            run.out = &given_[kRowsOfBlock * b];
+            product(run);
+        });
+    for (std::size_t t = 0; t < tubes_.size(); ++t)
+    {
+        const TubePart& tube = tubes_[t];
+        const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
+        const Motion& T = motions[idx(tube.motion)];
+        Eigen::Matrix<double, 8, 3> away;
+        for (int a = 0; a < 8; ++a)
+        {
+            const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
+            away.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
+        }
+        Eigen::Map<Eigen::Matrix<double, 8, 3>>(
+            given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane)
+            .noalias() = tube.stiffness * tube.overlap * away;
+    }
+    gather(out);
+}
+
+double FleshForces::elastic_energy(const VectorXd& u) const
+{
+    // 1/2 z^T K z, z = R^T (X + u) - X: the force times what the corners went from R X.
+    for_blocks(
+        [&](std::size_t b, auto run, auto product, auto)
+        {
+            run.nodes = &nodes_[8 * kPartLanes * b];
+            run.values = u.data();
+            run.frames = &frame_rows_[9 * b];
+            run.stiffness = 1.0;
+            run.from_rest = true;
+            run.out = &given_[kRowsOfBlock * b];
+            product(run);
+        });
+    double energy = 0.0;
+    for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
+    {
+        const std::size_t lane = p % kPartLanes;
+        const PartRow* const rows = &given_[kRowsOfBlock * (p / kPartLanes)];
+        const int cell = cell_of_part_[p];
+        const CornerNodes& nodes = lattice_.cells[idx(cell)];
+        const Matrix3d& R = frames_[idx(cell)];
+        const Vector3d& first = lattice_.places[idx(nodes[0])];
+        for (std::size_t a = 0; a < 8; ++a)
+        {
+            // Forces of a cell sum to zero: any point may be taken off.
+            const Vector3d x = lattice_.places[idx(nodes[a])] - first;
+            const Vector3d went =
+                x + u.segment<3>(3 * nodes[a]) - u.segment<3>(3 * nodes[0]) - R * x;
+            energy += 0.5 * (went.x() * rows[3 * a].lane[lane] +
+                             went.y() * rows[3 * a + 1].lane[lane] +
+                             went.z() * rows[3 * a + 2].lane[lane]);
+        }
+    }
+    return energy;
+}
+
+double FleshForces::tube_energy(const VectorXd& u, std::span<const Motion> motions) const
+{
+    double energy = 0.0;
+    for (const TubePart& tube : tubes_)
+    {
+        const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
+        const Motion& T = motions[idx(tube.motion)];
+        Eigen::Matrix<double, 8, 3> away;
+        for (int a = 0; a < 8; ++a)
+        {
+            const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
+            away.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
+        }
+        energy += 0.5 * tube.stiffness * (away.transpose() * tube.overlap * away).trace();
+    }
+    return energy;
+}
+
+std::vector<FleshForces::MeanBlock> FleshForces::mean_blocks() const
+{
+    std::vector<MeanBlock> out;
+    for (const LatticePart& part : lattice_.parts)
+    {
+        const FleshMaterial& material = materials_[idx(part.material)];
+        const PartPoints points = points_of(lattice_, part);
+        const PartMatrix K = stiffness_of(points, material);
+        MeanBlock& block = out.emplace_back();
+        block.nodes = &lattice_.cells[idx(part.cell)];
+        block.mass = mass_of(points, material.density);
+        block.tube.setZero();
+        for (int a = 0; a < 8; ++a)
+            for (int b = 0; b < 8; ++b)
+                block.stiffness(a, b) = K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
+    }
+    for (const TubePart& tube : tubes_)
+    {
+        MeanBlock& block = out.emplace_back();
+        block.nodes = &lattice_.cells[idx(tube.cell)];
+        block.mass.setZero();
+        block.stiffness.setZero();
+        block.tube = tube.stiffness * tube.overlap;
+    }
+    return out;
+}
+
+} // namespace cellwarp

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What elasticity, inertia and tubes make of the displacements of a lattice's nodes. All
+// sums are in a fixed order: the same bits for any number of threads.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "octree/base/rigid_motion.h"
+#include "solver/flesh/bone_tube.h"
+#include "solver/flesh/lattice.h"
+#include "solver/flesh/part_kernel.h"
+
+namespace cellwarp
+{
+
+/// How much each kind counts in a product.
+struct FleshFactors
+{
+    double mass = 0.0;      ///< of the matrix M
+    double stiffness = 0.0; ///< of sum R K R^T
+    double tube = 0.0;      ///< of the tubes' matrix
+};
+
+/// Vectors have three numbers for each node of the lattice.
+class FleshForces
+{
+public:
+    /// \p materials: of the lattice's parts. \p set: of instructions, for tests.
+    FleshForces(const Lattice& lattice, std::span<const FleshMaterial> materials,
+                std::vector<TubePart> tubes);
+    FleshForces(const Lattice& lattice, std::span<const FleshMaterial> materials,
+                std::vector<TubePart> tubes, InstructionSet set);
+
+    std::size_t num_nodes() const { return num_nodes_; }
+
+    /// Turns the frame of each cell to the rotation of its mean deformation [4.6].
+    void follow(const Eigen::VectorXd& u);
+    /// No frame is turned.
+    void stand_still();
+    /// Of the last follow().
+    const std::vector<Eigen::Matrix3d>& frames() const { return frames_; }
+    /// F, the mean of each cell.
+    void mean_deformations(const Eigen::VectorXd& u,
+                           std::vector<Eigen::Matrix3d>& out) const;
+
+    /// y = (sum of the factors' matrices) x.
+    void multiply(const Eigen::VectorXd& x, const FleshFactors& factors,
+                  Eigen::VectorXd& y) const;
+    /// Elastic forces and those of tubes [N]; their negatives are the gradient of
+    /// elastic_energy() while the frames stand. \p motions: of what the tubes are told
+    /// by.
+    void forces(const Eigen::VectorXd& u, std::span<const Motion> motions,
+                Eigen::VectorXd& out) const;
+    /// Energies of material and of tubes [J].
+    double elastic_energy(const Eigen::VectorXd& u) const;
+    double tube_energy(const Eigen::VectorXd& u, std::span<const Motion> motions) const;
+
+    /// The mean of the three axes' entries of M, K and the tubes' matrix, which no turn
+    /// of a frame changes: of pairs of corners of each part.
+    struct MeanBlock
+    {
+        const CornerNodes* nodes = nullptr;
+        Eigen::Matrix<double, 8, 8> mass, stiffness, tube;
+    };
+    std::vector<MeanBlock> mean_blocks() const;
+
+    double mass() const { return mass_; } ///< of all [kg]
+
+private:
+    void build(std::span<const FleshMaterial> materials);
+    void gather(Eigen::VectorXd& out) const;
+    void add_tubes(const Eigen::VectorXd& x, double factor) const;
+    template <class Call>
+    void for_blocks(Call&& call) const;
+
+    const Lattice& lattice_;
+    PartKernels kernels_;
+    std::size_t num_nodes_ = 0, num_blocks_ = 0;
+    std::vector<FleshMaterial> materials_;
+    std::vector<TubePart> tubes_;
+    std::vector<BoxBlock> boxes_;
+    std::vector<DrawnBlock> drawn_;
+    std::vector<int> nodes_;              ///< of each block 8 corners of 8 parts
+    std::vector<PartRow> frame_rows_;     ///< nine a block
+    std::vector<int> cell_of_part_;       ///< lane by lane
+    std::vector<double> share_of_cell_;   ///< of a part's volume in its cell
+    std::vector<Eigen::Matrix3d> frames_; ///< of each cell
+    /// Where the numbers of a node stand in what the parts give: x, and y and z eight
+    /// further each.
+    std::vector<std::size_t> first_of_node_;
+    std::vector<std::uint32_t> offsets_;
+    mutable std::vector<PartRow> given_; ///< scratch
+    double mass_ = 0.0;
+};
+
+} // namespace cellwarp

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/flesh/level_preconditioner.h"
+
+#include <Eigen/SparseCore>
+
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::VectorXd;
+using Sparse = Eigen::SparseMatrix<double>;
+using Entry = Eigen::Triplet<double>;
+
+constexpr std::size_t kGrain = 2048; ///< nodes
+
+/// One number a pair of free nodes.
+Sparse mean_matrix(std::size_t num_nodes, const BoundNodes& nodes,
+                   std::span<const FleshForces::MeanBlock> blocks,
+                   const FleshFactors& factors)
+{
+    std::vector<Entry> shares;
+    for (std::size_t k = 0; k < nodes.free.size(); ++k)
+        shares.emplace_back(nodes.free[k], static_cast<int>(k), 1.0);
+    for (std::size_t k = 0; k < nodes.bound.size(); ++k)
+        for (const NodeShare& share : nodes.by_free[k])
+            shares.emplace_back(nodes.bound[k], share.node, share.share);
+    Sparse W(Eigen::Index(num_nodes), Eigen::Index(nodes.free.size()));
+    W.setFromTriplets(shares.begin(), shares.end());
+    std::vector<Entry> entries;
+    entries.reserve(64 * blocks.size());
+    for (const FleshForces::MeanBlock& block : blocks)
+        for (int a = 0; a < 8; ++a)
+            for (int b = 0; b < 8; ++b)
+                entries.emplace_back((*block.nodes)[idx(a)], (*block.nodes)[idx(b)],
+                                     factors.mass * block.mass(a, b) +
+                                         factors.stiffness * block.stiffness(a, b) +
+                                         factors.tube * block.tube(a, b));
+    Sparse S(W.rows(), W.rows());
+    S.setFromTriplets(entries.begin(), entries.end());
+    return W.transpose() * (S * W).pruned();
+}
+
+VectorXd inverted(const VectorXd& diagonal)
+{
+    return diagonal.unaryExpr([](double d) { return d > 0.0 ? 1.0 / d : 0.0; });
+}
+
+Sparse matrix_of(const SparseRows& rows, std::size_t columns)
+{
+    std::vector<Entry> entries;
+    for (std::size_t row = 0; row < rows.size(); ++row)
+        for (const NodeShare& share : rows[row])
+            entries.emplace_back(static_cast<int>(row), share.node, share.share);
+    Sparse out(Eigen::Index(rows.size()), Eigen::Index(columns));
+    out.setFromTriplets(entries.begin(), entries.end());
+    return out;
+}
+
+/// out (+)= rows x, three numbers a node.
+void multiply(const SparseRows& rows, const VectorXd& x, bool adds, VectorXd& out)
+{
+    out.resize(Eigen::Index(3 * rows.size()));
+    parallel_for(rows.size(), kGrain,
+                 [&](std::size_t row)
+                 {
+                     double* const sum = out.data() + 3 * row;
+                     if (!adds)
+                         sum[0] = sum[1] = sum[2] = 0.0;
+                     for (const NodeShare& share : rows[row])
+                     {
+                         const double* const of = x.data() + 3 * share.node;
+                         for (int c = 0; c < 3; ++c)
+                             sum[c] += share.share * of[c];
+                     }
+                 });
+}
+
+} // namespace
+
+LevelPreconditioner::LevelPreconditioner(const Lattice& lattice, const BoundNodes& nodes,
+                                         std::span<const FleshForces::MeanBlock> blocks,
+                                         const FleshFactors& factors, bool has_levels)
+{
+    const Sparse A = mean_matrix(lattice.places.size(), nodes, blocks, factors);
+    levels_.emplace_back().inverse = inverted(A.diagonal());
+    if (!has_levels)
+        return;
+    Sparse I; // from the nodes of a level to the free nodes
+    for (const Lattice::Coarser& coarser : lattice.coarser)
+    {
+        Level& level = levels_.emplace_back();
+        if (levels_.size() == 2)
+        {
+            for (const int node : nodes.free)
+                level.down.add(coarser.below[idx(node)]);
+            I = matrix_of(level.down, coarser.num_nodes);
+        }
+        else
+        {
+            level.down = coarser.below;
+            I = (I * matrix_of(level.down, coarser.num_nodes)).pruned();
+        }
+        level.up = level.down.transposed(coarser.num_nodes);
+        const Sparse AI = A * I;
+        level.inverse =
+            inverted(I.cwiseProduct(AI).transpose() * VectorXd::Ones(A.rows()));
+    }
+}
+
+void LevelPreconditioner::apply(const VectorXd& r, VectorXd& z)
+{
+    const auto scaled = [](const VectorXd& inverse, const VectorXd& in, VectorXd& out)
+    {
+        out.resize(in.size());
+        for (Eigen::Index n = 0; n < inverse.size(); ++n)
+            for (Eigen::Index c = 0; c < 3; ++c)
+                out[3 * n + c] = inverse[n] * in[3 * n + c];
+    };
+    scaled(levels_.front().inverse, r, z);
+    for (std::size_t l = 1; l < levels_.size(); ++l)
+    {
+        Level& level = levels_[l];
+        multiply(level.up, l == 1 ? r : levels_[l - 1].r, false, level.r);
+        scaled(level.inverse, level.r, level.z);
+    }
+    for (std::size_t l = levels_.size() - 1; l >= 1; --l)
+        multiply(levels_[l].down, levels_[l].z, true, l == 1 ? z : levels_[l - 1].z);
+}
+
+} // namespace cellwarp

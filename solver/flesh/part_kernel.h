@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The inner loops over parts of a lattice, for each instruction set: what stiffness and
+// mass make of displacements, from the points of integration, without a matrix. All make
+// the same sums in the same order, so their results are the same to the bit.
+#pragma once
+
+#include <cstddef>
+
+#include "octree/base/instruction_set.h"
+
+namespace cellwarp
+{
+
+/// Parts are lanes: blocks of this many, the last one padded.
+constexpr std::size_t kPartLanes = 8;
+
+/// One quantity of the parts of a block.
+struct alignas(64) PartRow
+{
+    double lane[kPartLanes];
+};
+
+/// What all parts have. Matrices are by columns: row 3 j + i is entry (i, j).
+struct PartBlock
+{
+    PartRow lambda, shear, density;
+    PartRow rest[24]; ///< corners, from the middle of the cell
+    PartRow modes[9]; ///< PartPoints::modes
+};
+
+/// Parts of boxes: point k is at centre + sum_i sign_of(k, i) spread column i, in units
+/// of the box, from its middle.
+struct BoxBlock : PartBlock
+{
+    PartRow centre[3], spread[9];
+    PartRow inverse_edge; ///< of the box
+    PartRow weight;       ///< of each point
+};
+
+/// Hexahedra that were drawn.
+struct DrawnBlock : PartBlock
+{
+    PartRow inverse[72]; ///< PartPoints::inverse, of each point
+    PartRow weight[8], scale[8];
+    PartRow mode_solve[81]; ///< inverse of mode_costs()
+};
+
+/// One block's part in a product.
+template <class Block>
+struct PartRun
+{
+    const Block* block = nullptr;
+    const int* nodes = nullptr;      ///< of each corner, all lanes
+    const double* values = nullptr;  ///< three a node
+    const PartRow* frames = nullptr; ///< R, nine rows
+    double mass = 0.0, stiffness = 0.0;
+    /// The values are displacements u, and what the stiffness sees is
+    /// R^T (X + u) - X; the mass sees nothing.
+    bool from_rest = false;
+    PartRow* out = nullptr; ///< 24 rows: corner, axis
+};
+
+/// Of values v: mass M v + stiffness R K R^T v; or what pulls back from rest.
+struct PartKernels
+{
+    void (*boxes)(const PartRun<BoxBlock>&);
+    void (*drawn)(const PartRun<DrawnBlock>&);
+    /// sum w grad of the values alone, nine rows.
+    void (*box_gradients)(const PartRun<BoxBlock>&);
+    void (*drawn_gradients)(const PartRun<DrawnBlock>&);
+};
+
+PartKernels part_kernels(InstructionSet set);
+
+} // namespace cellwarp
