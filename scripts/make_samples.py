@@ -23,6 +23,9 @@ skeletons  an arm (two bones, bent by 90 and 120 degrees), and scenes with bones
           creature, by keys), fingers (the hand), wave (the creature, by a BVH file that is
           made here as well), reach (the creature's hands and feet go to places)
 scan      a cloud with holes and noise, seen from three places; the creature bows
+flesh     scenes for simulate whose flesh follows a skeleton, into flesh/: limb (bones on the
+          edges of a lattice that is drawn), elbow (120 degrees), walk, belly, tail, and spin
+          and spin_free (with and without the tube that holds flesh to its bone)
 carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
@@ -464,6 +467,113 @@ def skeletons(folder):
   "handles": "reach.handles"
 }
 """)
+
+
+def medit(points, hexahedra, edges):
+    """A lattice as a Medit mesh: hexahedra as two loops, and bones as edges."""
+    lines = ["MeshVersionFormatted 2", "Dimension 3", "Vertices", str(len(points))]
+    lines += ["%.6g %.6g %.6g 0" % p for p in points]
+    lines += ["Hexahedra", str(len(hexahedra))]
+    lines += [" ".join(str(i + 1) for i in h) + " 0" for h in hexahedra]
+    lines += ["Edges", str(len(edges))]
+    lines += ["%d %d 0" % (a + 1, b + 1) for a, b in edges]
+    return "\n".join(lines + ["End"]) + "\n"
+
+
+def limb_lattice(cells):
+    """Cells along x and two by two across, wider than the limb; the axis lies on edges."""
+    points, number = [], {}
+    def node(i, j, k):
+        if (i, j, k) not in number:
+            number[i, j, k] = len(points)
+            points.append((round(-0.25 + 2.5 * i / cells, 6), round(0.3 * (j - 1), 6),
+                           round(0.3 * (k - 1), 6)))
+        return number[i, j, k]
+    hexahedra = [[node(i + a, j + b, k + c) for c in (0, 1)
+                  for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+                 for i in range(cells) for j in range(2) for k in range(2)]
+    first, last = cells // 10, cells - cells // 10
+    return points, hexahedra, [(node(i, 1, 1), node(i + 1, 1, 1)) for i in range(first, last)]
+
+
+def flesh(folder):
+    """Flesh that follows a skeleton in time."""
+    into = os.path.join(folder, "flesh")
+    os.makedirs(into, exist_ok=True)
+    def in_time(duration, **more):
+        return {"simulate": dict(duration=duration, **more)}
+    # A limb in a lattice that was drawn: bones are its edges.
+    points, faces = surface_nets(
+        lambda p: smooth_union([capsule(p, (0, 0, 0), (1, 0, 0), 0.2, 0.17),
+                                capsule(p, (1, 0, 0), (2, 0, 0), 0.17, 0.13)], 0.03),
+        (-0.3, -0.3, -0.3), (2.3, 0.3, 0.3), 0.035, 0.1)
+    check_closed(faces)
+    write(into, "limb.obj", obj(points, faces, "a limb, quads"))
+    write(into, "limb.mesh", medit(*limb_lattice(20)))
+    bones = [("shoulder", None, (0, 0, 0)), ("elbow", "shoulder", (1, 0, 0)),
+             ("hand", "elbow", (2, 0, 0))]
+    def bend(angle, seconds):
+        return [dict(time=0, joint="elbow", rotate=[0, 0, 1, 0]),
+                dict(time=seconds, joint="elbow", rotate=[0, 0, 1, angle])]
+    skeleton_scene(into, "limb", "limb.obj", bones, bend(90, 0.5), in_time(1.0),
+                   lattice="limb.mesh", E=3e4, nu=0.4, tube_radius=0.08)
+    # The same arm as that which is posed, bent in half a second.
+    arm = [("shoulder", None, (0, 0, 0)), ("elbow", "shoulder", (1.2, 0, 0)),
+           ("wrist", "elbow", (2.25, 0, 0)), ("tip", "wrist", (2.6, 0, 0))]
+    skeleton_scene(into, "elbow", "../arm.obj", arm, bend(120, 0.5), in_time(1.0),
+                   E=3e4, across=32)
+    # Flesh that spins about its bone, held to it by the tube, or not.
+    def spin(name, **more):
+        skeleton_scene(into, name, "limb.obj", bones[:1] + [("hand", "shoulder", (2, 0, 0))],
+                       [dict(time=0, joint="shoulder", rotate=[1, 0, 0, 0]),
+                        dict(time=0.25, joint="shoulder", rotate=[1, 0, 0, 170]),
+                        dict(time=0.5, joint="shoulder", rotate=[1, 0, 0, 340])],
+                       in_time(0.5, every=0.125), E=1e4, across=28, **more)
+    spin("spin")
+    spin("spin_free", tube=False)
+    # The creature walks; head, ears and belly swing.
+    walk = walk_keys()
+    steps = [dict(key, time=key["time"] + k) for k in range(2) for key in walk
+             if k == 0 or key["time"] > 0]
+    skeleton_scene(into, "walk", "../creature.obj", CREATURE_BONES, steps,
+                   dict(in_time(2.0), cells={"across": 32}), interpolation="squad", E=4e4,
+                   across=32)
+    # A belly on a pelvis that walks, softer than the rest.
+    belly = lambda p: smooth_union([
+        capsule(p, (0, 0.1, 0), (0, 0.75, 0), 0.26, 0.22), capsule(p, (0, 0.3, 0.12), (0, 0.42, 0.16),
+                                                              0.3, 0.28),
+        capsule(p, (-0.13, 0.05, 0), (-0.16, -0.5, 0.02), 0.15, 0.1),
+        capsule(p, (0.13, 0.05, 0), (0.16, -0.5, 0.02), 0.15, 0.1),
+        capsule(p, (0, 0.8, 0), (0, 1.05, 0.02), 0.13, 0.12)], 0.1)
+    points, faces = surface_nets(belly, (-0.6, -0.7, -0.5), (0.6, 1.3, 0.7), 0.03, 0.1)
+    check_closed(faces)
+    write(into, "belly.obj", obj(points, faces, "a body with a belly, quads"))
+    keys = []
+    for k in range(17):
+        time, phase = k / 8.0, 2.0 * math.pi * k / 8.0
+        keys.append(dict(time=time, joint="pelvis", rotate=turned(((0, 1, 0), 9 * math.sin(phase)),
+                                                                  ((0, 0, 1), 4 * math.sin(phase))),
+                         translate=[0, round(0.05 * math.cos(2 * phase) - 0.05, 6), 0]))
+        keys.append(dict(time=time, joint="spine", rotate=turned(((0, 1, 0), -14 * math.sin(phase)))))
+        for side, s in (("left", 1), ("right", -1)):
+            keys.append(dict(time=time, joint=side + " hip",
+                             rotate=turned(((1, 0, 0), -22 * s * math.sin(phase)))))
+    skeleton_scene(into, "belly", "belly.obj",
+                   [("pelvis", None, (0, 0.1, -0.05)), ("spine", "pelvis", (0, 0.35, -0.1)),
+                    ("neck", "spine", (0, 0.78, -0.02)), ("crown", "neck", (0, 1.1, 0.02)),
+                    ("left hip", "pelvis", (0.13, 0.02, 0)),
+                    ("left foot", "left hip", (0.16, -0.55, 0.02)),
+                    ("right hip", "pelvis", (-0.13, 0.02, 0)),
+                    ("right foot", "right hip", (-0.16, -0.55, 0.02))],
+                   keys, in_time(2.0), interpolation="squad", E=2e4, nu=0.45, across=28,
+                   settle=True, damping={"alpha": 0.5},
+                   materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 6e3}])
+    # Only the root of the tail has a bone: the rest is flicked.
+    hips = [b for b in CREATURE_BONES if b[0] not in ("tip",)]
+    flick = [(0.0, 0), (0.25, 40), (0.6, -40), (0.95, 40), (1.2, 0)]
+    skeleton_scene(into, "tail", "../creature.obj", hips,
+                   [dict(time=t, joint="tail", rotate=[0, 1, 0, a]) for t, a in flick],
+                   in_time(2.0), interpolation="squad", E=6e4, across=32)
 
 
 def creature_parts():
@@ -1356,7 +1466,7 @@ def main():
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
     for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan,
-                 hose, ring, posed, skeletons, rods, carried):
+                 hose, ring, posed, skeletons, flesh, rods, carried):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

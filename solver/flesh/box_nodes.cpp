@@ -2,9 +2,15 @@
 // That hanging nodes follow the largest box which they touch gives the functions of
 // [Yserentant86] whose details are left out there: along the sides of a box the values
 // between its corners are means of means, which is to say trilinear.
+//
+// Two boxes that touch along an edge alone are not glued. But where a small box is glued
+// to both, and a corner of it lies on the middle of that edge, they must agree there:
+// then they count as glued, too.
 #include "solver/flesh/box_nodes.h"
 
 #include <algorithm>
+#include <iterator>
+#include <set>
 
 #include "octree/base/union_find.h"
 
@@ -57,6 +63,40 @@ void number_nodes(std::span<const LatticeBox> boxes, UnionFind& joined, BoxNodes
             }
             out.of_box[b][idx(k)] = node;
         }
+}
+
+void join_corners(std::span<const LatticeBox> boxes,
+                  const std::set<std::pair<int, int>>& pairs, UnionFind& joined)
+{
+    for (const auto& [a, b] : pairs)
+        for (int k = 0; k < 8; ++k)
+            if (const int other = corner_at(boxes[idx(b)], corner_of(boxes[idx(a)], k));
+                other >= 0)
+                joined.join(8 * a + k, 8 * b + other);
+}
+
+/// The larger boxes on whose sides each node lies.
+std::vector<std::set<int>> hosts_of_nodes(std::span<const LatticeBox> boxes,
+                                          const std::set<std::pair<int, int>>& pairs,
+                                          const BoxNodes& nodes)
+{
+    std::vector<std::set<int>> hosts(nodes.places.size());
+    const auto hang = [&](int small, int large)
+    {
+        for (const int node : nodes.of_box[idx(small)])
+        {
+            const Vector3i& place = nodes.places[idx(node)];
+            if (touches(boxes[idx(large)], place) &&
+                corner_at(boxes[idx(large)], place) < 0)
+                hosts[idx(node)].insert(large);
+        }
+    };
+    for (const auto& [a, b] : pairs)
+        if (boxes[idx(a)].width < boxes[idx(b)].width)
+            hang(a, b);
+        else if (boxes[idx(b)].width < boxes[idx(a)].width)
+            hang(b, a);
+    return hosts;
 }
 
 /// Shares of the nodes that do not hang; larger boxes come first, so that what their
@@ -116,32 +156,37 @@ NodeShares shares_of(const CornerNodes& corners, std::span<const NodeShares> han
 BoxNodes box_nodes(std::span<const LatticeBox> boxes,
                    std::span<const std::pair<int, int>> glued)
 {
+    std::set<std::pair<int, int>> pairs(glued.begin(), glued.end());
     UnionFind joined(8 * boxes.size());
-    for (const auto& [a, b] : glued)
-        for (int k = 0; k < 8; ++k)
-            if (const int other = corner_at(boxes[idx(b)], corner_of(boxes[idx(a)], k));
-                other >= 0)
-                joined.join(8 * a + k, 8 * b + other);
+    std::size_t known = 0;
     BoxNodes out;
-    number_nodes(boxes, joined, out);
-    std::vector<int> host_of_node(out.places.size(), -1);
-    const auto hang = [&](int small, int large)
+    std::vector<std::set<int>> hosts; // of each node
+    // What is joined grows until nothing gapes.
+    while (pairs.size() > known)
     {
-        for (const int node : out.of_box[idx(small)])
-        {
-            const Vector3i& place = out.places[idx(node)];
-            int& host = host_of_node[idx(node)];
-            if (touches(boxes[idx(large)], place) &&
-                corner_at(boxes[idx(large)], place) < 0 &&
-                (host < 0 || boxes[idx(host)].width < boxes[idx(large)].width))
-                host = large;
-        }
-    };
-    for (const auto& [a, b] : glued)
-        if (boxes[idx(a)].width < boxes[idx(b)].width)
-            hang(a, b);
-        else if (boxes[idx(b)].width < boxes[idx(a)].width)
-            hang(b, a);
+        known = pairs.size();
+        join_corners(boxes, pairs, joined);
+        out = {};
+        number_nodes(boxes, joined, out);
+        hosts = hosts_of_nodes(boxes, pairs, out);
+        for (const std::set<int>& of_node : hosts)
+            for (auto a = of_node.begin(); a != of_node.end(); ++a)
+                for (auto b = std::next(a); b != of_node.end(); ++b)
+                    pairs.emplace(*a, *b);
+    }
+    if (pairs.empty())
+    {
+        number_nodes(boxes, joined, out);
+        hosts.resize(out.places.size());
+    }
+    std::vector<int> host_of_node;
+    for (const std::set<int>& of_node : hosts)
+    {
+        const auto largest = std::max_element(
+            of_node.begin(), of_node.end(),
+            [&](int a, int b) { return boxes[idx(a)].width < boxes[idx(b)].width; });
+        host_of_node.push_back(largest == of_node.end() ? -1 : *largest);
+    }
     resolve_hanging(boxes, host_of_node, out);
     return out;
 }

@@ -114,6 +114,64 @@ TEST(SkeletonScene, unknown_keys_and_those_of_flesh_in_time_are_warnings)
     EXPECT_TRUE(contains(scene.left_out[0], "skeleton.E"));
 }
 
+TEST(SkeletonScene, says_what_its_flesh_is_like)
+{
+    const SceneFile scene = scene_of(
+        kJoints +
+        R"(, "E": 2e4, "nu": 0.45, "density": 900, "damping": {"alpha": 1, "beta": 0.01},
+        "materials": [{"region": "sphere 0 0 0 1", "E": 5e3}], "law": "linear", "newton": 3,
+        "lattice": "body.mesh", "across": 30, "max_depth": 1, "tube": false,
+        "tube_stiffness": 30, "settle": true)");
+    const FleshStatement& flesh = scene.skeleton->flesh;
+    EXPECT_EQ(flesh.young, 2e4);
+    EXPECT_EQ(flesh.poisson, 0.45);
+    EXPECT_EQ(flesh.density, 900);
+    EXPECT_EQ(flesh.alpha, 1);
+    EXPECT_EQ(flesh.beta, 0.01);
+    ASSERT_EQ(flesh.materials.size(), 1u);
+    EXPECT_EQ(flesh.materials[0].region, "sphere 0 0 0 1");
+    EXPECT_EQ(flesh.materials[0].young, 5e3);
+    EXPECT_FALSE(flesh.materials[0].poisson);
+    EXPECT_EQ(flesh.law, "linear");
+    EXPECT_EQ(flesh.newton, 3);
+    EXPECT_TRUE(flesh.lattice.ends_with("body.mesh"));
+    EXPECT_EQ(flesh.across, 30);
+    EXPECT_EQ(flesh.max_depth, 1);
+    EXPECT_FALSE(flesh.has_tube);
+    EXPECT_EQ(flesh.tube_stiffness, 30);
+    EXPECT_TRUE(flesh.settles);
+    const FleshStatement usual = scene_of(kJoints).skeleton->flesh;
+    EXPECT_EQ(usual.young, 1e4);
+    EXPECT_EQ(usual.law, "cells");
+    EXPECT_TRUE(usual.lattice.empty());
+    EXPECT_TRUE(usual.has_tube);
+    for (const auto& [more, what] :
+         {std::pair{R"("E": 0)", "skeleton.E: got 0"},
+          {R"("nu": 0.5)", "skeleton.nu: got 0.5"},
+          {R"("damping": {"alpha": -1})", "skeleton.damping.alpha: got -1"},
+          {R"("materials": [{"E": 1}])", "skeleton.materials[0].region: need a selector"},
+          {R"("law": "rubber")", "skeleton.law: got 'rubber'"},
+          {R"("newton": 9)", "skeleton.newton: got 9"},
+          {R"("lattice": "body.obj")", "skeleton.lattice: got 'body.obj'"},
+          {R"("tube": 1)", "skeleton.tube: need true or false"}})
+        EXPECT_TRUE(contains(refusal(kJoints + ", " + more), what)) << more;
+}
+
+TEST(SkeletonScene, with_simulate_it_has_a_time_of_its_own)
+{
+    const std::string scene = R"({"cellwarp": 1, "model": "m.obj", "unit": 0.01,
+        "skeleton": {"joints": [{"name": "a", "parent": null, "at": [0, 0, 0]}]},
+        "simulate": {"duration": 3, "gravity": [0, 0, -9.81]})";
+    const SceneFile flesh = parse_scene("s.json", scene + "}");
+    ASSERT_TRUE(flesh.time);
+    EXPECT_EQ(flesh.time->dt, 1.0 / 120.0);
+    EXPECT_EQ(flesh.time->duration, 3.0);
+    EXPECT_EQ(flesh.time->unit, 0.01);
+    EXPECT_EQ(flesh.time->gravity[2], -9.81);
+    EXPECT_FALSE(parse_scene("s.json", scene + R"(, "rods": [{}]})").time);
+    EXPECT_FALSE(scene_of(kJoints).time);
+}
+
 TEST(SkeletonScene, a_scene_keeps_it_when_it_is_written)
 {
     SceneFile scene = scene_of(kJoints);

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// cellwarp simulate with flesh, from the outside.
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "io/geometry_file.h"
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::Result;
+using support::run;
+
+namespace
+{
+
+using Json = nlohmann::json;
+
+struct Files
+{
+    support::Folder folder;
+    std::string scene;
+
+    explicit Files(const std::string& more = "", const std::string& key = "60")
+    {
+        folder.write("bar.obj", support::obj_text(support::box_shape({-0.5, -0.5, 0},
+                                                                     {0.5, 0.5, 4}, 4)));
+        scene =
+            folder.write("s.json",
+                         R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+                {"name": "root", "parent": null, "at": [0, 0, 0]},
+                {"name": "knee", "parent": "root", "at": [0, 0, 2]},
+                {"name": "foot", "parent": "knee", "at": [0, 0, 4]}],
+              "keys": [{"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]},
+                       {"time": 0.2, "joint": "knee", "rotate": [1, 0, 0, )" +
+                             key + R"(]}],
+              "E": 2e4, "across": 8)" +
+                             more + R"(}, "simulate": {"duration": 0.2}})");
+    }
+};
+
+} // namespace
+
+TEST(SimulateFlesh, writes_frames_and_tells_of_them)
+{
+    const Files files;
+    const Result result =
+        run({"simulate", files.scene, "-o", files.folder / "b-{frame:02}.obj", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const Json json = Json::parse(result.out);
+    ASSERT_EQ(json["frames"].size(), 7u);
+    EXPECT_EQ(json["steps"], 24);
+    const Json& last = json["frames"][6];
+    EXPECT_EQ(last["frame"], 6);
+    EXPECT_NEAR(last["time"].get<double>(), 0.2, 1e-12);
+    EXPECT_EQ(last["stop"], "converged");
+    EXPECT_LT(last["constraint"].get<double>(), 1e-12);
+    EXPECT_EQ(last["rods"].size(), 0u);
+    for (const char* key : {"elastic", "kinetic", "largest_strain", "nodes", "free_nodes",
+                            "cg_steps", "rows_dropped"})
+        EXPECT_TRUE(last["skeleton"].contains(key)) << key;
+    EXPECT_GT(last["energy"]["elastic"].get<double>(), 0.0);
+    EXPECT_GT(last["skeleton"]["largest_strain"].get<double>(), 0.01);
+    EXPECT_NEAR(last["volume"]["before"].get<double>(), 4.0, 1e-9);
+    EXPECT_NEAR(json["mass"].get<double>(), 4000.0, 1e-6);
+    const Json unused = json["unused"];
+    EXPECT_EQ(std::count(unused.begin(), unused.end(), "skeleton"), 0);
+    EXPECT_EQ(std::count(unused.begin(), unused.end(), "rods"), 1);
+    // Frame 0 is the model at rest, byte by byte; the last has the tip turned.
+    EXPECT_EQ(support::bytes_of(files.folder / "b-00.obj"),
+              support::bytes_of(files.folder / "bar.obj"));
+    const Geometry bent = read_geometry(files.folder / "b-06.obj").geometry;
+    double lowest = 0.0;
+    for (const Eigen::Vector3d& x : bent.samples)
+        lowest = std::min(lowest, x.y());
+    EXPECT_LT(lowest, -1.0);
+}
+
+TEST(SimulateFlesh, gives_the_same_bytes_for_any_number_of_threads)
+{
+    const Files files;
+    for (const char* threads : {"1", "2"})
+        ASSERT_EQ(run({"simulate", files.scene, "-o",
+                       files.folder / (std::string("t") + threads + ".obj"), "--threads",
+                       threads})
+                      .code,
+                  0);
+    EXPECT_EQ(support::bytes_of(files.folder / "t1.obj"),
+              support::bytes_of(files.folder / "t2.obj"));
+}
+
+TEST(SimulateFlesh, writes_all_frames_as_one_file_that_moves)
+{
+    const Files files;
+    for (const char* name : {"b.glb", "b.pc2", "b.mdd"})
+    {
+        const std::string out = files.folder / name;
+        const Result result = run({"simulate", files.scene, "-o", out});
+        EXPECT_EQ(result.code, 0) << result.err;
+        EXPECT_GT(std::filesystem::file_size(out), 1000u);
+    }
+    const std::string pc2 = support::bytes_of(files.folder / "b.pc2");
+    std::int32_t frames = 0;
+    std::memcpy(&frames, pc2.data() + 28, 4);
+    EXPECT_EQ(frames, 7);
+    const Result result =
+        run({"simulate", files.scene, "-o", files.folder / "b{frame}.mdd"});
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "leave out {frame}"));
+}
+
+TEST(SimulateFlesh, tight_solves_the_systems_to_the_last)
+{
+    const Files files;
+    const auto cg_steps = [&](const std::vector<std::string>& more)
+    {
+        std::vector<std::string> arguments = {"simulate", files.scene, "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Result result = run(arguments);
+        EXPECT_EQ(result.code, 0) << result.err;
+        return Json::parse(result.out)["frames"][6]["skeleton"]["cg_steps"].get<int>();
+    };
+    EXPECT_GT(cg_steps({"--tight"}), 2 * cg_steps({}));
+}
+
+TEST(SimulateFlesh, what_is_not_built_and_what_cannot_be_is_refused)
+{
+    const Result law = run({"simulate", Files(R"(, "law": "regions")").scene, "--json"});
+    EXPECT_EQ(law.code, 3);
+    EXPECT_TRUE(law.out.empty());
+    EXPECT_TRUE(contains(law.err, "skeleton.law: got 'regions'"));
+    const Result lattice =
+        run({"simulate", Files(R"(, "lattice": "none.mesh")").scene, "--json"});
+    EXPECT_EQ(lattice.code, 4);
+    const Files files;
+    EXPECT_EQ(run({"simulate", files.scene, "-o", files.folder / "x.ply"}).code, 2);
+    const Result rods = run({"simulate", files.scene, "--rods", files.folder / "r.obj"});
+    EXPECT_EQ(rods.code, 2);
+    EXPECT_TRUE(contains(rods.err, "the scene has no rods"));
+}
+
+TEST(SimulateFlesh, the_same_scene_poses_cells_when_it_is_deformed)
+{
+    const Files files;
+    const Result result = run({"deform", files.scene, "-o", files.folder / "posed.obj",
+                               "--json", "--max-depth", "0"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const Json json = Json::parse(result.out);
+    EXPECT_EQ(json["frames"].size(), 2u);
+    EXPECT_TRUE(contains(json["warnings"].dump(), "skeleton.E"));
+    EXPECT_EQ(run({"check", files.scene}).code, 0);
+}
+
+TEST(SimulateFlesh, far_and_fast_keys_end_in_a_documented_state)
+{
+    for (const char* key : {"180", "179.999999", "1e6"})
+        for (const char* more :
+             {"", R"(, "nu": 0.4999)", R"(, "E": 1e-3)", R"(, "E": 1e12)"})
+        {
+            const Result result = run({"simulate", Files(more, key).scene, "--json"});
+            EXPECT_TRUE(result.code == 0 || result.code == 7)
+                << result.code << result.err;
+            const Json json = Json::parse(result.out);
+            EXPECT_LT(json["frames"][6]["constraint"].get<double>(), 1e-9);
+        }
+}
+
+} // namespace cellwarp

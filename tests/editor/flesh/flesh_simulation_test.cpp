@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/flesh_simulation.h"
+
+#include <cmath>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "editor/session/scene_settings.h"
+#include "editor/session/volume.h"
+#include "io/error.h"
+#include "io/geometry_file.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+using support::contains;
+
+/// A bar 1 x 1 x 4 along z with two bones in its axis.
+struct Bar
+{
+    support::Folder folder;
+    std::string skeleton = R"("E": 2e4, "across": 8)";
+    std::string keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]},
+                          {"time": 0.5, "joint": "knee", "rotate": [1, 0, 0, 60]})";
+    std::string more;
+
+    Bar()
+    {
+        folder.write("bar.obj", support::obj_text(support::box_shape({-0.5, -0.5, 0},
+                                                                     {0.5, 0.5, 4}, 8)));
+    }
+    SceneFile scene() const
+    {
+        return parse_scene(folder / "s.json",
+                           R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+                {"name": "root", "parent": null, "at": [0, 0, 0]},
+                {"name": "knee", "parent": "root", "at": [0, 0, 2]},
+                {"name": "foot", "parent": "knee", "at": [0, 0, 4]}], )" +
+                               skeleton + R"(, "keys": [)" + keys + R"(]},
+                "simulate": {"duration": 0.5, "gravity": [0, 0, 0])" +
+                               more + "}}");
+    }
+    std::unique_ptr<FleshSimulation> start(bool is_tight = false) const
+    {
+        const SceneFile of = scene();
+        return std::make_unique<FleshSimulation>(
+            std::make_shared<const Geometry>(read_geometry(of.model).geometry), of,
+            settings_of(of).cells, is_tight);
+    }
+    std::string refusal() const
+    {
+        try
+        {
+            start();
+        }
+        catch (const Error& error)
+        {
+            EXPECT_EQ(error.fault(), Fault::Malformed);
+            return error.what();
+        }
+        return "";
+    }
+};
+
+/// By how much samples are away from where a joint's motion has them, at the most.
+double away(const FleshSimulation& of, const DeformedSamples& now, double low,
+            double high, const std::function<Vector3d(const Vector3d&)>& wanted)
+{
+    double most = 0.0;
+    for (std::size_t i = 0; i < now.samples.size(); ++i)
+        if (const Vector3d& x = of.geometry().samples[i]; x.z() >= low && x.z() <= high)
+            most = std::max(most, (now.samples[i] - wanted(x)).norm());
+    return most;
+}
+
+} // namespace
+
+TEST(FleshSimulation, flesh_follows_its_bones)
+{
+    Bar bar;
+    bar.skeleton = R"("E": 1e6, "across": 8)"; // stiff enough to keep up
+    const auto simulation = bar.start();
+    EXPECT_TRUE(simulation->warnings().empty());
+    EXPECT_EQ(simulation->num_steps(), 60);
+    EXPECT_EQ(simulation->last_frame(), 15);
+    while (simulation->steps_done() < simulation->num_steps())
+        simulation->next_frame();
+    const FleshFrame frame = simulation->report();
+    EXPECT_NEAR(frame.time, 0.5, 1e-12);
+    EXPECT_TRUE(frame.is_converged);
+    EXPECT_LT(frame.miss, 1e-12);
+    const Eigen::AngleAxisd turn(60.0 * M_PI / 180.0, Vector3d::UnitX());
+    const auto turned = [&](const Vector3d& x) -> Vector3d
+    { return Vector3d(0, 0, 2) + turn * (x - Vector3d(0, 0, 2)); };
+    const auto same = [](const Vector3d& x) { return x; };
+    for (const DeformedSamples& now :
+         {simulation->deformed(), simulation->deformed_live()})
+    {
+        EXPECT_LT(away(*simulation, now, 0.0, 0.5, same), 0.15);
+        EXPECT_LT(away(*simulation, now, 3.5, 4.0, turned), 0.3);
+    }
+    const std::optional<Volume> volume =
+        enclosed_volumes(simulation->geometry(), simulation->deformed().samples);
+    EXPECT_NEAR(volume->after / volume->before, 1.0, 0.05);
+    EXPECT_LT((simulation->joints()[2].place - turned({0, 0, 4})).norm(), 1e-12);
+}
+
+TEST(FleshSimulation, smooth_samples_are_near_those_of_the_lattice)
+{
+    const Bar bar;
+    const auto simulation = bar.start();
+    for (int frame = 0; frame < 10; ++frame)
+        simulation->next_frame();
+    const DeformedSamples live = simulation->deformed_live(),
+                          smooth = simulation->deformed();
+    double sum = 0.0;
+    for (std::size_t i = 0; i < live.samples.size(); ++i)
+        sum += (live.samples[i] - smooth.samples[i]).squaredNorm();
+    EXPECT_LT(std::sqrt(sum / static_cast<double>(live.samples.size())), 0.01 * 4.2);
+}
+
+TEST(FleshSimulation, begins_in_the_pose_of_its_first_keys_at_rest)
+{
+    Bar bar;
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 80]})";
+    const auto simulation = bar.start();
+    const FleshFrame first = simulation->report();
+    EXPECT_EQ(first.kinetic, 0.0);
+    EXPECT_GT(first.elastic, 0.0);
+    EXPECT_LT(first.miss, 1e-12);
+    // It is an equilibrium: nothing moves.
+    const DeformedSamples before = simulation->deformed_live();
+    simulation->next_frame();
+    const DeformedSamples after = simulation->deformed_live();
+    for (std::size_t i = 0; i < before.samples.size(); ++i)
+        EXPECT_LT((after.samples[i] - before.samples[i]).norm(), 1e-3);
+}
+
+TEST(FleshSimulation, settles_in_its_weight_where_the_scene_says_so)
+{
+    Bar bar;
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]})";
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    const auto sag = [](FleshSimulation& of)
+    {
+        double lowest = 0.0;
+        const DeformedSamples now = of.deformed_live();
+        for (std::size_t i = 0; i < now.samples.size(); ++i)
+            lowest = std::min(lowest, now.samples[i].y() - of.geometry().samples[i].y());
+        return lowest;
+    };
+    const auto falls = bar.start();
+    EXPECT_EQ(sag(*falls), 0.0);
+    bar.skeleton += R"(, "settle": true)";
+    const auto hangs = bar.start();
+    const double settled = sag(*hangs);
+    EXPECT_LT(settled, -1e-3);
+    for (int frame = 0; frame < 5; ++frame)
+        hangs->next_frame();
+    EXPECT_NEAR(sag(*hangs) / settled, 1.0, 1e-2);
+}
+
+TEST(FleshSimulation, a_frame_from_a_snapshot_is_the_baked_one_to_the_bit)
+{
+    const Bar bar;
+    const auto baked = bar.start();
+    for (int frame = 0; frame < 4; ++frame)
+        baked->next_frame();
+    const FleshSimulation::Snapshot snapshot = baked->snapshot();
+    for (int frame = 0; frame < 4; ++frame)
+        baked->next_frame();
+    // Another object, which has done and shown other things.
+    const auto live = bar.start();
+    for (int frame = 0; frame < 11; ++frame)
+    {
+        live->next_frame();
+        live->deformed();
+    }
+    live->go_to(snapshot);
+    for (int frame = 0; frame < 4; ++frame)
+    {
+        live->next_frame();
+        live->report();
+        live->deformed_live();
+    }
+    EXPECT_TRUE(live->snapshot().state == baked->snapshot().state);
+    EXPECT_EQ(live->deformed().samples, baked->deformed().samples);
+}
+
+TEST(FleshSimulation, joints_are_led_by_hand_while_time_runs)
+{
+    const Bar bar;
+    const auto simulation = bar.start();
+    Move move;
+    move.region = "knee";
+    for (int k = 1; k <= 60; ++k)
+    {
+        Operation& turn = move.operations.emplace_back();
+        turn.kind = Operation::Kind::Rotate;
+        turn.vector = Vector3d::UnitY();
+        turn.degrees = 0.5 * k;
+        simulation->lead({move});
+        simulation->step();
+        move.operations.clear();
+    }
+    const Eigen::AngleAxisd now(30.0 * M_PI / 180.0, Vector3d::UnitY());
+    EXPECT_LT(
+        (simulation->joints()[2].place - (Vector3d(0, 0, 2) + now * Vector3d(0, 0, 2)))
+            .norm(),
+        1e-12);
+    EXPECT_LT(simulation->report().miss, 1e-12);
+    // Let go, it is where its keys have it.
+    simulation->lead({});
+    simulation->step();
+    EXPECT_LT(simulation->report().miss, 1e-12);
+}
+
+TEST(FleshSimulation, materials_of_regions_are_softer_and_heavier)
+{
+    Bar bar;
+    const double mass = bar.start()->body().mass;
+    EXPECT_NEAR(mass, 4000.0, 1e-6);
+    bar.skeleton +=
+        R"(, "materials": [{"region": "box -1 -1 2  1 1 9", "density": 500}])";
+    EXPECT_NEAR(bar.start()->body().mass, 3000.0, 1e-6);
+    bar.skeleton += R"(, "settle": true)";
+    bar.skeleton.replace(bar.skeleton.find("500"), 3, "1000, \"E\": 1e30");
+    bar.more = R"(, "gravity": [0, -9.81, 0])";
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]})";
+    const auto simulation = bar.start(true);
+    const DeformedSamples now = simulation->deformed_live();
+    EXPECT_LT(away(*simulation, now, 2.5, 4.0, [](const Vector3d& x) { return x; }),
+              1e-6);
+    EXPECT_GT(away(*simulation, now, 0.0, 1.5, [](const Vector3d& x) { return x; }),
+              1e-3);
+}
+
+TEST(FleshSimulation, cells_that_bones_pass_are_finer_where_it_is_asked_for)
+{
+    Bar bar;
+    const std::size_t cells = bar.start()->body().flesh->lattice().cells.size();
+    bar.skeleton += R"(, "max_depth": 1)";
+    const auto finer = bar.start();
+    EXPECT_GT(finer->body().flesh->lattice().cells.size(), 2 * cells);
+    for (int frame = 0; frame < 5; ++frame)
+        finer->next_frame();
+    EXPECT_LT(finer->report().miss, 1e-12);
+}
+
+TEST(FleshSimulation, a_drawn_lattice_has_bones_on_its_edges)
+{
+    Bar bar;
+    std::string mesh = "MeshVersionFormatted 2\nDimension 3\nVertices 45\n";
+    for (int k = 0; k < 5; ++k)
+        for (int j = 0; j < 3; ++j)
+            for (int i = 0; i < 3; ++i)
+                mesh += std::to_string(0.6 * (i - 1)) + " " +
+                        std::to_string(0.6 * (j - 1)) + " " + std::to_string(k) + " 0\n";
+    mesh += "Hexahedra 16\n";
+    for (int k = 0; k < 4; ++k)
+        for (int j = 0; j < 2; ++j)
+            for (int i = 0; i < 2; ++i)
+            {
+                for (const int up : {0, 1})
+                    for (const auto& [a, b] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}})
+                        mesh +=
+                            std::to_string(9 * (k + up) + 3 * (j + b) + i + a + 1) + " ";
+                mesh += "0\n";
+            }
+    mesh += "Edges 4\n";
+    for (int k = 0; k < 4; ++k)
+        mesh +=
+            std::to_string(9 * k + 5) + " " + std::to_string(9 * (k + 1) + 5) + " 0\n";
+    bar.folder.write("bar.mesh", mesh);
+    bar.skeleton = R"("E": 2e4, "lattice": "bar.mesh")";
+    const auto simulation = bar.start();
+    EXPECT_TRUE(simulation->warnings().empty()) << simulation->warnings().front();
+    EXPECT_EQ(simulation->body().held, 5u);
+    EXPECT_EQ(simulation->body().dropped, 0u);
+    EXPECT_EQ(simulation->body().flesh->nodes().bound.size(), 5u);
+    for (int frame = 0; frame < 15; ++frame)
+        simulation->next_frame();
+    EXPECT_LT(simulation->report().miss, 1e-12);
+    const std::optional<Volume> volume =
+        enclosed_volumes(simulation->geometry(), simulation->deformed().samples);
+    EXPECT_NEAR(volume->after / volume->before, 1.0, 0.1);
+    // Edges away from the bones.
+    bar.folder.write("bar.mesh", mesh + "Edges 1\n1 2 0\n");
+    EXPECT_TRUE(contains(bar.refusal(), "lie on no bone"));
+}
+
+TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
+{
+    Bar bar;
+    const std::string usual = bar.skeleton;
+    for (const auto& [more, what] :
+         {std::pair{R"(, "law": "stvk")", "skeleton.law: got 'stvk'"},
+          {R"(, "detail": 0.1)", "skeleton.detail: is not supported"},
+          {R"(, "contact": [{"plane": [0, 1, 0, 0]}])", "skeleton.contact: is not"},
+          {R"(, "materials": [{"region": "bocks 1"}])", "skeleton.materials[0].region"}})
+    {
+        bar.skeleton = usual + more;
+        EXPECT_TRUE(contains(bar.refusal(), what)) << bar.refusal();
+    }
+    bar.skeleton = usual;
+    bar.more = R"(, "integrator": "midpoint")";
+    EXPECT_TRUE(contains(bar.refusal(), "simulate.integrator: got 'midpoint'"));
+}
+
+TEST(FleshSimulation, the_unit_scales_the_model_and_gravity_acts_in_metres)
+{
+    // A model in centimetres falls as fast as one in metres: 1/2 g t^2.
+    Bar bar;
+    bar.keys = "";
+    bar.skeleton = R"("E": 1e8, "across": 8)";
+    bar.folder.write("bar.obj", support::obj_text(support::joined(
+                                    support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 4),
+                                    support::box_shape({2, -0.5, 0}, {3, 0.5, 4}, 4))));
+    bar.more = R"(, "gravity": [0, -9.81, 0]}, "unit": 0.01, "x": {"y": 1)";
+    const auto simulation = bar.start();
+    ASSERT_FALSE(simulation->warnings().empty());
+    EXPECT_TRUE(contains(simulation->warnings().back(), "have no bone"));
+    for (int frame = 0; frame < 3; ++frame)
+        simulation->next_frame();
+    const DeformedSamples now = simulation->deformed_live();
+    const double steps = static_cast<double>(simulation->steps_done()), dt = 1.0 / 120.0;
+    const double fall = 0.5 * 9.81 * dt * dt * steps * (steps + 1.0) / 0.01;
+    EXPECT_NEAR(now.samples.back().y() - simulation->geometry().samples.back().y(), -fall,
+                1e-6 * fall);
+}
+
+} // namespace cellwarp
