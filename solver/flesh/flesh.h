@@ -39,11 +39,10 @@ struct FleshSettings
 struct FleshState
 {
     Eigen::VectorXd u, v; ///< displacements and velocities of the nodes [m], [m/s]
-    Eigen::VectorXd last; ///< what the free nodes' velocities changed by, the last time
 
     bool operator==(const FleshState& other) const
     {
-        return u == other.u && v == other.v && last == other.last;
+        return u == other.u && v == other.v;
     }
 };
 

@@ -106,10 +106,6 @@ inline Lanes weight(const DrawnBlock& block, int k, std::size_t lane)
 }
 
 /// How much a mode counts at a point, times its weight.
-inline Lanes mode_weight(const BoxBlock& block, int, std::size_t lane)
-{
-    return load(block.weight, lane);
-}
 inline Lanes mode_weight(const DrawnBlock& block, int k, std::size_t lane)
 {
     return load(block.weight[k], lane) * load(block.scale[k], lane);
@@ -176,13 +172,6 @@ inline void to_real(const DrawnBlock& block, int k, std::size_t lane, Lanes (*G)
 }
 
 /// And of what pulls at them back to local ones.
-inline void to_local(const BoxBlock& block, int k, std::size_t lane, Lanes* pull)
-{
-    (void)k;
-    const Lanes inverse = load(block.inverse_edge, lane);
-    for (int j = 0; j < 3; ++j)
-        pull[j] *= inverse;
-}
 inline void to_local(const DrawnBlock& block, int k, std::size_t lane, Lanes* pull)
 {
     const Lanes real[3] = {pull[0], pull[1], pull[2]};
@@ -220,31 +209,6 @@ inline Stress stress_of(const Lanes (*G)[3], Lanes lambda, Lanes shear)
 
 /// What the modes that cost least take off the stress: of mode i, times its sign and
 /// scale at a point. \p sums: of the stress at the points, weighted as the modes are.
-inline void relax(const BoxBlock& block, std::size_t lane, const Stress* sums,
-                  Stress* relief)
-{
-    // sum w sign (stress) e = -A a, and A has the closed form of [theory-skeleton 4.2].
-    const Lanes lambda = load(block.lambda, lane), shear = load(block.shear, lane);
-    const Lanes volume = 8.0 * load(block.weight, lane);
-    for (int i = 0; i < 3; ++i)
-    {
-        const Lanes e[3] = {load(block.modes[3 * i], lane),
-                            load(block.modes[3 * i + 1], lane),
-                            load(block.modes[3 * i + 2], lane)};
-        Lanes s[3];
-        times(sums[i], e, s);
-        const Lanes along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];
-        const Lanes stretch = along / (lambda + shear + shear);
-        Lanes G[3][3];
-        for (int c = 0; c < 3; ++c)
-        {
-            const Lanes a = -(e[c] * stretch + (s[c] - e[c] * along) / shear) / volume;
-            for (int j = 0; j < 3; ++j)
-                G[c][j] = a * e[j];
-        }
-        relief[i] = stress_of(G, lambda, shear);
-    }
-}
 inline void relax(const DrawnBlock& block, std::size_t lane, const Stress* sums,
                   Stress* relief)
 {
@@ -269,11 +233,6 @@ inline void relax(const DrawnBlock& block, std::size_t lane, const Stress* sums,
     }
 }
 
-inline Lanes scale(const BoxBlock&, int, std::size_t)
-{
-    const Lanes zero = {};
-    return zero + 1.0;
-}
 inline Lanes scale(const DrawnBlock& block, int k, std::size_t lane)
 {
     return load(block.scale[k], lane);
@@ -323,10 +282,35 @@ inline void coefficients(const PartRun<Block>& run, const PartRow* rows, std::si
     }
 }
 
+/// Forces on coefficients back to the corners, turned out of the frame of each part.
 template <class Block>
-void product(const PartRun<Block>& run)
+inline void give(const PartRun<Block>& run, const Lanes* R, std::size_t lane,
+                 Coefficients* force)
 {
-    const Block& block = *run.block;
+    for (int c = 0; c < 3; ++c)
+    {
+        for (int a = 0; a < 8; ++a)
+            force[c].c[a] *= kScale[a];
+        // Signs of corners by signs of coefficients: the same sums, transposed.
+        for (int step = 1; step < 8; step *= 2)
+            for (int a = 0; a < 8; ++a)
+                if ((a & step) == 0)
+                {
+                    const Lanes even = force[c].c[a], odd = force[c].c[a + step];
+                    force[c].c[a] = even - odd;
+                    force[c].c[a + step] = even + odd;
+                }
+    }
+    for (std::size_t a = 0; a < 8; ++a)
+        for (std::size_t c = 0; c < 3; ++c)
+            store(run.out[3 * a + c], lane,
+                  R[c] * force[0].c[a] + R[3 + c] * force[1].c[a] +
+                      R[6 + c] * force[2].c[a]);
+}
+
+void product_of_drawn(const PartRun<DrawnBlock>& run)
+{
+    const DrawnBlock& block = *run.block;
     PartRow rows[24];
     gather(run, rows);
     for (std::size_t lane = 0; lane < kPartLanes; lane += CELLWARP_WIDTH)
@@ -389,25 +373,178 @@ void product(const PartRun<Block>& run)
                     add_value(inert * value(f[c], at), at, force[c]);
             }
         }
-        for (int c = 0; c < 3; ++c)
+        give(run, R, lane, force);
+    }
+}
+
+/// What functions of a place are over the eight points: sums of the eight products of
+/// signs, 1, e0, e1, e2, e0 e1, e1 e2, e2 e0, e0 e1 e2. Over all points the products are
+/// orthogonal: sums over points become sums over these.
+struct Signs
+{
+    /// Of x, y, z; of yz, zx, xy; of xyz.
+    Lanes place[3][4], product[3][7], triple[8];
+};
+
+inline Signs signs_of(const BoxBlock& block, std::size_t lane)
+{
+    Signs out;
+    for (int c = 0; c < 3; ++c)
+    {
+        out.place[c][0] = load(block.centre[c], lane);
+        for (int i = 0; i < 3; ++i)
+            out.place[c][1 + i] = load(block.spread[3 * i + c], lane);
+    }
+    for (int c = 0; c < 3; ++c)
+    {
+        const Lanes* const a = out.place[(c + 1) % 3];
+        const Lanes* const b = out.place[(c + 2) % 3];
+        Lanes* const p = out.product[c];
+        p[0] = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+        for (int i = 1; i < 4; ++i)
+            p[i] = a[0] * b[i] + a[i] * b[0];
+        for (int i = 0; i < 3; ++i)
         {
-            for (int a = 0; a < 8; ++a)
-                force[c].c[a] *= kScale[a];
-            // Signs of corners by signs of coefficients: the same sums, transposed.
-            for (int step = 1; step < 8; step *= 2)
-                for (int a = 0; a < 8; ++a)
-                    if ((a & step) == 0)
-                    {
-                        const Lanes even = force[c].c[a], odd = force[c].c[a + step];
-                        force[c].c[a] = even - odd;
-                        force[c].c[a + step] = even + odd;
-                    }
+            const int j = 1 + (i + 1) % 3;
+            p[4 + i] = a[1 + i] * b[j] + a[j] * b[1 + i];
         }
-        for (std::size_t a = 0; a < 8; ++a)
-            for (std::size_t c = 0; c < 3; ++c)
-                store(run.out[3 * a + c], lane,
-                      R[c] * force[0].c[a] + R[3 + c] * force[1].c[a] +
-                          R[6 + c] * force[2].c[a]);
+    }
+    const Lanes* const x = out.place[0];
+    const Lanes* const p = out.product[0];
+    out.triple[0] = x[0] * p[0] + x[1] * p[1] + x[2] * p[2] + x[3] * p[3];
+    for (int i = 0; i < 3; ++i)
+    {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out.triple[1 + i] =
+            x[0] * p[1 + i] + x[1 + i] * p[0] + x[1 + j] * p[4 + i] + x[1 + k] * p[4 + k];
+        out.triple[4 + i] = x[0] * p[4 + i] + x[1 + i] * p[1 + j] + x[1 + j] * p[1 + i];
+    }
+    out.triple[7] = x[1] * p[5] + x[2] * p[6] + x[3] * p[4];
+    return out;
+}
+
+/// Which coefficients belong to yz, zx and xy, and to x, y and z.
+constexpr int kOfProduct[3] = {6, 5, 3}, kOfPlace[3] = {1, 2, 4};
+
+/// The slopes of a function along axis j are c_j + c_jk k + c_jl l + c_xyz k l: one
+/// product of signs of them.
+inline Lanes slope(const Coefficients& f, const Signs& at, int j, int sign)
+{
+    const int k = (j + 1) % 3, l = (j + 2) % 3;
+    if (sign >= 4)
+        return f.c[7] * at.product[j][sign];
+    Lanes sum = f.c[kOfProduct[l]] * at.place[k][sign] +
+                f.c[kOfProduct[k]] * at.place[l][sign] + f.c[7] * at.product[j][sign];
+    if (sign == 0)
+        sum += f.c[kOfPlace[j]];
+    return sum;
+}
+
+/// And the forces on the coefficients of what pulls at it.
+inline void add_slope(Lanes pull, const Signs& at, int j, int sign, Coefficients& f)
+{
+    const int k = (j + 1) % 3, l = (j + 2) % 3;
+    f.c[7] += pull * at.product[j][sign];
+    if (sign >= 4)
+        return;
+    f.c[kOfProduct[l]] += pull * at.place[k][sign];
+    f.c[kOfProduct[k]] += pull * at.place[l][sign];
+    if (sign == 0)
+        f.c[kOfPlace[j]] += pull;
+}
+
+inline void add_mass(const Coefficients& f, const Signs& at, Lanes inert,
+                     Coefficients& force)
+{
+    for (int sign = 0; sign < 8; ++sign)
+    {
+        Lanes value = f.c[7] * at.triple[sign];
+        if (sign < 7)
+            for (int c = 0; c < 3; ++c)
+                value += f.c[kOfProduct[c]] * at.product[c][sign];
+        if (sign < 4)
+            for (int c = 0; c < 3; ++c)
+                value += f.c[kOfPlace[c]] * at.place[c][sign];
+        if (sign == 0)
+            value += f.c[0];
+        const Lanes pull = inert * value;
+        force.c[7] += pull * at.triple[sign];
+        if (sign < 7)
+            for (int c = 0; c < 3; ++c)
+                force.c[kOfProduct[c]] += pull * at.product[c][sign];
+        if (sign < 4)
+            for (int c = 0; c < 3; ++c)
+                force.c[kOfPlace[c]] += pull * at.place[c][sign];
+        if (sign == 0)
+            force.c[0] += pull;
+    }
+}
+
+/// Stress of the gradients that have one sign, along the mode of that sign: what the mode
+/// that costs least leaves of it. A has the closed form of [theory-skeleton 4.2].
+inline void relax(const Lanes* e, Lanes lambda, Lanes shear, Stress& stress)
+{
+    Lanes s[3];
+    times(stress, e, s);
+    const Lanes along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];
+    const Lanes twice = shear + shear;
+    const Lanes stretch = along / (lambda + twice), by_shear = 1.0 / shear;
+    Lanes G[3][3];
+    for (int c = 0; c < 3; ++c)
+    {
+        const Lanes a = -(e[c] * stretch + (s[c] - e[c] * along) * by_shear);
+        for (int j = 0; j < 3; ++j)
+            G[c][j] = a * e[j];
+    }
+    const Stress relief = stress_of(G, lambda, shear);
+    for (int k = 0; k < 6; ++k)
+        stress.s[k] += relief.s[k];
+}
+
+/// As product_of_drawn(), but sums over the points are sums over signs.
+void product_of_boxes(const PartRun<BoxBlock>& run)
+{
+    const BoxBlock& block = *run.block;
+    PartRow rows[24];
+    gather(run, rows);
+    for (std::size_t lane = 0; lane < kPartLanes; lane += CELLWARP_WIDTH)
+    {
+        Lanes R[9];
+        for (int i = 0; i < 9; ++i)
+            R[i] = load(run.frames[i], lane);
+        Coefficients f[3], force[3] = {};
+        coefficients(run, rows, lane, R, f);
+        const Signs at = signs_of(block, lane);
+        const Lanes lambda = load(block.lambda, lane), shear = load(block.shear, lane);
+        const Lanes inverse = load(block.inverse_edge, lane);
+        const Lanes weight = 8.0 * load(block.weight, lane);
+        const Lanes elastic = weight * run.stiffness * inverse;
+        for (int sign = 0; sign < 7; ++sign)
+        {
+            Lanes G[3][3];
+            for (int c = 0; c < 3; ++c)
+                for (int j = 0; j < 3; ++j)
+                    G[c][j] = inverse * slope(f[c], at, j, sign);
+            Stress stress = stress_of(G, lambda, shear);
+            if (sign >= 1 && sign < 4)
+            {
+                const PartRow* const mode = block.modes + 3 * (sign - 1);
+                const Lanes e[3] = {load(mode[0], lane), load(mode[1], lane),
+                                    load(mode[2], lane)};
+                relax(e, lambda, shear, stress);
+            }
+            const Lanes* const s = stress.s;
+            const Lanes pull[3][3] = {
+                {s[0], s[5], s[4]}, {s[5], s[1], s[3]}, {s[4], s[3], s[2]}};
+            for (int c = 0; c < 3; ++c)
+                for (int j = 0; j < 3; ++j)
+                    add_slope(elastic * pull[c][j], at, j, sign, force[c]);
+        }
+        if (run.mass != 0.0)
+            for (int c = 0; c < 3; ++c)
+                add_mass(f[c], at, weight * load(block.density, lane) * run.mass,
+                         force[c]);
+        give(run, R, lane, force);
     }
 }
 
@@ -446,7 +583,7 @@ void gradients(const PartRun<Block>& run)
 
 PartKernels part_kernels()
 {
-    return {product<BoxBlock>, product<DrawnBlock>, gradients<BoxBlock>,
+    return {product_of_boxes, product_of_drawn, gradients<BoxBlock>,
             gradients<DrawnBlock>};
 }
 
