@@ -154,7 +154,13 @@ std::string scene_text(const SceneFile& scene)
     else if (json.contains("cells"))
         json["cells"].erase("frame");
     if (!scene.skeleton)
+    {
+        // What followed it in time goes with it.
+        if (json.contains("skeleton") && !json.contains("rods") &&
+            !json.contains("sheets"))
+            json.erase("simulate");
         json.erase("skeleton");
+    }
     if (scene.save)
         json["save"] = *scene.save;
     else

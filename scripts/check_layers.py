@@ -49,7 +49,7 @@ ROOMS = {
                         "solver/minimize", "solver/cells", "solver/field"},
     "editor/tools": {"editor/tools", "editor/document", "editor/session", "io", "octree",
                      "octree/base", "solver/cells"},
-    "editor/window": {"editor/window", "editor/tools", "editor/document", "editor/simulation",
+    "editor/window": {"editor/window", "editor/tools", "editor/document", "editor/simulation", "editor/flesh",
                       "editor/session",
                       "io", "octree", "octree/base", "solver/linear", "solver/cells",
                       "solver/field"},
@@ -85,8 +85,8 @@ LIBRARIES = {
 }
 # Optional parts may be named only here, outside their own room.
 OPTIONAL = {"solver/flesh": {"editor/flesh", "editor/cli/flesh_in_time.cpp"},
-            "editor/flesh": {"editor/cli/flesh_in_time.cpp", "editor/window/film.cpp"},
-            "editor/simulation": {"editor/cli/rods_in_time.cpp", "editor/window/film.cpp"},
+            "editor/flesh": {"editor/cli/flesh_in_time.cpp", "editor/window/flesh_film.cpp"},
+            "editor/simulation": {"editor/cli/rods_in_time.cpp", "editor/window/rods_film.cpp"},
             "solver/rods": {"editor/session/spline_handle.cpp", "editor/simulation",
                             "solver/contact", "solver/coupled"},
             "solver/skeleton": {"editor/session/skeleton_handle.cpp"},

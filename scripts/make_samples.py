@@ -542,10 +542,10 @@ def flesh(folder):
     belly = lambda p: smooth_union([
         capsule(p, (0, 0.1, 0), (0, 0.75, 0), 0.26, 0.22), capsule(p, (0, 0.3, 0.12), (0, 0.42, 0.16),
                                                               0.3, 0.28),
-        capsule(p, (-0.13, 0.05, 0), (-0.16, -0.5, 0.02), 0.15, 0.1),
-        capsule(p, (0.13, 0.05, 0), (0.16, -0.5, 0.02), 0.15, 0.1),
-        capsule(p, (0, 0.8, 0), (0, 1.05, 0.02), 0.13, 0.12)], 0.1)
-    points, faces = surface_nets(belly, (-0.6, -0.7, -0.5), (0.6, 1.3, 0.7), 0.03, 0.1)
+        capsule(p, (-0.17, 0.0, 0), (-0.2, -0.6, 0.02), 0.14, 0.1),
+        capsule(p, (0.17, 0.0, 0), (0.2, -0.6, 0.02), 0.14, 0.1),
+        capsule(p, (0, 0.95, 0), (0, 1.15, 0.02), 0.15, 0.13)], 0.05)
+    points, faces = surface_nets(belly, (-0.6, -0.8, -0.5), (0.6, 1.4, 0.7), 0.03, 0.1)
     check_closed(faces)
     write(into, "belly.obj", obj(points, faces, "a body with a belly, quads"))
     keys = []
@@ -560,14 +560,14 @@ def flesh(folder):
                              rotate=turned(((1, 0, 0), -22 * s * math.sin(phase)))))
     skeleton_scene(into, "belly", "belly.obj",
                    [("pelvis", None, (0, 0.1, -0.05)), ("spine", "pelvis", (0, 0.35, -0.1)),
-                    ("neck", "spine", (0, 0.78, -0.02)), ("crown", "neck", (0, 1.1, 0.02)),
-                    ("left hip", "pelvis", (0.13, 0.02, 0)),
-                    ("left foot", "left hip", (0.16, -0.55, 0.02)),
-                    ("right hip", "pelvis", (-0.13, 0.02, 0)),
-                    ("right foot", "right hip", (-0.16, -0.55, 0.02))],
-                   keys, in_time(2.0), interpolation="squad", E=2e4, nu=0.45, across=28,
-                   settle=True, damping={"alpha": 0.5},
-                   materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 6e3}])
+                    ("neck", "spine", (0, 0.85, -0.02)), ("crown", "neck", (0, 1.2, 0.02)),
+                    ("left hip", "pelvis", (0.17, 0.0, 0)),
+                    ("left foot", "left hip", (0.2, -0.65, 0.02)),
+                    ("right hip", "pelvis", (-0.17, 0.0, 0)),
+                    ("right foot", "right hip", (-0.2, -0.65, 0.02))],
+                   keys, in_time(2.0), interpolation="squad", E=8e4, nu=0.45, across=28,
+                   settle=True, damping={"alpha": 1.0},
+                   materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}])
     # Only the root of the tail has a bone: the rest is flicked.
     hips = [b for b in CREATURE_BONES if b[0] not in ("tip",)]
     flick = [(0.0, 0), (0.25, 40), (0.6, -40), (0.95, 40), (1.2, 0)]

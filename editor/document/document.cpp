@@ -117,7 +117,7 @@ Document::Document(const std::string& path, const std::string& journal_folder)
         s.scene = read_scene(path);
         s.scene_path = path;
         s.warnings = s.scene.warnings;
-        if (!s.scene.has_carriers) // else it can be played
+        if (!s.scene.has_carriers && !s.scene.time) // else it can be played
             s.warnings.insert(s.warnings.end(), s.scene.left_out.begin(),
                               s.scene.left_out.end());
         s.edited.settings = s.scene.settings;
@@ -410,8 +410,13 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     if (extension_of(scene_path) != "json")
         throw usage("a scene's name ends in .json (got " + in_quotes(scene_path) + ")");
     const bool is_own = scene_path == s.scene_path;
+    if (is_own && s.scene.time)
+        throw usage(in_quotes(scene_path) +
+                    " has flesh in time, which edits do not keep: save them under "
+                    "another name, as a scene that poses");
     SceneFile scene = with_settings(s.scene, s.edited.settings);
     scene.path = scene_path;
+    scene.time.reset();
     if (!is_own || scene.handles.empty())
         scene.handles = scene_path.substr(0, scene_path.size() - 5) + ".handles";
     HandleFile handles = s.edited.handles;

@@ -167,11 +167,11 @@ Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view)
 namespace
 {
 
-/// Each joint, and the bone that leads to it. A joint without material of its own goes
-/// with the one above it.
-void add_joints(const CellSystem& system, const WorkFrame& view,
-                std::vector<ShownLine>& lines)
+/// The joints of a system now. One without material of its own goes with the one above
+/// it.
+std::vector<PosedJoint> joints_of(const CellSystem& system)
 {
+    std::vector<PosedJoint> joints;
     const SkeletonHandle& skeleton = *system.regions().skeleton();
     std::vector<Motion> motions(skeleton.size());
     std::vector<bool> is_known(skeleton.size(), false);
@@ -181,27 +181,38 @@ void add_joints(const CellSystem& system, const WorkFrame& view,
             motions[bone->joint] = system.motions()[r];
             is_known[bone->joint] = true;
         }
-    std::vector<Eigen::Vector3d> places;
     for (std::size_t j = 0; j < skeleton.size(); ++j)
     {
         const int parent = skeleton.parent(j);
         if (!is_known[j] && parent >= 0)
             motions[j] = motions[idx(parent)];
-        places.push_back(
-            view.to_work(system.rest().frame.to_model(motions[j](skeleton.place(j)))));
-        ShownLine& line = lines.emplace_back();
-        line.name = skeleton.statement(j).name;
-        line.is_rod = false;
-        line.is_bone = true;
-        if (parent >= 0)
-            line.places = {places[idx(parent)], places[j]};
-        line.points = {places[j]};
-        line.tangents = {Eigen::Vector3d::Zero()};
-        line.turns = {0.0};
+        joints.push_back({skeleton.statement(j).name, parent,
+                          system.rest().frame.to_model(motions[j](skeleton.place(j)))});
     }
+    return joints;
 }
 
 } // namespace
+
+std::vector<ShownLine> shown_joints(std::span<const PosedJoint> joints,
+                                    const WorkFrame& view)
+{
+    std::vector<ShownLine> lines;
+    for (const PosedJoint& joint : joints)
+    {
+        const Eigen::Vector3d place = view.to_work(joint.place);
+        ShownLine& line = lines.emplace_back();
+        line.name = joint.name;
+        line.is_rod = false;
+        line.is_bone = true;
+        if (joint.parent >= 0)
+            line.places = {view.to_work(joints[idx(joint.parent)].place), place};
+        line.points = {place};
+        line.tangents = {Eigen::Vector3d::Zero()};
+        line.turns = {0.0};
+    }
+    return lines;
+}
 
 std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& view)
 {
@@ -239,7 +250,8 @@ std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& vi
         }
     }
     if (system.regions().skeleton())
-        add_joints(system, view, lines);
+        for (ShownLine& line : shown_joints(joints_of(system), view))
+            lines.push_back(std::move(line));
     return lines;
 }
 

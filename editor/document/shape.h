@@ -89,7 +89,11 @@ ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> s
 /// From one frame's work space to another's.
 Eigen::Matrix4d view_of_work(const WorkFrame& work, const WorkFrame& view);
 
-/// The rods and curves of a system where they are.
+/// Each joint, and the bone that leads to it. Places in model units.
+std::vector<ShownLine> shown_joints(std::span<const PosedJoint> joints,
+                                    const WorkFrame& view);
+
+/// The rods, curves and joints of a system where they are.
 std::vector<ShownLine> shown_lines(const CellSystem& system, const WorkFrame& view);
 
 /// The cells of a system at other poses.

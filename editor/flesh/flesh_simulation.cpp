@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <utility>
+
+#include <Eigen/Geometry>
 
 #include "editor/session/apply_field.h"
 #include "editor/session/scene_settings.h"
@@ -193,6 +196,58 @@ std::vector<PosedJoint> FleshSimulation::joints() const
             {body_.skeleton->statement(j).name, body_.skeleton->parent(j),
              body_.to_model(motions[j](body_.metre * body_.skeleton->place(j)))});
     return joints;
+}
+
+std::optional<Move> FleshSimulation::pointed(const std::string& joint,
+                                             const Vector3d& place) const
+{
+    const int number = body_.skeleton->find(joint);
+    if (number < 0 || !place.allFinite())
+        return std::nullopt;
+    const std::vector<Motion> motions =
+        motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+    const auto now = [&](int j) -> Vector3d
+    { return motions[idx(j)](body_.metre * body_.skeleton->place(idx(j))); };
+    const Matrix3d& axes = body_.frame.axes; // rows
+    const auto turn_of = [&](const Matrix3d& R)
+    {
+        Operation turn;
+        turn.kind = Operation::Kind::Rotate;
+        const Vector3d vector = axes.transpose() * rotation_vector(R);
+        turn.degrees = vector.norm() * 180.0 / std::numbers::pi;
+        turn.vector =
+            vector.isZero(0.0) ? Vector3d::UnitZ() : Vector3d(vector.normalized());
+        return turn;
+    };
+    Move move;
+    const int parent = body_.skeleton->parent(idx(number));
+    if (parent < 0)
+    {
+        move.region = joint;
+        Operation shift;
+        shift.vector = body_.to_model(body_.to_metres(place)) -
+                       body_.to_model(body_.metre * body_.skeleton->place(idx(number)));
+        move.operations = {turn_of(motions[idx(number)].R), shift};
+        return move;
+    }
+    // D turns the bone to the place; a joint turns in the axes of the one above it.
+    const Vector3d from = now(number) - now(parent),
+                   to = body_.to_metres(place) - now(parent);
+    if (!(to.norm() > 0.0) || !(from.norm() > 0.0))
+        return std::nullopt;
+    const Matrix3d D = Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+    const int above = body_.skeleton->parent(idx(parent));
+    const Matrix3d R = above < 0 ? Matrix3d(Matrix3d::Identity()) : motions[idx(above)].R;
+    move.region = body_.skeleton->statement(idx(parent)).name;
+    move.operations = {turn_of(R.transpose() * D * motions[idx(parent)].R)};
+    if (above < 0) // its shift stays
+    {
+        Operation shift;
+        shift.vector = body_.to_model(now(parent)) -
+                       body_.to_model(body_.metre * body_.skeleton->place(idx(parent)));
+        move.operations.push_back(shift);
+    }
+    return move;
 }
 
 DeformedSamples FleshSimulation::rest_samples() const

@@ -75,6 +75,12 @@ public:
     /// do; of those that are not named the keys go on.
     void lead(std::vector<Move> moves) { snapshot_.by_hand = std::move(moves); }
 
+    /// The move by which the bone to a joint points at a place, as the skeleton stands
+    /// now; of a root, by which it goes there [model unit]. Nothing for a joint that is
+    /// not there, or a place that is where the bone begins.
+    std::optional<Move> pointed(const std::string& joint,
+                                const Eigen::Vector3d& place) const;
+
     /// Where the skeleton is now.
     std::vector<PosedJoint> joints() const;
     /// The shape as the lattice has it: at once, exact at bones, with creases in its

@@ -230,6 +230,13 @@ std::vector<Eigen::Vector2d> Interaction::outline() const
     return brush.outline();
 }
 
+void Interaction::set_puller(JointPuller* puller)
+{
+    state_->puller = puller;
+    if (state_->current<State::Pull>())
+        state_->gesture = {};
+}
+
 std::optional<Hover> Interaction::hover() const
 {
     return state_->hover;
@@ -285,6 +292,8 @@ std::string Interaction::status() const
                                        : " (let go: done, Esc: back)");
     if (const State::Choice* const choice = s.current<State::Choice>())
         return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
+    if (const State::Pull* const pull = s.current<State::Pull>())
+        return "Pull " + pull->joint + " (let go: it stays)";
     if (const State::Look* const look = s.current<State::Look>())
         return look->motion == CameraMotion::Orbit ? "Orbit"
                : look->motion == CameraMotion::Pan ? "Pan"

@@ -40,6 +40,16 @@ struct SeenLine
     bool is_rod = true, is_bone = false, is_active = false;
 };
 
+/// Who leads the joints of a skeleton while time runs.
+class JointPuller
+{
+public:
+    virtual ~JointPuller() = default;
+    /// To a place, or as near as its bone gets [view].
+    virtual void pull(const std::string& joint, const Eigen::Vector3d& place) = 0;
+    virtual void let_go() = 0;
+};
+
 class Interaction
 {
 public:
@@ -80,6 +90,9 @@ public:
     /// Of the active region, if it is a rod or curve: the point that keys act on.
     std::optional<std::size_t> active_point() const;
     void set_active_point(std::optional<std::size_t> point);
+    /// While a film is shown its bones can be taken by their joints, and this is told;
+    /// null: they cannot. It must outlive the film.
+    void set_puller(JointPuller* puller);
     void run(Command command); ///< as its key does
     void frame_selection();    ///< or all, where nothing is selected
 

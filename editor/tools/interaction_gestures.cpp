@@ -273,6 +273,9 @@ void Interaction::State::press(Button button, const Modifiers& with)
         gesture = Look{*motion, button, pixel, pixel, depth};
         return;
     }
+    if (button == Button::Left && editing.shows_film() && puller)
+        if (const std::optional<Pull> pull = joint_at(pixel))
+            gesture = *pull;
     if (button != Button::Left || editing.shows_film())
         return;
     const Press press{pixel, with, picked};
@@ -311,6 +314,12 @@ void Interaction::State::release(Button button)
     if (HandleDrag* const handle_drag = current<HandleDrag>();
         handle_drag && !handle_drag->is_by_key)
         let_go();
+    else if (current<Pull>())
+    {
+        gesture = {};
+        if (puller)
+            puller->let_go();
+    }
     else if (const Press* const press = current<Press>())
     {
         const Press clicked = *press;
@@ -366,6 +375,8 @@ void Interaction::State::follow_pointer()
         handle_drag->drag.move_to(pixel, modifiers.control);
         lead();
     }
+    else if (const Pull* const pull = current<Pull>(); pull && puller)
+        puller->pull(pull->joint, at_depth(pixel, pull->place));
 }
 
 void Interaction::State::find_hover()
@@ -389,6 +400,8 @@ void Interaction::State::find_hover()
 void Interaction::State::cancel()
 {
     editing.cancel_drag(); // also that of a number field
+    if (current<Pull>() && puller)
+        puller->let_go();
     gesture = {};
     preview.reset();
     spread.reset();

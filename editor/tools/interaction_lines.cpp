@@ -65,6 +65,36 @@ Interaction::State::point_at(const Eigen::Vector2d& where) const
     return found;
 }
 
+std::optional<Interaction::State::Pull>
+Interaction::State::joint_at(const Eigen::Vector2d& where) const
+{
+    std::optional<Pull> found;
+    double nearest = kPointReach;
+    for (const ShownLine& line : editing.shape().lines)
+    {
+        if (!line.is_bone || line.points.empty())
+            continue;
+        const auto pixels = camera.project(line.points.front());
+        const double away = pixels ? (pixels->head<2>() - where).norm()
+                                   : std::numeric_limits<double>::infinity();
+        if (away < nearest)
+        {
+            nearest = away;
+            found = Pull{line.name, line.points.front()};
+        }
+    }
+    return found;
+}
+
+Eigen::Vector3d Interaction::State::at_depth(const Eigen::Vector2d& where,
+                                             const Eigen::Vector3d& point) const
+{
+    const Ray ray = camera.ray(where);
+    const Eigen::Vector3d facing = camera.forward();
+    return ray.origin +
+           ray.direction * ((point - ray.origin).dot(facing) / ray.direction.dot(facing));
+}
+
 PointPlacement Interaction::State::point_placement(const HandleDrag& drag) const
 {
     const PointDrag& point = *drag.point;
@@ -90,10 +120,7 @@ Eigen::Vector3d Interaction::State::through(const Eigen::Vector2d& where) const
             picker.pick({entry->point + kBehind * ray.direction, ray.direction});
         return exit ? Eigen::Vector3d(0.5 * (entry->point + exit->point)) : entry->point;
     }
-    const Eigen::Vector3d depth = drawn.empty() ? camera.target() : drawn.back();
-    const Eigen::Vector3d facing = camera.forward();
-    return ray.origin +
-           ray.direction * ((depth - ray.origin).dot(facing) / ray.direction.dot(facing));
+    return at_depth(where, drawn.empty() ? camera.target() : drawn.back());
 }
 
 void Interaction::State::end_drawing(Role role)

@@ -73,6 +73,12 @@ struct Interaction::State
         std::optional<GizmoPart> part = {};
         std::optional<PointDrag> point = {}; ///< of a rod or curve, that alone
     };
+    /// A joint in the hand while time runs.
+    struct Pull
+    {
+        std::string joint;
+        Eigen::Vector3d place; ///< where it was taken [view]
+    };
     /// How a region is taken into the hand.
     struct DragStart
     {
@@ -113,7 +119,8 @@ struct Interaction::State
     Modifiers modifiers;
     bool is_inside = false; ///< the pointer has been in the view
     bool has_moved = false; ///< since the last update
-    std::variant<std::monostate, Press, Look, Choice, HandleDrag> gesture;
+    std::variant<std::monostate, Press, Look, Choice, HandleDrag, Pull> gesture;
+    JointPuller* puller = nullptr;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
     std::optional<Hover> hover;
@@ -177,6 +184,11 @@ struct Interaction::State
     std::optional<Eigen::Vector3d> active_place() const;       ///< of the point [view]
     bool is_joint(const std::string& region) const;
     std::optional<PointAt> point_at(const Eigen::Vector2d& where) const;
+    /// The joint of a film under a pixel.
+    std::optional<Pull> joint_at(const Eigen::Vector2d& where) const;
+    /// In the plane through a point that faces the eye.
+    Eigen::Vector3d at_depth(const Eigen::Vector2d& where,
+                             const Eigen::Vector3d& point) const;
     PointPlacement point_placement(const HandleDrag& drag) const;
     /// The middle of the shape under the pixel; beside it, as deep as the last point.
     Eigen::Vector3d through(const Eigen::Vector2d& where) const;

@@ -323,7 +323,8 @@ void show_tool_bar(EditorApp& app)
     Interaction& hand = app.opened()->hand;
     const bool plays = Film::is_in(app.document());
     const bool shows_names =
-        ImGui::GetWindowWidth() > letters(kRoomForNames + (plays ? kRoomForPlay : 0.0f));
+        ImGui::GetWindowWidth() > letters(kRoomForNames + (plays ? kRoomForPlay : 0.0f) +
+                                          (app.can_live() ? kRoomForPlay : 0.0f));
     ImGui::SetCursorPos({letters(0.6f), letters(0.6f)});
     for (const ToolName& tool : kTools)
     {
@@ -340,6 +341,15 @@ void show_tool_bar(EditorApp& app)
         ImGui::EndDisabled();
         tip("What simulate makes of this scene");
         ImGui::SameLine();
+        if (app.can_live())
+        {
+            ImGui::BeginDisabled(!app.takes_edits() && !app.opened()->live);
+            if (toggle("Live", app.opened()->live != nullptr))
+                app.opened()->live ? app.stop_playing() : app.live();
+            ImGui::EndDisabled();
+            tip("Flesh follows in real time: take its bones by their joints");
+            ImGui::SameLine();
+        }
     }
     const Tool tool = hand.tool();
     if (tool == Tool::Box || tool == Tool::Lasso || tool == Tool::Brush)

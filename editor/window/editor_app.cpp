@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <new>
 
+#include "editor/window/film_source.h"
 #include "io/error.h"
 #include "octree/base/clock.h"
 
@@ -158,6 +159,7 @@ bool EditorApp::update()
     {
         guard([&] { is_new = opened_->editing.update() || is_new; });
         guard([&] { is_new = follow_film() || is_new; });
+        guard([&] { is_new = follow_live() || is_new; });
         guard([&] { opened_->hand.update(); });
         tell_of_export();
     }
@@ -178,7 +180,8 @@ bool EditorApp::is_idle() const
     const SolveStatus::State state = opened_->editing.status().state;
     return (state == SolveStatus::State::Idle || state == SolveStatus::State::Failed) &&
            !opened_->editing.drag_status().is_dragging && !is_exporting_ &&
-           !opened_->editing.is_drawing() && !(opened_->film && !opened_->film_stands);
+           !opened_->editing.is_drawing() && !(opened_->film && !opened_->film_stands) &&
+           !opened_->live;
 }
 
 void EditorApp::export_field(const std::string& path, Overwrite overwrite)
@@ -273,10 +276,45 @@ void EditorApp::play()
 
 void EditorApp::stop_playing()
 {
-    if (!opened_ || !opened_->film)
+    if (!opened_ || (!opened_->film && !opened_->live))
         return;
+    opened_->hand.set_puller(nullptr);
     opened_->editing.show_instead(nullptr);
     opened_->film.reset();
+    opened_->live.reset();
+}
+
+bool EditorApp::can_live() const
+{
+    return opened_ != nullptr &&
+           std::as_const(opened_->editing).document().scene().time && plays_flesh();
+}
+
+void EditorApp::live()
+{
+    if (!can_live() || !takes_edits())
+        return;
+    opened_->live = std::make_unique<LiveFlesh>(opened_->editing);
+    opened_->hand.set_puller(opened_->live.get());
+}
+
+bool EditorApp::follow_live()
+{
+    OpenedDocument& o = *opened_;
+    if (!o.live)
+        return false;
+    if (const std::string error = o.live->error(); !error.empty())
+    {
+        say(Place::Window, "live: " + error, true);
+        stop_playing();
+        return true;
+    }
+    const std::shared_ptr<const ShownShape> newest = o.live->newest();
+    if (!newest || newest == o.live_shown)
+        return false;
+    o.live_shown = newest;
+    o.editing.show_instead(newest);
+    return true;
 }
 
 void EditorApp::show_film_frame(std::int64_t frame, bool stands)

@@ -16,6 +16,7 @@
 #include "editor/window/canvas.h"
 #include "editor/window/film.h"
 #include "editor/window/frame_times.h"
+#include "editor/window/live_flesh.h"
 #include "editor/window/places.h"
 
 namespace cellwarp
@@ -54,8 +55,10 @@ struct OpenedDocument
     std::unique_ptr<Film> film; ///< that is played; null: none
     double film_begin = 0.0;    ///< [s] of seconds_now(), of its frame 0
     std::int64_t film_frame = 0;
-    bool film_stands = false; ///< at that frame
-    bool film_told = false;   ///< what is wrong with it
+    bool film_stands = false;                          ///< at that frame
+    bool film_told = false;                            ///< what is wrong with it
+    std::unique_ptr<LiveFlesh> live;                   ///< flesh in real time; null: none
+    std::shared_ptr<const ShownShape> live_shown = {}; ///< of it, last
 };
 
 /// What a file is chosen for.
@@ -126,7 +129,11 @@ public:
     void export_field(const std::string& path, Overwrite overwrite);
     /// Plays the scene in time, from its start; or goes back to what is edited.
     void play();
-    void stop_playing();
+    void stop_playing(); ///< what is live, too
+    /// Whether the flesh of the document's scene can follow in real time.
+    bool can_live() const;
+    /// Flesh follows its bones from now on, in real time; they can be taken by the hand.
+    void live();
     /// To a frame that is made; \p stands: and stays there.
     void show_film_frame(std::int64_t frame, bool stands);
     void undo();
@@ -149,6 +156,7 @@ private:
     void take_document(Document document);
     void tell_of_export();
     bool follow_film();
+    bool follow_live();
 
     std::string journal_folder_;
     std::unique_ptr<OpenedDocument> opened_;

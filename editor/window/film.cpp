@@ -10,11 +10,8 @@
 
 #include <fmt/format.h>
 
-#include "editor/session/memory_limit.h"
-#include "editor/session/scene_settings.h"
-#include "editor/simulation/carried_model.h"
+#include "editor/window/film_source.h"
 #include "io/error.h"
-#include "io/rod_scene.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -25,9 +22,6 @@ namespace
 
 /// What frames may take together [byte].
 constexpr double kMostBytes = 2e9;
-
-/// Of the lines of rods.
-constexpr int kPlacesOfLine = 65;
 
 double bytes_of(const ShownShape& shape)
 {
@@ -60,69 +54,46 @@ struct Film::State
         change();
     }
 
-    ShownShape shown(const std::vector<Eigen::Vector3d>& samples,
-                     const std::shared_ptr<const ShapeLayout>& layout,
-                     const Simulation& simulation, double unit) const
-    {
-        ShownShape shape = shown_at(model->geometry, samples, layout, view);
-        for (const SimulatedRod& rod : simulation.rods(kPlacesOfLine))
-        {
-            ShownLine& line = shape.lines.emplace_back();
-            line.name = rod.name;
-            for (const Eigen::Vector3d& place : rod.curve)
-                line.places.push_back(view.to_work(place / unit));
-        }
-        return shape;
-    }
-
     void make(const std::stop_token& stop)
     {
-        const RodScene rods = parse_rod_scene(scene.path, scene.text);
-        Simulation simulation(rods);
-        SessionSettings settings = settings_of(scene);
-        settings.cells.max_memory = default_memory_limit();
-        settings.stop = stop;
-        CarriedModel carried(geometry_of(model), handles, settings, rods.unit,
-                             simulation);
+        const std::unique_ptr<FilmSource> source =
+            scene.time ? film_of_flesh({model, handles, scene, stop})
+                       : film_of_rods({model, handles, scene, stop});
         const std::shared_ptr<const ShapeLayout> layout = layout_of(model->geometry);
-        const std::int64_t count = simulation.is_static() ? 1 : simulation.last_frame();
         double bytes = 0.0;
-        const auto add = [&](const std::vector<Eigen::Vector3d>& samples)
+        const auto add = [&]
         {
-            auto shape = std::make_shared<const ShownShape>(
-                shown(samples, layout, simulation, rods.unit));
+            auto shape = std::make_shared<ShownShape>(
+                shown_at(model->geometry, source->samples(), layout, view));
+            shape->lines = source->lines(view);
             bytes += bytes_of(*shape);
             tell([&] { frames.push_back(std::move(shape)); });
         };
         tell(
             [&]
             {
-                last = count;
-                seconds = rods.dt * static_cast<double>(simulation.steps_a_frame());
+                last = source->last();
+                seconds = source->seconds_a_frame();
             });
-        add(model->geometry.samples);
-        for (std::int64_t frame = 1; frame <= count && !stop.stop_requested(); ++frame)
+        add();
+        for (std::int64_t frame = 1; frame <= source->last() && !stop.stop_requested();
+             ++frame)
         {
             if (bytes > kMostBytes)
                 throw Error(Fault::Budget,
                             fmt::format("frames 0 to {} are all that fit in {:.0f} GB: "
                                         "the others are for cellwarp simulate",
                                         frame - 1, 1e-9 * kMostBytes));
-            simulation.next_frame();
-            carried.follow(simulation, true);
+            const std::string problem = source->next();
             if (stop.stop_requested())
                 return;
-            const SimulationReport report = simulation.report();
-            const SolveReport& cells = carried.session().frames().back().solve;
-            if (!report.is_converged || cells.stop != Stop::Converged)
+            if (!problem.empty())
                 tell(
-                    [&]
-                    {
-                        error = fmt::format("frame {} did not converge ({})", frame,
-                                            report.is_converged ? stop_name(cells.stop)
-                                                                : report.stop);
+                    [&] {
+                        error =
+                            fmt::format("frame {} did not converge ({})", frame, problem);
                     });
-            add(carried.session().deformed().samples);
+            add();
         }
     }
 
@@ -153,7 +124,8 @@ struct Film::State
 
 bool Film::is_in(const Document& document)
 {
-    return document.scene().has_carriers;
+    const SceneFile& scene = document.scene();
+    return (scene.has_carriers && plays_rods()) || (scene.time && plays_flesh());
 }
 
 Film::Film(const Editing& editing) : state_(std::make_unique<State>())

@@ -45,6 +45,7 @@ public:
     void place();
     void point();
     void film();
+    void live();
     void show();
     void open();
     void save();
@@ -84,7 +85,7 @@ struct Known
     const char* usage;
 };
 
-constexpr std::array<Known, 25> kKnown = {{
+constexpr std::array<Known, 26> kKnown = {{
     {"size", 2, 2, &Player::size, "size W H                 of the window"},
     {"move", 2, 2, &Player::move, "move X Y                 the pointer"},
     {"press", 1, 4, &Player::press, "press left|middle|right [ctrl] [shift] [alt]"},
@@ -111,6 +112,8 @@ constexpr std::array<Known, 25> kKnown = {{
     {"open", 1, 1, &Player::open, "open FILE"},
     {"film", 1, 1, &Player::film,
      "film FRAME|off           of the scene in time, when it is made"},
+    {"live", 1, 1, &Player::live,
+     "live SECONDS|off         flesh in real time, until so much has passed in it"},
     {"save", 1, 1, &Player::save, "save SCENE.json"},
     {"export", 1, 1, &Player::export_model, "export FILE              the bent model"},
     {"undo", 0, 0, &Player::undo, "undo"},
@@ -473,7 +476,7 @@ void Player::film()
         return;
     }
     if (!Film::is_in(opened().editing.document()))
-        fail("no rod of the scene carries the model: there is nothing to play");
+        fail("neither rods that carry the model nor flesh: there is nothing to play");
     if (!opened().film)
         app.play();
     const auto frame = static_cast<std::int64_t>(number(1));
@@ -485,6 +488,26 @@ void Player::film()
              (opened().film ? " " + opened().film->error() : ""));
     app.show_film_frame(frame, true);
     editor_.frame();
+}
+
+void Player::live()
+{
+    EditorApp& app = editor_.app();
+    if (word(1) == "off")
+    {
+        app.stop_playing();
+        editor_.frame();
+        return;
+    }
+    const double until = number(1);
+    if (!app.can_live())
+        fail("the scene has no flesh in time");
+    if (!opened().live)
+        app.live();
+    while (opened().live && (!opened().live_shown || opened().live->time() < until))
+        editor_.frame();
+    if (!opened().live)
+        fail("it ended before");
 }
 
 void Player::show()

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where the frames of a film come from: each kind of scene has a file of its own, and one
+// that stands for it in builds without it.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "editor/document/shape.h"
+#include "io/geometry.h"
+#include "io/handle_file.h"
+#include "io/scene_file.h"
+
+namespace cellwarp
+{
+
+/// What is filmed.
+struct FilmScene
+{
+    std::shared_ptr<const GeometryFile> model;
+    HandleFile handles;
+    SceneFile scene;
+    std::stop_token stop;
+};
+
+/// Stands at frame 0.
+class FilmSource
+{
+public:
+    virtual ~FilmSource() = default;
+    virtual std::int64_t last() const = 0;
+    virtual double seconds_a_frame() const = 0;
+    /// Goes on by one; why it did not converge, or nothing. Throws Error.
+    virtual std::string next() = 0;
+    virtual std::vector<Eigen::Vector3d> samples() = 0; ///< now [model unit]
+    virtual std::vector<ShownLine> lines(const WorkFrame& view) const = 0;
+};
+
+bool plays_rods(); ///< in this build
+std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene);
+
+bool plays_flesh();
+std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene);
+
+} // namespace cellwarp

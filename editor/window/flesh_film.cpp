@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <stop_token>
+#include <thread>
+#include <utility>
+
+#include "editor/flesh/flesh_simulation.h"
+#include "editor/session/memory_limit.h"
+#include "editor/session/scene_settings.h"
+#include "editor/window/film_source.h"
+#include "editor/window/live_flesh.h"
+#include "octree/base/clock.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+FleshSimulation simulation_of(const FilmScene& of)
+{
+    CellSettings cells = settings_of(of.scene).cells;
+    cells.max_memory = default_memory_limit();
+    // Of the document's scene the skeleton has become statements.
+    return FleshSimulation(geometry_of(of.model),
+                           parse_scene(of.scene.path, of.scene.text), cells);
+}
+
+class FleshFilm final : public FilmSource
+{
+public:
+    explicit FleshFilm(const FilmScene& of) : simulation_(simulation_of(of)) {}
+
+    std::int64_t last() const override { return simulation_.last_frame(); }
+    double seconds_a_frame() const override
+    {
+        return simulation_.time().dt * static_cast<double>(simulation_.steps_a_frame());
+    }
+    std::string next() override
+    {
+        simulation_.next_frame();
+        const FleshFrame frame = simulation_.report();
+        return frame.is_converged ? "" : frame.stop;
+    }
+    std::vector<Eigen::Vector3d> samples() override
+    {
+        return simulation_.deformed().samples;
+    }
+    std::vector<ShownLine> lines(const WorkFrame& view) const override
+    {
+        return shown_joints(simulation_.joints(), view);
+    }
+
+private:
+    FleshSimulation simulation_;
+};
+
+} // namespace
+
+bool plays_flesh()
+{
+    return true;
+}
+
+std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene)
+{
+    return std::make_unique<FleshFilm>(scene);
+}
+
+struct LiveFlesh::State
+{
+    FilmScene scene;
+    WorkFrame view;
+
+    mutable std::mutex mutex; ///< of what follows
+    std::shared_ptr<const ShownShape> newest;
+    double time = 0.0;
+    std::string error;
+    /// The joint in the hand, and where it is to be [model unit].
+    std::optional<std::pair<std::string, Eigen::Vector3d>> pulled;
+
+    std::jthread thread; ///< ends first
+
+    /// The joint that the hand has is led there; others stay where it left them.
+    void lead(FleshSimulation& simulation, std::map<std::string, Move>& by_hand) const
+    {
+        std::optional<std::pair<std::string, Eigen::Vector3d>> now;
+        {
+            const std::lock_guard lock(mutex);
+            now = pulled;
+        }
+        if (!now)
+            return;
+        if (const std::optional<Move> move = simulation.pointed(now->first, now->second))
+            by_hand[move->region] = *move;
+        std::vector<Move> moves;
+        for (const auto& [joint, move] : by_hand)
+            moves.push_back(move);
+        simulation.lead(std::move(moves));
+    }
+
+    void play(const std::stop_token& stop)
+    {
+        FleshSimulation simulation = simulation_of(scene);
+        const Geometry& geometry = scene.model->geometry;
+        const std::shared_ptr<const ShapeLayout> layout = layout_of(geometry);
+        const auto show = [&]
+        {
+            auto shape = std::make_shared<ShownShape>(
+                shown_at(geometry, simulation.deformed_live().samples, layout, view));
+            shape->lines = shown_joints(simulation.joints(), view);
+            const std::lock_guard lock(mutex);
+            newest = std::move(shape);
+            time = static_cast<double>(simulation.steps_done()) * simulation.time().dt;
+        };
+        show();
+        std::map<std::string, Move> by_hand;
+        const Clock::time_point begin = Clock::now();
+        double lost = 0.0; // where steps take longer than their time [s]
+        while (!stop.stop_requested())
+        {
+            for (std::int64_t k = 0; k < simulation.steps_a_frame(); ++k)
+            {
+                lead(simulation, by_hand);
+                simulation.step();
+            }
+            show();
+            const double due = lost + static_cast<double>(simulation.steps_done()) *
+                                          simulation.time().dt;
+            const double now = seconds_since(begin);
+            lost += std::max(0.0, now - due);
+            if (now < due)
+                std::this_thread::sleep_for(std::chrono::duration<double>(due - now));
+        }
+    }
+
+    void run(const std::stop_token& stop)
+    {
+        std::string what;
+        try
+        {
+            play(stop);
+        }
+        catch (const std::bad_alloc&)
+        {
+            what = "out of memory";
+        }
+        catch (const std::exception& fault)
+        {
+            what = fault.what();
+        }
+        const std::lock_guard lock(mutex);
+        error = what;
+    }
+};
+
+LiveFlesh::LiveFlesh(const Editing& editing) : state_(std::make_unique<State>())
+{
+    State& s = *state_;
+    const Document& document = editing.document();
+    s.scene = {document.model(), document.handles(), document.scene(), {}};
+    s.view = editing.view_frame();
+    s.thread = std::jthread([&s](const std::stop_token& stop) { s.run(stop); });
+}
+
+LiveFlesh::~LiveFlesh() = default;
+
+std::shared_ptr<const ShownShape> LiveFlesh::newest() const
+{
+    const std::lock_guard lock(state_->mutex);
+    return state_->newest;
+}
+
+double LiveFlesh::time() const
+{
+    const std::lock_guard lock(state_->mutex);
+    return state_->time;
+}
+
+std::string LiveFlesh::error() const
+{
+    const std::lock_guard lock(state_->mutex);
+    return state_->error;
+}
+
+void LiveFlesh::pull(const std::string& joint, const Eigen::Vector3d& place)
+{
+    const Eigen::Vector3d model = state_->view.to_model(place);
+    const std::lock_guard lock(state_->mutex);
+    state_->pulled.emplace(joint, model);
+}
+
+void LiveFlesh::let_go()
+{
+    const std::lock_guard lock(state_->mutex);
+    state_->pulled.reset();
+}
+
+} // namespace cellwarp

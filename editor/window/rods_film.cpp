@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/memory_limit.h"
+#include "editor/session/scene_settings.h"
+#include "editor/simulation/carried_model.h"
+#include "editor/window/film_source.h"
+#include "io/rod_scene.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// Of the lines of rods.
+constexpr int kPlacesOfLine = 65;
+
+class RodsFilm final : public FilmSource
+{
+public:
+    explicit RodsFilm(const FilmScene& of)
+        : rods_(parse_rod_scene(of.scene.path, of.scene.text)), simulation_(rods_),
+          carried_(geometry_of(of.model), of.handles, settings_for(of), rods_.unit,
+                   simulation_),
+          rest_(of.model)
+    {
+    }
+
+    std::int64_t last() const override
+    {
+        return simulation_.is_static() ? 1 : simulation_.last_frame();
+    }
+    double seconds_a_frame() const override
+    {
+        return rods_.dt * static_cast<double>(simulation_.steps_a_frame());
+    }
+    std::string next() override
+    {
+        rest_.reset();
+        simulation_.next_frame();
+        carried_.follow(simulation_, true);
+        const SimulationReport report = simulation_.report();
+        if (!report.is_converged)
+            return report.stop;
+        const SolveReport& cells = carried_.session().frames().back().solve;
+        return cells.stop == Stop::Converged ? "" : stop_name(cells.stop);
+    }
+    std::vector<Eigen::Vector3d> samples() override
+    {
+        return rest_ ? rest_->geometry.samples : carried_.session().deformed().samples;
+    }
+    std::vector<ShownLine> lines(const WorkFrame& view) const override
+    {
+        std::vector<ShownLine> lines;
+        for (const SimulatedRod& rod : simulation_.rods(kPlacesOfLine))
+        {
+            ShownLine& line = lines.emplace_back();
+            line.name = rod.name;
+            for (const Eigen::Vector3d& place : rod.curve)
+                line.places.push_back(view.to_work(place / rods_.unit));
+        }
+        return lines;
+    }
+
+private:
+    static SessionSettings settings_for(const FilmScene& of)
+    {
+        SessionSettings settings = settings_of(of.scene);
+        settings.cells.max_memory = default_memory_limit();
+        settings.stop = of.stop;
+        return settings;
+    }
+
+    RodScene rods_;
+    Simulation simulation_;
+    CarriedModel carried_;
+    std::shared_ptr<const GeometryFile> rest_; ///< of frame 0
+};
+
+} // namespace
+
+bool plays_rods()
+{
+    return true;
+}
+
+std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene)
+{
+    return std::make_unique<RodsFilm>(scene);
+}
+
+} // namespace cellwarp

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Flesh in the editor: the film of a scene, and flesh that follows the hand.
+#include "editor/window/live_flesh.h"
+
+#include <chrono>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "editor/window/film.h"
+#include "io/geometry_file.h"
+#include "tests/editor/tools/desk.h"
+#include "tests/support/program.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::contains;
+using support::Desk;
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// The bar along x with two bones, whose knee turns by keys.
+std::string limb(const support::Folder& folder)
+{
+    Desk::bar(folder);
+    return folder.write("limb.json", R"({"cellwarp": 1, "model": "bar.obj",
+        "skeleton": {"joints": [{"name": "root", "parent": null, "at": [0.1, 0.5, 0.5]},
+            {"name": "knee", "parent": "root", "at": [1.5, 0.5, 0.5]},
+            {"name": "foot", "parent": "knee", "at": [2.9, 0.5, 0.5]}],
+          "keys": [{"time": 0, "joint": "knee", "rotate": [0, 0, 1, 0]},
+                   {"time": 0.2, "joint": "knee", "rotate": [0, 0, 1, 30]}],
+          "E": 1e6, "across": 8},
+        "simulate": {"duration": 0.2, "gravity": [0, 0, 0]}})");
+}
+
+void pause()
+{
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+}
+
+/// Until the flesh is there and so much of its time has passed.
+void wait(const LiveFlesh& live, double until)
+{
+    while (live.error().empty() && (!live.newest() || live.time() < until))
+        pause();
+    ASSERT_EQ(live.error(), "");
+}
+
+} // namespace
+
+TEST(FleshFilm, has_the_frames_of_simulate_to_the_bit)
+{
+    Desk desk(limb);
+    ASSERT_TRUE(Film::is_in(desk.document()));
+    const Film film(desk.editing);
+    while (film.is_working())
+        pause();
+    EXPECT_EQ(film.error(), "");
+    ASSERT_EQ(film.num_made(), 7);
+    const support::Folder folder;
+    ASSERT_EQ(support::run({"simulate", desk.document().scene().path, "-o",
+                            folder / "f{frame}.obj"})
+                  .code,
+              0);
+    for (const int frame : {0, 3, 6})
+    {
+        const Geometry baked =
+            read_geometry(folder / "f" + std::to_string(frame) + ".obj").geometry;
+        EXPECT_EQ(
+            film.shape(frame)->positions,
+            shown_at(baked, baked.samples, layout_of(baked), desk.editing.view_frame())
+                .positions);
+    }
+    EXPECT_NE(film.shape(6)->positions, film.shape(0)->positions);
+    EXPECT_EQ(film.shape(6)->lines[2].name, "foot");
+}
+
+TEST(LiveFlesh, follows_its_keys_and_then_the_hand)
+{
+    Desk desk(limb);
+    LiveFlesh live(desk.editing);
+    wait(live, 0.3);
+    const auto foot = [&]
+    { return desk.editing.view_frame().to_model(live.newest()->lines[2].points[0]); };
+    const Vector3d knee(1.5, 0.5, 0.5);
+    const double turn = 30.0 * M_PI / 180.0;
+    EXPECT_LT(
+        (foot() - (knee + 1.4 * Vector3d(std::cos(turn), std::sin(turn), 0))).norm(),
+        1e-9);
+    const Vector3d wanted = knee + 1.4 * Vector3d(0, 0.6, 0.8);
+    live.pull("foot", desk.editing.view_frame().to_work(wanted));
+    wait(live, live.time() + 0.2);
+    EXPECT_LT((foot() - wanted).norm(), 1e-9);
+    // It stays where it is let go.
+    live.let_go();
+    wait(live, live.time() + 0.1);
+    EXPECT_LT((foot() - wanted).norm(), 1e-9);
+    // A root goes to the place itself, with all that hangs on it.
+    live.pull("root", desk.editing.view_frame().to_work(Vector3d(0.1, 1.5, 0.5)));
+    wait(live, live.time() + 0.2);
+    EXPECT_LT((foot() - (wanted + Vector3d(0, 1, 0))).norm(), 1e-9);
+}
+
+TEST(LiveFlesh, is_taken_by_its_joints_with_the_pointer)
+{
+    Desk desk(limb);
+    desk.settle();
+    LiveFlesh live(desk.editing);
+    desk.hand.set_puller(&live);
+    wait(live, 0.3);
+    desk.editing.show_instead(live.newest());
+    const auto foot = [&]
+    { return desk.editing.view_frame().to_model(live.newest()->lines[2].points[0]); };
+    const Vector3d from = foot();
+    const Eigen::Vector2d pixel = desk.pixel(from);
+    desk.hand.pointer_moved(pixel, {});
+    desk.hand.button(Button::Left, true, {});
+    EXPECT_TRUE(contains(desk.hand.status(), "Pull foot"));
+    desk.hand.pointer_moved(pixel + Eigen::Vector2d(0, -60), {});
+    desk.hand.update();
+    wait(live, live.time() + 0.2);
+    EXPECT_GT((foot() - from).norm(), 0.05);
+    desk.hand.button(Button::Left, false, {});
+    EXPECT_EQ(desk.hand.status(), "");
+    // Beside the joints nothing is taken, and nothing is selected either.
+    desk.hand.pointer_moved({3, 3}, {});
+    desk.hand.button(Button::Left, true, {});
+    EXPECT_EQ(desk.hand.status(), "");
+    desk.hand.set_puller(nullptr);
+    desk.editing.show_instead(nullptr);
+}
+
+TEST(LiveFlesh, is_not_lost_by_saving_what_is_edited)
+{
+    Desk desk(limb);
+    const std::string scene = desk.document().scene().path;
+    const std::string before = support::bytes_of(scene);
+    try
+    {
+        desk.document().save(scene);
+        ADD_FAILURE() << "it was saved";
+    }
+    catch (const Error& error)
+    {
+        EXPECT_EQ(error.fault(), Fault::Usage);
+        EXPECT_TRUE(contains(error.what(), "flesh in time"));
+    }
+    EXPECT_EQ(support::bytes_of(scene), before);
+    const std::string other = desk.folder / "other.json";
+    desk.document().save(other);
+    EXPECT_FALSE(contains(support::bytes_of(other), "simulate"));
+    EXPECT_EQ(support::run({"check", other}).code, 0);
+    EXPECT_EQ(support::bytes_of(scene), before);
+}
+
+TEST(LiveFlesh, that_cannot_be_says_why)
+{
+    Desk desk(
+        [](const support::Folder& folder)
+        {
+            Desk::bar(folder);
+            return folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
+                "skeleton": {"joints": [{"name": "a", "parent": null, "at": [1, 0.5, 0.5]}],
+                             "law": "stvk"}, "simulate": {}})");
+        });
+    const LiveFlesh live(desk.editing);
+    while (live.error().empty())
+        pause();
+    EXPECT_TRUE(contains(live.error(), "skeleton.law"));
+    EXPECT_EQ(live.newest(), nullptr);
+}
+
+} // namespace cellwarp
