@@ -6,7 +6,6 @@ here=$(cd "$(dirname "$0")/.." && pwd)
 . "$here/scripts/packages.sh"
 command -v pngquant >/dev/null || packages_install pngquant
 python3 -c "import numpy" 2>/dev/null || packages_install python3-numpy
-python3 -c "import PIL" 2>/dev/null || packages_install python3-pil
 cellwarp=${1:-$here/build/cellwarp}
 folder=${2:-$here/docs}
 mkdir -p "$folder"
@@ -59,24 +58,15 @@ posed batten last "--view 90 0"
 flesh() {  # sample, frames, size of one, azimuth, more flags of render
     name=$1
     "$cellwarp" render "$here/samples/flesh/$name.json" --strip="$2" --size "$3" --view "$4" 10 \
-        -o "${5:-$folder/flesh-$name.png}" --overwrite ${6:-}
+        -o "$folder/flesh-$name.png" --overwrite ${5:-}
 }
 flesh walk 8 200x300 50
 flesh belly 8 180x270 70
 flesh elbow 5 260x220 0
 flesh tail 8 200x300 130
-flesh limb 4 300x220 0 "" --cells
-flesh spin 5 240x110 20 "$work/spin.png"
-flesh spin_free 5 240x110 20 "$work/spin_free.png"
-python3 - "$work/spin.png" "$work/spin_free.png" "$folder/flesh-spin.png" <<'PY'
-import sys
-from PIL import Image
-pictures = [Image.open(name) for name in sys.argv[1:3]]
-both = Image.new("RGB", (pictures[0].width, 2 * pictures[0].height))
-for row, picture in enumerate(pictures):
-    both.paste(picture, (0, row * picture.height))
-both.save(sys.argv[3])
-PY
+flesh limb 4 300x220 0 --cells
+flesh spin 5 240x110 20
+flesh spin_free 5 240x110 20
 "$cellwarp" skeleton "$here/samples/creature.obj" -o "$work/skeleton.json"
 "$cellwarp" render "$work/skeleton.json" --size 400x400 --view 25 10 \
     -o "$folder/skeleton.png" --overwrite
