@@ -316,6 +316,20 @@ DeformedSamples FleshSimulation::deformed()
     {
         constraints_.assign(cells.size(), {});
         fitter_ = std::make_unique<FieldFitter>(field_, cells, constraints_, true);
+        fade_bones();
+    }
+    std::vector<MovedRegion> regions;
+    if (bones_)
+    {
+        // Where a bone holds a point, the field is what the bone does.
+        const std::vector<Motion> motions =
+            motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+        MovedRegion& region = regions.emplace_back();
+        region.fade = bones_.get();
+        region.bends = true;
+        for (const int motion : motion_of_node_)
+            region.node_motions.push_back(
+                {motions[idx(motion)].R, motions[idx(motion)].t / body_.metre});
     }
     const std::vector<Matrix3d> frames = body_.flesh->frames(snapshot_.state);
     std::vector<Pose> poses(cells.size());
@@ -329,7 +343,7 @@ DeformedSamples FleshSimulation::deformed()
             poses[c].p += shares[k] / body_.metre *
                           snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
     }
-    const std::optional<Field> field = fitter_->fit(poses, {});
+    const std::optional<Field> field = fitter_->fit(poses, std::move(regions));
     DeformedSamples out = rest_samples();
     apply_field(*field, body_.frame, body_.octree->rest->samples, body_.cell_of_sample,
                 {out.samples,
@@ -337,6 +351,34 @@ DeformedSamples FleshSimulation::deformed()
                  {geometry_->tangent_samples, out.tangents},
                  {geometry_->rotation_samples, out.rotations}});
     return out;
+}
+
+/// The points that bones hold, as places whose motion is known.
+void FleshSimulation::fade_bones()
+{
+    std::vector<RegionFade::Node> nodes;
+    const Material& material = body_.octree->rest->material;
+    const std::vector<HeldPoint>& points = body_.flesh->points();
+    const std::vector<int>& dropped = body_.flesh->nodes().dropped;
+    for (std::size_t k = 0; k < points.size(); ++k)
+    {
+        const Vector3d x = points[k].place / body_.metre;
+        const int cell = piece_at(material.grid, body_.octree->pieces.piece_of_voxel, x);
+        if (cell >= 0 &&
+            !std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
+            nodes.push_back({x, cell});
+    }
+    if (nodes.empty())
+        return;
+    bones_ = std::make_unique<RegionFade>(body_.octree->cells, nodes,
+                                          std::span<const RegionFade::Node>());
+    for (const Vector3d& node : bones_->nodes())
+    {
+        const auto same = std::find_if(points.begin(), points.end(),
+                                       [&](const HeldPoint& point)
+                                       { return point.place / body_.metre == node; });
+        motion_of_node_.push_back(same->motion);
+    }
 }
 
 std::vector<Vector3d> FleshSimulation::nodes() const

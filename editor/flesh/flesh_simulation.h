@@ -96,6 +96,7 @@ private:
     std::vector<Motion> motions_at(double time, const std::vector<Move>& by_hand,
                                    int* limited = nullptr) const;
     void begin();
+    void fade_bones();
     DeformedSamples rest_samples() const;
 
     std::shared_ptr<const Geometry> geometry_;
@@ -110,6 +111,8 @@ private:
     FieldChoice field_;
     std::vector<Constraint> constraints_; ///< none: all cells are free
     std::unique_ptr<FieldFitter> fitter_;
+    std::unique_ptr<RegionFade> bones_; ///< around the held points; null: there are none
+    std::vector<int> motion_of_node_;   ///< of each of its nodes
     Snapshot snapshot_;
     FleshFrame since_; ///< the last report
 };

@@ -238,6 +238,11 @@ const Lattice& Flesh::lattice() const
     return parts_->lattice;
 }
 
+const std::vector<HeldPoint>& Flesh::points() const
+{
+    return parts_->points;
+}
+
 const BoundNodes& Flesh::nodes() const
 {
     return parts_->nodes;

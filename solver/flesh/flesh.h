@@ -72,6 +72,7 @@ public:
     Flesh(Flesh&&) noexcept;
 
     const Lattice& lattice() const;
+    const std::vector<HeldPoint>& points() const;
     const BoundNodes& nodes() const;
     FleshState rest() const;
     /// Further forces on the nodes, until they are set again [N].

@@ -285,6 +285,82 @@ void joints()
     }
 }
 
+/// The matrices on free nodes at rest.
+MatrixXd reduced(const Flesh& flesh, double mass, double stiffness, double tube)
+{
+    const MatrixXd A = flesh.dense_matrix(mass, stiffness, tube);
+    const BoundNodes& nodes = flesh.nodes();
+    MatrixXd Z = MatrixXd::Zero(A.rows(), Eigen::Index(3 * nodes.free.size()));
+    for (int c = 0; c < 3; ++c)
+    {
+        for (std::size_t k = 0; k < nodes.free.size(); ++k)
+            Z(3 * nodes.free[k] + c, Eigen::Index(3 * k) + c) = 1.0;
+        for (std::size_t k = 0; k < nodes.bound.size(); ++k)
+            for (const NodeShare& share : nodes.by_free[k])
+                Z(3 * nodes.bound[k] + c, 3 * share.node + c) = share.share;
+    }
+    return Z.transpose() * A * Z;
+}
+
+void rigid_modes()
+{
+    title("Motions that cost nothing", "what is held | known | ours");
+    const Built body = built_mixed(l_prism(), 7, 1, 3);
+    const auto count = [&](const std::vector<BoneLine>& bones, double chi)
+    {
+        const Flesh flesh =
+            flesh_of(body, 1.0, bones, 0.25, chi, {1.0, 0.4, 1.0}, FleshSettings());
+        return count_zero(Eigen::SelfAdjointEigenSolver<MatrixXd>(reduced(flesh, 0, 1, 1),
+                                                                  Eigen::EigenvaluesOnly)
+                              .eigenvalues());
+    };
+    const BoneLine bone{{0.3, 0.4, 0.6}, {3.6, 0.5, 0.3}, 0},
+        other{{0.3, 0.4, 0.6}, {0.6, 1.7, 0.5}, 0};
+    const auto show = [](const char* what, int known, int ours)
+    { fmt::print("| {} | {} | {} |\n", what, known, ours); };
+    show("nothing (cells of two sizes, cut by the surface)", 6, count({}, 0));
+    show("a slanted bone", 1, count({bone}, 0));
+    show("a slanted bone and its tube", 0, count({bone}, 10));
+    show("two bones", 0, count({bone, other}, 0));
+}
+
+void energy()
+{
+    title("What a step of implicit Euler leaves of a mode's energy, 1 / (1 + z²)",
+          "mode, step | known | ours | difference");
+    FleshSettings settings;
+    settings.law = FleshLaw::Linear;
+    settings.tolerance = 1e-14;
+    const Lattice lattice = bar_lattice(1, 4);
+    Flesh flesh(lattice, {{1e4, 0.3, 1000}}, held_nodes(lattice, is_held), {}, settings);
+    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modes(
+        reduced(flesh, 0, 1, 0), reduced(flesh, 1, 0, 0));
+    const std::vector<Motion> still(1);
+    for (const int mode : {0, 5, 30})
+        for (const double dt : {1e-3, 1e-2})
+        {
+            FleshState state = flesh.rest();
+            for (std::size_t k = 0; k < flesh.nodes().free.size(); ++k)
+                state.u.segment<3>(3 * flesh.nodes().free[k]) =
+                    modes.eigenvectors().col(mode).segment<3>(Eigen::Index(3 * k));
+            const auto now = [&]
+            {
+                const Flesh::Energies e = flesh.energies(state, still);
+                return e.kinetic + e.elastic;
+            };
+            const double before = now();
+            flesh.step(state, dt, still);
+            row(fmt::format("{}, {} s", mode + 1, dt),
+                1.0 / (1.0 + dt * dt * modes.eigenvalues()[mode]), now() / before);
+        }
+    settings.gravity = {0, 0, -9.81};
+    Flesh falls(bar_lattice(1, 3), {{1e4, 0.4, 1000}}, {}, {}, settings);
+    FleshState state = falls.rest();
+    for (int k = 0; k < 100; ++k)
+        falls.step(state, 0.01, {});
+    row("free fall, 1 s by 0.01 s [m]", 4.95405, -state.u[2]);
+}
+
 void spin()
 {
     title("Steady spin, once round: farthest from the rigid motion [length]",
@@ -449,6 +525,8 @@ int main()
     cantilever();
     thin_beam();
     free_cube();
+    rigid_modes();
+    energy();
     joints();
     spin();
     slanted_bones();
