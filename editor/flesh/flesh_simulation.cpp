@@ -331,14 +331,15 @@ DeformedSamples FleshSimulation::deformed()
             region.node_motions.push_back(
                 {motions[idx(motion)].R, motions[idx(motion)].t / body_.metre});
     }
-    const std::vector<Matrix3d> frames = body_.flesh->frames(snapshot_.state);
+    // Cells are no rigid bodies here: each moves by its mean deformation.
+    const std::vector<Matrix3d> F = body_.flesh->deformations(snapshot_.state);
     std::vector<Pose> poses(cells.size());
     for (std::size_t c = 0; c < cells.size(); ++c)
     {
         const Vector3d& centre = cells.cells[c].centre;
         const std::array<double, 8> shares = corner_shares(
             *local_place(lattice, static_cast<int>(c), body_.metre * centre));
-        poses[c] = {frames[c], centre};
+        poses[c] = {F[c], centre};
         for (std::size_t k = 0; k < 8; ++k)
             poses[c].p += shares[k] / body_.metre *
                           snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
