@@ -51,6 +51,11 @@ public:
         if (limited_ > 0)
             all.push_back(
                 fmt::format("{} turns of joints were cut to their limits", limited_));
+        if (inverted_ > 0)
+            all.push_back(fmt::format(
+                "up to {} of {} cells were turned inside out somewhere: the "
+                "law cells bears more pressure",
+                inverted_, simulation_->body().flesh->lattice().cells.size()));
         return all;
     }
     bool is_static() const override { return false; }
@@ -73,6 +78,7 @@ public:
         Told told;
         const FleshFrame frame = simulation_->report();
         limited_ += frame.limited;
+        inverted_ = std::max(inverted_, frame.inverted);
         if (!frame.is_converged)
             told.problems.push_back("the flesh: " + frame.stop);
         if (!wants_json)
@@ -97,6 +103,7 @@ public:
              {{"elastic", frame.elastic},
               {"kinetic", frame.kinetic},
               {"largest_strain", frame.largest_strain},
+              {"inverted", frame.inverted},
               {"nodes", body.flesh->lattice().places.size()},
               {"free_nodes", body.flesh->nodes().free.size()},
               {"cells", body.flesh->lattice().cells.size()},
@@ -154,6 +161,7 @@ private:
     std::optional<FleshSimulation> simulation_;
     DeformedSamples deformed_;
     std::int64_t limited_ = 0;
+    std::size_t inverted_ = 0;
 };
 
 } // namespace

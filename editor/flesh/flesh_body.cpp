@@ -54,9 +54,9 @@ void refuse_what_is_not_built(const SceneFile& scene)
     const auto refuse = [&](const char* key, const std::string& what) {
         throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
     };
-    if (flesh.law != "cells" && flesh.law != "linear")
-        refuse("law",
-               "got " + in_quotes(flesh.law) + ", this version has cells and linear");
+    if (flesh.law == "regions")
+        refuse("law", "got 'regions', this version has cells, linear, stvk and "
+                      "neo-hookean");
     if (flesh.detail > 0.0)
         refuse("detail", "is not supported by this version");
     if (flesh.has_contact)
@@ -171,7 +171,10 @@ struct Builder
     FleshSettings settings(bool is_tight) const
     {
         FleshSettings out;
-        out.law = flesh().law == "linear" ? FleshLaw::Linear : FleshLaw::Cells;
+        out.law = flesh().law == "linear"        ? FleshLaw::Linear
+                  : flesh().law == "stvk"        ? FleshLaw::StVenantKirchhoff
+                  : flesh().law == "neo-hookean" ? FleshLaw::NeoHookean
+                                                 : FleshLaw::Cells;
         out.alpha = flesh().alpha;
         out.beta = flesh().beta;
         const Triple& g = scene.time->gravity;

@@ -183,6 +183,7 @@ FleshFrame FleshSimulation::report()
         to_model * (body_.flesh->angular_momentum(state) - origin.cross(momentum));
     out.miss = body_.flesh->largest_miss(state, motions);
     out.largest_strain = body_.flesh->largest_strain(state);
+    out.inverted = body_.flesh->num_inverted(state);
     return out;
 }
 

@@ -31,6 +31,7 @@ struct FleshFrame
     Eigen::Vector3d angular_momentum = Eigen::Vector3d::Zero(); ///< [kg m^2/s]
     double miss = 0.0;           ///< of a held point, at the most [m]
     double largest_strain = 0.0; ///< Frobenius norm of Green's mean strain of a cell
+    std::size_t inverted = 0;    ///< see Flesh::num_inverted()
     std::int64_t systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
     double step_ms = 0.0;                   ///< all steps together
     bool is_converged = true;

@@ -96,6 +96,10 @@ struct Flesh::Parts
             g.segment<3>(n) = settings.gravity;
         forces.multiply(g, {1.0, 0.0, 0.0}, weight);
         loads = all_nodes();
+        if (settings.law == FleshLaw::StVenantKirchhoff)
+            forces.take_law(StrainLaw::StVenantKirchhoff);
+        if (settings.law == FleshLaw::NeoHookean)
+            forces.take_law(StrainLaw::NeoHookean);
     }
 
     VectorXd all_nodes() const
@@ -176,7 +180,7 @@ struct Flesh::Parts
                  std::span<const Motion> motions)
     {
         predicted = u + dt * v;
-        if (settings.law == FleshLaw::Cells)
+        if (settings.law != FleshLaw::Linear)
             forces.follow(predicted);
         forces.forces(predicted, motions, force);
         force += weight + loads;
@@ -399,13 +403,9 @@ double Flesh::largest_miss(const FleshState& state, std::span<const Motion> moti
     return largest;
 }
 
-std::vector<Matrix3d> Flesh::frames(const FleshState& state) const
+std::size_t Flesh::num_inverted(const FleshState& state) const
 {
-    parts_->forces.follow(state.u);
-    std::vector<Matrix3d> frames = parts_->forces.frames();
-    if (parts_->settings.law == FleshLaw::Linear)
-        parts_->forces.stand_still();
-    return frames;
+    return parts_->forces.num_inverted(state.u);
 }
 
 std::vector<Matrix3d> Flesh::deformations(const FleshState& state) const
@@ -419,6 +419,9 @@ Eigen::MatrixXd Flesh::dense_matrix(double mass, double stiffness, double tube) 
 {
     Parts& p = *parts_;
     p.forces.stand_still();
+    if (p.settings.law == FleshLaw::StVenantKirchhoff ||
+        p.settings.law == FleshLaw::NeoHookean)
+        p.forces.follow(p.all_nodes());
     const Eigen::Index size = p.weight.size();
     Eigen::MatrixXd out(size, size);
     for (Eigen::Index k = 0; k < size; ++k)

@@ -20,8 +20,10 @@ namespace cellwarp
 /// What is taken for the strain of a cell.
 enum class FleshLaw
 {
-    Cells, ///< small strain in a frame that turns with the cell
-    Linear ///< small strain: right for small turns alone
+    Cells,             ///< small strain in a frame that turns with the cell
+    Linear,            ///< small strain: right for small turns alone
+    StVenantKirchhoff, ///< Green's strain in the linear law
+    NeoHookean         ///< for Poisson's ratios near 0.5 at large strain
 };
 
 struct FleshSettings
@@ -93,11 +95,11 @@ public:
     Eigen::Vector3d angular_momentum(const FleshState& state) const; ///< [kg m^2/s]
     /// Frobenius norm of Green's mean strain, of the cell where it is largest.
     double largest_strain(const FleshState& state) const;
+    /// Parts of cells that are turned inside out somewhere, of laws of large strain.
+    std::size_t num_inverted(const FleshState& state) const;
     /// How far a held point is from where it should be, at the most; those that were
     /// dropped do not count [m].
     double largest_miss(const FleshState& state, std::span<const Motion> motions) const;
-    /// The rotation of each cell.
-    std::vector<Eigen::Matrix3d> frames(const FleshState& state) const;
     /// F, the mean of each cell.
     std::vector<Eigen::Matrix3d> deformations(const FleshState& state) const;
 

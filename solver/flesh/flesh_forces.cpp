@@ -236,8 +236,53 @@ void FleshForces::mean_deformations(const VectorXd& u, std::vector<Matrix3d>& ou
     }
 }
 
+PartVector FleshForces::corners(const VectorXd& x, std::size_t part) const
+{
+    PartVector out;
+    const CornerNodes& nodes = lattice_.cells[idx(cell_of_part_[part])];
+    for (int a = 0; a < 8; ++a)
+        out.segment<3>(3 * a) = x.segment<3>(3 * nodes[idx(a)]);
+    return out;
+}
+
+/// What a part gives its corners, into its place.
+void FleshForces::give(const PartVector& forces, std::size_t part, bool adds) const
+{
+    PartRow* const rows = &given_[kRowsOfBlock * (part / kPartLanes)];
+    for (int r = 0; r < 24; ++r)
+    {
+        double& lane = rows[r].lane[part % kPartLanes];
+        lane = adds ? lane + forces[r] : forces[r];
+    }
+}
+
+std::size_t FleshForces::num_inverted(const VectorXd& u) const
+{
+    std::size_t count = 0;
+    for (std::size_t p = 0; law_ && p < points_.size(); ++p)
+        count += strain_energy(points_[p], materials_[idx(lattice_.parts[p].material)],
+                               *law_, corners(u, p))
+                     .least_volume <= 0.0;
+    return count;
+}
+
 void FleshForces::follow(const VectorXd& u)
 {
+    if (law_)
+    {
+        if (points_.empty())
+            for (const LatticePart& part : lattice_.parts)
+                points_.push_back(points_of(lattice_, part));
+        hessians_.resize(lattice_.parts.size());
+        parallel_for(hessians_.size(), kGrainOfBlocks,
+                     [&](std::size_t p)
+                     {
+                         hessians_[p] = strain_hessian(
+                             points_[p], materials_[idx(lattice_.parts[p].material)],
+                             *law_, corners(u, p), Filter::Yes);
+                     });
+        return;
+    }
     std::vector<Matrix3d>& F = frames_;
     std::vector<Matrix3d> deformations;
     mean_deformations(u, deformations);
@@ -299,10 +344,15 @@ void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
             run.values = x.data();
             run.frames = &frame_rows_[9 * b];
             run.mass = factors.mass;
-            run.stiffness = factors.stiffness;
+            run.stiffness = law_ ? 0.0 : factors.stiffness;
             run.out = &given_[kRowsOfBlock * b];
             product(run);
         });
+    if (law_ && factors.stiffness != 0.0)
+        parallel_for(
+            hessians_.size(), kGrainOfBlocks * kPartLanes,
+            [&](std::size_t p)
+            { give(factors.stiffness * (hessians_[p] * corners(x, p)), p, true); });
     add_tubes(x, factors.tube);
     gather(y);
 }
@@ -310,17 +360,28 @@ void FleshForces::multiply(const VectorXd& x, const FleshFactors& factors,
 void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
                          VectorXd& out) const
 {
-    for_blocks(
-        [&](std::size_t b, auto run, auto product, auto)
-        {
-            run.nodes = &nodes_[8 * kPartLanes * b];
-            run.values = u.data();
-            run.frames = &frame_rows_[9 * b];
-            run.stiffness = -1.0;
-            run.from_rest = true;
-            run.out = &given_[kRowsOfBlock * b];
-            product(run);
-        });
+    if (law_)
+        parallel_for(lattice_.parts.size(), kGrainOfBlocks,
+                     [&](std::size_t p)
+                     {
+                         give(-strain_energy(points_[p],
+                                             materials_[idx(lattice_.parts[p].material)],
+                                             *law_, corners(u, p))
+                                   .gradient,
+                              p, false);
+                     });
+    else
+        for_blocks(
+            [&](std::size_t b, auto run, auto product, auto)
+            {
+                run.nodes = &nodes_[8 * kPartLanes * b];
+                run.values = u.data();
+                run.frames = &frame_rows_[9 * b];
+                run.stiffness = -1.0;
+                run.from_rest = true;
+                run.out = &given_[kRowsOfBlock * b];
+                product(run);
+            });
     for (std::size_t t = 0; t < tubes_.size(); ++t)
     {
         const TubePart& tube = tubes_[t];
@@ -341,6 +402,16 @@ void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
 
 double FleshForces::elastic_energy(const VectorXd& u) const
 {
+    if (law_)
+    {
+        double energy = 0.0;
+        for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
+            energy += strain_energy(points_of(lattice_, lattice_.parts[p]),
+                                    materials_[idx(lattice_.parts[p].material)], *law_,
+                                    corners(u, p))
+                          .energy;
+        return energy;
+    }
     // 1/2 z^T K z, z = R^T (X + u) - X: the force times what the corners went from R X.
     for_blocks(
         [&](std::size_t b, auto run, auto product, auto)

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,7 @@
 
 #include "octree/base/rigid_motion.h"
 #include "solver/flesh/bone_tube.h"
+#include "solver/flesh/large_strain.h"
 #include "solver/flesh/lattice.h"
 #include "solver/flesh/part_kernel.h"
 
@@ -37,6 +39,10 @@ public:
 
     std::size_t num_nodes() const { return num_nodes_; }
 
+    /// Strain is large from now on, by a law: then there are no frames, and follow()
+    /// finds the second derivatives, made positive, part by part.
+    void take_law(StrainLaw law) { law_ = law; }
+
     /// Turns the frame of each cell to the rotation of its mean deformation [4.6].
     void follow(const Eigen::VectorXd& u);
     /// No frame is turned.
@@ -55,6 +61,8 @@ public:
     /// by.
     void forces(const Eigen::VectorXd& u, std::span<const Motion> motions,
                 Eigen::VectorXd& out) const;
+    /// Points at which the material is turned inside out; 0 without a law.
+    std::size_t num_inverted(const Eigen::VectorXd& u) const;
     /// Energies of material and of tubes [J].
     double elastic_energy(const Eigen::VectorXd& u) const;
     double tube_energy(const Eigen::VectorXd& u, std::span<const Motion> motions) const;
@@ -73,6 +81,8 @@ public:
 private:
     void build(std::span<const FleshMaterial> materials);
     void gather(Eigen::VectorXd& out) const;
+    PartVector corners(const Eigen::VectorXd& x, std::size_t part) const;
+    void give(const PartVector& forces, std::size_t part, bool adds) const;
     void add_tubes(const Eigen::VectorXd& x, double factor) const;
     template <class Call>
     void for_blocks(Call&& call) const;
@@ -84,9 +94,12 @@ private:
     std::vector<TubePart> tubes_;
     std::vector<BoxBlock> boxes_;
     std::vector<DrawnBlock> drawn_;
-    std::vector<int> nodes_;              ///< of each block 8 corners of 8 parts
-    std::vector<PartRow> frame_rows_;     ///< nine a block
-    std::vector<int> cell_of_part_;       ///< lane by lane
+    std::vector<int> nodes_;          ///< of each block 8 corners of 8 parts
+    std::vector<PartRow> frame_rows_; ///< nine a block
+    std::vector<int> cell_of_part_;   ///< lane by lane
+    std::optional<StrainLaw> law_;
+    std::vector<PartPoints> points_;      ///< of the parts, with a law
+    std::vector<PartMatrix> hessians_;    ///< of the last follow()
     std::vector<double> share_of_cell_;   ///< of a part's volume in its cell
     std::vector<Eigen::Matrix3d> frames_; ///< of each cell
     /// Where the numbers of a node stand in what the parts give: x, and y and z eight

@@ -247,9 +247,19 @@ Flesh joint(FleshLaw law)
 void joints()
 {
     title("A joint bends: volume over rest", "law, angle | known | ours | difference");
-    constexpr double kLinear[4] = {1.097, 1.292, 1.336, 1.024},
-                     kCells[4] = {0.995, 0.981, 0.980, 0.972};
-    for (const FleshLaw law : {FleshLaw::Linear, FleshLaw::Cells})
+    struct Law
+    {
+        FleshLaw law;
+        const char* name;
+        double known[4];
+    };
+    // The neo-Hookean row of the theory takes the volume of each point, ours that of a
+    // part.
+    for (const auto& [law, name, known] :
+         {Law{FleshLaw::Linear, "linear", {1.097, 1.292, 1.336, 1.024}},
+          Law{FleshLaw::Cells, "cells", {0.995, 0.981, 0.980, 0.972}},
+          Law{FleshLaw::StVenantKirchhoff, "stvk", {0.993, 0.962, 0.922, 0.903}},
+          Law{FleshLaw::NeoHookean, "neo-hookean", {0.997, 0.988, 0.973, 0.981}}})
     {
         Flesh flesh = joint(law);
         FleshState state = flesh.rest();
@@ -278,9 +288,8 @@ void joints()
                     volume += points.weight[idx(k)] * F.determinant();
                 }
             }
-            row(fmt::format("{}, {}°", law == FleshLaw::Cells ? "cells" : "linear",
-                            30 * (step + 1)),
-                (law == FleshLaw::Cells ? kCells : kLinear)[step], volume / 32.0);
+            row(fmt::format("{}, {}°", name, 30 * (step + 1)), known[step],
+                volume / 32.0);
         }
     }
 }

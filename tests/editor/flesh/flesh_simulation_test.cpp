@@ -317,7 +317,7 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
     Bar bar;
     const std::string usual = bar.skeleton;
     for (const auto& [more, what] :
-         {std::pair{R"(, "law": "stvk")", "skeleton.law: got 'stvk'"},
+         {std::pair{R"(, "law": "regions")", "skeleton.law: got 'regions'"},
           {R"(, "detail": 0.1)", "skeleton.detail: is not supported"},
           {R"(, "contact": [{"plane": [0, 1, 0, 0]}])", "skeleton.contact: is not"},
           {R"(, "materials": [{"region": "bocks 1"}])", "skeleton.materials[0].region"}})

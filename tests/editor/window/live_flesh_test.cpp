@@ -166,7 +166,7 @@ TEST(LiveFlesh, that_cannot_be_says_why)
             Desk::bar(folder);
             return folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
                 "skeleton": {"joints": [{"name": "a", "parent": null, "at": [1, 0.5, 0.5]}],
-                             "law": "stvk"}, "simulate": {}})");
+                             "law": "regions"}, "simulate": {}})");
         });
     const LiveFlesh live(desk.editing);
     while (live.error().empty())
