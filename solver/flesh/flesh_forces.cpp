@@ -54,7 +54,7 @@ Matrix3d rotation_of(const Matrix3d& F)
 }
 
 void set_part(BoxBlock& block, std::size_t lane, const PartPoints& points,
-              const FleshMaterial&)
+              const FleshMaterial& material)
 {
     Vector3d centre = Vector3d::Zero();
     for (const Vector3d& x : points.local)
@@ -69,6 +69,12 @@ void set_part(BoxBlock& block, std::size_t lane, const PartPoints& points,
     }
     block.inverse_edge.lane[lane] = points.inverse[0](0, 0);
     block.weight.lane[lane] = points.weight[0];
+    const Eigen::Matrix<double, 9, 9> solve =
+        8.0 * points.weight[0] * mode_solve(points, material);
+    std::size_t next = 0;
+    for (int r = 0; r < 9; ++r)
+        for (int c = 0; c <= r; ++c)
+            block.mode_solve[next++].lane[lane] = solve(r, c);
 }
 
 void set_part(DrawnBlock& block, std::size_t lane, const PartPoints& points,
@@ -78,16 +84,17 @@ void set_part(DrawnBlock& block, std::size_t lane, const PartPoints& points,
     {
         for (int j = 0; j < 3; ++j)
             for (int i = 0; i < 3; ++i)
-                block.inverse[9 * k + idx(3 * j + i)].lane[lane] =
-                    points.inverse[k](i, j);
+            {
+                const std::size_t row = 9 * k + idx(3 * j + i);
+                block.inverse[row].lane[lane] = points.inverse[k](i, j);
+                block.modes[row].lane[lane] = points.modes[k](i, j);
+            }
         block.weight[k].lane[lane] = points.weight[k];
-        block.scale[k].lane[lane] = points.scale[k];
     }
-    const Eigen::Matrix<double, 9, 9> solve = mode_costs(points, material).inverse();
+    const Eigen::Matrix<double, 9, 9> solve = mode_solve(points, material);
     for (int r = 0; r < 9; ++r)
         for (int c = 0; c < 9; ++c)
-            block.mode_solve[idx(9 * r + c)].lane[lane] =
-                0.5 * (solve(r, c) + solve(c, r));
+            block.mode_solve[idx(9 * r + c)].lane[lane] = solve(r, c);
 }
 
 /// All lanes of a block, the last ones filled up with the first.
@@ -123,9 +130,6 @@ std::vector<Block> blocks_of(const Lattice& lattice,
             for (std::size_t c = 0; c < 3; ++c)
                 block.rest[3 * a + c].lane[lane] = x[Eigen::Index(c)];
         }
-        for (int j = 0; j < 3; ++j)
-            for (int i = 0; i < 3; ++i)
-                block.modes[idx(3 * j + i)].lane[lane] = points.modes(i, j);
         set_part(block, lane, points, material);
     }
     if (!blocks.empty() && lattice.parts.size() % kPartLanes != 0)

@@ -25,7 +25,6 @@ struct PartBlock
 {
     PartRow lambda, shear, density;
     PartRow rest[24]; ///< corners, from the middle of the cell
-    PartRow modes[9]; ///< PartPoints::modes
 };
 
 /// Parts of boxes: point k is at centre + sum_i sign_of(k, i) spread column i, in units
@@ -35,14 +34,17 @@ struct BoxBlock : PartBlock
     PartRow centre[3], spread[9];
     PartRow inverse_edge; ///< of the box
     PartRow weight;       ///< of each point
+    /// mode_solve() times the weight of all points, its lower triangle row by row.
+    PartRow mode_solve[45];
 };
 
 /// Hexahedra that were drawn.
 struct DrawnBlock : PartBlock
 {
     PartRow inverse[72]; ///< PartPoints::inverse, of each point
-    PartRow weight[8], scale[8];
-    PartRow mode_solve[81]; ///< inverse of mode_costs()
+    PartRow modes[72];   ///< PartPoints::modes, of each point
+    PartRow weight[8];
+    PartRow mode_solve[81];
 };
 
 /// One block's part in a product.

@@ -105,12 +105,6 @@ inline Lanes weight(const DrawnBlock& block, int k, std::size_t lane)
     return load(block.weight[k], lane);
 }
 
-/// How much a mode counts at a point, times its weight.
-inline Lanes mode_weight(const DrawnBlock& block, int k, std::size_t lane)
-{
-    return load(block.weight[k], lane) * load(block.scale[k], lane);
-}
-
 /// By local coordinates.
 inline void slopes(const Coefficients& f, const Place& at, Lanes* out)
 {
@@ -207,37 +201,6 @@ inline Stress stress_of(const Lanes (*G)[3], Lanes lambda, Lanes shear)
              shear * (G[2][0] + G[0][2]), shear * (G[0][1] + G[1][0])}};
 }
 
-/// What the modes that cost least take off the stress: of mode i, times its sign and
-/// scale at a point. \p sums: of the stress at the points, weighted as the modes are.
-inline void relax(const DrawnBlock& block, std::size_t lane, const Stress* sums,
-                  Stress* relief)
-{
-    const Lanes lambda = load(block.lambda, lane), shear = load(block.shear, lane);
-    Lanes s[9], m[9];
-    for (int i = 0; i < 9; ++i)
-        m[i] = load(block.modes[i], lane);
-    for (int i = 0; i < 3; ++i)
-        times(sums[i], m + 3 * i, s + 3 * i);
-    for (int i = 0; i < 3; ++i)
-    {
-        Lanes G[3][3];
-        for (int c = 0; c < 3; ++c)
-        {
-            Lanes a = {};
-            for (int r = 0; r < 9; ++r)
-                a -= load(block.mode_solve[9 * (3 * i + c) + r], lane) * s[r];
-            for (int j = 0; j < 3; ++j)
-                G[c][j] = a * m[3 * i + j];
-        }
-        relief[i] = stress_of(G, lambda, shear);
-    }
-}
-
-inline Lanes scale(const DrawnBlock& block, int k, std::size_t lane)
-{
-    return load(block.scale[k], lane);
-}
-
 /// The values of the nodes, side by side.
 template <class Block>
 inline void gather(const PartRun<Block>& run, PartRow* rows)
@@ -321,7 +284,8 @@ void product_of_drawn(const PartRun<DrawnBlock>& run)
         Coefficients f[3], force[3] = {};
         coefficients(run, rows, lane, R, f);
         const Lanes lambda = load(block.lambda, lane), shear = load(block.shear, lane);
-        Stress stress[8], sums[3] = {}, relief[3];
+        Stress stress[8];
+        Lanes pulls[9] = {}; // of the stresses at the modes
         for (int k = 0; k < 8; ++k)
         {
             const Place at = point(block, k, lane);
@@ -330,33 +294,43 @@ void product_of_drawn(const PartRun<DrawnBlock>& run)
                 slopes(f[c], at, G[c]);
             to_real(block, k, lane, G);
             stress[k] = stress_of(G, lambda, shear);
-            const Lanes counts = mode_weight(block, k, lane);
+            const Lanes w = weight(block, k, lane);
             for (int i = 0; i < 3; ++i)
-                for (int s = 0; s < 6; ++s)
-                    if (sign_of(k, i) > 0)
-                        sums[i].s[s] += counts * stress[k].s[s];
-                    else
-                        sums[i].s[s] -= counts * stress[k].s[s];
+            {
+                Lanes m[3], pull[3];
+                for (int c = 0; c < 3; ++c)
+                    m[c] = load(block.modes[9 * k + 3 * i + c], lane);
+                times(stress[k], m, pull);
+                for (int c = 0; c < 3; ++c)
+                    pulls[3 * i + c] += w * pull[c];
+            }
         }
-        relax(block, lane, sums, relief);
+        Lanes modes[9]; // those that cost least
+        for (int r = 0; r < 9; ++r)
+        {
+            modes[r] = -load(block.mode_solve[9 * r], lane) * pulls[0];
+            for (int c = 1; c < 9; ++c)
+                modes[r] -= load(block.mode_solve[9 * r + c], lane) * pulls[c];
+        }
         const Lanes density = load(block.density, lane);
         for (int k = 0; k < 8; ++k)
         {
             const Place at = point(block, k, lane);
-            const Lanes counts = scale(block, k, lane);
-            for (int s = 0; s < 6; ++s)
-            {
-                Lanes sum = {};
-                for (int i = 0; i < 3; ++i)
-                    if (sign_of(k, i) > 0)
-                        sum += relief[i].s[s];
-                    else
-                        sum -= relief[i].s[s];
-                stress[k].s[s] += counts * sum;
-            }
+            Lanes G[3][3];
+            for (int c = 0; c < 3; ++c)
+                for (int j = 0; j < 3; ++j)
+                {
+                    G[c][j] = modes[c] * load(block.modes[9 * k + j], lane);
+                    for (int i = 1; i < 3; ++i)
+                        G[c][j] +=
+                            modes[3 * i + c] * load(block.modes[9 * k + 3 * i + j], lane);
+                }
+            const Stress relief = stress_of(G, lambda, shear);
+            Lanes s[6];
+            for (int i = 0; i < 6; ++i)
+                s[i] = stress[k].s[i] + relief.s[i];
             const Lanes w = weight(block, k, lane);
             const Lanes elastic = w * run.stiffness;
-            const Lanes* const s = stress[k].s;
             Lanes pull[3][3] = {
                 {s[0], s[5], s[4]}, {s[5], s[1], s[3]}, {s[4], s[3], s[2]}};
             for (int c = 0; c < 3; ++c)
@@ -480,25 +454,40 @@ inline void add_mass(const Coefficients& f, const Signs& at, Lanes inert,
     }
 }
 
-/// Stress of the gradients that have one sign, along the mode of that sign: what the mode
-/// that costs least leaves of it. A has the closed form of [theory-skeleton 4.2].
-inline void relax(const Lanes* e, Lanes lambda, Lanes shear, Stress& stress)
+/// Takes off the stresses of single signs, 1 to 3, what the modes that cost least take:
+/// mode i at a point is its place along axis i, from the part's centre.
+inline void relax(const BoxBlock& block, const Signs& at, std::size_t lane, Lanes lambda,
+                  Lanes shear, Stress* stress)
 {
-    Lanes s[3];
-    times(stress, e, s);
-    const Lanes along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];
-    const Lanes twice = shear + shear;
-    const Lanes stretch = along / (lambda + twice), by_shear = 1.0 / shear;
-    Lanes G[3][3];
-    for (int c = 0; c < 3; ++c)
+    constexpr int kColumn[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}}; // of a Stress
+    Lanes pulls[9];
+    for (int i = 0; i < 3; ++i)
+        for (int c = 0; c < 3; ++c)
+        {
+            const int s = kColumn[i][c];
+            pulls[3 * i + c] = at.place[i][1] * stress[1].s[s] +
+                               at.place[i][2] * stress[2].s[s] +
+                               at.place[i][3] * stress[3].s[s];
+        }
+    Lanes modes[9] = {};
+    for (int r = 0, next = 0; r < 9; ++r)
+        for (int c = 0; c <= r; ++c, ++next)
+        {
+            const Lanes entry = load(block.mode_solve[next], lane);
+            modes[r] -= entry * pulls[c];
+            if (c < r)
+                modes[c] -= entry * pulls[r];
+        }
+    for (int sign = 1; sign < 4; ++sign)
     {
-        const Lanes a = -(e[c] * stretch + (s[c] - e[c] * along) * by_shear);
-        for (int j = 0; j < 3; ++j)
-            G[c][j] = a * e[j];
+        Lanes G[3][3];
+        for (int c = 0; c < 3; ++c)
+            for (int i = 0; i < 3; ++i)
+                G[c][i] = modes[3 * i + c] * at.place[i][sign];
+        const Stress relief = stress_of(G, lambda, shear);
+        for (int k = 0; k < 6; ++k)
+            stress[sign].s[k] += relief.s[k];
     }
-    const Stress relief = stress_of(G, lambda, shear);
-    for (int k = 0; k < 6; ++k)
-        stress.s[k] += relief.s[k];
 }
 
 /// As product_of_drawn(), but sums over the points are sums over signs.
@@ -519,21 +508,19 @@ void product_of_boxes(const PartRun<BoxBlock>& run)
         const Lanes inverse = load(block.inverse_edge, lane);
         const Lanes weight = 8.0 * load(block.weight, lane);
         const Lanes elastic = weight * run.stiffness * inverse;
+        Stress stress[7];
         for (int sign = 0; sign < 7; ++sign)
         {
             Lanes G[3][3];
             for (int c = 0; c < 3; ++c)
                 for (int j = 0; j < 3; ++j)
                     G[c][j] = inverse * slope(f[c], at, j, sign);
-            Stress stress = stress_of(G, lambda, shear);
-            if (sign >= 1 && sign < 4)
-            {
-                const PartRow* const mode = block.modes + 3 * (sign - 1);
-                const Lanes e[3] = {load(mode[0], lane), load(mode[1], lane),
-                                    load(mode[2], lane)};
-                relax(e, lambda, shear, stress);
-            }
-            const Lanes* const s = stress.s;
+            stress[sign] = stress_of(G, lambda, shear);
+        }
+        relax(block, at, lane, lambda, shear, stress);
+        for (int sign = 0; sign < 7; ++sign)
+        {
+            const Lanes* const s = stress[sign].s;
             const Lanes pull[3][3] = {
                 {s[0], s[5], s[4]}, {s[5], s[1], s[3]}, {s[4], s[3], s[2]}};
             for (int c = 0; c < 3; ++c)

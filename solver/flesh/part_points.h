@@ -27,11 +27,10 @@ struct PartPoints
     std::array<Eigen::Vector3d, 8> local;   ///< in the cell, see local_place()
     std::array<Eigen::Matrix3d, 8> inverse; ///< d local / d x [1/m]
     std::array<double, 8> weight;           ///< [m^3]
-    /// The displacement gradient at point k gains sum_i a_i (sign_of(k, i) scale[k]
-    /// modes.col(i))^T, with a_i such that it costs least: cells bend without shear.
-    /// [Taylor76]
-    Eigen::Matrix3d modes = Eigen::Matrix3d::Identity();
-    std::array<double, 8> scale{};
+    /// The displacement gradient at point k gains sum_i a_i modes[k].col(i)^T, with a_i
+    /// such that it costs least: cells bend without shear. [Taylor76] part_points.cpp
+    /// tells which modes these are.
+    std::array<Eigen::Matrix3d, 8> modes;
 
     /// Slopes of the corners' functions at point k, a column each [1/m].
     Eigen::Matrix<double, 3, 8> slopes(int k) const;
@@ -41,8 +40,9 @@ PartPoints points_of(const Lattice& lattice, const LatticePart& part);
 
 using PartMatrix = Eigen::Matrix<double, 24, 24>;
 
-/// (9 x 9) what the modes cost among themselves, mode i in rows 3 i to 3 i + 2 [Pa m^3].
-Eigen::Matrix<double, 9, 9> mode_costs(const PartPoints& points,
+/// The inverse (9 x 9) of what the modes cost among themselves, mode i in rows 3 i to
+/// 3 i + 2 [1 / (Pa m^3)].
+Eigen::Matrix<double, 9, 9> mode_solve(const PartPoints& points,
                                        const FleshMaterial& material);
 
 /// Stiffness for small displacements of the corners, corner a in rows 3 a to 3 a + 2

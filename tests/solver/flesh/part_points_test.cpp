@@ -202,4 +202,56 @@ TEST(PartPoints, stiffness_is_positive_and_lets_rigid_motions_go)
     }
 }
 
+/// What of a cube of edge 1 lies below a plane; its moments from a fine grid of points.
+Lattice cut_cube(const Vector3d& normal, double offset)
+{
+    Lattice lattice = support::bar_lattice(1, 1);
+    LatticePart& part = lattice.parts.front();
+    constexpr int kAcross = 24;
+    double count = 0.0;
+    Vector3d sum = Vector3d::Zero();
+    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < kAcross * kAcross * kAcross; ++i)
+    {
+        const Vector3d x =
+            (Vector3d(i % kAcross, i / kAcross % kAcross, i / kAcross / kAcross) +
+             Vector3d::Constant(0.5)) /
+            kAcross;
+        if (normal.dot(x - Vector3d::Constant(0.5)) > offset)
+            continue;
+        count += 1.0;
+        sum += x;
+        squares += x * x.transpose();
+    }
+    part.volume = count / (kAcross * kAcross * kAcross);
+    part.centre = sum / count;
+    part.second_moment = squares / count - part.centre * part.centre.transpose();
+    return lattice;
+}
+
+TEST(PartPoints, modes_let_no_warp_of_a_cut_cell_go_free)
+{
+    std::mt19937 rng(11);
+    for (int trial = 0; trial < 200; ++trial)
+    {
+        const Vector3d normal = support::random_vector(rng, 1.0).normalized();
+        const Lattice lattice = cut_cube(normal, support::random_number(rng, -0.3, 0.5));
+        const PartPoints points = points_of(lattice, lattice.parts.front());
+        const PartMatrix plain = stiffness_of(points, {1.0, 0.3, 1.0}, false);
+        const PartMatrix K = stiffness_of(points, {1.0, 0.3, 1.0});
+        // of fields that cost plain cells something
+        const Eigen::SelfAdjointEigenSolver<PartMatrix> eigen(plain);
+        const double largest = eigen.eigenvalues().maxCoeff();
+        Eigen::MatrixXd fields(24, 24);
+        int count = 0;
+        for (int i = 0; i < 24; ++i)
+            if (eigen.eigenvalues()[i] > 1e-9 * largest)
+                fields.col(count++) =
+                    eigen.eigenvectors().col(i) / std::sqrt(eigen.eigenvalues()[i]);
+        const Eigen::MatrixXd f = fields.leftCols(count);
+        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> costs(f.transpose() * K * f);
+        EXPECT_GT(costs.eigenvalues().minCoeff(), 0.1) << normal.transpose();
+    }
+}
+
 } // namespace cellwarp
