@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/time_settings.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "io/bytes.h"
 #include "io/json_object.h"
 #include "io/text.h"
@@ -18,7 +21,34 @@ void read(JsonObject& object, const char* key, double low, double high, double& 
     out = value.value_or(out);
 }
 
+std::int64_t steps_of(double time, double dt)
+{
+    constexpr double kMost = 1e15;
+    return std::llround(std::min(time / dt, kMost));
+}
+
 } // namespace
+
+std::int64_t TimeSettings::num_steps() const
+{
+    return is_static() ? 1 : steps_of(duration, dt);
+}
+
+std::int64_t TimeSettings::steps_a_frame() const
+{
+    return is_static() ? 1 : std::max<std::int64_t>(1, steps_of(every, dt));
+}
+
+std::int64_t TimeSettings::last_frame() const
+{
+    const std::int64_t each = steps_a_frame();
+    return (num_steps() + each - 1) / each;
+}
+
+double TimeSettings::time_of(std::int64_t frame) const
+{
+    return static_cast<double>(std::min(frame * steps_a_frame(), num_steps())) * dt;
+}
 
 void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings& out,
                         std::vector<std::string>& warnings)

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,13 @@ struct TimeSettings
     Triple gravity{0.0, -9.81, 0.0}; ///< [m/s^2]
     double viscosity = 0.0;          ///< [N s/m^2]
     double unit = 1.0;               ///< of the model [m]
+
+    bool is_static() const { return integrator == "static"; }
+    std::int64_t num_steps() const; ///< an equilibrium is one
+    std::int64_t steps_a_frame() const;
+    /// The first is 0. The last one ends with the last step, however short that makes it.
+    std::int64_t last_frame() const;
+    double time_of(std::int64_t frame) const; ///< [s]
 };
 
 /// The keys "unit" and "simulate" of the scene at \p path; what they leave out stays as

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp check: reads and validates all that a scene names, solves nothing.
+#include <algorithm>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/in_time.h"
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
 #include "io/geometry_file.h"
+#include "io/time_settings.h"
 
 namespace cellwarp
 {
@@ -17,7 +20,9 @@ namespace
 
 int run(const SessionFlags& flags, const CommonFlags& common)
 {
-    SessionRequest request = read_request(flags);
+    const bool has_flesh = time_scene_of(flags.model) == TimeScene::Flesh;
+    SessionRequest request = read_request(flags, has_flesh);
+    const std::optional<FleshFacts> flesh = flesh_in_time(flags.model, request);
     if (!request.handles)
         request.handles.emplace();
     std::size_t num_frames = 0;
@@ -27,6 +32,10 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                           std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
+    if (flesh)
+        for (const std::string& warning : flesh->warnings)
+            if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
+                warnings.push_back(warning);
     print_warnings(warnings, common);
     const CellSystem* const system = session.system();
     const std::size_t cells = system ? system->body().cells.size() : 0;
@@ -41,13 +50,15 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                     {"frames", num_frames},
                     {"rods", rods_json(session.rods())},
                     {"skeleton", skeleton_json(session)},
+                    {"flesh", flesh ? flesh->json : Json()},
                     {"warnings", warnings}}
                    .dump(2) +
                "\n";
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames) +
-               rods_text(session.rods()) + skeleton_text(session);
+               rods_text(session.rods()) + skeleton_text(session) +
+               (flesh ? flesh->text : "");
     write_file("-", text, Overwrite::Yes);
     return 0;
 }

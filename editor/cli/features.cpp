@@ -66,6 +66,16 @@ Json rods_in_time([[maybe_unused]] const std::string& scene)
 #endif
 }
 
+std::optional<FleshFacts> flesh_in_time([[maybe_unused]] const std::string& input,
+                                        [[maybe_unused]] const SessionRequest& request)
+{
+#ifdef CELLWARP_WITH_SKELETON
+    if (time_scene_of(input) == TimeScene::Flesh)
+        return flesh_of_scene(input, request);
+#endif
+    return std::nullopt;
+}
+
 std::optional<Pictures> make_pictures()
 {
 #ifdef CELLWARP_WITH_PICTURE

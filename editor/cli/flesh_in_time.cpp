@@ -21,6 +21,16 @@ Json numbers(const Eigen::Vector3d& v)
     return {v.x(), v.y(), v.z()};
 }
 
+/// Counts of the lattice and of what holds it.
+Json size_of(const FleshBody& body)
+{
+    return {{"nodes", body.flesh->lattice().places.size()},
+            {"free_nodes", body.flesh->nodes().free.size()},
+            {"cells", body.flesh->lattice().cells.size()},
+            {"held_points", body.held},
+            {"rows_dropped", body.dropped}};
+}
+
 class FleshInTime final : public InTime
 {
 public:
@@ -53,16 +63,16 @@ public:
                 fmt::format("{} turns of joints were cut to their limits", limited_));
         if (inverted_ > 0)
             all.push_back(fmt::format(
-                "up to {} of {} cells were turned inside out somewhere: the "
-                "law cells bears more pressure",
+                "up to {} of {} cells were turned inside out: shorter steps, stiffer "
+                "flesh, or another law may bear it",
                 inverted_, simulation_->body().flesh->lattice().cells.size()));
         return all;
     }
     bool is_static() const override { return false; }
     std::int64_t last_frame() const override { return simulation_->last_frame(); }
-    double seconds_a_frame() const override
+    double time_of(std::int64_t frame) const override
     {
-        return simulation_->time().dt * static_cast<double>(simulation_->steps_a_frame());
+        return simulation_->time_of(frame);
     }
     std::int64_t num_steps() const override { return simulation_->num_steps(); }
     std::int64_t steps_done() const override { return simulation_->steps_done(); }
@@ -104,15 +114,11 @@ public:
               {"kinetic", frame.kinetic},
               {"largest_strain", frame.largest_strain},
               {"inverted", frame.inverted},
-              {"nodes", body.flesh->lattice().places.size()},
-              {"free_nodes", body.flesh->nodes().free.size()},
-              {"cells", body.flesh->lattice().cells.size()},
               {"cg_steps", frame.cg_steps},
-              {"held_points", body.held},
-              {"rows_dropped", body.dropped},
               {"step_ms", frame.step_ms}}},
             {"volume", volume ? Json{{"before", volume->before}, {"after", volume->after}}
                               : Json()}};
+        told.json["skeleton"].update(size_of(body));
         return told;
     }
     void add_to(Json& json) const override
@@ -165,6 +171,25 @@ private:
 };
 
 } // namespace
+
+FleshFacts flesh_of_scene(const std::string& path, const SessionRequest& request)
+{
+    const SceneFile scene = read_scene(path);
+    const Geometry geometry = read_geometry(request.model, request.read).geometry;
+    const FleshBody body =
+        build_flesh(geometry, scene, skeleton_of(*scene.skeleton, scene.path),
+                    request.settings.cells, false);
+    FleshFacts facts;
+    facts.json = size_of(body);
+    facts.json["mass"] = body.mass;
+    facts.text = fmt::format("  flesh: {} cells, {} nodes, {} of them free, {} points on "
+                             "bones, {:.4g} kg\n",
+                             body.flesh->lattice().cells.size(),
+                             body.flesh->lattice().places.size(),
+                             body.flesh->nodes().free.size(), body.held, body.mass);
+    facts.warnings = body.warnings;
+    return facts;
+}
 
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options)

@@ -39,12 +39,12 @@ public:
     virtual bool is_static() const = 0;
     /// An equilibrium is frame 0; of all else the first is 0.
     virtual std::int64_t last_frame() const = 0;
-    virtual double seconds_a_frame() const = 0;
+    virtual double time_of(std::int64_t frame) const = 0; ///< [s]
     virtual std::int64_t num_steps() const = 0;
     virtual std::int64_t steps_done() const = 0;
     /// Goes on by one; \p wants_samples: of the model; \p watch: after each step.
     virtual void next_frame(const std::function<void()>& watch, bool wants_samples) = 0;
-    /// Of now, since the last call. \p wants_json: else it may be empty.
+    /// What went on since the last call; without \p wants_json only its problems.
     virtual Told tell(std::int64_t frame, bool wants_json) = 0;
     /// What is told of the whole, behind the frames.
     virtual void add_to(Json& json) const = 0;
@@ -81,6 +81,17 @@ Json rods_of_scene(const std::string& scene);
 /// Flesh: editor/cli/flesh_in_time.cpp.
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options);
+
+/// What check says of flesh; nothing for scenes without it, or in a build without it.
+struct FleshFacts
+{
+    Json json;
+    std::string text;
+    std::vector<std::string> warnings;
+};
+std::optional<FleshFacts> flesh_in_time(const std::string& input,
+                                        const SessionRequest& request);
+FleshFacts flesh_of_scene(const std::string& scene, const SessionRequest& request);
 
 /// The subcommand simulate.
 void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code);

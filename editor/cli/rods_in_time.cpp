@@ -165,10 +165,7 @@ public:
     {
         return is_static() ? 0 : simulation_.last_frame();
     }
-    double seconds_a_frame() const override
-    {
-        return scene_.dt * static_cast<double>(simulation_.steps_a_frame());
-    }
+    double time_of(std::int64_t frame) const override { return scene_.time_of(frame); }
     std::int64_t num_steps() const override { return simulation_.num_steps(); }
     std::int64_t steps_done() const override { return simulation_.steps_done(); }
     void next_frame(const std::function<void()>& watch, bool wants_samples) override

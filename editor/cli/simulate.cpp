@@ -24,7 +24,8 @@ namespace
 {
 
 constexpr int kNotConverged = 7;
-constexpr std::int64_t kMostTold = 10; ///< frames that did not converge
+constexpr std::int64_t kMostFiles = 1'000'000; ///< one a frame
+constexpr std::int64_t kMostTold = 10;         ///< frames that did not converge
 
 struct SimulateFlags
 {
@@ -51,6 +52,12 @@ void check_files(const OutputName& name, const InTime& in_time, bool is_model,
                  const CommonFlags& common)
 {
     const std::int64_t first = name.has_frame() ? 0 : in_time.last_frame();
+    if (in_time.last_frame() - first > kMostFiles)
+        throw Error(Fault::Usage,
+                    fmt::format("{} files of frames are more than {}: raise "
+                                "simulate.every, or write one file that "
+                                "moves",
+                                in_time.last_frame() - first, kMostFiles));
     for (std::int64_t frame = first; frame <= in_time.last_frame(); ++frame)
         if (is_model)
             check_geometry_output(name.of(frame), *in_time.model(), common.overwrite());
@@ -159,7 +166,7 @@ public:
             return;
         std::vector<double> times;
         for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
-            times.push_back(static_cast<double>(frame) * in_time.seconds_a_frame());
+            times.push_back(in_time.time_of(frame));
         animation_.emplace(flags.output, common.overwrite(), in_time.model()->geometry,
                            std::move(times));
     }

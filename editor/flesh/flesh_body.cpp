@@ -61,6 +61,8 @@ void refuse_what_is_not_built(const SceneFile& scene)
         refuse("detail", "is not supported by this version");
     if (flesh.has_contact)
         refuse("contact", "is not supported by this version");
+    if (flesh.has_weights)
+        refuse("weights", "is for the law regions, which this version does not build");
     if (scene.time->integrator != "implicit-euler")
         throw malformed({scene.path, 0, "simulate.integrator"},
                         "got " + in_quotes(scene.time->integrator) +
@@ -94,27 +96,36 @@ struct Builder
                      body.metre * body.skeleton->told_radius(j).value_or(0.0)});
     }
 
+    RegionSet region_of(const FleshRegion& told, const Body& octree) const
+    {
+        try
+        {
+            const HandleFile file =
+                parse_handles(scene.path, "cellwarp-handles 1\nfixed material " +
+                                              told.region + "\nframe 1\n");
+            return RegionSet(octree.rest,
+                             resolve_regions(file.stages.front().regions, geometry,
+                                             geometry.samples, units(), file),
+                             scene.path);
+        }
+        catch (const Error& error)
+        {
+            // It names the line of a file that nobody has.
+            std::string what = error.what();
+            const std::string place = scene.path + ":2: ";
+            if (what.starts_with(place))
+                what.erase(0, place.size());
+            throw Error(error.fault(), at({scene.path, 0, told.field + ".region"}, what));
+        }
+    }
+
     /// Regions of other materials: of each voxel the last that has it.
     std::vector<int> materials_of_voxels(const Body& octree)
     {
         std::vector<int> of_voxel(octree.rest->material.grid.size(), 0);
         for (const FleshRegion& told : flesh().materials)
         {
-            HandleFile file;
-            try
-            {
-                file = parse_handles(scene.path, "cellwarp-handles 1\nfixed material " +
-                                                     told.region + "\nframe 1\n");
-            }
-            catch (const Error& error)
-            {
-                throw malformed({scene.path, 0, told.field + ".region"},
-                                "no selector: " + std::string(error.what()));
-            }
-            const RegionSet region(octree.rest,
-                                   resolve_regions(file.stages.front().regions, geometry,
-                                                   geometry.samples, units(), file),
-                                   scene.path);
+            const RegionSet region = region_of(told, octree);
             const int number = static_cast<int>(materials.size());
             FleshMaterial& material = materials.emplace_back(materials.front());
             material.young = told.young.value_or(material.young);
@@ -126,6 +137,21 @@ struct Builder
         return of_voxel;
     }
 
+    Body coarsest(const CellSettings& cells) const
+    {
+        try
+        {
+            return build_body(build_rest_shape(geometry, geometry.samples, cells), cells);
+        }
+        catch (const Error& error)
+        {
+            if (error.fault() != Fault::Budget)
+                throw;
+            throw Error(Fault::Budget,
+                        at({scene.path, 0, "skeleton.across"}, error.what()));
+        }
+    }
+
     /// The octree's cells; those that bones pass are divided max_depth times.
     Body cut_octree(const CellSettings& settings)
     {
@@ -133,8 +159,7 @@ struct Builder
         cells.across = static_cast<int>(flesh().across.value_or(kAcross));
         cells.max_depth = static_cast<int>(flesh().max_depth.value_or(0));
         cells.min_depth = 0;
-        Body octree =
-            build_body(build_rest_shape(geometry, geometry.samples, cells), cells);
+        Body octree = coarsest(cells);
         const VoxelGrid& grid = octree.rest->material.grid;
         const MaterialTest has_material = material_test(grid);
         for (int level = 1; level <= cells.max_depth; ++level)
@@ -158,13 +183,16 @@ struct Builder
                                 }))
                     crossed.push_back(static_cast<int>(l));
             }
-            octree = cut(octree.rest, octree.octree.split(crossed, has_material));
+            Octree finer = octree.octree.split(crossed, has_material);
+            if (static_cast<std::int64_t>(finer.leaves().size()) > cells.max_cells)
+                throw Error(
+                    Fault::Budget,
+                    at({scene.path, 0, "skeleton.max_depth"},
+                       fmt::format("at depth {} the lattice has {} cells, more "
+                                   "than max_cells {}",
+                                   level, finer.leaves().size(), cells.max_cells)));
+            octree = cut(octree.rest, std::move(finer));
         }
-        if (static_cast<std::int64_t>(octree.cells.size()) > cells.max_cells)
-            throw Error(Fault::Budget,
-                        fmt::format("the lattice has {} cells, more than max_cells {}: "
-                                    "use a smaller skeleton.across or max_depth",
-                                    octree.cells.size(), cells.max_cells));
         return octree;
     }
 
@@ -208,9 +236,8 @@ struct Builder
         { return piece_at(grid, pieces, x / body.metre) == cell; };
         std::vector<TubePart> tubes;
         if (flesh().has_tube)
-            tubes = tube_parts(lattice, materials, bones,
-                               points_in_tubes(grid, pieces, lattice, body.metre, bones),
-                               flesh().tube_stiffness);
+            tubes = tubes_of(lattice,
+                             points_in_tubes(grid, pieces, lattice, body.metre, bones));
         std::vector<BoneLine> lines;
         for (const TubeBone& bone : bones)
             lines.push_back(bone.line);
@@ -221,7 +248,21 @@ struct Builder
             body.local.push_back(*local_place(body.flesh->lattice(),
                                               body.cell_of_sample[i],
                                               body.metre * rest.samples[i]));
-        warn_of_parts(octree->cells);
+    }
+
+    std::vector<TubePart> tubes_of(const Lattice& lattice,
+                                   const std::vector<std::vector<MaterialPoint>>& points)
+    {
+        std::string empty;
+        for (std::size_t b = 0; b < bones.size(); ++b)
+            if (points[b].empty())
+                empty += (empty.empty() ? "" : ", ") +
+                         body.skeleton->statement(idx(bones[b].line.motion)).name;
+        if (!empty.empty())
+            body.warnings.push_back(at({scene.path, 0, "skeleton.tube"},
+                                       "holds no material around bones of " + empty +
+                                           ": their flesh may spin (see tube_radius)"));
+        return tube_parts(lattice, materials, bones, points, flesh().tube_stiffness);
     }
 
     void from_file(bool is_tight)
@@ -233,27 +274,37 @@ struct Builder
         DrawnCells drawn;
         for (const Vector3d& x : mesh.vertices)
             drawn.places.push_back(body.to_metres(x));
-        for (const auto& cell : mesh.hexahedra)
-            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
-        for (const auto& cell : mesh.tetrahedra)
-            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
-        for (const auto& cell : mesh.prisms)
-            drawn.cells.push_back({{cell.vertices.begin(), cell.vertices.end()}, 0});
+        std::vector<DrawnName> names;
+        const auto add = [&](const auto& cells, const char* kind)
+        {
+            for (std::size_t k = 0; k < cells.size(); ++k)
+            {
+                const auto& vertices = cells[k].vertices;
+                drawn.cells.emplace_back(vertices.begin(), vertices.end());
+                names.push_back({cells[k].line, fmt::format("{} {}", kind, k + 1)});
+            }
+        };
+        add(mesh.hexahedra, "hexahedron");
+        add(mesh.tetrahedra, "tetrahedron");
+        add(mesh.prisms, "prism");
+        refuse_twins(drawn, names);
         for (const auto& edge : mesh.edges)
             drawn.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
         const Hexahedra hexahedra = hexahedra_of(drawn);
         Lattice lattice;
         try
         {
-            lattice =
-                drawn_lattice(hexahedra.places, hexahedra.cells, hexahedra.material);
+            lattice = drawn_lattice(hexahedra.places, hexahedra.cells,
+                                    std::vector<int>(hexahedra.cells.size(), 0));
         }
-        catch (const std::invalid_argument& fault)
+        catch (const InvertedHexahedron& fault)
         {
-            throw malformed({flesh().lattice, 0, ""}, fault.what());
+            const DrawnName& name = names[idx(hexahedra.cell_of[fault.number])];
+            throw malformed({flesh().lattice, name.line, ""},
+                            name.text + " is turned inside out");
         }
         const double near = kOnBone * body.metre * body.frame.diagonal();
-        std::vector<HeldPoint> points = points_of_edges(hexahedra, near);
+        std::vector<HeldPoint> points = points_of_edges(hexahedra, mesh, near);
         std::vector<BoneLine> lines;
         for (const TubeBone& bone : bones)
             if (!runs_along_edges(bone.line, hexahedra, near))
@@ -266,19 +317,43 @@ struct Builder
                 bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
         std::vector<TubePart> tubes;
         if (flesh().has_tube)
-            tubes = tube_parts(lattice, materials, bones, points_in_tubes(lattice, bones),
-                               flesh().tube_stiffness);
+            tubes = tubes_of(lattice, points_in_tubes(lattice, bones));
         finish(std::move(lattice), std::move(points), std::move(tubes), is_tight);
         locate_samples();
     }
 
+    /// A cell of a lattice file, for messages.
+    struct DrawnName
+    {
+        std::int64_t line = 0;
+        std::string text;
+    };
+
+    /// Material counts once: cells of the same corners would make it twice as stiff.
+    void refuse_twins(const DrawnCells& drawn, const std::vector<DrawnName>& names) const
+    {
+        std::map<std::vector<int>, std::size_t> known;
+        for (std::size_t c = 0; c < drawn.cells.size(); ++c)
+        {
+            std::vector<int> corners = drawn.cells[c];
+            std::sort(corners.begin(), corners.end());
+            const auto [twin, is_new] = known.emplace(std::move(corners), c);
+            if (!is_new)
+                throw malformed({flesh().lattice, names[c].line, ""},
+                                names[c].text + " has the corners of " +
+                                    names[twin->second].text);
+        }
+    }
+
     /// The vertices of edges that lie on a bone of the skeleton, each once.
-    std::vector<HeldPoint> points_of_edges(const Hexahedra& lattice, double near) const
+    std::vector<HeldPoint> points_of_edges(const Hexahedra& lattice,
+                                           const MeditMesh& mesh, double near) const
     {
         std::map<int, int> motion_of_vertex;
-        std::size_t off = 0;
-        for (const auto& [a, b] : lattice.edges)
+        std::size_t off = 0, first_off = 0;
+        for (std::size_t e = 0; e < lattice.edges.size(); ++e)
         {
+            const auto& [a, b] = lattice.edges[e];
             bool is_on = false;
             for (const TubeBone& bone : bones)
                 if (is_near(bone.line, lattice.places[idx(a)], near) &&
@@ -289,12 +364,20 @@ struct Builder
                     motion_of_vertex.emplace(b, bone.line.motion);
                     break;
                 }
-            off += !is_on;
+            if (!is_on && off++ == 0)
+                first_off = e;
         }
         if (off > 0)
-            throw malformed({flesh().lattice, 0, "Edges"},
-                            fmt::format("{} of {} lie on no bone of the skeleton", off,
+        {
+            // Where cells are split each edge is two.
+            const auto& edge =
+                mesh.edges[first_off / (lattice.edges.size() / mesh.edges.size())];
+            throw malformed({flesh().lattice, edge.line, "Edges"},
+                            fmt::format("the edge of vertices {} and {} lies on no bone "
+                                        "of the skeleton ({} of {} do not)",
+                                        edge.vertices[0] + 1, edge.vertices[1] + 1, off,
                                         lattice.edges.size()));
+        }
         std::vector<HeldPoint> points;
         for (const auto& [vertex, motion] : motion_of_vertex)
             points.push_back({{{vertex, 1.0}}, lattice.places[idx(vertex)], motion});
@@ -329,11 +412,14 @@ struct Builder
         const PointTree tree(middles);
         std::vector<PointTree::Neighbour> near;
         std::size_t outside = 0;
+        // Of a cell: samples farther off count as outside, and where its map ends.
+        constexpr double kOutside = 0.05, kReach = 1.0;
         for (const Vector3d& sample : geometry.samples)
         {
             const Vector3d x = body.to_metres(sample);
             tree.nearest(x, kNearCells, near);
             double least = INFINITY;
+            bool is_outside = true;
             int best = static_cast<int>(near.front().index);
             Vector3d at = Vector3d::Constant(0.5);
             for (const PointTree::Neighbour& candidate : near)
@@ -342,19 +428,22 @@ struct Builder
                 const std::optional<Vector3d> local = local_place(lattice, cell, x);
                 if (!local)
                     continue;
-                const double beyond =
-                    (*local - local->cwiseMax(0.0).cwiseMin(1.0)).norm();
+                // Far outside a bent cell the map folds: how far counts in space.
+                const Vector3d near_cell =
+                    local->cwiseMax(-kReach).cwiseMin(1.0 + kReach);
+                const Vector3d inside = local->cwiseMax(0.0).cwiseMin(1.0);
+                const double beyond = (cell_point(lattice, cell, inside) - x).norm();
                 if (beyond < least)
                 {
                     least = beyond;
                     best = cell;
-                    at = *local;
+                    at = near_cell;
+                    is_outside = (*local - inside).norm() > kOutside;
                 }
-                if (beyond == 0.0)
+                if (*local == inside)
                     break;
             }
-            constexpr double kOutside = 0.05; // of a cell
-            outside += !(least <= kOutside);
+            outside += is_outside;
             body.cell_of_sample.push_back(best);
             body.local.push_back(at);
         }
@@ -379,23 +468,40 @@ struct Builder
             std::make_shared<Flesh>(std::move(lattice), materials, std::move(points),
                                     std::move(tubes), settings(is_tight));
         body.dropped = body.flesh->nodes().dropped.size();
+        look_for_loose_parts();
     }
 
-    /// Of parts of the material that no bone holds.
-    void warn_of_parts(const Cells& cells)
+    /// Parts of the material that no bone holds.
+    void look_for_loose_parts()
     {
-        const std::vector<int> component = connected_components(cells);
         const Lattice& lattice = body.flesh->lattice();
+        UnionFind joined(lattice.places.size());
+        for (const CornerNodes& cell : lattice.cells)
+            for (const int node : cell)
+            {
+                joined.join(cell[0], node);
+                for (const NodeShare& share : lattice.hanging[idx(node)])
+                    joined.join(cell[0], share.node);
+            }
         std::vector<bool> is_bound(lattice.places.size(), false);
         for (std::size_t k = 0; k < body.flesh->nodes().bound.size(); ++k)
             if (!body.flesh->nodes().by_points[k].empty())
                 is_bound[idx(body.flesh->nodes().bound[k])] = true;
         std::map<int, bool> is_held;
-        for (std::size_t c = 0; c < cells.size(); ++c)
-            for (const int node : lattice.cells[c])
-                is_held[component[c]] = is_held[component[c]] || is_bound[idx(node)];
+        for (const CornerNodes& cell : lattice.cells)
+            for (const int node : cell)
+            {
+                bool& is_part_held = is_held[joined.first_of(node)];
+                is_part_held = is_part_held || is_bound[idx(node)];
+            }
         const auto loose = std::count_if(is_held.begin(), is_held.end(),
                                          [](const auto& part) { return !part.second; });
+        const Triple& g = scene.time->gravity;
+        if (loose > 0 && flesh().settles && (g[0] != 0 || g[1] != 0 || g[2] != 0))
+            throw malformed({scene.path, 0, "skeleton.settle"},
+                            fmt::format("{} of {} parts of the material have no bone: "
+                                        "they would fall without end",
+                                        loose, is_held.size()));
         if (loose > 0 && body.held > 0)
             body.warnings.push_back(at(
                 {scene.path, 0, "skeleton"},
@@ -416,6 +522,9 @@ FleshBody build_flesh(const Geometry& geometry, const SceneFile& scene,
                                      : automatic_frame(bounding_box(geometry.samples));
     builder.body.metre = builder.body.frame.length_to_model(1.0) * scene.time->unit;
     builder.materials.push_back(material_of(builder.flesh()));
+    if (scene.time->viscosity > 0.0)
+        builder.body.warnings.push_back(at({scene.path, 0, "simulate.viscosity"},
+                                           "is for rods, ignored: flesh has damping"));
     builder.place_bones();
     if (builder.flesh().lattice.empty())
         builder.from_octree(cells, is_tight);

@@ -36,7 +36,7 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
                                  const SceneFile& scene, const CellSettings& cells,
                                  bool is_tight)
     : geometry_(std::move(geometry)), time_(*scene.time),
-      settles_(scene.skeleton->flesh.settles), file_(scene.path),
+      settles_(scene.skeleton->flesh.settles),
       skeleton_(skeleton_of(*scene.skeleton, scene.path)),
       body_(build_flesh(*geometry_, scene, skeleton_, cells, is_tight)),
       warnings_(skeleton_.warnings), field_(settings_of(scene).field)
@@ -53,24 +53,21 @@ FleshSimulation::~FleshSimulation() = default;
 
 std::int64_t FleshSimulation::num_steps() const
 {
-    return std::llround(time_.duration / time_.dt);
+    return time_.num_steps();
 }
 
 std::int64_t FleshSimulation::steps_a_frame() const
 {
-    return std::max<std::int64_t>(1, std::llround(time_.every / time_.dt));
+    return time_.steps_a_frame();
 }
 
 std::int64_t FleshSimulation::last_frame() const
 {
-    const std::int64_t every = steps_a_frame();
-    return (num_steps() + every - 1) / every;
+    return time_.last_frame();
 }
 
-/// Of space around each joint, from rest [m].
-std::vector<Motion> FleshSimulation::motions_at(double time,
-                                                const std::vector<Move>& by_hand,
-                                                int* limited) const
+/// The aim of the skeleton's joints.
+SkeletonAim FleshSimulation::aim_at(double time, const std::vector<Move>& by_hand) const
 {
     std::vector<Move> moves = keys_->moves_at(time);
     for (const Move& move : by_hand)
@@ -87,20 +84,33 @@ std::vector<Motion> FleshSimulation::motions_at(double time,
     for (const Move& move : moves)
         pointers.push_back(&move);
     const Units units{body_.frame, false, bounding_box(geometry_->samples), 0.0};
-    const SkeletonAim aim =
-        body_.skeleton->moved(body_.skeleton->rest(), pointers, units);
-    if (limited)
-        *limited = aim.limited;
-    std::vector<Motion> motions = body_.skeleton->motions(aim, aim, 1.0);
+    return body_.skeleton->moved(body_.skeleton->rest(), pointers, units);
+}
+
+/// Of space around each joint, from rest, on the way between two aims [m].
+std::vector<Motion> FleshSimulation::motions_between(const SkeletonAim& from,
+                                                     const SkeletonAim& to,
+                                                     double share) const
+{
+    std::vector<Motion> motions = body_.skeleton->motions(from, to, share);
     for (Motion& motion : motions)
         motion.t *= body_.metre;
     return motions;
 }
 
+/// The same at the end of the step that is done.
+std::vector<Motion> FleshSimulation::motions_now() const
+{
+    const SkeletonAim aim =
+        aim_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+    return motions_between(aim, aim, 1.0);
+}
+
 /// From rest to the first pose, without inertia.
 void FleshSimulation::begin()
 {
-    const std::vector<Motion> first = motions_at(0.0, {});
+    const SkeletonAim rest = body_.skeleton->rest(), pose = aim_at(0.0, {});
+    const std::vector<Motion> first = motions_between(pose, pose, 1.0);
     double turn = 0.0, way = 0.0;
     for (std::size_t j = 0; j < first.size(); ++j)
     {
@@ -112,44 +122,42 @@ void FleshSimulation::begin()
     if (turn > 0.0 || way > 0.0)
     {
         // The way of the joints, not that of each bone alone: they stay together.
-        const SkeletonAim rest = body_.skeleton->rest();
-        std::vector<Move> moves = keys_->moves_at(0.0);
-        std::vector<const Move*> pointers;
-        for (const Move& move : moves)
-            pointers.push_back(&move);
-        const Units units{body_.frame, false, bounding_box(geometry_->samples), 0.0};
-        const SkeletonAim pose = body_.skeleton->moved(rest, pointers, units);
         const int parts = std::max(1, static_cast<int>(std::ceil(turn / kTurnOfFirst)));
         for (int part = 1; part <= parts; ++part)
-        {
-            std::vector<Motion> motions =
-                body_.skeleton->motions(rest, pose, static_cast<double>(part) / parts);
-            for (Motion& motion : motions)
-                motion.t *= body_.metre;
-            report = body_.flesh->settle(snapshot_.state, motions, Weighs::No);
-        }
+            report = body_.flesh->settle(
+                snapshot_.state,
+                motions_between(rest, pose, static_cast<double>(part) / parts),
+                Weighs::No);
     }
     if (settles_)
         report = body_.flesh->settle(snapshot_.state, first, Weighs::Yes);
     if (!report.is_converged)
-        warnings_.push_back(
-            at({file_, 0, "skeleton"}, "the flesh did not come to rest before frame 0"));
+        stopped("no rest before frame 0");
 }
 
 void FleshSimulation::step()
 {
     const Clock::time_point start = Clock::now();
     const double end = static_cast<double>(snapshot_.steps + 1) * time_.dt;
-    const FleshReport report = body_.flesh->step(
-        snapshot_.state, time_.dt, motions_at(end, snapshot_.by_hand, &since_.limited));
+    const SkeletonAim aim = aim_at(end, snapshot_.by_hand);
+    since_.limited = aim.limited;
+    const FleshReport report =
+        body_.flesh->step(snapshot_.state, time_.dt, motions_between(aim, aim, 1.0));
     ++snapshot_.steps;
     since_.systems += report.systems;
     since_.cg_steps += report.cg_steps;
     since_.step_ms += ms_since(start);
-    if (report.is_converged || !since_.is_converged)
-        return;
+    is_finite_ = report.is_finite;
+    if (!report.is_converged)
+        stopped(is_finite_ ? "iteration limit" : "no finite numbers");
+}
+
+/// Remembers why, the first time since the last report.
+void FleshSimulation::stopped(const char* why)
+{
+    if (since_.is_converged)
+        since_.stop = why;
     since_.is_converged = false;
-    since_.stop = report.is_finite ? "iteration limit" : "no finite numbers";
 }
 
 void FleshSimulation::next_frame(const std::function<void()>& watch)
@@ -166,7 +174,7 @@ FleshFrame FleshSimulation::report()
 {
     FleshFrame out = std::exchange(since_, {});
     out.time = static_cast<double>(steps_done()) * time_.dt;
-    const std::vector<Motion> motions = motions_at(out.time, snapshot_.by_hand);
+    const std::vector<Motion> motions = motions_now();
     const FleshState& state = snapshot_.state;
     const Flesh::Energies energies = body_.flesh->energies(state, motions);
     out.kinetic = energies.kinetic;
@@ -189,8 +197,7 @@ FleshFrame FleshSimulation::report()
 
 std::vector<PosedJoint> FleshSimulation::joints() const
 {
-    const std::vector<Motion> motions =
-        motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+    const std::vector<Motion> motions = motions_now();
     std::vector<PosedJoint> joints;
     for (std::size_t j = 0; j < motions.size(); ++j)
         joints.push_back(
@@ -205,8 +212,7 @@ std::optional<Move> FleshSimulation::pointed(const std::string& joint,
     const int number = body_.skeleton->find(joint);
     if (number < 0 || !place.allFinite())
         return std::nullopt;
-    const std::vector<Motion> motions =
-        motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+    const std::vector<Motion> motions = motions_now();
     const auto now = [&](int j) -> Vector3d
     { return motions[idx(j)](body_.metre * body_.skeleton->place(idx(j))); };
     const Matrix3d& axes = body_.frame.axes; // rows
@@ -323,8 +329,7 @@ DeformedSamples FleshSimulation::deformed()
     if (bones_)
     {
         // Where a bone holds a point, the field is what the bone does.
-        const std::vector<Motion> motions =
-            motions_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
+        const std::vector<Motion> motions = motions_now();
         MovedRegion& region = regions.emplace_back();
         region.fade = bones_.get();
         region.bends = true;

@@ -61,6 +61,9 @@ public:
     /// To the end of the next frame. \p watch: after each step.
     void next_frame(const std::function<void()>& watch = {});
     FleshFrame report();
+    /// Else the last step has left the state as it was.
+    bool is_finite() const { return is_finite_; }
+    double time_of(std::int64_t frame) const { return time_.time_of(frame); } ///< [s]
 
     /// All that comes after depends on.
     struct Snapshot
@@ -94,16 +97,18 @@ public:
     std::vector<Eigen::Vector3d> nodes() const;
 
 private:
-    std::vector<Motion> motions_at(double time, const std::vector<Move>& by_hand,
-                                   int* limited = nullptr) const;
+    SkeletonAim aim_at(double time, const std::vector<Move>& by_hand) const;
+    std::vector<Motion> motions_between(const SkeletonAim& from, const SkeletonAim& to,
+                                        double share) const;
+    std::vector<Motion> motions_now() const;
     void begin();
+    void stopped(const char* why);
     void fade_bones();
     DeformedSamples rest_samples() const;
 
     std::shared_ptr<const Geometry> geometry_;
     const TimeSettings time_;
     const bool settles_;
-    std::string file_;
     SkeletonValues skeleton_;
     FleshBody body_;
     std::vector<std::string> warnings_;
@@ -116,6 +121,7 @@ private:
     std::vector<int> motion_of_node_;   ///< of each of its nodes
     Snapshot snapshot_;
     FleshFrame since_; ///< the last report
+    bool is_finite_ = true;
 };
 
 } // namespace cellwarp

@@ -680,20 +680,17 @@ bool Simulation::is_static() const
 
 std::int64_t Simulation::num_steps() const
 {
-    return is_static() ? 1 : std::llround(scene_.duration / scene_.dt);
+    return scene_.num_steps();
 }
 
 std::int64_t Simulation::steps_a_frame() const
 {
-    return is_static()
-               ? 1
-               : std::max<std::int64_t>(1, std::llround(scene_.every / scene_.dt));
+    return scene_.steps_a_frame();
 }
 
 std::int64_t Simulation::last_frame() const
 {
-    const std::int64_t every = steps_a_frame();
-    return (num_steps() + every - 1) / every;
+    return scene_.last_frame();
 }
 
 void Simulation::next_frame(const std::function<void()>& watch)

@@ -15,7 +15,7 @@ namespace cellwarp
 class Film
 {
 public:
-    /// Whether a document has something to play: rods of its scene carry its model.
+    /// Whether a document has something to play: rods that carry its model, or flesh.
     static bool is_in(const Document& document);
 
     /// Begins to make the frames of a document as it is now. \pre is_in()

@@ -5,9 +5,12 @@
 #include <mutex>
 #include <new>
 #include <optional>
+#include <stdexcept>
 #include <stop_token>
 #include <thread>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include "editor/flesh/flesh_simulation.h"
 #include "editor/session/memory_limit.h"
@@ -128,6 +131,12 @@ struct LiveFlesh::State
             {
                 lead(simulation, by_hand);
                 simulation.step();
+                if (!simulation.is_finite())
+                    throw std::runtime_error(fmt::format(
+                        "the flesh has no finite numbers after {:.3f} s: a smaller dt "
+                        "may help",
+                        static_cast<double>(simulation.steps_done()) *
+                            simulation.time().dt));
             }
             show();
             const double due = lost + static_cast<double>(simulation.steps_done()) *

@@ -18,7 +18,7 @@ struct HeldPoint
 {
     NodeShares shares; ///< of nodes that do not hang; their sum is 1
     Eigen::Vector3d place = Eigen::Vector3d::Zero(); ///< at rest [m]
-    int motion = 0;                                  ///< number of what tells
+    int motion = 0; ///< which of the motions that a step is given moves it
 };
 
 /// u of a bound node = by_free u + by_points gamma, with gamma the displacements of the

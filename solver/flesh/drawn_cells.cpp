@@ -88,18 +88,17 @@ Hexahedra hexahedra_of(const DrawnCells& drawn)
     out.places = drawn.places;
     const bool is_plain =
         std::all_of(drawn.cells.begin(), drawn.cells.end(),
-                    [](const DrawnCell& cell) { return cell.corners.size() == 8; });
+                    [](const std::vector<int>& corners) { return corners.size() == 8; });
     Means means(out.places);
     const auto add = [&](CornerNodes cell, std::size_t of)
     {
         turn_right(out.places, cell);
         out.cells.push_back(cell);
-        out.material.push_back(drawn.cells[of].material);
         out.cell_of.push_back(static_cast<int>(of));
     };
     for (std::size_t c = 0; c < drawn.cells.size(); ++c)
     {
-        const std::vector<int>& v = drawn.cells[c].corners;
+        const std::vector<int>& v = drawn.cells[c];
         if (is_plain)
         {
             add({v[0], v[1], v[3], v[2], v[4], v[5], v[7], v[6]}, c);

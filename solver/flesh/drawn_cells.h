@@ -13,18 +13,12 @@
 namespace cellwarp
 {
 
-/// A cell of 4, 6 or 8 corners: a tetrahedron; a wedge as two triangles; a hexahedron as
-/// two loops of four, one above the other.
-struct DrawnCell
-{
-    std::vector<int> corners;
-    int material = 0;
-};
-
 struct DrawnCells
 {
     std::vector<Eigen::Vector3d> places;
-    std::vector<DrawnCell> cells;
+    /// Of 4, 6 or 8 corners: a tetrahedron; a wedge as two triangles; a hexahedron as two
+    /// loops of four, one above the other.
+    std::vector<std::vector<int>> cells;
     std::vector<std::pair<int, int>> edges; ///< bones
 };
 
@@ -33,7 +27,6 @@ struct Hexahedra
 {
     std::vector<Eigen::Vector3d> places;
     std::vector<CornerNodes> cells;
-    std::vector<int> material;
     std::vector<int> cell_of; ///< that was drawn
     std::vector<std::pair<int, int>> edges;
 };

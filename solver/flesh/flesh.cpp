@@ -41,7 +41,7 @@ constexpr int kMostCgSteps = 2000;
 /// a better preconditioner than all levels [theory-skeleton 10].
 constexpr double kHeavy = 3.0;
 
-/// Newton ends where the residual is below this, relative to the forces' impulse.
+/// Newton ends where the residual is below this, relative to that of the first round.
 constexpr double kNewtonTolerance = 1e-6;
 
 /// Of settle(): a round ends at rest where nothing moves farther, relative to the size;
@@ -270,7 +270,7 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
     const StepOperator<Parts> A(p, dt);
     p.velocity = state.v;
     p.rows.resize(Eigen::Index(3 * p.points.size()));
-    double last_size = 0.0; // of the right side
+    double first_size = 0.0; // of the right side
     for (int round = 0; round < std::max(1, p.settings.newton); ++round)
     {
         p.impulse(state.u, state.v, p.velocity, dt, motions);
@@ -289,7 +289,7 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
         p.force -= p.image;
         p.reduce(p.force, p.free_b);
         const double size = p.free_b.norm();
-        if (round > 0 && size <= kNewtonTolerance * last_size)
+        if (round > 0 && size <= kNewtonTolerance * first_size)
             break;
         ++report.systems;
         const LinearReport linear =
@@ -299,7 +299,8 @@ FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> mo
         report.residual = linear.residual;
         report.is_converged =
             report.is_converged && report.residual <= 1.01 * p.settings.tolerance;
-        last_size = size;
+        if (round == 0)
+            first_size = size;
         p.expand(p.free_step, &p.rows, p.change);
         if (!p.change.allFinite())
         {
@@ -334,7 +335,8 @@ FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
         report.is_finite = step.is_finite;
         if (!step.is_finite)
             break;
-        report.is_converged = dt * state.v.cwiseAbs().maxCoeff() <= kAtRest * p.size;
+        report.is_converged =
+            step.is_converged && dt * state.v.cwiseAbs().maxCoeff() <= kAtRest * p.size;
         state.v.setZero();
     }
     p.weight = std::move(weight);
@@ -405,7 +407,13 @@ double Flesh::largest_miss(const FleshState& state, std::span<const Motion> moti
 
 std::size_t Flesh::num_inverted(const FleshState& state) const
 {
-    return parts_->forces.num_inverted(state.u);
+    if (parts_->settings.law == FleshLaw::StVenantKirchhoff ||
+        parts_->settings.law == FleshLaw::NeoHookean)
+        return parts_->forces.num_inverted(state.u);
+    const std::vector<Matrix3d> F = deformations(state);
+    return static_cast<std::size_t>(std::count_if(F.begin(), F.end(),
+                                                  [](const Matrix3d& of)
+                                                  { return !(of.determinant() > 0.0); }));
 }
 
 std::vector<Matrix3d> Flesh::deformations(const FleshState& state) const

@@ -56,13 +56,14 @@ struct FleshReport
     bool is_finite = true;         ///< else the state is that of before
 };
 
-/// Whether gravity pulls, while flesh comes to rest.
+/// Of settle(): whether the flesh feels its own weight.
 enum class Weighs
 {
     No,
     Yes
 };
 
+/// Its functions share scratch: one call at a time, of the const ones too.
 class Flesh
 {
 public:
@@ -95,7 +96,8 @@ public:
     Eigen::Vector3d angular_momentum(const FleshState& state) const; ///< [kg m^2/s]
     /// Frobenius norm of Green's mean strain, of the cell where it is largest.
     double largest_strain(const FleshState& state) const;
-    /// Parts of cells that are turned inside out somewhere, of laws of large strain.
+    /// Cells that are turned inside out: at one of the points of their parts for laws of
+    /// large strain, else in the mean.
     std::size_t num_inverted(const FleshState& state) const;
     /// How far a held point is from where it should be, at the most; those that were
     /// dropped do not count [m].

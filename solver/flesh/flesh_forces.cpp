@@ -33,10 +33,11 @@ constexpr std::size_t kGrainOfBlocks = 16, kGrainOfNodes = 1024;
 /// nothing inside out [Higham86], else by singular vectors.
 Matrix3d rotation_of(const Matrix3d& F)
 {
+    // Relative to the determinant of the rotation of the same norm, which is sqrt(3).
     constexpr double kFlat = 1e-2, kClose = 1e-14;
     constexpr int kSteps = 20;
-    const double scale = F.norm();
-    if (!(F.determinant() > kFlat * scale * scale * scale / 5.2))
+    const double scale = F.norm() / std::sqrt(3.0);
+    if (!(F.determinant() > kFlat * scale * scale * scale))
         return nearest_rotation(F);
     Matrix3d R = F;
     for (int step = 0; step < kSteps; ++step)
@@ -159,10 +160,7 @@ FleshForces::FleshForces(const Lattice& lattice, std::span<const FleshMaterial> 
     nodes_.resize(8 * kPartLanes * num_blocks_);
     std::vector<double> volume(lattice.cells.size(), 0.0);
     for (const LatticePart& part : lattice.parts)
-    {
         volume[idx(part.cell)] += part.volume;
-        mass_ += part.volume * materials[idx(part.material)].density;
-    }
     std::vector<std::vector<std::uint32_t>> of_node(num_nodes_);
     for (std::size_t p = 0; p < kPartLanes * num_blocks_; ++p)
     {
@@ -287,11 +285,9 @@ void FleshForces::follow(const VectorXd& u)
                      });
         return;
     }
-    std::vector<Matrix3d>& F = frames_;
-    std::vector<Matrix3d> deformations;
-    mean_deformations(u, deformations);
-    parallel_for(F.size(), kGrainOfNodes / 8,
-                 [&](std::size_t c) { F[c] = rotation_of(deformations[c]); });
+    mean_deformations(u, frames_);
+    parallel_for(frames_.size(), kGrainOfNodes / 8,
+                 [&](std::size_t c) { frames_[c] = rotation_of(frames_[c]); });
     for (std::size_t p = 0; p < cell_of_part_.size(); ++p)
         for (int i = 0; i < 9; ++i)
             frame_rows_[9 * (p / kPartLanes) + idx(i)].lane[p % kPartLanes] =

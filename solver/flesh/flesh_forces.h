@@ -61,7 +61,7 @@ public:
     /// by.
     void forces(const Eigen::VectorXd& u, std::span<const Motion> motions,
                 Eigen::VectorXd& out) const;
-    /// Points at which the material is turned inside out; 0 without a law.
+    /// Parts that are turned inside out at one of their points; 0 without a law.
     std::size_t num_inverted(const Eigen::VectorXd& u) const;
     /// Energies of material and of tubes [J].
     double elastic_energy(const Eigen::VectorXd& u) const;
@@ -76,10 +76,7 @@ public:
     };
     std::vector<MeanBlock> mean_blocks() const;
 
-    double mass() const { return mass_; } ///< of all [kg]
-
 private:
-    void build(std::span<const FleshMaterial> materials);
     void gather(Eigen::VectorXd& out) const;
     PartVector corners(const Eigen::VectorXd& x, std::size_t part) const;
     void give(const PartVector& forces, std::size_t part, bool adds) const;
@@ -102,12 +99,11 @@ private:
     std::vector<PartMatrix> hessians_;    ///< of the last follow()
     std::vector<double> share_of_cell_;   ///< of a part's volume in its cell
     std::vector<Eigen::Matrix3d> frames_; ///< of each cell
-    /// Where the numbers of a node stand in what the parts give: x, and y and z eight
-    /// further each.
+    /// Where the x of a node stands in what the parts give, once for each part that has
+    /// the node; its y is eight numbers further, its z sixteen.
     std::vector<std::size_t> first_of_node_;
     std::vector<std::uint32_t> offsets_;
     mutable std::vector<PartRow> given_; ///< scratch
-    double mass_ = 0.0;
 };
 
 } // namespace cellwarp

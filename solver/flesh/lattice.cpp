@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <stdexcept>
 #include <string>
 
 #include <Eigen/LU>
@@ -209,6 +208,13 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
     return parts;
 }
 
+InvertedHexahedron::InvertedHexahedron(std::size_t which)
+    : std::invalid_argument("hexahedron " + std::to_string(which) +
+                            " is turned inside out"),
+      number(which)
+{
+}
+
 Lattice drawn_lattice(std::vector<Vector3d> places, std::vector<CornerNodes> cells,
                       std::span<const int> material)
 {
@@ -229,8 +235,7 @@ Lattice drawn_lattice(std::vector<Vector3d> places, std::vector<CornerNodes> cel
                                  k & 4 ? 1.0 - near : near);
             const double weight = cell_slopes(out, part.cell, local).determinant() / 8.0;
             if (!(weight > 0))
-                throw std::invalid_argument("hexahedron " + std::to_string(c) +
-                                            " is turned inside out");
+                throw InvertedHexahedron(c);
             part.volume += weight;
             part.centre += weight * cell_point(out, part.cell, local);
         }

@@ -7,6 +7,7 @@
 #include <array>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <vector>
 
 #include <Eigen/Core>
@@ -82,8 +83,14 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
                                            const Pieces& pieces,
                                            std::span<const int> material, double unit);
 
-/// Hexahedra that were drawn; \p material of each. Throws std::invalid_argument for one
-/// that is turned inside out.
+/// A hexahedron that is turned inside out somewhere.
+struct InvertedHexahedron : std::invalid_argument
+{
+    explicit InvertedHexahedron(std::size_t which);
+    std::size_t number; ///< from 0
+};
+
+/// Hexahedra that were drawn; \p material of each. Throws InvertedHexahedron.
 Lattice drawn_lattice(std::vector<Eigen::Vector3d> places, std::vector<CornerNodes> cells,
                       std::span<const int> material);
 

@@ -165,7 +165,7 @@ inline void to_real(const DrawnBlock& block, int k, std::size_t lane, Lanes (*G)
     }
 }
 
-/// And of what pulls at them back to local ones.
+/// Forces on slopes along the real axes become forces on slopes by local coordinates.
 inline void to_local(const DrawnBlock& block, int k, std::size_t lane, Lanes* pull)
 {
     const Lanes real[3] = {pull[0], pull[1], pull[2]};

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp simulate with flesh, from the outside.
+#include <algorithm>
+#include <bit>
 #include <filesystem>
 
 #include <gtest/gtest.h>
@@ -153,7 +155,78 @@ TEST(SimulateFlesh, the_same_scene_poses_cells_when_it_is_deformed)
     const Json json = Json::parse(result.out);
     EXPECT_EQ(json["frames"].size(), 2u);
     EXPECT_TRUE(contains(json["warnings"].dump(), "skeleton.E"));
-    EXPECT_EQ(run({"check", files.scene}).code, 0);
+}
+
+TEST(SimulateFlesh, check_tells_of_the_flesh_and_refuses_what_simulate_refuses)
+{
+    const Files files;
+    const Result result = run({"check", files.scene, "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const Json json = Json::parse(result.out);
+    EXPECT_EQ(json["warnings"].size(), 0u) << json["warnings"].dump();
+    EXPECT_NEAR(json["flesh"]["mass"].get<double>(), 4000.0, 1e-6);
+    EXPECT_GT(json["flesh"]["free_nodes"].get<int>(), 0);
+    EXPECT_TRUE(contains(run({"check", files.scene}).out, " points on bones, 4000 kg"));
+    for (const auto& [more, code] :
+         {std::pair{R"(, "law": "regions")", 3},
+          {R"(, "weights": "w.txt")", 3},
+          {R"(, "lattice": "none.mesh")", 4},
+          {R"(, "max_depth": 12)", 5},
+          {R"(, "materials": [{"region": "box 9 9 9 10 10 10"}])", 3}})
+    {
+        const Files refused(more);
+        const Result check = run({"check", refused.scene});
+        EXPECT_EQ(check.code, code) << more;
+        EXPECT_EQ(run({"simulate", refused.scene, "--json"}).err, check.err);
+        EXPECT_TRUE(contains(check.err, "skeleton.") || code == 4) << check.err;
+    }
+}
+
+TEST(SimulateFlesh, does_not_wait_for_what_falls_without_end_to_come_to_rest)
+{
+    const Files files;
+    const std::string scene = files.folder.write(
+        "loose.json", R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+            {"name": "root", "parent": null, "at": [9, 0, 0]},
+            {"name": "tip", "parent": "root", "at": [9, 0, 2]}],
+          "across": 8, "settle": true}, "simulate": {"duration": 0.1, "viscosity": 1}})");
+    const Result result = run({"simulate", scene, "--json"});
+    EXPECT_EQ(result.code, 3);
+    EXPECT_TRUE(contains(result.err, "skeleton.settle: 1 of 1 parts")) << result.err;
+}
+
+TEST(SimulateFlesh, warns_of_what_it_does_not_use_and_of_cells_inside_out)
+{
+    const Files files(R"(, "E": 50)", "179");
+    std::string text = support::bytes_of(files.scene);
+    text.replace(text.find("\"duration\": 0.2"), 15,
+                 R"("duration": 0.2, "viscosity": 2)");
+    files.folder.write("s.json", text);
+    const Result result = run({"simulate", files.scene, "--json"});
+    const Json json = Json::parse(result.out);
+    const std::string warnings = json["warnings"].dump();
+    EXPECT_TRUE(contains(warnings, "simulate.viscosity: is for rods")) << warnings;
+    int inverted = 0;
+    for (const Json& frame : json["frames"])
+        inverted = std::max(inverted, frame["skeleton"]["inverted"].get<int>());
+    EXPECT_GT(inverted, 0);
+    EXPECT_TRUE(contains(warnings, "were turned inside out")) << warnings;
+}
+
+TEST(SimulateFlesh, the_last_frame_of_a_file_that_moves_has_its_own_time)
+{
+    const Files files;
+    std::string text = support::bytes_of(files.scene);
+    text.replace(text.find("\"duration\": 0.2"), 15, R"("duration": 0.05, "every": 10)");
+    files.folder.write("s.json", text);
+    const std::string out = files.folder / "b.mdd";
+    ASSERT_EQ(run({"simulate", files.scene, "-o", out}).code, 0);
+    // Two times as big-endian floats: 0, 0.05.
+    const std::string mdd = support::bytes_of(out);
+    std::uint32_t bits = 0;
+    for (std::size_t k = 12; k < 16; ++k)
+        bits = bits << 8 | static_cast<unsigned char>(mdd[k]);
+    EXPECT_NEAR(std::bit_cast<float>(bits), 0.05, 1e-6);
 }
 
 TEST(SimulateFlesh, far_and_fast_keys_end_in_a_documented_state)

@@ -309,7 +309,16 @@ TEST(FleshSimulation, a_drawn_lattice_has_bones_on_its_edges)
     EXPECT_NEAR(volume->after / volume->before, 1.0, 0.1);
     // Edges away from the bones.
     bar.folder.write("bar.mesh", mesh + "Edges 1\n1 2 0\n");
-    EXPECT_TRUE(contains(bar.refusal(), "lie on no bone"));
+    EXPECT_TRUE(contains(bar.refusal(), "bar.mesh:72: Edges: the edge of vertices 1 and "
+                                        "2 lies on no bone of the skeleton (1 of 5"));
+    // Twins, and cells that are turned inside out, by the line of what was drawn.
+    bar.folder.write("bar.mesh", mesh + "Tetrahedra 2\n1 2 4 10 0\n10 4 2 1 0\n");
+    EXPECT_TRUE(contains(bar.refusal(),
+                         "bar.mesh:73: tetrahedron 2 has the corners of tetrahedron 1"));
+    bar.folder.write("bar.mesh", mesh + "Hexahedra 1\n1 2 5 4 5 14 11 10 0\n");
+    EXPECT_TRUE(
+        contains(bar.refusal(), "bar.mesh:72: hexahedron 17 is turned inside out"))
+        << bar.refusal();
 }
 
 TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
@@ -317,7 +326,9 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
     Bar bar;
     const std::string usual = bar.skeleton;
     for (const auto& [more, what] :
-         {std::pair{R"(, "law": "regions")", "skeleton.law: got 'regions'"},
+         {std::pair{R"(, "weights": "w.txt")",
+                    "skeleton.weights: is for the law regions"},
+          {R"(, "law": "regions")", "skeleton.law: got 'regions'"},
           {R"(, "detail": 0.1)", "skeleton.detail: is not supported"},
           {R"(, "contact": [{"plane": [0, 1, 0, 0]}])", "skeleton.contact: is not"},
           {R"(, "materials": [{"region": "bocks 1"}])", "skeleton.materials[0].region"}})
