@@ -311,6 +311,31 @@ MatrixXd reduced(const Flesh& flesh, double mass, double stiffness, double tube)
     return Z.transpose() * A * Z;
 }
 
+void patch_test()
+{
+    title("Even strain over cells of two sizes: largest force that is left inside, of "
+          "the largest at the border",
+          "known | ours");
+    const Built body = built_mixed(box_shape({0, 0, 0}, {4, 2, 2}), 4, 1, 3);
+    const Flesh flesh =
+        flesh_of(body, 1.0, {}, 0.25, 0.0, {1.0, 0.4, 1.0}, FleshSettings());
+    const MatrixXd K = reduced(flesh, 0, 1, 0);
+    const Eigen::Matrix3d G{{0.3, -0.2, 0.1}, {0.5, 0.2, -0.4}, {0.1, 0.3, -0.1}};
+    Eigen::VectorXd u(K.rows());
+    const std::vector<int>& free = flesh.nodes().free;
+    const auto place = [&](std::size_t k)
+    { return flesh.lattice().places[idx(free[k])]; };
+    for (std::size_t k = 0; k < free.size(); ++k)
+        u.segment<3>(Eigen::Index(3 * k)) = G * place(k);
+    const Eigen::VectorXd f = K * u;
+    double inside = 0.0;
+    for (std::size_t k = 0; k < free.size(); ++k)
+        if ((place(k).array() > 1e-9).all() &&
+            ((Eigen::Vector3d(4, 2, 2) - place(k)).array() > 1e-9).all())
+            inside = std::max(inside, f.segment<3>(Eigen::Index(3 * k)).norm());
+    fmt::print("| 0 | {:.1e} |\n", inside / f.cwiseAbs().maxCoeff());
+}
+
 void rigid_modes()
 {
     title("Motions that cost nothing", "what is held | known | ours");
@@ -534,6 +559,7 @@ int main()
     cantilever();
     thin_beam();
     free_cube();
+    patch_test();
     rigid_modes();
     energy();
     joints();
