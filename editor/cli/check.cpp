@@ -22,14 +22,16 @@ int run(const SessionFlags& flags, const CommonFlags& common)
 {
     const bool has_flesh = time_scene_of(flags.model) == TimeScene::Flesh;
     SessionRequest request = read_request(flags, has_flesh);
-    const std::optional<FleshFacts> flesh = flesh_in_time(flags.model, request);
+    const auto geometry = std::make_shared<const Geometry>(
+        read_geometry(request.model, request.read).geometry);
+    const std::optional<FleshFacts> flesh =
+        flesh_in_time(flags.model, *geometry, request.settings.cells);
     if (!request.handles)
         request.handles.emplace();
     std::size_t num_frames = 0;
     for (const Stage& stage : request.handles->stages)
         num_frames += stage.frames.size();
-    const Session session(read_geometry(request.model, request.read).geometry,
-                          std::move(*request.handles), request.settings);
+    const Session session(geometry, std::move(*request.handles), request.settings);
     std::vector<std::string> warnings = request.warnings;
     warnings.insert(warnings.end(), session.warnings().begin(), session.warnings().end());
     if (flesh)

@@ -67,11 +67,12 @@ Json rods_in_time([[maybe_unused]] const std::string& scene)
 }
 
 std::optional<FleshFacts> flesh_in_time([[maybe_unused]] const std::string& input,
-                                        [[maybe_unused]] const SessionRequest& request)
+                                        [[maybe_unused]] const Geometry& geometry,
+                                        [[maybe_unused]] const CellSettings& cells)
 {
 #ifdef CELLWARP_WITH_SKELETON
     if (time_scene_of(input) == TimeScene::Flesh)
-        return flesh_of_scene(input, request);
+        return flesh_of_scene(input, geometry, cells);
 #endif
     return std::nullopt;
 }

@@ -172,13 +172,12 @@ private:
 
 } // namespace
 
-FleshFacts flesh_of_scene(const std::string& path, const SessionRequest& request)
+FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
+                          const CellSettings& cells)
 {
     const SceneFile scene = read_scene(path);
-    const Geometry geometry = read_geometry(request.model, request.read).geometry;
-    const FleshBody body =
-        build_flesh(geometry, scene, skeleton_of(*scene.skeleton, scene.path),
-                    request.settings.cells, false);
+    const FleshBody body = build_flesh(
+        geometry, scene, skeleton_of(*scene.skeleton, scene.path), cells, false);
     FleshFacts facts;
     facts.json = size_of(body);
     facts.json["mass"] = body.mass;

@@ -308,18 +308,16 @@ void add_simulate(CLI::App& app, CommonFlags& common, int& exit_code)
     CLI::App* const command = app.add_subcommand(
         "simulate",
         "A scene in time, frames out: spline rods and the model whose cells they carry, "
-        "or "
-        "flesh that follows a skeleton.\n\n"
+        "or flesh that follows a skeleton.\n\n"
         "  cellwarp simulate samples/rods/cantilever.json -o bent.obj\n"
         "  cellwarp simulate samples/rods/pendulum.json -o 'swing-{frame:03}.obj'\n"
         "  cellwarp simulate samples/flesh/walk.json -o walk.glb\n");
     command->add_option("SCENE", flags->scene, "scene with simulate (json)")->required();
     command->add_option("-o,--output", flags->output,
                         "rods as tubes (.obj, .ply), or the model, in its format: the "
-                        "last frame; {frame} "
-                        "or {frame:04}: one a frame; -: stdout, rods as OBJ; all frames "
-                        "of a model in one "
-                        "file that moves: .glb, .pc2, .mdd");
+                        "last frame; {frame} or {frame:04}: one a frame; -: stdout, rods "
+                        "as OBJ; all frames of a model in one file that moves: .glb, "
+                        ".pc2, .mdd");
     command->add_option(
         "--rods", flags->rods,
         "rods beside the model that they carry, in its unit (.obj, .ply)");

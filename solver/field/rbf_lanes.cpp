@@ -7,13 +7,7 @@
 // partial sums, one for every eighth term, added in their order.
 #include "solver/field/rbf_kernel.h"
 
-#if defined(__AVX512F__)
-#define CELLWARP_WIDTH 8
-#elif defined(__AVX2__)
-#define CELLWARP_WIDTH 4
-#else
-#define CELLWARP_WIDTH 2
-#endif
+#include "octree/base/lanes.h"
 
 namespace cellwarp::CELLWARP_LANES_FOR
 {
@@ -21,7 +15,6 @@ namespace cellwarp::CELLWARP_LANES_FOR
 namespace
 {
 
-using Lanes = double __attribute__((vector_size(8 * CELLWARP_WIDTH)));
 constexpr std::size_t kParts = kCentreLanes / CELLWARP_WIDTH;
 
 inline Lanes load(const double* numbers)

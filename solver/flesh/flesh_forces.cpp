@@ -258,6 +258,14 @@ void FleshForces::give(const PartVector& forces, std::size_t part, bool adds) co
     }
 }
 
+void FleshForces::take_law(StrainLaw law)
+{
+    law_ = law;
+    points_.clear();
+    for (const LatticePart& part : lattice_.parts)
+        points_.push_back(points_of(lattice_, part));
+}
+
 std::size_t FleshForces::num_inverted(const VectorXd& u) const
 {
     std::size_t count = 0;
@@ -272,9 +280,6 @@ void FleshForces::follow(const VectorXd& u)
 {
     if (law_)
     {
-        if (points_.empty())
-            for (const LatticePart& part : lattice_.parts)
-                points_.push_back(points_of(lattice_, part));
         hessians_.resize(lattice_.parts.size());
         parallel_for(hessians_.size(), kGrainOfBlocks,
                      [&](std::size_t p)
@@ -309,6 +314,22 @@ void FleshForces::add_tubes(const VectorXd& x, double factor) const
                          given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane);
                      out.noalias() = (factor * tube.stiffness) * tube.overlap * values;
                  });
+}
+
+/// Of the corners of a tube's cell, from where they are to where the bone has them.
+Eigen::Matrix<double, 8, 3>
+FleshForces::way_to_bone(const TubePart& tube, const VectorXd& u,
+                         std::span<const Motion> motions) const
+{
+    const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
+    const Motion& T = motions[idx(tube.motion)];
+    Eigen::Matrix<double, 8, 3> way;
+    for (int a = 0; a < 8; ++a)
+    {
+        const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
+        way.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
+    }
+    return way;
 }
 
 void FleshForces::gather(VectorXd& out) const
@@ -385,17 +406,9 @@ void FleshForces::forces(const VectorXd& u, std::span<const Motion> motions,
     for (std::size_t t = 0; t < tubes_.size(); ++t)
     {
         const TubePart& tube = tubes_[t];
-        const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
-        const Motion& T = motions[idx(tube.motion)];
-        Eigen::Matrix<double, 8, 3> away;
-        for (int a = 0; a < 8; ++a)
-        {
-            const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
-            away.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
-        }
         Eigen::Map<Eigen::Matrix<double, 8, 3>>(
             given_[kRowsOfBlock * num_blocks_ + kRowsOfTube * t].lane)
-            .noalias() = tube.stiffness * tube.overlap * away;
+            .noalias() = tube.stiffness * tube.overlap * way_to_bone(tube, u, motions);
     }
     gather(out);
 }
@@ -406,10 +419,10 @@ double FleshForces::elastic_energy(const VectorXd& u) const
     {
         double energy = 0.0;
         for (std::size_t p = 0; p < lattice_.parts.size(); ++p)
-            energy += strain_energy(points_of(lattice_, lattice_.parts[p]),
-                                    materials_[idx(lattice_.parts[p].material)], *law_,
-                                    corners(u, p))
-                          .energy;
+            energy +=
+                strain_energy(points_[p], materials_[idx(lattice_.parts[p].material)],
+                              *law_, corners(u, p))
+                    .energy;
         return energy;
     }
     // 1/2 z^T K z, z = R^T (X + u) - X: the force times what the corners went from R X.
@@ -452,15 +465,8 @@ double FleshForces::tube_energy(const VectorXd& u, std::span<const Motion> motio
     double energy = 0.0;
     for (const TubePart& tube : tubes_)
     {
-        const CornerNodes& nodes = lattice_.cells[idx(tube.cell)];
-        const Motion& T = motions[idx(tube.motion)];
-        Eigen::Matrix<double, 8, 3> away;
-        for (int a = 0; a < 8; ++a)
-        {
-            const Vector3d& x = lattice_.places[idx(nodes[idx(a)])];
-            away.row(a) = (T(x) - x - u.segment<3>(3 * nodes[idx(a)])).transpose();
-        }
-        energy += 0.5 * tube.stiffness * (away.transpose() * tube.overlap * away).trace();
+        const Eigen::Matrix<double, 8, 3> way = way_to_bone(tube, u, motions);
+        energy += 0.5 * tube.stiffness * (way.transpose() * tube.overlap * way).trace();
     }
     return energy;
 }

@@ -41,7 +41,7 @@ public:
 
     /// Strain is large from now on, by a law: then there are no frames, and follow()
     /// finds the second derivatives, made positive, part by part.
-    void take_law(StrainLaw law) { law_ = law; }
+    void take_law(StrainLaw law);
 
     /// Turns the frame of each cell to the rotation of its mean deformation [4.6].
     void follow(const Eigen::VectorXd& u);
@@ -81,6 +81,9 @@ private:
     PartVector corners(const Eigen::VectorXd& x, std::size_t part) const;
     void give(const PartVector& forces, std::size_t part, bool adds) const;
     void add_tubes(const Eigen::VectorXd& x, double factor) const;
+    Eigen::Matrix<double, 8, 3> way_to_bone(const TubePart& tube,
+                                            const Eigen::VectorXd& u,
+                                            std::span<const Motion> motions) const;
     template <class Call>
     void for_blocks(Call&& call) const;
 

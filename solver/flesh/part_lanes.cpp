@@ -10,21 +10,13 @@
 // Forces on the corners are the same sums of the forces on the coefficients.
 #include "solver/flesh/part_kernel.h"
 
-#if defined(__AVX512F__)
-#define CELLWARP_WIDTH 8
-#elif defined(__AVX2__)
-#define CELLWARP_WIDTH 4
-#else
-#define CELLWARP_WIDTH 2
-#endif
+#include "octree/base/lanes.h"
 
 namespace cellwarp::CELLWARP_LANES_FOR
 {
 
 namespace
 {
-
-using Lanes = double __attribute__((vector_size(8 * CELLWARP_WIDTH)));
 
 inline Lanes load(const PartRow& row, std::size_t lane)
 {

@@ -294,23 +294,6 @@ void joints()
     }
 }
 
-/// The matrices on free nodes at rest.
-MatrixXd reduced(const Flesh& flesh, double mass, double stiffness, double tube)
-{
-    const MatrixXd A = flesh.dense_matrix(mass, stiffness, tube);
-    const BoundNodes& nodes = flesh.nodes();
-    MatrixXd Z = MatrixXd::Zero(A.rows(), Eigen::Index(3 * nodes.free.size()));
-    for (int c = 0; c < 3; ++c)
-    {
-        for (std::size_t k = 0; k < nodes.free.size(); ++k)
-            Z(3 * nodes.free[k] + c, Eigen::Index(3 * k) + c) = 1.0;
-        for (std::size_t k = 0; k < nodes.bound.size(); ++k)
-            for (const NodeShare& share : nodes.by_free[k])
-                Z(3 * nodes.bound[k] + c, 3 * share.node + c) = share.share;
-    }
-    return Z.transpose() * A * Z;
-}
-
 void patch_test()
 {
     title("Even strain over cells of two sizes: largest force that is left inside, of "
@@ -367,26 +350,12 @@ void energy()
     settings.tolerance = 1e-14;
     const Lattice lattice = bar_lattice(1, 4);
     Flesh flesh(lattice, {{1e4, 0.3, 1000}}, held_nodes(lattice, is_held), {}, settings);
-    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modes(
-        reduced(flesh, 0, 1, 0), reduced(flesh, 1, 0, 0));
-    const std::vector<Motion> still(1);
+    const Modes modes = modes_of(flesh);
     for (const int mode : {0, 5, 30})
         for (const double dt : {1e-3, 1e-2})
-        {
-            FleshState state = flesh.rest();
-            for (std::size_t k = 0; k < flesh.nodes().free.size(); ++k)
-                state.u.segment<3>(3 * flesh.nodes().free[k]) =
-                    modes.eigenvectors().col(mode).segment<3>(Eigen::Index(3 * k));
-            const auto now = [&]
-            {
-                const Flesh::Energies e = flesh.energies(state, still);
-                return e.kinetic + e.elastic;
-            };
-            const double before = now();
-            flesh.step(state, dt, still);
             row(fmt::format("{}, {} s", mode + 1, dt),
-                1.0 / (1.0 + dt * dt * modes.eigenvalues()[mode]), now() / before);
-        }
+                1.0 / (1.0 + dt * dt * modes.eigenvalues()[mode]),
+                energy_left(flesh, modes, mode, dt));
     settings.gravity = {0, 0, -9.81};
     Flesh falls(bar_lattice(1, 3), {{1e4, 0.4, 1000}}, {}, {}, settings);
     FleshState state = falls.rest();

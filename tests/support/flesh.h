@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Eigenvalues>
 
 #include "solver/flesh/flesh.h"
 #include "tests/support/shapes.h"
@@ -99,6 +100,51 @@ inline int count_zero(const Eigen::VectorXd& values)
 {
     return static_cast<int>(
         (values.array().abs() < 1e-9 * values.cwiseAbs().maxCoeff()).count());
+}
+
+/// Matrix on the free nodes, the axes of each one after the other.
+inline Eigen::MatrixXd reduced(const Flesh& flesh, double mass, double stiffness,
+                               double tube)
+{
+    const Eigen::MatrixXd A = flesh.dense_matrix(mass, stiffness, tube);
+    const BoundNodes& nodes = flesh.nodes();
+    Eigen::MatrixXd Z =
+        Eigen::MatrixXd::Zero(A.rows(), Eigen::Index(3 * nodes.free.size()));
+    for (int c = 0; c < 3; ++c)
+    {
+        for (std::size_t k = 0; k < nodes.free.size(); ++k)
+            Z(3 * nodes.free[k] + c, Eigen::Index(3 * k) + c) = 1.0;
+        for (std::size_t k = 0; k < nodes.bound.size(); ++k)
+            for (const NodeShare& share : nodes.by_free[k])
+                Z(3 * nodes.bound[k] + c, 3 * share.node + c) = share.share;
+    }
+    return Z.transpose() * A * Z;
+}
+
+/// Natural motions of the free nodes, of small displacements: columns, and z^2 / dt^2.
+using Modes = Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd>;
+
+inline Modes modes_of(const Flesh& flesh)
+{
+    return Modes(reduced(flesh, 0, 1, 0), reduced(flesh, 1, 0, 0));
+}
+
+/// What a step leaves of the energy of a mode alone, as a share.
+inline double energy_left(Flesh& flesh, const Modes& modes, int mode, double dt)
+{
+    const std::vector<Motion> still(1);
+    FleshState state = flesh.rest();
+    for (std::size_t k = 0; k < flesh.nodes().free.size(); ++k)
+        state.u.segment<3>(3 * flesh.nodes().free[k]) =
+            modes.eigenvectors().col(mode).segment<3>(Eigen::Index(3 * k));
+    const auto now = [&]
+    {
+        const Flesh::Energies e = flesh.energies(state, still);
+        return e.kinetic + e.elastic;
+    };
+    const double before = now();
+    flesh.step(state, dt, still);
+    return now() / before;
 }
 
 } // namespace cellwarp::support

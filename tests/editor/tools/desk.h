@@ -36,6 +36,18 @@ struct Desk
     {
         return folder.write("bar.obj", obj_text(box_shape({0, 0, 0}, {3, 1, 1}, 6)));
     }
+    /// The bar with two bones along it; \p of_skeleton and \p of_scene: further keys.
+    static std::string limb(const Folder& folder, const std::string& of_skeleton = "",
+                            const std::string& of_scene = "")
+    {
+        bar(folder);
+        return folder.write("limb.json", R"({"cellwarp": 1, "model": "bar.obj",
+            "skeleton": {"joints": [
+                {"name": "root", "parent": null, "at": [0.1, 0.5, 0.5]},
+                {"name": "knee", "parent": "root", "at": [1.5, 0.5, 0.5]},
+                {"name": "foot", "parent": "knee", "at": [2.9, 0.5, 0.5]}])" +
+                                             of_skeleton + "}" + of_scene + "}");
+    }
     /// In few cells.
     static Document document_of(const std::string& model)
     {

@@ -16,19 +16,9 @@ namespace
 
 using Eigen::Vector3d;
 
-/// The bar with two bones along it.
-std::string limb(const support::Folder& folder)
-{
-    Desk::bar(folder);
-    return folder.write("limb.json", R"({"cellwarp": 1, "model": "bar.obj",
-        "skeleton": {"joints": [{"name": "root", "parent": null, "at": [0.1, 0.5, 0.5]},
-            {"name": "knee", "parent": "root", "at": [1.5, 0.5, 0.5]},
-            {"name": "foot", "parent": "knee", "at": [2.9, 0.5, 0.5]}]}})");
-}
-
 struct JointDesk : Desk
 {
-    JointDesk() : Desk(limb) { settle(); }
+    JointDesk() : Desk([](const support::Folder& in) { return limb(in); }) { settle(); }
     Vector3d place(std::size_t joint)
     {
         return editing.view_frame().to_model(editing.shape().lines[joint].points[0]);

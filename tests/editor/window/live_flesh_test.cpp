@@ -27,15 +27,11 @@ using Eigen::Vector3d;
 /// The bar along x with two bones, whose knee turns by keys.
 std::string limb(const support::Folder& folder)
 {
-    Desk::bar(folder);
-    return folder.write("limb.json", R"({"cellwarp": 1, "model": "bar.obj",
-        "skeleton": {"joints": [{"name": "root", "parent": null, "at": [0.1, 0.5, 0.5]},
-            {"name": "knee", "parent": "root", "at": [1.5, 0.5, 0.5]},
-            {"name": "foot", "parent": "knee", "at": [2.9, 0.5, 0.5]}],
+    return Desk::limb(folder, R"(,
           "keys": [{"time": 0, "joint": "knee", "rotate": [0, 0, 1, 0]},
                    {"time": 0.2, "joint": "knee", "rotate": [0, 0, 1, 30]}],
-          "E": 1e6, "across": 8},
-        "simulate": {"duration": 0.2, "gravity": [0, 0, 0]}})");
+          "E": 1e6, "across": 8)",
+                      R"(, "simulate": {"duration": 0.2, "gravity": [0, 0, 0]})");
 }
 
 void pause()

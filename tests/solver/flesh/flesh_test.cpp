@@ -36,27 +36,11 @@ FleshSettings tight(FleshLaw law)
     return settings;
 }
 
-/// Matrix on the free nodes, the axes of each one after the other.
-MatrixXd reduced(const Flesh& flesh, double mass, double stiffness, double tube)
-{
-    const MatrixXd A = flesh.dense_matrix(mass, stiffness, tube);
-    const BoundNodes& nodes = flesh.nodes();
-    MatrixXd Z = MatrixXd::Zero(A.rows(), Eigen::Index(3 * nodes.free.size()));
-    for (int c = 0; c < 3; ++c)
-    {
-        for (std::size_t k = 0; k < nodes.free.size(); ++k)
-            Z(3 * nodes.free[k] + c, Eigen::Index(3 * k) + c) = 1.0;
-        for (std::size_t k = 0; k < nodes.bound.size(); ++k)
-            for (const NodeShare& share : nodes.by_free[k])
-                Z(3 * nodes.bound[k] + c, 3 * share.node + c) = share.share;
-    }
-    return Z.transpose() * A * Z;
-}
-
 int zero_modes(const Flesh& flesh)
 {
     return support::count_zero(
-        Eigen::SelfAdjointEigenSolver<MatrixXd>(reduced(flesh, 0, 1, 1)).eigenvalues());
+        Eigen::SelfAdjointEigenSolver<MatrixXd>(support::reduced(flesh, 0, 1, 1))
+            .eigenvalues());
 }
 
 struct Bar
@@ -128,7 +112,7 @@ TEST(Flesh, cantilever_sags_and_swings_as_known)
         EXPECT_TRUE(flesh.settle(state, still).is_converged);
         EXPECT_NEAR(load.dot(state.u), tip, 2e-3);
         const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modes(
-            reduced(flesh, 0, 1, 0), reduced(flesh, 1, 0, 0));
+            support::reduced(flesh, 0, 1, 0), support::reduced(flesh, 1, 0, 0));
         EXPECT_NEAR(std::sqrt(modes.eigenvalues()[0]), frequency, 6e-7);
     }
 }
@@ -191,26 +175,11 @@ TEST(Flesh, an_unforced_mode_loses_its_share_and_no_more)
     const Lattice lattice = support::bar_lattice(1, 4);
     Flesh flesh(lattice, {{1e4, 0.3, 1000}}, support::held_nodes(lattice, is_at_begin),
                 {}, tight(FleshLaw::Linear));
-    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> modes(
-        reduced(flesh, 0, 1, 0), reduced(flesh, 1, 0, 0));
-    const std::vector<Motion> still(1);
+    const support::Modes modes = support::modes_of(flesh);
     for (const int mode : {0, 3, 20})
         for (const double dt : {1e-3, 1e-2})
-        {
-            FleshState state = flesh.rest();
-            for (std::size_t k = 0; k < flesh.nodes().free.size(); ++k)
-                state.u.segment<3>(3 * flesh.nodes().free[k]) =
-                    modes.eigenvectors().col(mode).segment<3>(Eigen::Index(3 * k));
-            const auto energy = [&]
-            {
-                const Flesh::Energies e = flesh.energies(state, still);
-                return e.kinetic + e.elastic;
-            };
-            const double before = energy();
-            flesh.step(state, dt, still);
-            const double z2 = dt * dt * modes.eigenvalues()[mode];
-            EXPECT_NEAR(energy() / before, 1.0 / (1.0 + z2), 1e-9);
-        }
+            EXPECT_NEAR(support::energy_left(flesh, modes, mode, dt),
+                        1.0 / (1.0 + dt * dt * modes.eigenvalues()[mode]), 1e-9);
 }
 
 TEST(Flesh, stays_bounded_for_stiff_and_soft_flesh_and_all_steps)
