@@ -32,6 +32,11 @@ constexpr int kTerms = RbfField::kTerms;
 /// its size at the centres, is one that the centres do not determine.
 constexpr double kMinShare = 1e-8;
 
+/// The same of the quadratic ones, without which the system still has a solution: what
+/// the centres hardly determine grows without bound between them and the surface. In a
+/// bar two cells thick y y - z z is such a term: all centres lie near its diagonals.
+constexpr double kMinQuadraticShare = 1e-2;
+
 /// The size that a term has at least, relative to the extent of the centres to its
 /// degree: in a row of cells y z is nothing but rounding, however much of itself that is.
 constexpr double kMinSize = 1e-4;
@@ -136,7 +141,7 @@ void RbfSystem::find_polynomial(double extent)
             row -= part.transpose() * Q;
             along += part;
         }
-        if (!(row.norm() > kMinShare * size))
+        if (!(row.norm() > (degree == 2 ? kMinQuadraticShare : kMinShare) * size))
             continue;
         R_.col(rank).head(rank) = along;
         R_(rank, rank) = row.norm();

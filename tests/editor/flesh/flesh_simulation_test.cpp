@@ -29,7 +29,7 @@ struct Bar
     std::string skeleton = R"("E": 2e4, "across": 8)";
     std::string keys = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]},
                           {"time": 0.5, "joint": "knee", "rotate": [1, 0, 0, 60]})";
-    std::string more;
+    std::string more, model = "bar.obj";
 
     Bar()
     {
@@ -38,14 +38,15 @@ struct Bar
     }
     SceneFile scene() const
     {
-        return parse_scene(folder / "s.json",
-                           R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+        return parse_scene(folder / "s.json", R"({"cellwarp": 1, "model": ")" + model +
+                                                  R"(", "skeleton": {"joints": [
                 {"name": "root", "parent": null, "at": [0, 0, 0]},
                 {"name": "knee", "parent": "root", "at": [0, 0, 2]},
                 {"name": "foot", "parent": "knee", "at": [0, 0, 4]}], )" +
-                               skeleton + R"(, "keys": [)" + keys + R"(]},
+                                                  skeleton + R"(, "keys": [)" + keys +
+                                                  R"(]},
                 "simulate": {"duration": 0.5, "gravity": [0, 0, 0])" +
-                               more + "}}");
+                                                  more + "}}");
     }
     std::unique_ptr<FleshSimulation> start(bool is_tight = false) const
     {
@@ -125,6 +126,61 @@ TEST(FleshSimulation, smooth_samples_are_near_those_of_the_lattice)
     for (std::size_t i = 0; i < live.samples.size(); ++i)
         sum += (live.samples[i] - smooth.samples[i]).squaredNorm();
     EXPECT_LT(std::sqrt(sum / static_cast<double>(live.samples.size())), 0.005 * 4.2);
+}
+
+TEST(FleshSimulation, soups_and_clouds_ride_as_meshes_do_and_normals_turn)
+{
+    // The same triangles, each by itself; and the same places, with normals.
+    const Shape box = support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 8);
+    std::string soup, cloud = "ply\nformat ascii 1.0\nelement vertex " +
+                              std::to_string(box.samples.size()) +
+                              "\nproperty double x\nproperty double y\nproperty double z"
+                              "\nproperty float nx\nproperty float ny\nproperty float nz"
+                              "\nend_header\n";
+    const auto text = [](const Vector3d& x)
+    {
+        return std::to_string(x.x()) + " " + std::to_string(x.y()) + " " +
+               std::to_string(x.z()) + " ";
+    };
+    int corner = 0;
+    for (const auto& triangle : box.triangles)
+    {
+        for (const auto vertex : triangle)
+            soup += "v " + text(box.samples[vertex]) + "\n";
+        soup += "f " + std::to_string(corner + 1) + " " + std::to_string(corner + 2) +
+                " " + std::to_string(corner + 3) + "\n";
+        corner += 3;
+    }
+    for (const Vector3d& x : box.samples)
+        cloud += text(x) + "0 0 1\n";
+    Bar bar;
+    bar.skeleton = R"("E": 2e6, "across": 8)";
+    const auto end_of = [&](const std::string& name)
+    {
+        bar.model = name;
+        const auto simulation = bar.start();
+        while (simulation->steps_done() < simulation->num_steps())
+            simulation->next_frame();
+        return simulation->deformed();
+    };
+    const DeformedSamples mesh = end_of("bar.obj");
+    bar.folder.write("soup.obj", soup);
+    bar.folder.write("cloud.ply", cloud);
+    const DeformedSamples of_soup = end_of("soup.obj"), of_cloud = end_of("cloud.ply");
+    std::size_t k = 0;
+    for (const auto& triangle : box.triangles)
+        for (const auto vertex : triangle)
+            EXPECT_LT((of_soup.samples[k++] - mesh.samples[vertex]).norm(), 1e-3);
+    ASSERT_EQ(of_cloud.directions.size(), box.samples.size());
+    // Along the foot's bone normals point where it points, away from the ends.
+    const Vector3d along(0, -std::sin(std::numbers::pi / 3),
+                         std::cos(std::numbers::pi / 3));
+    for (std::size_t i = 0; i < box.samples.size(); ++i)
+    {
+        EXPECT_LT((of_cloud.samples[i] - mesh.samples[i]).norm(), 0.1);
+        const double z = box.samples[i].z();
+        EXPECT_TRUE(z < 3.2 || z > 3.8 || of_cloud.directions[i].dot(along) > 0.97) << z;
+    }
 }
 
 TEST(FleshSimulation, samples_on_bones_go_with_them_exactly)

@@ -714,6 +714,34 @@ TEST(Field, threads_do_not_change_a_bit)
     }
 }
 
+TEST(RbfField, a_quadratic_that_the_centres_hardly_determine_stays_small)
+{
+    // A bar two cells thick, each with a point towards its open edge: y y - z z is
+    // nothing there but for the little that cells and their motions are off.
+    std::mt19937 rng(4);
+    for (const double off : {0.0, 1e-6, 1e-4, 1e-3})
+    {
+        std::vector<Eigen::Vector3d> centres, displacements;
+        for (int x = 0; x < 8; ++x)
+            for (const double r : {0.25, 0.45})
+                for (const int y : {-1, 1})
+                    for (const int z : {-1, 1})
+                    {
+                        centres.push_back(Eigen::Vector3d(0.5 * x, r * y, r * z) +
+                                          random_vector(rng, off));
+                        displacements.push_back(random_vector(rng, 0.01));
+                    }
+        const RbfField field = RbfSystem(centres).fit(displacements).field;
+        for (int trial = 0; trial < 100; ++trial)
+        {
+            const Eigen::Vector3d at(random_number(rng, -0.25, 3.75),
+                                     random_number(rng, -0.5, 0.5),
+                                     random_number(rng, -0.5, 0.5));
+            EXPECT_LT(field.value(at).displacement.norm(), 0.2) << off;
+        }
+    }
+}
+
 TEST(RbfField, what_rounding_leaves_of_a_term_does_not_count)
 {
     // A row of cells: its centres and the middles of its sides. y z is 0 but for
