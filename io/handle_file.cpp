@@ -34,11 +34,6 @@ std::shared_ptr<const Eigen::Matrix4d> matrix_of(const std::vector<double>& rows
         Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(rows.data()));
 }
 
-bool is_end_of_word(char c)
-{
-    return is_blank(c) || c == '#';
-}
-
 /// The words of one statement; a word in double quotes may hold blanks and #.
 class Statement
 {
@@ -348,6 +343,108 @@ Operation parse_operation(Statement& words)
     return operation;
 }
 
+/// "point K", "start" or "end", if that is what follows.
+MovePlace parse_place(Statement& words)
+{
+    MovePlace place;
+    const std::string word = words.is_done() ? "" : words.peek();
+    if (word == "point")
+    {
+        words.word("point");
+        place.kind = MovePlace::Kind::Point;
+        place.point = words.integer("point");
+    }
+    else if (word == "start" || word == "end")
+    {
+        words.word(word);
+        place.kind = word == "end" ? MovePlace::Kind::End : MovePlace::Kind::Start;
+    }
+    return place;
+}
+
+/// What "release" names behind the place; nothing: all of it.
+HoldParts parse_parts(Statement& words)
+{
+    if (words.is_done())
+        return {true, true, true};
+    HoldParts released;
+    while (!words.is_done())
+    {
+        const std::string word = words.word("part");
+        if (word == "place")
+            released.place = true;
+        else if (word == "tangent")
+            released.tangent = true;
+        else if (word == "twist")
+            released.twist = true;
+        else
+            words.fail("part",
+                       "got " + in_quotes(word) + ", need place, tangent or twist");
+    }
+    return released;
+}
+
+/// A move, or a release, by what its line says alone.
+Move parse_move(Statement& words, std::int64_t line, bool releases)
+{
+    Move move;
+    move.line = line;
+    move.region = words.word("region name");
+    move.place = parse_place(words);
+    if (releases)
+    {
+        move.released = parse_parts(words);
+        return move;
+    }
+    do
+        move.operations.push_back(parse_operation(words));
+    while (!words.is_done() && words.peek() != "from");
+    if (!words.is_done())
+    {
+        words.word("from");
+        move.chain = words.word("first joint");
+        words.end();
+    }
+    return move;
+}
+
+OnStatement parse_on(Statement& words, std::int64_t line)
+{
+    OnStatement on;
+    on.line = line;
+    on.pin = words.word("pin name");
+    on.guide = words.word("name of a curve or rod");
+    if (!words.is_done())
+    {
+        if (words.word("at") != "at")
+            words.fail("at", "need 'at' and a share of the length, or nothing");
+        on.at = words.number("at");
+        if (!(*on.at >= 0 && *on.at <= 1))
+            words.fail("at", "got " + shortest(*on.at) + ", need 0 to 1");
+    }
+    words.end();
+    return on;
+}
+
+FrameStatement parse_frame(Statement& words, std::int64_t line)
+{
+    const std::int64_t number = words.integer("frame number");
+    if (number < 0 || number > kLastFrame)
+        words.fail("frame number", "got " + std::to_string(number) + ", need 0 to " +
+                                       std::to_string(kLastFrame));
+    words.end();
+    return {number, {}, line};
+}
+
+std::optional<Role> role_named(const std::string& word)
+{
+    for (const Role role :
+         {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff, Role::Rod, Role::Curve})
+        if (word == role_name(role))
+            return role;
+    return std::nullopt;
+}
+
 /// Operations that the role of a region, and the place in a rod or curve, let it make.
 void check_operation(const Operation& operation, bool is_first, Role role,
                      const MovePlace& place, Statement& words, const std::string& region)
@@ -621,29 +718,16 @@ private:
         }
     }
 
-    static std::optional<Role> role_named(const std::string& word)
-    {
-        for (const Role role :
-             {Role::Fixed, Role::Handle, Role::Pin, Role::Stiff, Role::Rod, Role::Curve})
-            if (word == role_name(role))
-                return role;
-        return std::nullopt;
-    }
-
     void frame(Statement& words, std::int64_t line)
     {
-        const std::int64_t number = words.integer("frame number");
-        if (number < 0 || number > kLastFrame)
-            words.fail("frame number", "got " + std::to_string(number) + ", need 0 to " +
-                                           std::to_string(kLastFrame));
-        if (last_frame_ && number <= *last_frame_)
-            words.fail("frame number", "got " + std::to_string(number) +
+        FrameStatement frame = parse_frame(words, line);
+        if (last_frame_ && frame.number <= *last_frame_)
+            words.fail("frame number", "got " + std::to_string(frame.number) +
                                            ", need more than the last one, " +
                                            std::to_string(*last_frame_));
-        words.end();
-        last_frame_ = number;
+        last_frame_ = frame.number;
         moved_.clear();
-        file_.stages.back().frames.push_back({number, {}, line});
+        file_.stages.back().frames.push_back(std::move(frame));
     }
 
     Role role_of(const std::string& region, const Statement& words) const
@@ -659,24 +743,12 @@ private:
         Stage& stage = file_.stages.back();
         if (!stage.frames.empty())
             words.fail("on", "comes before the frames, or after a commit");
-        OnStatement on;
-        on.line = line;
-        on.pin = words.word("pin name");
+        OnStatement on = parse_on(words, line);
         if (const Role role = role_of(on.pin, words); role != Role::Pin)
             words.fail(on.pin, "is a " + role_name(role) +
                                    " region, only a pin can stay on a curve");
-        on.guide = words.word("name of a curve or rod");
         if (!splines_.contains(on.guide))
             words.fail(on.guide, "is no curve or rod that was told of before");
-        if (!words.is_done())
-        {
-            if (words.word("at") != "at")
-                words.fail("at", "need 'at' and a share of the length, or nothing");
-            on.at = words.number("at");
-            if (!(*on.at >= 0 && *on.at <= 1))
-                words.fail("at", "got " + shortest(*on.at) + ", need 0 to 1");
-        }
-        words.end();
         const auto [other, is_first] = guided_.try_emplace(on.pin, line);
         if (!is_first)
             words.fail(on.pin, "is already on a curve (line " +
@@ -684,80 +756,40 @@ private:
         stage.ons.push_back(std::move(on));
     }
 
-    /// "point K", "start" or "end", if that is what follows.
-    MovePlace move_place(Statement& words, const std::string& region)
+    void check_place(const Move& move, const Statement& words) const
     {
-        MovePlace place;
-        const auto spline = splines_.find(region);
-        if (spline == splines_.end() || words.is_done())
-            return place;
-        const std::string word = words.peek();
-        if (word == "point")
-        {
-            words.word("point");
-            place.kind = MovePlace::Kind::Point;
-            place.point = words.integer("point");
-            const std::size_t count = spline->second->points.size();
-            const bool is_out =
-                place.point < 0 || (count > 0 && place.point >= std::int64_t(count));
-            if (is_out || place.point >= kMostSplinePoints)
-                words.fail("point", "got " + std::to_string(place.point) +
-                                        ", need 0 to " +
-                                        std::to_string(std::int64_t(count) - 1));
-        }
-        else if (word == "start" || word == "end")
-        {
-            words.word(word);
-            place.kind = word == "end" ? MovePlace::Kind::End : MovePlace::Kind::Start;
-            if (spline->second->is_closed && word == "end")
-                words.fail(region, "is closed: it has no end");
-        }
-        return place;
+        if (move.place.kind == MovePlace::Kind::Whole)
+            return;
+        const auto spline = splines_.find(move.region);
+        if (spline == splines_.end())
+            words.fail(move.region, "has no points: only a rod or curve has");
+        const std::size_t count = spline->second->points.size();
+        const std::int64_t point = move.place.point;
+        if (point < 0 || (count > 0 && point >= std::int64_t(count)) ||
+            point >= kMostSplinePoints)
+            words.fail("point", "got " + std::to_string(point) + ", need 0 to " +
+                                    std::to_string(std::int64_t(count) - 1));
+        if (spline->second->is_closed && move.place.kind == MovePlace::Kind::End)
+            words.fail(move.region, "is closed: it has no end");
     }
 
-    /// What "release" names behind the place; nothing: all of it.
-    static HoldParts parts(Statement& words)
-    {
-        if (words.is_done())
-            return {true, true, true};
-        HoldParts released;
-        while (!words.is_done())
-        {
-            const std::string word = words.word("part");
-            if (word == "place")
-                released.place = true;
-            else if (word == "tangent")
-                released.tangent = true;
-            else if (word == "twist")
-                released.twist = true;
-            else
-                words.fail("part",
-                           "got " + in_quotes(word) + ", need place, tangent or twist");
-        }
-        return released;
-    }
-
-    /// The last operation of a joint's move, and the chain behind it.
-    void check_joint_move(Move& move, Statement& words) const
+    void check_joint_move(const Move& move, const Statement& words) const
     {
         const std::vector<SkeletonJoint>& joints = file_.stages.back().joints;
         const SkeletonJoint& joint = joints[joints_.at(move.region)];
-        const Operation::Kind kind = move.operations.back().kind;
-        if (kind == Operation::Kind::Translate && !joint.parent.empty())
-            words.fail(move.region,
-                       "hangs on " + joint.parent + ": only a root is translated");
-        if (kind != Operation::Kind::To)
-        {
-            if (move.operations.front().kind == Operation::Kind::To)
-                words.fail(move.region, "'to' is the only operation of its move");
+        using Kind = Operation::Kind;
+        for (const Operation& operation : move.operations)
+            if (operation.kind == Kind::Translate && !joint.parent.empty())
+                words.fail(move.region,
+                           "hangs on " + joint.parent + ": only a root is translated");
+        if (move.operations.front().kind != Kind::To)
             return;
-        }
+        if (move.operations.size() > 1)
+            words.fail(move.region, "'to' is the only operation of its move");
         if (joint.parent.empty())
             words.fail(move.region, "is a root: nothing above it turns, use translate");
-        if (words.is_done() || words.peek() != "from")
+        if (move.chain.empty())
             return;
-        words.word("from");
-        move.chain = words.word("first joint");
         std::string above = joint.parent;
         while (!above.empty() && above != move.chain)
             above = joints[joints_.at(above)].parent;
@@ -771,9 +803,7 @@ private:
         Stage& stage = file_.stages.back();
         if (stage.frames.empty())
             words.fail(releases ? "release" : "move", "no frame stands before it");
-        Move move;
-        move.line = line;
-        move.region = words.word("region name");
+        Move move = parse_move(words, line, releases);
         const Role role = role_of(move.region, words);
         if (role == Role::Fixed || role == Role::Stiff)
             words.fail(move.region,
@@ -784,10 +814,35 @@ private:
             words.fail(move.region, "is on a curve (line " +
                                         std::to_string(guided->second) +
                                         "): that moves it");
-        move.place = move_place(words, move.region);
-        MovePlace point = move.place; // by its number, if that is known
-        if (const auto spline = splines_.find(move.region);
-            spline != splines_.end() && !spline->second->points.empty() &&
+        check_place(move, words);
+        check_moved_once(move, words);
+        if (releases)
+        {
+            const bool is_whole = move.place.kind == MovePlace::Kind::Whole;
+            if (role == Role::Bone && *move.released != HoldParts{true, true, true})
+                words.fail(move.region,
+                           "one word too many: a joint is released as a whole");
+            if (role != Role::Bone && (role != Role::Rod || is_whole))
+                words.fail(move.region,
+                           "only a joint, or a point, start or end of a rod is released");
+        }
+        for (std::size_t k = 0; k < move.operations.size(); ++k)
+            check_operation(move.operations[k], k == 0, role, move.place, words,
+                            move.region);
+        if (!move.chain.empty() &&
+            (role != Role::Bone || move.operations.back().kind != Operation::Kind::To))
+            words.fail("from", "comes after the 'to' of a joint");
+        if (role == Role::Bone && !releases)
+            check_joint_move(move, words);
+        stage.frames.back().moves.push_back(std::move(move));
+    }
+
+    /// Points of a rod count by their number, where that is known.
+    void check_moved_once(const Move& move, const Statement& words)
+    {
+        MovePlace point = move.place;
+        const auto spline = splines_.find(move.region);
+        if (spline != splines_.end() && !spline->second->points.empty() &&
             point.kind != MovePlace::Kind::Whole)
         {
             if (point.kind != MovePlace::Kind::Point)
@@ -796,37 +851,13 @@ private:
                                   : 0;
             point.kind = MovePlace::Kind::Point;
         }
-        const auto [other, is_first] =
-            moved_.try_emplace({move.region, point, releases}, line);
+        const auto [other, is_first] = moved_.try_emplace(
+            {move.region, point, move.released.has_value()}, move.line);
         if (!is_first)
-            words.fail(move.region, std::string(releases ? "is released" : "is moved") +
-                                        " twice in this frame (line " +
-                                        std::to_string(other->second) + ")");
-        if (releases)
-        {
-            if (role == Role::Bone)
-            {
-                words.end();
-                move.released = HoldParts{true, true, true};
-                stage.frames.back().moves.push_back(std::move(move));
-                return;
-            }
-            if (role != Role::Rod || move.place.kind == MovePlace::Kind::Whole)
-                words.fail(move.region,
-                           "only a joint, or a point, start or end of a rod is released");
-            move.released = parts(words);
-            stage.frames.back().moves.push_back(std::move(move));
-            return;
-        }
-        do
-        {
-            move.operations.push_back(parse_operation(words));
-            check_operation(move.operations.back(), move.operations.size() == 1, role,
-                            move.place, words, move.region);
-            if (role == Role::Bone)
-                check_joint_move(move, words);
-        } while (!words.is_done());
-        stage.frames.back().moves.push_back(std::move(move));
+            words.fail(move.region,
+                       std::string(move.released ? "is released" : "is moved") +
+                           " twice in this frame (line " + std::to_string(other->second) +
+                           ")");
     }
 
     HandleFile file_;
@@ -879,6 +910,31 @@ HandleFile parse_handles(const std::string& path, std::string_view text,
     for (std::string_view line; lines.next(line);)
         parser.statement(line, lines.line_number());
     return parser.finish(lines.line_number());
+}
+
+Stage parse_statements(const std::string& where, std::string_view text)
+{
+    Stage stage;
+    LineReader lines(text, 0, true);
+    for (std::string_view line; lines.next(line);)
+    {
+        // They are of no file, so they know no line of it.
+        constexpr std::int64_t no_line = 0;
+        Statement words(where, lines.line_number(), line);
+        const std::string keyword = words.word("statement");
+        if (const std::optional<Role> role = role_named(keyword))
+            stage.regions.push_back(parse_region(*role, words, "", no_line));
+        else if (keyword == "on")
+            stage.ons.push_back(parse_on(words, no_line));
+        else if (keyword == "frame")
+            stage.frames.push_back(parse_frame(words, no_line));
+        else if ((keyword == "move" || keyword == "release") && !stage.frames.empty())
+            stage.frames.back().moves.push_back(
+                parse_move(words, no_line, keyword == "release"));
+        else
+            words.fail("", "unknown statement (got " + in_quotes(keyword) + ")");
+    }
+    return stage;
 }
 
 HandleFile read_handles(const std::string& path, std::vector<SkeletonJoint> joints)

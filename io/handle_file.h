@@ -227,8 +227,12 @@ bool is_handle_name(std::string_view name);
 /// the last has a frame, each move an operation.
 std::string handle_text(const HandleFile& file);
 
-/// The line of one region, as handle_text() writes it for a file at \p path.
-std::string region_text(const RegionStatement& region, const std::string& path);
+/// The regions, ons and frames of a stage, or of a part of it, a line each, and back:
+/// what a line says by itself, whatever stands around it. Names of label files are as
+/// they are in the values. Throws as handle_text() and parse_handles() do; \p where names
+/// the text in errors.
+std::string statements_text(const Stage& part);
+Stage parse_statements(const std::string& where, std::string_view text);
 
 /// The deformation survey's pair as a handle file: labels 0 fixed, 1 free,
 /// 2 handle of \p sel, and the one matrix of \p def, as frame 1.

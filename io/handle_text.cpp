@@ -13,21 +13,51 @@ namespace cellwarp
 namespace
 {
 
-bool is_end_of_word(char c)
-{
-    return is_blank(c) || c == '#';
-}
-
 /// Indices of a region go on in a further statement before a line is longer than this
 /// [bytes]: lines that editors and people can still read.
 constexpr std::size_t kLongLine = 500;
 
-/// Writes the statements of a file one by one.
+/// Writes statements one by one.
 class Printer
 {
 public:
-    explicit Printer(const std::string& path) : path_(path) {}
+    /// For a file at \p path; null: each statement in one line, names of files as they
+    /// are.
+    explicit Printer(const std::string* path) : path_(path) {}
 
+    /// Regions, ons and frames.
+    void stage(const Stage& stage)
+    {
+        for (const RegionStatement& region : stage.regions)
+            this->region(region);
+        for (const OnStatement& on : stage.ons)
+            this->on(on);
+        for (const SkeletonJoint& joint : stage.joints)
+            this->joint(joint);
+        for (const FrameStatement& frame : stage.frames)
+        {
+            word("frame");
+            word(std::to_string(frame.number));
+            end();
+            for (const Move& move : frame.moves)
+                this->move(move);
+        }
+    }
+    void word(std::string_view text)
+    {
+        text_ += is_line_begun_ ? " " : "";
+        text_ += text;
+        is_line_begun_ = true;
+    }
+    void end()
+    {
+        text_ += '\n';
+        line_start_ = text_.size();
+        is_line_begun_ = false;
+    }
+    std::string take() { return std::move(text_); }
+
+private:
     void region(const RegionStatement& region)
     {
         begin(region);
@@ -53,7 +83,7 @@ public:
             break;
         case Selector::Kind::Labels:
             word("labels");
-            name(relative_name(path_, selector.name));
+            name(path_ ? relative_name(*path_, selector.name) : selector.name);
             word(std::to_string(selector.label));
             break;
         case Selector::Kind::Group:
@@ -154,21 +184,6 @@ public:
         }
         end();
     }
-    void word(std::string_view text)
-    {
-        text_ += is_line_begun_ ? " " : "";
-        text_ += text;
-        is_line_begun_ = true;
-    }
-    void end()
-    {
-        text_ += '\n';
-        line_start_ = text_.size();
-        is_line_begun_ = false;
-    }
-    std::string take() { return std::move(text_); }
-
-private:
     void begin(const RegionStatement& region)
     {
         word(role_name(region.role));
@@ -213,7 +228,7 @@ private:
         word("indices");
         for (const auto& [first, last] : region.selector.ranges)
         {
-            if (text_.size() - line_start_ > kLongLine)
+            if (path_ && text_.size() - line_start_ > kLongLine)
             {
                 factor(region);
                 end();
@@ -273,7 +288,7 @@ private:
     void name(const std::string& text)
     {
         if (!is_handle_name(text))
-            throw Error(Fault::Usage, at({path_, 0, ""},
+            throw Error(Fault::Usage, at({path_ ? *path_ : "", 0, ""},
                                          "cannot hold the name " + in_quotes(text) +
                                              ": it has a line break or a double quote"));
         const bool is_plain = !text.empty() && text.front() != '"' &&
@@ -287,7 +302,7 @@ private:
             number(value);
     }
 
-    const std::string& path_;
+    const std::string* path_;
     std::string text_;
     std::size_t line_start_ = 0;
     bool is_line_begun_ = false;
@@ -303,16 +318,16 @@ bool is_handle_name(std::string_view name)
            !(is_quoted && name.find('"') != std::string_view::npos);
 }
 
-std::string region_text(const RegionStatement& region, const std::string& path)
+std::string statements_text(const Stage& part)
 {
-    Printer printer(path);
-    printer.region(region);
+    Printer printer(nullptr);
+    printer.stage(part);
     return printer.take();
 }
 
 std::string handle_text(const HandleFile& file)
 {
-    Printer printer(file.path);
+    Printer printer(&file.path);
     printer.word("cellwarp-handles 1");
     printer.end();
     if (file.save && is_handle_name(file.save->scene))
@@ -332,20 +347,7 @@ std::string handle_text(const HandleFile& file)
             printer.word("commit");
             printer.end();
         }
-        for (const RegionStatement& region : file.stages[s].regions)
-            printer.region(region);
-        for (const OnStatement& on : file.stages[s].ons)
-            printer.on(on);
-        for (const SkeletonJoint& joint : file.stages[s].joints)
-            printer.joint(joint);
-        for (const FrameStatement& frame : file.stages[s].frames)
-        {
-            printer.word("frame");
-            printer.word(std::to_string(frame.number));
-            printer.end();
-            for (const Move& move : frame.moves)
-                printer.move(move);
-        }
+        printer.stage(file.stages[s]);
     }
     return printer.take();
 }

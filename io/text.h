@@ -85,6 +85,12 @@ inline bool is_blank(char c)
     return c == ' ' || c == '\t' || c == '\v' || c == '\f';
 }
 
+/// A blank, or the # of a comment.
+inline bool is_end_of_word(char c)
+{
+    return is_blank(c) || c == '#';
+}
+
 /// The word with A to Z in lower case, in every locale.
 std::string lower_case(std::string_view word);
 

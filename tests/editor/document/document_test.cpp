@@ -74,6 +74,88 @@ TEST(Document, edits_of_rods_and_curves_read_back_the_same)
     EXPECT_TRUE(edited.handles.stages[0].regions.empty());
 }
 
+TEST(Document, edits_of_all_statements_read_back_the_same)
+{
+    Edit edit;
+    edit.name = "All";
+    Stage part;
+    // A list that a handle file would break into several lines is one statement here.
+    RegionStatement list{Role::Stiff, "my list", {}, 20.0};
+    list.selector.kind = Selector::Kind::Indices;
+    for (std::int64_t k = 0; k < 400; ++k)
+        list.selector.ranges.emplace_back(3 * k, 3 * k + k % 2);
+    RegionStatement labels{Role::Pin, "tip", {}};
+    labels.selector.kind = Selector::Kind::Labels;
+    labels.selector.name = "/elsewhere/../a folder/x.sel";
+    labels.selector.label = -3;
+    const HandleFile file = parse_handles(
+        "h.handles",
+        "cellwarp-handles 1\nfixed foot box 0 0 0 1 1 0.1\nhandle head sphere 0 0 3 0.1\n"
+        "handle end capsule 0 0 0 1 1 1 0.2\nhandle half halfspace 0 0 1 0.3\n"
+        "fixed g group \"a b\"\nfixed rest all\npin p indices 3\ncurve rail through 0 0 "
+        "0  1 0 0\non p rail at 0.25\njoint root at 0 0 0\njoint hand at 0 0 1 parent "
+        "root\nframe 1\nmove head translate 0.1 0 0 rotate 0 0 1 30 about 1 2 3\n"
+        "move end matrix 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\nmove hand to 0 0 2 from root\n"
+        "frame 7\nrelease hand\n");
+    part = file.stages[0];
+    part.regions.push_back(list);
+    part.regions.push_back(labels);
+    edit.changes = {RegionChange{2, {}, part.regions}, FramesAdded{part.frames},
+                    OnsChange{part.ons, {}}, StageAdded{part.regions}};
+    const Edit again = parse_edit(edit_text(edit), "journal");
+    EXPECT_EQ(edit_text(again), edit_text(edit));
+    const auto& regions = std::get<RegionChange>(again.changes[0]).after;
+    ASSERT_EQ(regions.size(), part.regions.size());
+    EXPECT_EQ(regions[regions.size() - 2].selector.ranges, list.selector.ranges);
+    EXPECT_EQ(regions[regions.size() - 2].factor, 20.0);
+    EXPECT_EQ(regions.back().selector.name, labels.selector.name);
+    EXPECT_EQ(regions.back().selector.label, -3);
+    EXPECT_EQ(std::get<OnsChange>(again.changes[2]).before[0].at, 0.25);
+    const auto& frames = std::get<FramesAdded>(again.changes[1]).frames;
+    EXPECT_EQ(frames[0].moves[2].chain, "root");
+    EXPECT_EQ((*frames[0].moves[1].operations[0].matrix)(2, 3), 3.0);
+    EXPECT_EQ(frames[1].number, 7);
+    EXPECT_TRUE(frames[1].moves[0].released);
+}
+
+TEST(Document, statements_of_older_journals_are_read)
+{
+    const Edit edit = parse_edit(
+        R"({"name": "Old", "changes": [
+        {"region": {"index": 1, "before": [], "after": [
+            {"role": "handle", "name": "head", "factor": 1, "by": "indices", "runs": [3, 5, 9, 9]},
+            {"role": "stiff", "name": "s", "factor": 4, "by": "box", "numbers": [0, 0, 0, 1, 1, 1]},
+            {"role": "pin", "name": "p", "factor": 1, "by": "labels", "of": "a.sel", "label": 2},
+            {"role": "rod", "name": "r", "factor": 1, "by": "spline",
+             "line": "rod r through 0 0 0 1 0 0 radius 0.1\n"}]}},
+        {"frames": [{"number": 4, "moves": [
+            {"region": "head", "do": [
+                {"kind": "translate", "vector": [0.5, 0, 0]},
+                {"kind": "rotate", "vector": [0, 0, 1], "degrees": 30, "about": [1, 2, 3]}]},
+            {"region": "r", "do": [{"kind": "turn", "vector": [0, 0, 0], "degrees": 20}], "at": ["point", 1]},
+            {"region": "r", "do": [], "at": ["end", 0], "released": [false, true, false]},
+            {"region": "j", "do": [{"kind": "to", "vector": [0, 1, 0]}], "chain": "k"},
+            {"region": "m", "do": [{"kind": "matrix", "rows": [1, 0, 0, 1, 0, 1, 0, 2, 0, 0, 1, 3, 0, 0, 0, 1]}]}]}]},
+        {"commit": [{"role": "fixed", "name": "all", "factor": 1, "by": "all"}]},
+        {"on": {"before": [], "after": [{"pin": "p", "guide": "r", "at": 0.5}]}}]})",
+        "journal");
+    Stage part;
+    part.regions = std::get<RegionChange>(edit.changes[0]).after;
+    part.frames = std::get<FramesAdded>(edit.changes[1]).frames;
+    part.ons = std::get<OnsChange>(edit.changes[3]).after;
+    EXPECT_EQ(std::get<RegionChange>(edit.changes[0]).index, 1u);
+    EXPECT_EQ(
+        statements_text(part),
+        "handle head indices 3-5 9\nstiff s box 0 0 0 1 1 1 4\npin p labels a.sel 2\n"
+        "rod r through 0 0 0 1 0 0 radius 0.1\non p r at 0.5\nframe 4\n"
+        "move head translate 0.5 0 0 rotate 0 0 1 30 about 1 2 3\n"
+        "move r point 1 turn 20\nrelease r end tangent\nmove j to 0 1 0 from k\n"
+        "move m matrix 1 0 0 1 0 1 0 2 0 0 1 3 0 0 0 1\n");
+    part = {};
+    part.regions = std::get<StageAdded>(edit.changes[2]).regions;
+    EXPECT_EQ(statements_text(part), "fixed all all\n");
+}
+
 TEST(Document, names_the_selection_and_takes_it_from_other_regions)
 {
     const Bar bar;
@@ -604,6 +686,8 @@ TEST(Document, records_of_no_known_change_are_malformed)
           {R"({"toggle": [], "rename": {}})", "needs one key"},
           {"7", "needs one key"},
           {R"({"toggle": [[0, 9]]})", "runs come in pairs"},
+          {R"({"commit": "dance 1"})", "unknown statement"},
+          {R"({"frames": "move head translate 1 0 0"})", "unknown statement"},
           {role, "unknown word 'loose'"}})
         EXPECT_TRUE(contains(
             error_of(Fault::Malformed,
