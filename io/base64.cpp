@@ -25,7 +25,25 @@ constexpr std::array<std::int8_t, 256> values_of_characters()
 
 constexpr std::array<std::int8_t, 256> kValues = values_of_characters();
 
+/// Four characters; three bytes, or what is left of them at the end.
+void encode(std::string_view group, char* characters)
+{
+    std::uint32_t bits = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+        bits = bits << 8 | (k < group.size() ? static_cast<unsigned char>(group[k]) : 0);
+    for (std::size_t k = 0; k <= group.size(); ++k)
+        characters[k] = kAlphabet[bits >> (18 - 6 * k) & 63u];
+}
+
 } // namespace
+
+std::string base64_encoded(std::string_view bytes)
+{
+    std::string text((bytes.size() + 2) / 3 * 4, '=');
+    for (std::size_t first = 0; first < bytes.size(); first += 3)
+        encode(bytes.substr(first, 3), &text[first / 3 * 4]);
+    return text;
+}
 
 std::optional<std::string> base64_decoded(std::string_view text)
 {
@@ -58,12 +76,7 @@ std::string base64_patched(std::string text, std::string_view before,
         const std::string_view group = after.substr(first, 3);
         if (group == before.substr(first, 3))
             continue;
-        std::uint32_t bits = 0;
-        for (std::size_t k = 0; k < 3; ++k)
-            bits =
-                bits << 8 | (k < group.size() ? static_cast<unsigned char>(group[k]) : 0);
-        for (std::size_t k = 0; k <= group.size(); ++k)
-            text[first / 3 * 4 + k] = kAlphabet[bits >> (18 - 6 * k) & 63u];
+        encode(group, &text[first / 3 * 4]);
     }
     return text;
 }

@@ -13,6 +13,8 @@ namespace cellwarp
 /// none of the alphabet or the text is cut.
 std::optional<std::string> base64_decoded(std::string_view text);
 
+std::string base64_encoded(std::string_view bytes);
+
 /// \p text, which stands for \p before, made to stand for \p after, of the same size.
 /// Characters of bytes that do not change stay.
 std::string base64_patched(std::string text, std::string_view before,

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include <fmt/format.h>
 
@@ -18,8 +17,6 @@ namespace
 constexpr double kWidth = 760.0;
 constexpr double kLeft = 74.0, kRight = 740.0, kTop = 40.0, kBottom = 372.0;
 constexpr double kLegendTop = 436.0, kLegendStep = 21.0;
-constexpr double kBarLeft = 245.0, kBarRight = 690.0;
-constexpr double kBarStep = 21.0, kBarHeight = 14.0;
 constexpr double kMarker = 4.0;
 constexpr double kRoomOfLabel = 56.0; ///< beside a marker
 
@@ -302,58 +299,6 @@ std::string axis_labels(const LogPlot& plot)
                 fmt::format(" transform=\"rotate(-90 18 {:g})\"", middle));
 }
 
-/// Steps of 1, 2 or 5, some five of them up to \p largest.
-double linear_step(double largest)
-{
-    const double wanted = largest / 5.0;
-    const double decade = std::pow(10.0, std::floor(std::log10(wanted)));
-    for (const double mantissa : {1.0, 2.0, 5.0})
-        if (mantissa * decade >= wanted)
-            return mantissa * decade;
-    return 10.0 * decade;
-}
-
-double sum_of(const Bar& bar)
-{
-    return std::accumulate(bar.values.begin(), bar.values.end(), 0.0);
-}
-
-std::string bar_legend(const std::vector<BarPart>& parts)
-{
-    std::string svg;
-    double at = kBarLeft;
-    for (const BarPart& part : parts)
-    {
-        constexpr double kWidthOfLetter = 7.0;
-        svg += fmt::format("<rect x=\"{:g}\" y=\"34\" width=\"12\" height=\"12\" "
-                           "fill=\"{}\"/>\n",
-                           at, part.colour);
-        svg += text(at + 17.0, 44.5, Anchor::Start, in_markup(part.name));
-        at += 40.0 + kWidthOfLetter * static_cast<double>(part.name.size());
-    }
-    return svg;
-}
-
-std::string bar_row(const BarPlot& plot, const Bar& bar, double top, double per_pixel)
-{
-    std::string svg = text(kBarLeft - 8.0, top + 11.5, Anchor::End, in_markup(bar.name),
-                           " font-size=\"11\"");
-    double at = kBarLeft;
-    for (std::size_t p = 0; p < plot.parts.size(); ++p)
-    {
-        const double width = bar.values[p] / per_pixel;
-        svg += fmt::format("<rect x=\"{:.2f}\" y=\"{:.1f}\" width=\"{:.2f}\" "
-                           "height=\"{:g}\" fill=\"{}\"><title>{}: {} {:.3g} s</title>"
-                           "</rect>\n",
-                           at, top, width, kBarHeight, plot.parts[p].colour,
-                           in_markup(bar.name), in_markup(plot.parts[p].name),
-                           bar.values[p]);
-        at += width;
-    }
-    return svg + text(at + 6.0, top + 11.5, Anchor::Start,
-                      fmt::format("{:.3g}", sum_of(bar)), " font-size=\"11\"");
-}
-
 } // namespace
 
 std::string in_markup(std::string_view text)
@@ -405,34 +350,6 @@ std::string svg_of(const LogPlot& plot)
     }
     else
         svg += text(kLeft, kTop + 20.0, Anchor::Start, "nothing to draw");
-    return svg + "</svg>\n";
-}
-
-std::string svg_of(const BarPlot& plot)
-{
-    constexpr double kFirstBar = 64.0, kBelowBars = 44.0;
-    const double end = kFirstBar + kBarStep * static_cast<double>(plot.bars.size());
-    double largest = 0.0;
-    for (const Bar& bar : plot.bars)
-        largest = std::max(largest, sum_of(bar));
-    std::string svg = head(end + kBelowBars, plot.title);
-    if (!(largest > 0))
-        return svg + text(kLeft, kFirstBar, Anchor::Start, "nothing to draw") +
-               "</svg>\n";
-    const double per_pixel = largest / (kBarRight - kBarLeft);
-    const double step = linear_step(largest);
-    for (int i = 0; i * step <= largest * (1.0 + 1e-9); ++i)
-    {
-        const double at = kBarLeft + i * step / per_pixel;
-        svg += line(at, kFirstBar - 6.0, at, end, i == 0 ? 0.55 : 0.15);
-        svg += text(at, end + 15.0, Anchor::Middle, fmt::format("{:g}", i * step));
-    }
-    svg += bar_legend(plot.parts);
-    for (std::size_t b = 0; b < plot.bars.size(); ++b)
-        svg += bar_row(plot, plot.bars[b], kFirstBar + kBarStep * static_cast<double>(b),
-                       per_pixel);
-    svg += text(0.5 * (kBarLeft + kBarRight), end + 34.0, Anchor::Middle,
-                in_markup(plot.x_label));
     return svg + "</svg>\n";
 }
 

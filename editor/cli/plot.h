@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Plots as SVG for a page: lines over two logarithmic axes, and stacked bars. They take
-// the colour of the text around them, so they are right on dark pages and on paper.
+// Plots as SVG for a page: lines over two logarithmic axes. They take the colour of the
+// text around them, so they are right on dark pages and on paper.
 #pragma once
 
 #include <string>
@@ -45,26 +45,5 @@ struct LogPlot
 
 /// Points that no logarithm has (zero, negative, not finite) are left out.
 std::string svg_of(const LogPlot& plot);
-
-struct BarPart
-{
-    std::string name, colour;
-};
-
-struct Bar
-{
-    std::string name;
-    std::vector<double> values; ///< one a part; >= 0
-};
-
-struct BarPlot
-{
-    std::string title, x_label;
-    std::vector<BarPart> parts;
-    std::vector<Bar> bars;
-};
-
-/// Bars lie one below the other, their sums beside them.
-std::string svg_of(const BarPlot& plot);
 
 } // namespace cellwarp

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/plot.h"
+#include "io/base64.h"
 
 namespace cellwarp
 {
@@ -22,12 +23,6 @@ namespace
 /// Colours that are told apart on white and on black, also by most who see fewer.
 constexpr const char* kPalette[] = {"#3b7dd8", "#e0842c", "#2f9e6e", "#a663c7",
                                     "#c94f5d", "#8a8f3a", "#3aa6b9", "#8b6b56"};
-constexpr const char* kLoadColour = "#9aa0a8";
-constexpr const char* kCellsColour = "#2f9e6e";
-constexpr const char* kSolveColour = "#3b7dd8";
-constexpr const char* kFitColour = "#e0842c";
-constexpr const char* kApplyColour = "#e9bf57";
-
 /// Errors smaller than the smallest honest one by this are drawn at the plot's border.
 constexpr double kBelowFloor = 100.0;
 
@@ -56,25 +51,6 @@ th, td { padding: .25rem .6rem; text-align: right; white-space: nowrap;
 th { background: var(--head); } .word { text-align: left; }
 tr.begins td { border-top: 2px solid var(--soft); }
 )";
-
-std::string base64(const std::string& bytes)
-{
-    constexpr char digits[] =
-        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    std::string text;
-    text.reserve(4 * (bytes.size() / 3 + 1));
-    for (std::size_t i = 0; i < bytes.size(); i += 3)
-    {
-        const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-        std::uint32_t three = 0;
-        for (std::size_t k = 0; k < 3; ++k)
-            three =
-                three << 8 | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-        for (std::size_t k = 0; k < 4; ++k)
-            text += k <= count ? digits[three >> (18 - 6 * k) & 63] : '=';
-    }
-    return text;
-}
 
 std::string with_commas(std::size_t number)
 {
@@ -122,24 +98,6 @@ double rms_of(const SweepRow& row)
 double against_largest_of(const SweepRow& row)
 {
     return row.against ? row.against->largest : 0.0;
-}
-double against_rms_of(const SweepRow& row)
-{
-    return row.against ? row.against->rms : 0.0;
-}
-
-/// 0, which no logarithmic axis shows, where the field is the finest itself.
-double field_largest_of(const SweepRow& row)
-{
-    return row.parts.of_field ? row.parts.of_field->largest : 0.0;
-}
-double field_rms_of(const SweepRow& row)
-{
-    return row.parts.of_field ? row.parts.of_field->rms : 0.0;
-}
-double field_seconds_of(const SweepRow& row)
-{
-    return row.seconds.field_fit + row.seconds.field_apply;
 }
 
 /// Rows that make one line of a plot.
@@ -258,24 +216,6 @@ LogPlot iterations_plot(const std::vector<SweepRow>& rows)
     return plot;
 }
 
-BarPlot stage_plot(const std::vector<SweepRow>& rows)
-{
-    BarPlot plot{"Seconds by stage",
-                 "seconds",
-                 {{"load", kLoadColour},
-                  {"cells", kCellsColour},
-                  {"solve", kSolveColour},
-                  {"field: fit", kFitColour},
-                  {"field: apply", kApplyColour}},
-                 {}};
-    for (const SweepRow& row : rows)
-        if (row.is_done() && row.of.kind != SweepKind::Reference && !row.of.is_limited)
-            plot.bars.push_back({case_name(row.of),
-                                 {row.seconds.load, row.seconds.cells, row.seconds.solve,
-                                  row.seconds.field_fit, row.seconds.field_apply}});
-    return plot;
-}
-
 std::string figure(const std::string& inside, const std::string& caption = "")
 {
     return "<figure>" + inside +
@@ -293,13 +233,10 @@ std::string plots(const SweepReport& report)
         error_plot(rows, "RMS error over seconds", "seconds", seconds_of, rms_of)));
     page += figure(svg_of(
         error_plot(rows, "Largest error over cells", "cells", cells_of, largest_of)));
-    page += figure(
-        svg_of(error_plot(rows, "RMS error over cells", "cells", cells_of, rms_of)));
     page += figure(svg_of(error_plot(rows, "Largest error over threshold",
                                      "threshold [diagonal]", threshold_of, largest_of)));
     if (!report.settings.iteration_limits.empty())
         page += figure(svg_of(iterations_plot(rows)));
-    page += figure(svg_of(stage_plot(rows)));
     return page +
            "</div>\n<p class=\"soft\">Errors are distances of the samples after the last "
            "frame from the reference's, of the rest model's diagonal. Triangles at a "
@@ -365,21 +302,10 @@ std::string field_part(const SweepReport& report)
     if (std::none_of(rows.begin(), rows.end(),
                      [](const SweepRow& row) { return row.parts.of_field.has_value(); }))
         return "";
-    std::string page = "<h2>Fields of the same poses</h2>\n<div class=\"plots\">\n";
-    for (const auto& [title, y] :
-         {std::pair("Largest distance from the finest field over "
-                    "seconds of the field",
-                    &field_largest_of),
-          std::pair("RMS distance from the finest field over "
-                    "seconds of the field",
-                    &field_rms_of)})
-        page += figure(svg_of(
-            error_plot(rows, title, "seconds, fit and apply", field_seconds_of, y)));
-    return page +
-           "</div>\n<p class=\"soft\">Of the same cells and poses the finest field "
-           "is rbf-global where it was asked for and its memory allows, else rbf. "
-           "The cells' error is the finest field's distance from the reference, the "
-           "field's its own distance from the finest.</p>\n" +
+    return "<h2>Fields of the same poses</h2>\n<p class=\"soft\">Of the same cells and "
+           "poses the finest field is rbf-global where it was asked for and its memory "
+           "allows, else rbf. The cells' error is the finest field's distance from the "
+           "reference, the field's its own distance from the finest.</p>\n" +
            field_table(rows);
 }
 
@@ -388,17 +314,14 @@ std::string against_part(const SweepReport& report)
 {
     if (report.against.empty())
         return "";
-    std::string page =
-        "<h2>Against a result from elsewhere</h2>\n<div class=\"plots\">\n";
-    for (const auto& [title, y] :
-         {std::pair("Largest distance from elsewhere over seconds", &against_largest_of),
-          std::pair("RMS distance from elsewhere over seconds", &against_rms_of)})
-        page += figure(
-            svg_of(error_plot(report.result.rows, title, "seconds", seconds_of, y)));
-    return page + fmt::format("</div>\n<p class=\"soft\">Distances of the samples after "
-                              "the last frame from those of {}, of the rest model's "
-                              "diagonal.</p>\n",
-                              in_markup(report.against));
+    return "<h2>Against a result from elsewhere</h2>\n<div class=\"plots\">\n" +
+           figure(svg_of(error_plot(report.result.rows,
+                                    "Largest distance from elsewhere over seconds",
+                                    "seconds", seconds_of, against_largest_of))) +
+           fmt::format(
+               "</div>\n<p class=\"soft\">Distances of the samples after the last "
+               "frame from those of {}, of the rest model's diagonal.</p>\n",
+               in_markup(report.against));
 }
 
 std::string table(const SweepReport& report)
@@ -462,7 +385,7 @@ std::string pictures_part(const SweepPictures& pictures)
     if (pictures.png.empty())
         return fmt::format("<p class=\"soft\">{}</p>\n", in_markup(pictures.caption));
     return figure(fmt::format("<img alt=\"{}\" src=\"data:image/png;base64,{}\">",
-                              in_markup(pictures.caption), base64(pictures.png)),
+                              in_markup(pictures.caption), base64_encoded(pictures.png)),
                   in_markup(pictures.caption));
 }
 

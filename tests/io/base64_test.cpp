@@ -6,7 +6,7 @@
 namespace cellwarp
 {
 
-TEST(Base64, decodes_what_its_standard_gives)
+TEST(Base64, decodes_and_encodes_what_its_standard_gives)
 {
     const std::pair<const char*, const char*> pairs[] = {{"", ""},
                                                          {"Zg==", "f"},
@@ -18,7 +18,13 @@ TEST(Base64, decodes_what_its_standard_gives)
                                                          {"Zm9vYmFy", "foobar"},
                                                          {"+/+/", "\xfb\xff\xbf"}};
     for (const auto& [text, bytes] : pairs)
+    {
         EXPECT_EQ(base64_decoded(text), bytes) << text;
+        if (std::string_view(text).size() % 4 == 0)
+        {
+            EXPECT_EQ(base64_encoded(bytes), text);
+        }
+    }
     for (const char* text :
          {"Z", "Zm9vY", "Zm=v", "Zm9 ", "Zm9v====", "Zm-v", "=", "Z==="})
         EXPECT_FALSE(base64_decoded(text)) << text;

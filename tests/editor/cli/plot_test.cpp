@@ -123,26 +123,6 @@ TEST(Plot, words_are_escaped)
     const std::string svg = svg_of(plot);
     EXPECT_EQ(count(svg, "&lt;&amp;&gt;"), 5u);
     EXPECT_TRUE(contains(svg, "&lt;l&gt;") && contains(svg, "<title>&lt;t&gt;</title>"));
-    const std::string bars =
-        svg_of(BarPlot{"<&>", "<&>", {{"<&>", "#123456"}}, {{"<&>", {1.0}}}});
-    EXPECT_FALSE(contains(bars, "<&>"));
-}
-
-TEST(Plot, bars_are_as_long_as_their_parts)
-{
-    const std::string svg =
-        svg_of(BarPlot{"t",
-                       "seconds",
-                       {{"load", "#111111"}, {"solve", "#222222"}},
-                       {{"a", {1.0, 3.0}}, {"b", {0.0, 2.0}}, {"c", {0.0, 0.0}}}});
-    const auto width = [&](int n) { return number_after(svg, "width=\"", n); };
-    // The first widths are the picture's and the legend's.
-    const double load = width(3), solve = width(4);
-    EXPECT_NEAR(solve, 3.0 * load, 0.02);
-    EXPECT_NEAR(width(5), 0.0, 0.01);
-    EXPECT_NEAR(width(6), 2.0 * load, 0.02);
-    EXPECT_TRUE(contains(svg, ">4</text>") && contains(svg, "solve 3 s"));
-    EXPECT_TRUE(contains(svg_of(BarPlot{"t", "s", {}, {}}), "nothing to draw"));
 }
 
 } // namespace cellwarp
