@@ -7,6 +7,12 @@ function(cellwarp_part name)
   add_library(cellwarp::${name} ALIAS cellwarp_${name})
   target_link_libraries(cellwarp_${name} PUBLIC Eigen3::Eigen)
   cellwarp_compile(cellwarp_${name})
+  set_target_properties(cellwarp_${name} PROPERTIES
+    UNITY_BUILD ${CELLWARP_UNITY} UNITY_BUILD_BATCH_SIZE 8)
+  if(CELLWARP_UNITY)
+    # What is local to a file is taken for what a header would hand to others.
+    target_compile_options(cellwarp_${name} PRIVATE -Wno-subobject-linkage)
+  endif()
 endfunction()
 
 # Inner loops of a part, compiled for each instruction set; which one runs is chosen at run

@@ -20,8 +20,8 @@ namespace
 static_assert(std::endian::native == std::endian::little,
               "field files are little-endian, and read and written as they are");
 
-constexpr std::string_view kMagic = "cwfield\n";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::string_view kFieldMagic = "cwfield\n";
+constexpr std::uint32_t kFieldVersion = 1;
 constexpr std::size_t kNameSize = 12, kHeadSize = kNameSize + 4 + 8;
 constexpr std::size_t kAlignment = 8;
 
@@ -100,17 +100,18 @@ private:
     std::string& out_;
 };
 
-class Reader
+class FieldReader
 {
 public:
-    Reader(const std::string& path, std::string_view bytes) : path_(path), bytes_(bytes)
+    FieldReader(const std::string& path, std::string_view bytes)
+        : path_(path), bytes_(bytes)
     {
-        const std::string_view magic = bytes_.substr(0, kMagic.size());
-        if (magic != kMagic)
+        const std::string_view magic = bytes_.substr(0, kFieldMagic.size());
+        if (magic != kFieldMagic)
             throw malformed({path_, 0, ""}, bytes_.empty()
                                                 ? "the file is empty: no field"
                                                 : "this is no field file of cellwarp");
-        at_ = kMagic.size();
+        at_ = kFieldMagic.size();
     }
 
     [[noreturn]] void fail(const std::string& what) const
@@ -301,7 +302,7 @@ double covered_voxels(const StoredField& stage)
     return static_cast<double>(covered);
 }
 
-void check_grid(const Reader& reader, const StoredField& stage)
+void check_grid(const FieldReader& reader, const StoredField& stage)
 {
     double voxels = 1.0;
     for (int axis = 0; axis < 3; ++axis)
@@ -326,7 +327,7 @@ void check_grid(const Reader& reader, const StoredField& stage)
                    "the runs of voxels are wrong");
 }
 
-void check_stage(const Reader& reader, const StoredField& stage)
+void check_stage(const FieldReader& reader, const StoredField& stage)
 {
     check_grid(reader, stage);
     const std::size_t cells = stage.edges.size();
@@ -377,7 +378,8 @@ void check_stage(const Reader& reader, const StoredField& stage)
     reader.require(stage.kind < 3 || fits == 1, "there is not one global RBF");
 }
 
-void check_region(const Reader& reader, const StoredRegion& region, std::size_t cells)
+void check_region(const FieldReader& reader, const StoredRegion& region,
+                  std::size_t cells)
 {
     const std::size_t nodes = region.node_cells.size();
     reader.require(nodes > 0 && region.nodes.size() == 3 * nodes &&
@@ -396,9 +398,9 @@ void check_region(const Reader& reader, const StoredRegion& region, std::size_t 
 
 std::string field_bytes(const FieldFile& file)
 {
-    std::string out(kMagic);
+    std::string out(kFieldMagic);
     Writer writer(out);
-    writer.raw(kVersion);
+    writer.raw(kFieldVersion);
     writer.raw(static_cast<std::uint32_t>(file.stages.size()));
     for (const StoredField& stage : file.stages)
     {
@@ -413,10 +415,11 @@ std::string field_bytes(const FieldFile& file)
 
 FieldFile parse_field(const std::string& path, std::string_view bytes)
 {
-    Reader reader(path, bytes);
-    if (const std::uint32_t version = reader.raw<std::uint32_t>(); version != kVersion)
+    FieldReader reader(path, bytes);
+    if (const std::uint32_t version = reader.raw<std::uint32_t>();
+        version != kFieldVersion)
         reader.fail("made by version " + std::to_string(version) +
-                    " of the format, need " + std::to_string(kVersion));
+                    " of the format, need " + std::to_string(kFieldVersion));
     const std::uint32_t num_stages = reader.raw<std::uint32_t>();
     reader.require(num_stages >= 1 && num_stages <= kMaxStages, "there is no stage");
     FieldFile file;

@@ -3,6 +3,7 @@
 
 #include <iterator>
 
+#include "io/file_limits.h"
 #include "io/json_text.h"
 #include "io/number.h"
 
@@ -11,8 +12,6 @@ namespace cellwarp
 
 namespace
 {
-
-constexpr std::size_t kMaxNesting = 128;
 
 /// Extensions that a file may require: they change no position and nothing that turns,
 /// or what they change is understood.

@@ -40,8 +40,8 @@ namespace
 static_assert(std::endian::native == std::endian::little,
               "journals are little-endian, and read and written as they are");
 
-constexpr std::string_view kMagic = "cwjourn\n";
-constexpr std::uint32_t kVersion = 1;
+constexpr std::string_view kJournalMagic = "cwjourn\n";
+constexpr std::uint32_t kJournalVersion = 1;
 
 struct FileHead
 {
@@ -65,9 +65,10 @@ constexpr std::size_t kShortRecord = 4096;
 [[noreturn]] void fail_in_use(const std::string& path, int file)
 {
     FileHead head{};
-    const bool is_known = read_at(file, 0, reinterpret_cast<char*>(&head), sizeof head) >=
-                              static_cast<std::int64_t>(offsetof(FileHead, length)) &&
-                          std::string_view(head.magic, sizeof head.magic) == kMagic;
+    const bool is_known =
+        read_at(file, 0, reinterpret_cast<char*>(&head), sizeof head) >=
+            static_cast<std::int64_t>(offsetof(FileHead, length)) &&
+        std::string_view(head.magic, sizeof head.magic) == kJournalMagic;
     throw InUse(
         Fault::File,
         at({path, 0, ""}, "in use by " + (is_known ? "PID " + std::to_string(head.holder)
@@ -122,12 +123,12 @@ std::string read_header(const std::string& path, int file, std::uint64_t size)
         read_at(file, 0, reinterpret_cast<char*>(&head), sizeof head);
     if (got < 0)
         fail(path, "cannot read");
-    if (!bytes_of(head).starts_with(kMagic))
+    if (!bytes_of(head).starts_with(kJournalMagic))
         throw malformed({path, 0, ""}, "this is no journal of cellwarp");
     const bool has_version = got >= static_cast<std::int64_t>(offsetof(FileHead, holder));
-    if (has_version && head.version != kVersion)
+    if (has_version && head.version != kJournalVersion)
         throw malformed({path, 0, ""}, "made by version " + std::to_string(head.version) +
-                                           ", need " + std::to_string(kVersion));
+                                           ", need " + std::to_string(kJournalVersion));
     if (size < sizeof head || head.length > kMaxPayload ||
         head.length > size - sizeof head)
         throw malformed({path, 0, "header"}, "was cut or altered");
@@ -196,11 +197,11 @@ Journal Journal::create(const std::string& path, std::string_view header)
     state->file =
         path.empty() ? open_unnamed(temporary_folder()) : open_locked(path, O_CREAT);
     FileHead head{{},
-                  kVersion,
+                  kJournalVersion,
                   static_cast<std::uint32_t>(::getpid()),
                   static_cast<std::uint32_t>(header.size()),
                   0};
-    std::memcpy(head.magic, kMagic.data(), sizeof head.magic);
+    std::memcpy(head.magic, kJournalMagic.data(), sizeof head.magic);
     head.checksum = checksum_of(header, checksum_of(bytes_of(head.length)));
     state->buffer.append(bytes_of(head)).append(header);
     if (::ftruncate(state->file.get(), 0) != 0 ||

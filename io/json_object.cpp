@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/json_object.h"
 
+#include "io/file_limits.h"
+
 namespace cellwarp
 {
 
 namespace
 {
-
-constexpr int kMaxNesting = 128;
 
 std::int64_t line_of(const std::string& text, std::size_t byte)
 {

@@ -15,8 +15,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kHuge = 1e30;
-constexpr std::int64_t kMost = 100'000'000; ///< items of a section
+constexpr double kMostCoordinate = 1e30;
+constexpr std::int64_t kMostItems = 100'000'000; ///< items of a section
 
 /// All words of a text, one after the other; comments begin with #.
 class Words
@@ -45,7 +45,7 @@ public:
     {
         const std::string_view word = needed(field);
         const std::optional<double> value = parse_double(word);
-        if (!value || !(std::abs(*value) <= kHuge))
+        if (!value || !(std::abs(*value) <= kMostCoordinate))
             throw malformed({path_, line(), field},
                             "got " + in_quotes(word) + ", need a finite number");
         return *value;
@@ -76,10 +76,10 @@ private:
     Tokens tokens_;
 };
 
-class Reader
+class MeditReader
 {
 public:
-    Reader(const std::string& path, std::string_view text)
+    MeditReader(const std::string& path, std::string_view text)
         : path_(path), words_(path, text)
     {
     }
@@ -139,7 +139,7 @@ private:
 
     std::int64_t skip(const std::string& name, int numbers)
     {
-        const std::int64_t count = words_.whole(name, 0, kMost);
+        const std::int64_t count = words_.whole(name, 0, kMostItems);
         for (std::int64_t k = 0; k < count * numbers; ++k)
             words_.number(name);
         return count;
@@ -147,7 +147,7 @@ private:
 
     void vertices()
     {
-        const std::int64_t count = words_.whole("vertices", 0, kMost);
+        const std::int64_t count = words_.whole("vertices", 0, kMostItems);
         for (std::int64_t k = 0; k < count; ++k)
         {
             Eigen::Vector3d& x = mesh_.vertices.emplace_back();
@@ -160,14 +160,14 @@ private:
     template <std::size_t count>
     void cells(const std::string& name, std::vector<MeditMesh::Cell<count>>& out)
     {
-        const std::int64_t all = words_.whole(name, 0, kMost);
+        const std::int64_t all = words_.whole(name, 0, kMostItems);
         for (std::int64_t k = 0; k < all; ++k)
         {
             MeditMesh::Cell<count>& cell = out.emplace_back();
             const std::string field = name + " " + std::to_string(k + 1);
             for (int& vertex : cell.vertices)
-                vertex = static_cast<int>(words_.whole(field, 1, kMost)) - 1;
-            cell.reference = words_.whole(field, -kMost, kMost);
+                vertex = static_cast<int>(words_.whole(field, 1, kMostItems)) - 1;
+            cell.reference = words_.whole(field, -kMostItems, kMostItems);
             cell.line = words_.line();
         }
     }
@@ -211,7 +211,7 @@ MeditMesh parse_medit(const std::string& path, std::string_view text)
 {
     if (const std::string guess = foreign_content(text); !guess.empty())
         throw malformed({path, 0, ""}, "is " + guess + ", need a Medit mesh");
-    return Reader(path, text).read();
+    return MeditReader(path, text).read();
 }
 
 } // namespace cellwarp

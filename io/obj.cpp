@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "io/error.h"
+#include "io/file_limits.h"
 #include "io/number.h"
 #include "io/text.h"
 
@@ -16,9 +17,6 @@ namespace cellwarp
 
 namespace
 {
-
-constexpr std::int64_t kMaxSamples = (std::int64_t(1) << 31) - 1;
-constexpr std::size_t kMaxCorners = 1000000;
 
 /// A face corner as written: "v", "v/vt", "v//vn" or "v/vt/vn"; 0 where missing.
 struct Corner

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "io/error.h"
+#include "io/file_limits.h"
 #include "io/number.h"
 
 namespace cellwarp
@@ -13,9 +14,6 @@ namespace cellwarp
 
 namespace
 {
-
-constexpr std::int64_t kMaxSamples = (std::int64_t(1) << 31) - 1;
-constexpr std::int64_t kMaxCorners = 1000000;
 
 } // namespace
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "io/file_limits.h"
 #include "io/lzf.h"
 #include "io/number.h"
 #include "io/packed.h"
@@ -18,9 +19,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kMaxHeaderBytes = std::size_t(1) << 20;
 constexpr std::size_t kMaxFields = 1024;
-constexpr std::uint64_t kMaxSamples = (std::uint64_t(1) << 31) - 1;
 /// Largest COUNT of a field: a point stays below 2^42 bytes.
 constexpr std::int64_t kMaxCount = std::int64_t(1) << 28;
 
@@ -151,7 +150,7 @@ namespace
 {
 
 /// Whether the header goes on after \p part.
-bool is_header_open(std::string_view part)
+bool is_pcd_header_open(std::string_view part)
 {
     for (std::size_t next = byte_order_mark(part); next < kMaxHeaderBytes;)
     {
@@ -535,7 +534,7 @@ std::size_t PcdScanner::scan(std::string_view part, std::uint64_t start, bool is
     last_byte_ = start + part.size();
     if (!has_header_)
     {
-        if (!is_last && is_header_open(part))
+        if (!is_last && is_pcd_header_open(part))
             return 0;
         done = read_header(part, out);
     }

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "io/error.h"
+#include "io/file_limits.h"
 #include "io/number.h"
 #include "io/stored_number.h"
 #include "io/text.h"
@@ -18,10 +19,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kMaxHeaderBytes = std::size_t(1) << 20;
 constexpr std::size_t kMaxProperties = 1024;
-constexpr std::uint64_t kMaxSamples = (std::uint64_t(1) << 31) - 1;
-constexpr std::uint64_t kMaxCorners = 1000000;
 
 std::optional<Scalar> scalar_named(std::string_view name)
 {
@@ -54,7 +52,7 @@ std::string_view line_end_of(std::string_view header)
 }
 
 /// Whether more of the file could change how its header reads.
-bool is_header_open(std::string_view part)
+bool is_ply_header_open(std::string_view part)
 {
     const std::string_view text =
         part.substr(byte_order_mark(part)).substr(0, kMaxHeaderBytes);
@@ -529,7 +527,7 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
     std::size_t done = 0;
     if (!has_header_)
     {
-        if (!is_last && is_header_open(part))
+        if (!is_last && is_ply_header_open(part))
             return 0;
         done = header(part);
         assign_roles(out);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "io/bytes.h"
+#include "io/file_limits.h"
 #include "io/json_object.h"
 #include "io/relative_name.h"
 #include "io/text.h"
@@ -18,16 +19,15 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kHuge = 1e30, kTiny = 1e-30;
 constexpr std::int64_t kMostSpans = 1000;
 constexpr std::size_t kMostPoints = 10'000'000;
 
 /// Reads what rods and simulate have in common, with defaults.
-class Reader
+class RodReader
 {
 public:
-    Reader(const Json& json, const RodScene& scene, std::string prefix,
-           std::vector<std::string>& warnings)
+    RodReader(const Json& json, const RodScene& scene, std::string prefix,
+              std::vector<std::string>& warnings)
         : object_(json, scene.path, std::move(prefix), warnings)
     {
     }
@@ -119,21 +119,21 @@ private:
     JsonObject object_;
 };
 
-void read_turn(Reader& reader, std::array<double, 4>& turn)
+void read_turn(RodReader& reader, std::array<double, 4>& turn)
 {
     reader.read("rotate", turn);
     if (turn[0] == 0 && turn[1] == 0 && turn[2] == 0)
         reader.object().fail("rotate", "its axis has no length");
 }
 
-void read_keys(Reader& reader, RodScene& scene, const std::string& prefix,
+void read_keys(RodReader& reader, RodScene& scene, const std::string& prefix,
                std::vector<RodKey>& keys)
 {
     double last = -1.0;
     reader.each("keys",
                 [&](const Json& value, const std::string& name)
                 {
-                    Reader key(value, scene, prefix + name + ".", scene.warnings);
+                    RodReader key(value, scene, prefix + name + ".", scene.warnings);
                     RodKey& out = keys.emplace_back();
                     key.read("time", 0.0, kHuge, out.time);
                     key.read("translate", out.translate);
@@ -145,7 +145,8 @@ void read_keys(Reader& reader, RodScene& scene, const std::string& prefix,
                 });
 }
 
-void read_hold(Reader& reader, RodScene& scene, const std::string& prefix, RodHold& hold)
+void read_hold(RodReader& reader, RodScene& scene, const std::string& prefix,
+               RodHold& hold)
 {
     reader.read("at", 0.0, 1.0, hold.at);
     bool has_any = false;
@@ -170,7 +171,7 @@ void read_hold(Reader& reader, RodScene& scene, const std::string& prefix, RodHo
     reader.object().warn_of_the_rest();
 }
 
-void read_slide(Reader& reader, SlideStatement& slide)
+void read_slide(RodReader& reader, SlideStatement& slide)
 {
     if (reader.object().find("start"))
         reader.read("start", 0.0, 1.0, slide.start.emplace(0.0));
@@ -201,7 +202,7 @@ void read_slide(Reader& reader, SlideStatement& slide)
 }
 
 /// A share of the rest length, or "sliding": true.
-bool read_share(Reader& reader, const char* key, double& share)
+bool read_share(RodReader& reader, const char* key, double& share)
 {
     const Json* const value = reader.object().find(key);
     if (!value || !value->is_string())
@@ -214,7 +215,7 @@ bool read_share(Reader& reader, const char* key, double& share)
     return true;
 }
 
-void read_on(Reader& reader, RodScene& scene, const std::string& prefix, RodOn& on,
+void read_on(RodReader& reader, RodScene& scene, const std::string& prefix, RodOn& on,
              std::string& rod)
 {
     if (read_share(reader, "at", on.at))
@@ -264,7 +265,7 @@ void read_on(Reader& reader, RodScene& scene, const std::string& prefix, RodOn& 
     reader.object().warn_of_the_rest();
 }
 
-std::string read_name(Reader& reader, const std::string& otherwise)
+std::string read_name(RodReader& reader, const std::string& otherwise)
 {
     std::optional<std::string> name;
     reader.object().read("name", name);
@@ -278,7 +279,7 @@ std::string read_name(Reader& reader, const std::string& otherwise)
 void read_body(const Json& json, const std::string& prefix, RodScene& scene)
 {
     BodyStatement& body = scene.bodies.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     body.name = read_name(reader, "body" + std::to_string(scene.bodies.size()));
     reader.read("mass", kTiny, kHuge, body.mass);
     if (reader.object().find("inertia"))
@@ -304,7 +305,7 @@ void read_body(const Json& json, const std::string& prefix, RodScene& scene)
     reader.object().warn_of_the_rest();
 }
 
-std::size_t index_of(Reader& reader, const std::string& key, const Json& value,
+std::size_t index_of(RodReader& reader, const std::string& key, const Json& value,
                      std::size_t count)
 {
     if (!value.is_number_integer() || value.get<std::int64_t>() < 0 ||
@@ -317,7 +318,7 @@ std::size_t index_of(Reader& reader, const std::string& key, const Json& value,
 void read_net(const Json& json, const std::string& prefix, RodScene& scene)
 {
     NetStatement& net = scene.nets.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     net.name = read_name(reader, "net" + std::to_string(scene.nets.size()));
     reader.points("points", net.points);
     if (net.points.empty())
@@ -364,7 +365,7 @@ void read_net(const Json& json, const std::string& prefix, RodScene& scene)
 void read_sheet(const Json& json, const std::string& prefix, RodScene& scene)
 {
     SheetStatement& sheet = scene.sheets.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     sheet.name = read_name(reader, "sheet" + std::to_string(scene.sheets.size()));
     reader.read("corner", sheet.corner);
     reader.points("sides", sheet.sides);
@@ -416,7 +417,7 @@ void read_sheet(const Json& json, const std::string& prefix, RodScene& scene)
 
 /// Number of what is called so; throws by \p reader.
 template <class Statement>
-std::size_t number_of(Reader& reader, const std::string& key,
+std::size_t number_of(RodReader& reader, const std::string& key,
                       const std::vector<Statement>& all, const std::string& name,
                       const std::string& kind)
 {
@@ -427,7 +428,7 @@ std::size_t number_of(Reader& reader, const std::string& key,
 }
 
 /// "rod spine 0.5", "rod spine sliding", "body seat 0 0 0.1", "net cloth 7"
-JointEnd read_end(Reader& reader, const char* key, const RodScene& scene)
+JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
 {
     std::optional<std::string> text;
     reader.object().read(key, text);
@@ -517,7 +518,7 @@ JointEnd read_end(Reader& reader, const char* key, const RodScene& scene)
 void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
 {
     JointStatement& joint = scene.joints.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     joint.ends = {read_end(reader, "a", scene), read_end(reader, "b", scene)};
     const auto is_of = [&](JointEnd::Kind kind)
     { return joint.ends[0].kind == kind || joint.ends[1].kind == kind; };
@@ -551,7 +552,7 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
     reader.object().warn_of_the_rest();
 }
 
-void read_cut(Reader& reader, CutStatement& cut)
+void read_cut(RodReader& reader, CutStatement& cut)
 {
     constexpr double kEnd = 1e-6; // of the length
     int count = 0;
@@ -574,7 +575,7 @@ void read_cut(Reader& reader, CutStatement& cut)
 }
 
 /// true, false, or an object.
-void read_refine(Reader& reader, RodScene& scene, const std::string& prefix,
+void read_refine(RodReader& reader, RodScene& scene, const std::string& prefix,
                  std::optional<RefineStatement>& refine)
 {
     const Json* const value = reader.object().find("refine");
@@ -586,7 +587,7 @@ void read_refine(Reader& reader, RodScene& scene, const std::string& prefix,
     if (!value->is_object())
         reader.object().fail("refine", "need true, false, or an object with insert, "
                                        "remove, tolerance, shortest");
-    Reader of(*value, scene, prefix + "refine.", scene.warnings);
+    RodReader of(*value, scene, prefix + "refine.", scene.warnings);
     of.read("insert", 0.01, 3.0, refine->insert);
     of.read("remove", 0.0, 3.0, refine->remove);
     if (!(refine->remove < refine->insert))
@@ -599,7 +600,7 @@ void read_refine(Reader& reader, RodScene& scene, const std::string& prefix,
 void read_obstacle(const Json& json, const std::string& prefix, RodScene& scene)
 {
     ObstacleStatement& obstacle = scene.obstacles.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     int count = 0;
     if (std::array<double, 4> plane; reader.read("plane", plane))
     {
@@ -626,7 +627,7 @@ void read_obstacle(const Json& json, const std::string& prefix, RodScene& scene)
 }
 
 /// true, false, or an object; obstacles are there to be touched.
-void read_contact(Reader& root, RodScene& scene)
+void read_contact(RodReader& root, RodScene& scene)
 {
     const Json* const value = root.object().find("contact");
     if (value ? !(value->is_boolean() && !value->get<bool>()) : !scene.obstacles.empty())
@@ -636,7 +637,7 @@ void read_contact(Reader& root, RodScene& scene)
     if (!value->is_object())
         root.object().fail("contact", "need true, false, or an object with friction, "
                                       "damping, stiffness, rods, self");
-    Reader reader(*value, scene, "contact.", scene.warnings);
+    RodReader reader(*value, scene, "contact.", scene.warnings);
     reader.read("friction", 0.0, kHuge, scene.contact->friction);
     reader.read("damping", 0.0, 100.0, scene.contact->damping);
     if (reader.object().find("stiffness"))
@@ -657,7 +658,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
               std::vector<OtherRod>& others)
 {
     RodStatement& rod = scene.rods.emplace_back();
-    Reader reader(json, scene, prefix, scene.warnings);
+    RodReader reader(json, scene, prefix, scene.warnings);
     rod.name = read_name(reader, "rod" + std::to_string(scene.rods.size()));
     reader.points("through", rod.through);
     reader.points("points", rod.points);
@@ -718,13 +719,13 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.each("fixed",
                 [&](const Json& value, const std::string& key)
                 {
-                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
                     read_hold(of, scene, prefix + key + ".", rod.holds.emplace_back());
                 });
     reader.each("on",
                 [&](const Json& value, const std::string& key)
                 {
-                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
                     std::string other;
                     read_on(of, scene, prefix + key + ".", rod.on.emplace_back(), other);
                     others.push_back({scene.rods.size() - 1, rod.on.size() - 1,
@@ -733,7 +734,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.each("loads",
                 [&](const Json& value, const std::string& key)
                 {
-                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
                     RodPull& load = rod.loads.emplace_back();
                     of.read("at", 0.0, 1.0, load.at);
                     of.read("force", load.force);
@@ -743,7 +744,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.each("springs",
                 [&](const Json& value, const std::string& key)
                 {
-                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
                     RodSpringTo& spring = rod.springs.emplace_back();
                     of.read("at", 0.0, 1.0, spring.at);
                     if (!of.object().find("point"))
@@ -760,7 +761,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.each("cut",
                 [&](const Json& value, const std::string& key)
                 {
-                    Reader of(value, scene, prefix + key + ".", scene.warnings);
+                    RodReader of(value, scene, prefix + key + ".", scene.warnings);
                     read_cut(of, rod.cuts.emplace_back());
                 });
     read_refine(reader, scene, prefix, rod.refine);
@@ -795,7 +796,7 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     RodScene scene;
     scene.path = path;
     const Json json = parse_json(path, text);
-    Reader root(json, scene, "", scene.warnings);
+    RodReader root(json, scene, "", scene.warnings);
     std::int64_t version = 0;
     if (!json.contains("cellwarp"))
         root.object().fail("cellwarp", "is missing (need \"cellwarp\": 1)");

@@ -35,12 +35,12 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 /// Nothing of a skeleton is farther away: squares do not overflow.
-constexpr double kHuge = 1e100;
+constexpr double kFarthest = 1e100;
 
 double finite_number(std::string_view text, const Where& where)
 {
     const std::optional<double> value = parse_double(text);
-    if (!value || !std::isfinite(*value) || std::abs(*value) > kHuge)
+    if (!value || !std::isfinite(*value) || std::abs(*value) > kFarthest)
         throw malformed(where, "got " + in_quotes(text) + ", need a finite number");
     return *value;
 }
@@ -571,7 +571,7 @@ SkeletonValues parse_skeleton(const std::string& path, std::string bytes,
     make_sayable(out.joints);
     place(out, placement);
     for (const SkeletonJoint& joint : out.joints)
-        if (!(joint.at.cwiseAbs().maxCoeff() <= kHuge))
+        if (!(joint.at.cwiseAbs().maxCoeff() <= kFarthest))
             throw malformed({path, joint.line, joint.name}, "is beyond 1e100");
     return out;
 }

@@ -16,7 +16,7 @@ namespace
 {
 
 /// Places of the line.
-constexpr int kPlaces = 97;
+constexpr int kPlacesOfLine = 97;
 
 /// From where the limb begins to its tip.
 std::vector<int> limb_at(const CurveGraph& graph,
@@ -70,7 +70,7 @@ CentreLine centre_line(const Shape& shape, const std::vector<std::uint32_t>& nea
     if (way.size() < 2)
         return line;
     line.radius = graph.least_radius(way);
-    line.places = graph.line(way, kPlaces);
+    line.places = graph.line(way, kPlacesOfLine);
     return line;
 }
 

@@ -26,7 +26,7 @@ namespace
 using Eigen::Vector3d;
 
 /// Places of a limb's line.
-constexpr int kPlaces = 65;
+constexpr int kPlacesOfLimb = 65;
 
 /// What is a limb: branches to the corners of a box are up to 1.73 radii long. Fingers
 /// that are close together show where they are not wrapped.
@@ -232,7 +232,7 @@ private:
         std::vector<int> way = branches_[b].way;
         if (joint_of_[idx(way.front())] != from)
             std::reverse(way.begin(), way.end());
-        std::vector<Vector3d> line = graph_.plain_line(way, kPlaces);
+        std::vector<Vector3d> line = graph_.plain_line(way, kPlacesOfLimb);
         if (graph_.degree(way.front()) == 1)
             out_[idx(parent)].at = line.front(); // the root is a tip
         else
@@ -256,7 +256,7 @@ private:
         {
             bends.clear();
             for (int k = 1; k < options_.bones; ++k)
-                bends.push_back(idx(k * (kPlaces - 1) / options_.bones));
+                bends.push_back(idx(k * (kPlacesOfLimb - 1) / options_.bones));
         }
         if (!closes)
             bends.push_back(line.size() - 1);

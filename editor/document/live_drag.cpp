@@ -26,12 +26,12 @@ constexpr auto kLook = std::chrono::milliseconds(5);
 constexpr int kPartsOfBend = 4;
 
 /// Numbers of one thread's part of a copy at the least.
-constexpr std::size_t kGrain = 1 << 16;
+constexpr std::size_t kCopyGrain = 1 << 16;
 
 void copy(std::span<const float> from, std::vector<float>& to)
 {
     to.resize(from.size());
-    parallel_ranges(from.size(), kGrain,
+    parallel_ranges(from.size(), kCopyGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         std::copy(from.begin() + static_cast<std::ptrdiff_t>(begin),

@@ -24,7 +24,7 @@ namespace
 /// Of a cloud's point: a surface that is sampled evenly has eight around each.
 constexpr std::size_t kCloudNeighbours = 8;
 /// Parts of a loop that are worth a thread.
-constexpr std::size_t kGrain = 4096;
+constexpr std::size_t kLoopGrain = 4096;
 
 using Pair = std::pair<std::uint32_t, std::uint32_t>;
 
@@ -88,7 +88,7 @@ Lists without_doubles(Lists lists)
     const std::size_t count = lists.first.size() - 1;
     Lists result;
     result.first.assign(count + 1, 0);
-    parallel_ranges(count, kGrain,
+    parallel_ranges(count, kLoopGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t i = begin; i < end; ++i)
@@ -101,7 +101,7 @@ Lists without_doubles(Lists lists)
                     });
     std::partial_sum(result.first.begin(), result.first.end(), result.first.begin());
     result.items.resize(result.first.back());
-    parallel_ranges(count, kGrain,
+    parallel_ranges(count, kLoopGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t i = begin; i < end; ++i)
@@ -132,7 +132,7 @@ Lists cloud_lists(const std::vector<Eigen::Vector3d>& places)
     const PointTree tree(places);
     const std::size_t count = std::min(kCloudNeighbours + 1, places.size());
     std::vector<std::uint32_t> nearest(count * places.size());
-    parallel_ranges(places.size(), kGrain,
+    parallel_ranges(places.size(), kLoopGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         std::vector<PointTree::Neighbour> found;

@@ -19,7 +19,7 @@ namespace
 {
 
 /// Samples of one thread's part at the least.
-constexpr std::size_t kGrain = 4096;
+constexpr std::size_t kSampleGrain = 4096;
 
 /// Meshes with fewer triangles need no coarse ones.
 constexpr std::size_t kManyTriangles = 300000;
@@ -87,7 +87,7 @@ std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
         layout->place_of[layout->order[place]] = static_cast<std::uint32_t>(place);
     const std::vector<Triangle> triangles = triangles_of(geometry);
     layout->triangles.resize(3 * triangles.size());
-    parallel_ranges(triangles.size(), kGrain,
+    parallel_ranges(triangles.size(), kSampleGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t t = begin; t < end; ++t)
@@ -116,7 +116,7 @@ std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
         for (const std::uint32_t corner : corners)
             normals[corner] += area;
     }
-    parallel_ranges(normals.size(), kGrain,
+    parallel_ranges(normals.size(), kSampleGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t i = begin; i < end; ++i)
@@ -138,7 +138,7 @@ ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> s
     shape.positions.resize(3 * samples.size());
     const std::vector<Eigen::Vector3d> normals = sample_normals(geometry, samples);
     shape.normals.resize(3 * normals.size());
-    parallel_ranges(samples.size(), kGrain,
+    parallel_ranges(samples.size(), kSampleGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t place = begin; place < end; ++place)
@@ -267,7 +267,7 @@ ShownCells shown_cells(const CellSystem& system, std::span<const Pose> poses,
     {
         const Cell& cell = body.cells.cells[c];
         ShownCell& out = shown.cells[c];
-        out.depth = body.octree.leaves()[idx(cell.leaf)].level;
+        out.depth = body.octree[cell.leaf].level;
         out.region = system.region_of_cell()[c];
         for (std::size_t k = 0; k < 8; ++k)
         {

@@ -27,7 +27,7 @@ using Eigen::Vector3i;
 using Line = std::pair<Vector3d, Vector3d>;
 
 /// Places on a bone where distances are measured.
-constexpr int kPlaces = 17;
+constexpr int kPlacesOfBone = 17;
 
 /// A tube holds the centre of a voxel wherever its line passes [voxel].
 constexpr double kLeastRadius = 0.87;
@@ -92,16 +92,16 @@ Measured measured(const std::vector<Line>& bones, const Distances& distances)
     std::vector<double> away;
     double inside = 0.0;
     for (const auto& [from, to] : bones)
-        for (int k = 0; k < kPlaces; ++k)
+        for (int k = 0; k < kPlacesOfBone; ++k)
         {
-            const Vector3d x = from + (k + 0.5) / kPlaces * (to - from);
+            const Vector3d x = from + (k + 0.5) / kPlacesOfBone * (to - from);
             inside += distances.is_material(x);
             if (distances.is_solid() ? distances.is_material(x) : distances.holds(x))
                 away.push_back(distances.at(x));
         }
     const auto middle = away.begin() + std::ptrdiff_t(away.size() / 2);
     std::nth_element(away.begin(), middle, away.end());
-    return {inside / static_cast<double>(kPlaces * bones.size()),
+    return {inside / static_cast<double>(kPlacesOfBone * bones.size()),
             away.empty() ? 0.0 : *middle};
 }
 

@@ -15,7 +15,7 @@ namespace
 {
 
 /// Places of a rod at which two of its states are compared.
-constexpr int kPlaces = 33;
+constexpr int kPlacesOfRod = 33;
 
 /// Each place goes straight to where it is to be, its frame by the shortest turn.
 class OnTheWay final : public LedState
@@ -76,10 +76,10 @@ int parts_between(const SplineHandle& rod, const SplineState& from, const Spline
                   double size)
 {
     double turn = 0.0, way = 0.0;
-    for (int k = 0; k < kPlaces; ++k)
+    for (int k = 0; k < kPlacesOfRod; ++k)
     {
         const double s = rod.begin() + (rod.end() - rod.begin()) *
-                                           (static_cast<double>(k) / (kPlaces - 1));
+                                           (static_cast<double>(k) / (kPlacesOfRod - 1));
         const Motion a = from.carry(s), b = to.carry(s);
         turn = std::max(turn, Eigen::AngleAxisd(a.R.transpose() * b.R).angle());
         way = std::max(way, (to.at(s).place - from.at(s).place).norm());

@@ -15,10 +15,10 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kOpening = 40.0 * kPi / 180.0; ///< of the shorter side [rad]
-constexpr double kOrbitRate = 0.007;            ///< [rad/pixel]
-constexpr double kZoomStep = 1.15;              ///< a notch of the wheel
+constexpr double kOpening =
+    40.0 * std::numbers::pi / 180.0; ///< of the shorter side [rad]
+constexpr double kOrbitRate = 0.007; ///< [rad/pixel]
+constexpr double kZoomStep = 1.15;   ///< a notch of the wheel
 /// The model has a longest side of 1 at the most.
 constexpr double kNearest = 1e-5, kFarthest = 100.0; ///< eye to target [view]
 /// How far from the origin a shape that was dragged about may be [view].
@@ -90,8 +90,9 @@ void Camera::orbit(const Eigen::Vector2d& pixels)
 {
     if (!pixels.allFinite())
         return;
-    azimuth_ = std::remainder(azimuth_ - kOrbitRate * pixels.x(), 2.0 * kPi);
-    elevation_ = std::clamp(elevation_ + kOrbitRate * pixels.y(), -0.5 * kPi, 0.5 * kPi);
+    azimuth_ = std::remainder(azimuth_ - kOrbitRate * pixels.x(), 2.0 * std::numbers::pi);
+    elevation_ = std::clamp(elevation_ + kOrbitRate * pixels.y(), -0.5 * std::numbers::pi,
+                            0.5 * std::numbers::pi);
 }
 
 void Camera::pan(const Eigen::Vector2d& pixels)
@@ -130,19 +131,19 @@ void Camera::look_from(View view)
     case View::Front:
         break;
     case View::Back:
-        azimuth_ = kPi;
+        azimuth_ = std::numbers::pi;
         break;
     case View::Right:
-        azimuth_ = 0.5 * kPi;
+        azimuth_ = 0.5 * std::numbers::pi;
         break;
     case View::Left:
-        azimuth_ = -0.5 * kPi;
+        azimuth_ = -0.5 * std::numbers::pi;
         break;
     case View::Top:
-        elevation_ = 0.5 * kPi;
+        elevation_ = 0.5 * std::numbers::pi;
         break;
     case View::Bottom:
-        elevation_ = -0.5 * kPi;
+        elevation_ = -0.5 * std::numbers::pi;
         break;
     }
 }

@@ -19,8 +19,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kDegree = kPi / 180.0;
+constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kAngleStep = 5.0; ///< of snapping [degree]
 /// Sine of the angle of sight below which an axis counts as seen end-on, a plane or ring
 /// as seen edge-on.
@@ -144,8 +143,8 @@ void GizmoDrag::move_to(const Eigen::Vector2d& pixel)
         if (!now)
             return;
         const bool winds = way_.kind != DragWay::Kind::TurnFree && !is_degenerate_;
-        turned_ +=
-            winds ? std::remainder(*now - last_angle_, 2.0 * kPi) : *now - last_angle_;
+        turned_ += winds ? std::remainder(*now - last_angle_, 2.0 * std::numbers::pi)
+                         : *now - last_angle_;
         last_angle_ = *now;
         return;
     }

@@ -11,7 +11,7 @@ namespace
 {
 
 /// Up to so many samples it is done at once: a few milliseconds.
-constexpr std::size_t kAtOnce = 20'000;
+constexpr std::size_t kFoundAtOnce = 20'000;
 
 std::unique_ptr<const Neighbours> find(std::shared_ptr<const GeometryFile> model)
 {
@@ -29,7 +29,7 @@ const Neighbours* LazyNeighbours::get()
 {
     if (!neighbours_ && !next_.valid())
     {
-        if (model_->geometry.samples.size() <= kAtOnce)
+        if (model_->geometry.samples.size() <= kFoundAtOnce)
             neighbours_ = find(model_);
         else
             next_ = std::async(std::launch::async, find, model_);

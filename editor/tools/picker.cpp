@@ -25,7 +25,7 @@ namespace
 {
 
 /// Up to so many faces or points a tree is made at once: a few milliseconds.
-constexpr std::size_t kAtOnce = 60'000;
+constexpr std::size_t kBuiltAtOnce = 60'000;
 /// Of a cloud's balls: points strewn at random leave holes in 2 % of their surface then.
 constexpr double kBallRadius = 1.1; ///< [spacing]
 /// Rays to the viewer begin so far from their sample: enough to leave the faces around
@@ -35,7 +35,7 @@ constexpr double kOffset = 1e-5;
 constexpr double kBallOffset = 3.0;
 /// From how far a ray comes in parallel projection; the shape is about 1 large [view].
 constexpr double kFar = 100.0;
-constexpr std::size_t kGrain = 1024; ///< rays worth a thread
+constexpr std::size_t kRayGrain = 1024; ///< rays worth a thread
 
 RTCRay ray_of(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
 {
@@ -271,7 +271,8 @@ void Picker::update(const ShownShape& shape)
         made->commit();
         return made;
     };
-    if (std::max(shape.layout->triangles.size(), shape.positions.size()) / 3 <= kAtOnce)
+    if (std::max(shape.layout->triangles.size(), shape.positions.size()) / 3 <=
+        kBuiltAtOnce)
         state.tree = commit(std::make_unique<Tree>(state.device, shape));
     else
         state.next = std::async(std::launch::async, commit,
@@ -298,7 +299,7 @@ std::vector<std::uint8_t> Picker::visible(std::span<const std::uint32_t> samples
 {
     std::vector<std::uint8_t> result(samples.size(), 1);
     if (is_ready())
-        parallel_ranges(samples.size(), kGrain,
+        parallel_ranges(samples.size(), kRayGrain,
                         [&](std::size_t begin, std::size_t end)
                         {
                             for (std::size_t i = begin; i < end; ++i)

@@ -18,9 +18,9 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kGrain = 16'384; ///< samples worth a thread
-constexpr double kLassoStep = 2.0;     ///< between a lasso's points [pixel]
-constexpr int kBrushSides = 48;        ///< of its circle
+constexpr std::size_t kSampleGrain = 16'384; ///< samples worth a thread
+constexpr double kLassoStep = 2.0;           ///< between a lasso's points [pixel]
+constexpr int kBrushSides = 48;              ///< of its circle
 
 /// The pixel of each place; NaN where it is outside the view.
 std::vector<Eigen::Vector2f> projected(const ShownShape& shape, const Camera& camera)
@@ -35,7 +35,7 @@ std::vector<Eigen::Vector2f> projected(const ShownShape& shape, const Camera& ca
         camera.projection_matrix() * camera.view_matrix() * shape.to_view;
     const float* const positions = shape.positions.data();
     parallel_ranges(
-        pixels.size(), kGrain,
+        pixels.size(), kSampleGrain,
         [&](std::size_t begin, std::size_t end)
         {
             for (std::size_t i = begin; i < end; ++i)
@@ -58,7 +58,7 @@ template <class IsIn>
 void mark(const std::vector<Eigen::Vector2f>& pixels, std::vector<std::uint8_t>& marks,
           IsIn&& is_in)
 {
-    parallel_ranges(pixels.size(), kGrain,
+    parallel_ranges(pixels.size(), kSampleGrain,
                     [&](std::size_t begin, std::size_t end)
                     {
                         for (std::size_t i = begin; i < end; ++i)

@@ -41,10 +41,10 @@ int symmetric_run(int place, int count, int length)
     return run;
 }
 
-using Block = std::array<int, 4>; ///< size of its cells, run on each axis
+using CellBlock = std::array<int, 4>; ///< size of its cells, run on each axis
 
 /// The block of each cell.
-std::vector<Block> blocks_of(const Cells& cells, int length)
+std::vector<CellBlock> blocks_of(const Cells& cells, int length)
 {
     struct Box
     {
@@ -58,11 +58,11 @@ std::vector<Block> blocks_of(const Cells& cells, int length)
         box.low = box.low.cwiseMin(cell.box_centre);
         box.high = box.high.cwiseMax(cell.box_centre);
     }
-    std::vector<Block> blocks;
+    std::vector<CellBlock> blocks;
     for (const Cell& cell : cells.cells)
     {
         const auto found = boxes.find(cell.edge);
-        Block& block = blocks.emplace_back();
+        CellBlock& block = blocks.emplace_back();
         block[0] = static_cast<int>(std::distance(boxes.begin(), found));
         const Box& box = found->second;
         for (int axis = 0; axis < 3; ++axis)
@@ -79,7 +79,7 @@ std::vector<Block> blocks_of(const Cells& cells, int length)
 
 /// The cells of each block that are connected within it.
 std::vector<std::vector<int>> cores_of(const Cells& cells,
-                                       const std::vector<Block>& blocks,
+                                       const std::vector<CellBlock>& blocks,
                                        const std::vector<bool>& is_left_out)
 {
     std::vector<std::vector<int>> cores;
@@ -161,7 +161,7 @@ Clusters grow_clusters(const Cells& cells, const std::vector<bool>& is_left_out,
 {
     // Sums of steps of 1 must not miss a limit by their rounding.
     constexpr double kSlack = 1e-9;
-    const std::vector<Block> blocks = blocks_of(cells, size.core);
+    const std::vector<CellBlock> blocks = blocks_of(cells, size.core);
     Clusters result;
     for (std::vector<int>& core :
          joined_cores(cells, cores_of(cells, blocks, is_left_out), size.core))

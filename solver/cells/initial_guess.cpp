@@ -31,7 +31,7 @@ namespace
 /// residual, and with how many steps at most on the way down, where only what a coarser
 /// level cannot show is missing.
 constexpr double kTolerance = 1e-4;
-constexpr int kFew = 400;
+constexpr int kFewCells = 400;
 constexpr int kSmoothing = 12;
 
 /// Shorter sums of quaternions are no rotation.
@@ -174,7 +174,7 @@ struct Cascade
     {
         graphs.push_back(std::move(finest));
         OctreeBlocks blocks(places);
-        while (graphs.back().count() > kFew)
+        while (graphs.back().count() > kFewCells)
         {
             const Graph& graph = graphs.back();
             const bool is_mixed = blocks.is_mixed();

@@ -55,7 +55,7 @@ constexpr double kWeak = 0.03;
 
 /// So few bodies are solved for exactly; also when a level has hardly fewer bodies than
 /// the one before.
-constexpr int kFew = 48;
+constexpr int kFewBodies = 48;
 constexpr double kStalled = 0.7;
 
 /// A body that shifts by no more of what its group shifts only turns.
@@ -137,7 +137,7 @@ RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
     for (;;)
     {
         SmoothedLevel& level = own.levels.emplace_back(A, level_bodies.is_on_rod);
-        if (A.count() <= kFew)
+        if (A.count() <= kFewBodies)
             break;
         const bool is_waiting = blocks.is_mixed();
         level.grouping = blocks.join(A, [&](std::size_t, std::size_t k)

@@ -27,6 +27,8 @@
 
 #include <Eigen/Geometry>
 
+#include "solver/linear/rounding.h"
+
 namespace cellwarp
 {
 
@@ -47,7 +49,6 @@ constexpr double kStill = 0.9;
 constexpr double kContradiction = 1e-9;
 constexpr double kSmallTurn = 0.01; ///< [rad]
 constexpr int kHalvings = 30;
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 /// A joint that its objects can follow by less than this share of what each unknown
 /// could alone says nothing new.
 constexpr double kStiff = 1e-10;

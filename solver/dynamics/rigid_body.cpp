@@ -19,6 +19,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "solver/linear/rounding.h"
+
 namespace cellwarp
 {
 
@@ -27,7 +29,6 @@ namespace
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
 Matrix3d symmetric(const Matrix3d& A)
 {

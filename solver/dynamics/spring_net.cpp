@@ -8,6 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "solver/linear/rounding.h"
+
 namespace cellwarp
 {
 
@@ -15,7 +17,6 @@ namespace
 {
 
 using Eigen::Vector3d;
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
 } // namespace
 

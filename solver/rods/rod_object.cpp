@@ -28,6 +28,7 @@
 #include <Eigen/Geometry>
 
 #include "solver/dynamics/contradiction.h"
+#include "solver/linear/rounding.h"
 
 namespace cellwarp
 {
@@ -35,7 +36,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 constexpr double kStay = 1e-9;
 
 using Eigen::Vector3d;

@@ -29,6 +29,7 @@
 
 #include "octree/base/index.h"
 #include "solver/dynamics/contradiction.h"
+#include "solver/linear/rounding.h"
 #include "solver/rods/gauss.h"
 
 namespace cellwarp
@@ -38,7 +39,6 @@ namespace
 {
 
 using Eigen::Vector3d;
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
 /// G / E, see above.
 constexpr double kSheet = 0.375, kBlock = 0.4;
 /// Behind an edge, of the size: after a step, and so far that a solve ends.
