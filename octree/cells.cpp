@@ -76,7 +76,7 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
             (block.first.cast<double>().array() + 0.5 * block.width).matrix();
     if (cells.size() == 1 && is_whole(grid, block, pieces, first_piece))
     {
-        cells[0] = {static_cast<int>(leaf_index),
+        cells[0] = {LeafNumber(leaf_index),
                     box_centre,
                     edge,
                     box_centre,
@@ -119,7 +119,7 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         if (!(cell.volume > 0))
             throw std::logic_error("a cell has no volume");
         const Eigen::Vector3d mean = first[at] / cell.volume;
-        cell.leaf = static_cast<int>(leaf_index);
+        cell.leaf = LeafNumber(leaf_index);
         cell.box_centre = box_centre;
         cell.edge = edge;
         cell.centre = box_centre + mean;
@@ -133,8 +133,8 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
 bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
                 const Eigen::Vector3i& voxel, int piece)
 {
-    const int leaf = pieces.leaf_of_piece[idx(piece)];
-    return is_in(voxel_block(grid.shape(), octree.leaves()[idx(leaf)]), voxel);
+    const LeafNumber leaf = pieces.leaf_of_piece[idx(piece)];
+    return is_in(voxel_block(grid.shape(), octree[leaf]), voxel);
 }
 
 /// What is added up over the pairs of voxels of one face.
@@ -340,7 +340,7 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     result.corner = grid.corner();
     result.cells.resize(pieces.size());
     std::vector<std::size_t> first(num_leaves + 1, 0);
-    for (const int leaf : pieces.leaf_of_piece)
+    for (const LeafNumber leaf : pieces.leaf_of_piece)
         ++first[idx(leaf) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::vector<Face>> faces(num_leaves);

@@ -20,7 +20,7 @@ namespace cellwarp
 /// One rigid body, made of one piece. Lengths in the units of the grid.
 struct Cell
 {
-    int leaf = 0;
+    LeafNumber leaf{};
     Eigen::Vector3d box_centre = Eigen::Vector3d::Zero(); ///< of the leaf
     double edge = 0.0;                                    ///< of the leaf
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();     ///< centroid of the piece

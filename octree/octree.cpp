@@ -68,18 +68,18 @@ void Octree::sort()
                    [&](const Leaf& leaf) { return key(leaf); });
 }
 
-int Octree::find(const Eigen::Vector3i& finest) const
+LeafNumber Octree::find(const Eigen::Vector3i& finest) const
 {
     if ((finest.array() < 0).any() || (finest.array() >= counts_.array()).any())
-        return -1;
+        return LeafNumber::None;
     const auto after = std::upper_bound(keys_.begin(), keys_.end(), morton(finest));
     if (after == keys_.begin())
-        return -1;
+        return LeafNumber::None;
     const std::size_t at = idx(after - keys_.begin()) - 1;
     const Leaf& leaf = leaves_[at];
     const bool is_inside = (finest.array() >= leaf.corner.array()).all() &&
                            (finest.array() < leaf.corner.array() + width(leaf)).all();
-    return is_inside ? static_cast<int>(at) : -1;
+    return is_inside ? LeafNumber(at) : LeafNumber::None;
 }
 
 Leaf Octree::parent(const Leaf& leaf) const
@@ -88,9 +88,9 @@ Leaf Octree::parent(const Leaf& leaf) const
     return {leaf.corner / w * w, leaf.level - 1};
 }
 
-std::vector<int> Octree::face_neighbours(const Leaf& box) const
+std::vector<LeafNumber> Octree::face_neighbours(const Leaf& box) const
 {
-    std::vector<int> found;
+    std::vector<LeafNumber> found;
     const int w = width(box);
     for (int axis = 0; axis < 3; ++axis)
         for (const int side : {-1, w})
@@ -104,8 +104,8 @@ std::vector<int> Octree::face_neighbours(const Leaf& box) const
                 {
                     place[u] = box.corner[u] + i;
                     place[v] = box.corner[v] + j;
-                    const int leaf = find(place);
-                    if (leaf >= 0)
+                    const LeafNumber leaf = find(place);
+                    if (leaf != LeafNumber::None)
                         found.push_back(leaf);
                 }
         }
@@ -114,9 +114,9 @@ std::vector<int> Octree::face_neighbours(const Leaf& box) const
     return found;
 }
 
-std::vector<int> Octree::unbalanced() const
+std::vector<LeafNumber> Octree::unbalanced() const
 {
-    std::vector<int> coarse;
+    std::vector<LeafNumber> coarse;
     for (const Leaf& leaf : leaves_)
     {
         // A neighbour two levels coarser is found from any box of the face.
@@ -126,8 +126,8 @@ std::vector<int> Octree::unbalanced() const
             {
                 Eigen::Vector3i place = leaf.corner;
                 place[axis] += side;
-                const int other = find(place);
-                if (other >= 0 && leaves_[idx(other)].level < leaf.level - 1)
+                const LeafNumber other = find(place);
+                if (other != LeafNumber::None && (*this)[other].level < leaf.level - 1)
                     coarse.push_back(other);
             }
     }
@@ -141,15 +141,16 @@ bool Octree::is_balanced() const
     return unbalanced().empty();
 }
 
-Octree Octree::split(std::span<const int> leaves, const MaterialTest& has_material) const
+Octree Octree::split(std::span<const LeafNumber> leaves,
+                     const MaterialTest& has_material) const
 {
-    std::vector<int> wanted(leaves.begin(), leaves.end());
+    std::vector<LeafNumber> wanted(leaves.begin(), leaves.end());
     Octree tree = *this;
     while (!wanted.empty())
     {
         std::vector<bool> is_split(tree.leaves_.size(), false);
-        for (const int leaf : wanted)
-            is_split[idx(leaf)] = tree.leaves_[idx(leaf)].level < max_depth_;
+        for (const LeafNumber leaf : wanted)
+            is_split[idx(leaf)] = tree[leaf].level < max_depth_;
         std::vector<Leaf> next;
         for (std::size_t i = 0; i < tree.leaves_.size(); ++i)
         {
@@ -181,21 +182,21 @@ Octree Octree::split_all(int level, const MaterialTest& has_material) const
     Octree tree = *this;
     for (int done = 0; done < level; ++done)
     {
-        std::vector<int> all;
-        for (std::size_t i = 0; i < tree.leaves_.size(); ++i)
-            if (tree.leaves_[i].level < level)
-                all.push_back(static_cast<int>(i));
+        std::vector<LeafNumber> all;
+        for (const LeafNumber leaf : tree.numbers())
+            if (tree[leaf].level < level)
+                all.push_back(leaf);
         tree = tree.split(all, has_material);
     }
     return tree;
 }
 
-Octree Octree::merge(std::span<const int> leaves) const
+Octree Octree::merge(std::span<const LeafNumber> leaves) const
 {
     std::vector<Leaf> boxes;
-    for (const int leaf : leaves)
-        if (leaves_[idx(leaf)].level > 0)
-            boxes.push_back(parent(leaves_[idx(leaf)]));
+    for (const LeafNumber leaf : leaves)
+        if ((*this)[leaf].level > 0)
+            boxes.push_back(parent((*this)[leaf]));
     std::sort(boxes.begin(), boxes.end(),
               [&](const Leaf& a, const Leaf& b)
               { return std::pair(key(a), a.level) < std::pair(key(b), b.level); });
@@ -212,8 +213,8 @@ Octree Octree::merge(std::span<const int> leaves) const
         bool may_merge = true;
         for (; end < leaves_.size() && is_inside(leaves_[end], box); ++end)
             may_merge &= leaves_[end].level == box.level + 1;
-        for (const int neighbour : face_neighbours(box))
-            may_merge &= leaves_[idx(neighbour)].level <= box.level + 1;
+        for (const LeafNumber neighbour : face_neighbours(box))
+            may_merge &= (*this)[neighbour].level <= box.level + 1;
         if (!may_merge)
             continue;
         std::fill(is_merged.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -226,9 +227,9 @@ Octree Octree::merge(std::span<const int> leaves) const
     return Octree(std::move(next), counts_, max_depth_);
 }
 
-std::vector<std::vector<int>> Octree::siblings() const
+std::vector<std::vector<LeafNumber>> Octree::siblings() const
 {
-    std::vector<std::vector<int>> families;
+    std::vector<std::vector<LeafNumber>> families;
     for (std::size_t begin = 0; begin < leaves_.size();)
     {
         const Leaf& one = leaves_[begin];
@@ -243,9 +244,9 @@ std::vector<std::vector<int>> Octree::siblings() const
                               (end == leaves_.size() || !is_inside(leaves_[end], box));
         if (is_whole)
         {
-            std::vector<int>& family = families.emplace_back();
+            std::vector<LeafNumber>& family = families.emplace_back();
             for (std::size_t i = begin; i < end; ++i)
-                family.push_back(static_cast<int>(i));
+                family.push_back(LeafNumber(i));
         }
         begin = end;
     }

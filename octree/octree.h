@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 
+#include "octree/base/index.h"
 #include "octree/voxel_grid.h"
 
 namespace cellwarp
@@ -27,6 +28,12 @@ struct Leaf
     }
 };
 
+/// The number of a leaf among those of an octree.
+enum class LeafNumber : int
+{
+    None = -1
+};
+
 /// Whether a box holds material. Must be true of a box if it is of a part of it.
 using MaterialTest = std::function<bool(const Leaf&)>;
 
@@ -41,20 +48,23 @@ public:
     const std::vector<Leaf>& leaves() const { return leaves_; }
     int max_depth() const { return max_depth_; }
     int width(const Leaf& leaf) const { return 1 << (max_depth_ - leaf.level); }
-    /// The leaf that holds a finest box; -1 if there is no material.
-    int find(const Eigen::Vector3i& finest) const;
+    const Leaf& operator[](LeafNumber leaf) const { return leaves_[idx(leaf)]; }
+    auto numbers() const { return numbers_below<LeafNumber>(leaves_.size()); }
+    /// The leaf that holds a finest box; None if there is no material.
+    LeafNumber find(const Eigen::Vector3i& finest) const;
 
     /// Splits these leaves, and as many others as balance demands. Leaves at the
     /// deepest level stay.
-    Octree split(std::span<const int> leaves, const MaterialTest& has_material) const;
+    Octree split(std::span<const LeafNumber> leaves,
+                 const MaterialTest& has_material) const;
     /// Every leaf down to \p level.
     Octree split_all(int level, const MaterialTest& has_material) const;
     /// Puts the siblings of each of these leaves back into their parent, where all
     /// of them are leaves and balance allows it.
-    Octree merge(std::span<const int> leaves) const;
+    Octree merge(std::span<const LeafNumber> leaves) const;
 
     /// The leaves of every box whose parts are all undivided, ascending.
-    std::vector<std::vector<int>> siblings() const;
+    std::vector<std::vector<LeafNumber>> siblings() const;
 
     bool is_balanced() const;
 
@@ -66,8 +76,8 @@ private:
     Leaf parent(const Leaf& leaf) const;
     bool is_inside(const Leaf& leaf, const Leaf& box) const;
     /// Leaves that touch a face of \p box from outside.
-    std::vector<int> face_neighbours(const Leaf& box) const;
-    std::vector<int> unbalanced() const;
+    std::vector<LeafNumber> face_neighbours(const Leaf& box) const;
+    std::vector<LeafNumber> unbalanced() const;
 
     std::vector<Leaf> leaves_;
     std::vector<std::uint64_t> keys_;

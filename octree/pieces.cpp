@@ -181,7 +181,7 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
         for (const Run& run : runs[i])
             count = std::max(count, run.piece + 1);
         pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(), idx(count),
-                                    static_cast<int>(i));
+                                    LeafNumber(i));
     }
     first.back() = static_cast<std::int32_t>(pieces.size());
     const auto write = [&](auto&& number_of)
@@ -200,7 +200,7 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
     write([](std::int32_t piece) { return piece; });
     const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);
     std::vector<std::int32_t> number(pieces.size());
-    std::vector<int> leaf_of_kept;
+    std::vector<LeafNumber> leaf_of_kept;
     for (std::size_t piece = 0; piece < pieces.size(); ++piece)
     {
         number[piece] = static_cast<std::int32_t>(leaf_of_kept.size());

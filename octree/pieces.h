@@ -18,7 +18,7 @@ namespace cellwarp
 /// to that piece: what is there follows it, but they count for nothing else.
 struct Pieces
 {
-    std::vector<int> leaf_of_piece;
+    std::vector<LeafNumber> leaf_of_piece;
     std::vector<std::int32_t> piece_of_voxel; ///< -1 where there is no material
     std::size_t size() const { return leaf_of_piece.size(); }
 };

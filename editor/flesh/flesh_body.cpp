@@ -164,7 +164,7 @@ struct Builder
         const MaterialTest has_material = material_test(grid);
         for (int level = 1; level <= cells.max_depth; ++level)
         {
-            std::vector<int> crossed;
+            std::vector<LeafNumber> crossed;
             for (std::size_t l = 0; l < octree.octree.leaves().size(); ++l)
             {
                 const VoxelBlock block =
@@ -181,7 +181,7 @@ struct Builder
                                     const double t = nearest_share(a, b, middle);
                                     return (a + t * (b - a) - middle).norm() <= reach;
                                 }))
-                    crossed.push_back(static_cast<int>(l));
+                    crossed.push_back(LeafNumber(l));
             }
             Octree finer = octree.octree.split(crossed, has_material);
             if (static_cast<std::int64_t>(finer.leaves().size()) > cells.max_cells)

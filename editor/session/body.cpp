@@ -37,6 +37,45 @@ constexpr double kProbeVoxels = 96.0;
 /// What a sample takes in the end, with its faces, places in the file and motions [byte].
 constexpr double kBytesPerSample = 250.0;
 
+/// Whether more than \p most leaves of the coarsest grid of \p shape hold voxels of the
+/// material.
+bool has_more_leaves(const VoxelGrid& grid, const GridShape& shape, std::size_t most)
+{
+    const Eigen::Vector3d corner =
+        0.5 * (shape.size - shape.edge * shape.coarsest.cast<double>());
+    std::array<std::vector<std::size_t>, 3> leaf_of; // of each line of voxels
+    std::size_t step = 1;
+    for (int axis = 0; axis < 3; ++axis)
+    {
+        for (int i = 0; i < grid.counts()[axis]; ++i)
+        {
+            Eigen::Vector3i voxel = Eigen::Vector3i::Zero();
+            voxel[axis] = i;
+            const double x = grid.centre(voxel)[axis] - corner[axis];
+            leaf_of[idx(axis)].push_back(step *
+                                         idx(std::clamp(static_cast<int>(x / shape.edge),
+                                                        0, shape.coarsest[axis] - 1)));
+        }
+        step *= idx(shape.coarsest[axis]);
+    }
+    std::vector<char> is_counted(step, 0);
+    std::size_t count = 0;
+    for (int k = 0; k < grid.counts().z(); ++k)
+        for (int j = 0; j < grid.counts().y(); ++j)
+        {
+            const std::uint8_t* const row = &grid.material()[grid.index(0, j, k)];
+            char* const leaves = &is_counted[leaf_of[1][idx(j)] + leaf_of[2][idx(k)]];
+            for (std::size_t i = 0; i < leaf_of[0].size(); ++i)
+                if (row[i] && !leaves[leaf_of[0][i]])
+                {
+                    leaves[leaf_of[0][i]] = 1;
+                    if (++count > most)
+                        return true;
+                }
+        }
+    return false;
+}
+
 /// Volume of material tells how many cells a grid has before it is built.
 int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
                      double max_voxel)
@@ -46,34 +85,9 @@ int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
         return 1;
     const Material probe = find_material(
         shape, grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
-    const VoxelGrid& grid = probe.grid;
     for (const int across : kCandidates)
-    {
-        const GridShape candidate = grid_shape(size, across, 0, 0.0);
-        std::vector<bool> has_material(
-            idx(candidate.coarsest.cast<std::int64_t>().prod()), false);
-        const Eigen::Vector3d corner =
-            0.5 * (size - candidate.edge * candidate.coarsest.cast<double>());
-        std::size_t count = 0;
-        for (std::size_t i = 0; i < grid.size(); ++i)
-        {
-            if (!grid.material()[i])
-                continue;
-            const Eigen::Vector3d x = grid.centre(grid.coordinates(i)) - corner;
-            std::size_t leaf = 0;
-            for (int axis = 2; axis >= 0; --axis)
-                leaf = leaf * idx(candidate.coarsest[axis]) +
-                       idx(std::clamp(static_cast<int>(x[axis] / candidate.edge), 0,
-                                      candidate.coarsest[axis] - 1));
-            if (!has_material[leaf])
-            {
-                has_material[leaf] = true;
-                ++count;
-            }
-        }
-        if (count <= kTargetCells)
+        if (!has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
             return across;
-    }
     return std::end(kCandidates)[-1];
 }
 

@@ -28,11 +28,11 @@ constexpr double kMerge = 0.125;
 constexpr double kStretched = 0.5;
 
 /// Steps of two regions that differ by no more are one [work].
-constexpr double kSameMotion = 1e-12;
+constexpr double kSameStep = 1e-12;
 
 bool agree(const Motion& a, const Motion& b)
 {
-    return (a.R - b.R).norm() <= kSameMotion && (a.t - b.t).norm() <= kSameMotion;
+    return (a.R - b.R).norm() <= kSameStep && (a.t - b.t).norm() <= kSameStep;
 }
 
 } // namespace
@@ -55,41 +55,40 @@ bool CellRefiner::is_adaptive() const
 
 CellSystem CellRefiner::first()
 {
-    Body body = build_body(rest_, settings_);
-    warnings_.insert(warnings_.end(), body.warnings.begin(), body.warnings.end());
+    auto body = std::make_shared<const Body>(build_body(rest_, settings_));
+    warnings_.insert(warnings_.end(), body->warnings.begin(), body->warnings.end());
     if (is_adaptive())
         body = with_homes(std::move(body));
-    coarsest_ = body.octree;
-    return {std::make_shared<const Body>(std::move(body)), regions_, system_settings_};
+    coarsest_ = body->octree;
+    return {std::move(body), regions_, system_settings_};
 }
 
-std::vector<int> CellRefiner::crowded_leaves(const Body& body) const
+std::vector<LeafNumber> CellRefiner::crowded_leaves(const Body& body) const
 {
-    std::vector<int> leaves;
+    std::vector<LeafNumber> leaves;
     for (const int cell : crowded_cells(*regions_, regions_->shares(body), body.cells))
     {
-        const int leaf = body.cells.cells[idx(cell)].leaf;
-        if (body.octree.leaves()[idx(leaf)].level < settings_.max_depth)
+        const LeafNumber leaf = body.cells.cells[idx(cell)].leaf;
+        if (body.octree[leaf].level < settings_.max_depth)
             leaves.push_back(leaf);
     }
     return leaves;
 }
 
 /// Splits further where a region would be left without a cell.
-Body CellRefiner::with_homes(Body body)
+std::shared_ptr<const Body> CellRefiner::with_homes(std::shared_ptr<const Body> body)
 {
     for (;;)
     {
-        const std::vector<int> crowded = crowded_leaves(body);
-        Body next = finer_body(body, crowded);
-        if (next.octree.leaves() == body.octree.leaves())
+        std::shared_ptr<const Body> next = finer_body(body, crowded_leaves(*body));
+        if (next == body)
             return body;
         body = std::move(next);
     }
 }
 
 /// Of a worst-first list splits as many as leave no more than \p most leaves.
-Octree CellRefiner::split(const Octree& octree, std::span<const int> worst_first,
+Octree CellRefiner::split(const Octree& octree, std::span<const LeafNumber> worst_first,
                           std::int64_t most) const
 {
     const auto first_of = [&](std::size_t count)
@@ -116,40 +115,44 @@ Octree CellRefiner::split(const Octree& octree, std::span<const int> worst_first
     return best;
 }
 
-/// Splits as many of a worst-first list as max_cells allows.
-Body CellRefiner::finer_body(const Body& body, std::span<const int> worst_first)
+/// Splits as many of a worst-first list as max_cells allows; none: the body itself.
+std::shared_ptr<const Body>
+CellRefiner::finer_body(const std::shared_ptr<const Body>& body,
+                        std::span<const LeafNumber> worst_first)
 {
     if (worst_first.empty())
         return body;
     // A leaf may hold several cells: what is too much is taken off the leaves.
     for (std::int64_t most = settings_.max_cells;;)
     {
-        Octree octree = split(body.octree, worst_first, most);
-        const bool is_changed = octree.leaves() != body.octree.leaves();
-        Body next = is_changed ? cut(rest_, std::move(octree)) : body;
+        Octree octree = split(body->octree, worst_first, most);
+        const bool is_changed = octree.leaves() != body->octree.leaves();
+        std::shared_ptr<const Body> next = body;
+        if (is_changed)
+            next = std::make_shared<const Body>(cut(rest_, std::move(octree)));
         const std::int64_t over =
-            static_cast<std::int64_t>(next.cells.size()) - settings_.max_cells;
+            static_cast<std::int64_t>(next->cells.size()) - settings_.max_cells;
         if (is_changed && over > 0)
         {
             most -= over;
             continue;
         }
-        if (!splits_all(body, worst_first, next))
-            warn_of_budget(next);
+        if (!splits_all(*body, worst_first, *next))
+            warn_of_budget(*next);
         return next;
     }
 }
 
 /// Whether none of these leaves of \p body is one of \p next still.
-bool CellRefiner::splits_all(const Body& body, std::span<const int> leaves,
+bool CellRefiner::splits_all(const Body& body, std::span<const LeafNumber> leaves,
                              const Body& next) const
 {
     return std::none_of(leaves.begin(), leaves.end(),
-                        [&](int leaf)
+                        [&](LeafNumber leaf)
                         {
-                            const Leaf& one = body.octree.leaves()[idx(leaf)];
-                            const int now = next.octree.find(one.corner);
-                            return now >= 0 && next.octree.leaves()[idx(now)] == one;
+                            const Leaf& one = body.octree[leaf];
+                            const LeafNumber now = next.octree.find(one.corner);
+                            return now != LeafNumber::None && next.octree[now] == one;
                         });
 }
 
@@ -192,11 +195,11 @@ std::optional<CellSystem> CellRefiner::parted(const CellSystem& system,
         return std::nullopt;
     const Octree& octree = system.body().octree;
     const std::vector<std::vector<int>> regions = differing_regions(system, motions);
-    std::vector<int> leaves;
+    std::vector<LeafNumber> leaves;
     for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
         if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
-            leaves.push_back(static_cast<int>(leaf));
-    return in_cells(system, with_homes(finer_body(system.body(), leaves)));
+            leaves.push_back(LeafNumber(leaf));
+    return in_cells(system, with_homes(finer_body(system.shared_body(), leaves)));
 }
 
 std::vector<double> CellRefiner::errors_of(const CellSystem& system) const
@@ -231,19 +234,20 @@ std::optional<CellSystem> CellRefiner::finer(const CellSystem& system)
         double& of_leaf = worst[idx(body.cells.cells[c].leaf)];
         of_leaf = std::max(of_leaf, errors[c]);
     }
-    std::vector<int> leaves;
+    std::vector<LeafNumber> leaves;
     num_at_limit_ = 0;
     for (std::size_t leaf = 0; leaf < worst.size(); ++leaf)
         if (worst[leaf] > threshold)
         {
             if (body.octree.leaves()[leaf].level < settings_.max_depth)
-                leaves.push_back(static_cast<int>(leaf));
+                leaves.push_back(LeafNumber(leaf));
             else
                 ++num_at_limit_;
         }
     std::stable_sort(leaves.begin(), leaves.end(),
-                     [&](int a, int b) { return worst[idx(a)] > worst[idx(b)]; });
-    return in_cells(system, with_homes(finer_body(body, leaves)));
+                     [&](LeafNumber a, LeafNumber b)
+                     { return worst[idx(a)] > worst[idx(b)]; });
+    return in_cells(system, with_homes(finer_body(system.shared_body(), leaves)));
 }
 
 std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
@@ -259,10 +263,10 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
             may_merge[idx(body.cells.cells[c].leaf)] = false;
     const std::vector<std::vector<int>> regions =
         differing_regions(system, system.motions());
-    const auto is_contested = [&](std::span<const int> siblings)
+    const auto is_contested = [&](std::span<const LeafNumber> siblings)
     {
         int one = -1;
-        for (const int leaf : siblings)
+        for (const LeafNumber leaf : siblings)
             for (const int region : regions[idx(leaf)])
             {
                 if (one >= 0 &&
@@ -272,32 +276,34 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
             }
         return false;
     };
-    std::vector<int> leaves;
-    for (const std::vector<int>& siblings : body.octree.siblings())
+    std::vector<LeafNumber> leaves;
+    for (const std::vector<LeafNumber>& siblings : body.octree.siblings())
     {
-        const Leaf& one = body.octree.leaves()[idx(siblings[0])];
-        const int base = coarsest_->find(one.corner);
-        const bool is_split_for_good = coarsest_->leaves()[idx(base)].level >= one.level;
+        const Leaf& one = body.octree[siblings[0]];
+        const LeafNumber base = coarsest_->find(one.corner);
+        const bool is_split_for_good = (*coarsest_)[base].level >= one.level;
         if (!is_split_for_good &&
             std::all_of(siblings.begin(), siblings.end(),
-                        [&](int leaf) { return may_merge[idx(leaf)]; }) &&
+                        [&](LeafNumber leaf) { return may_merge[idx(leaf)]; }) &&
             !is_contested(siblings))
             leaves.push_back(siblings[0]);
     }
     if (leaves.empty())
         return std::nullopt;
-    Body merged = cut(rest_, body.octree.merge(leaves));
-    if (!crowded_leaves(merged).empty())
+    auto merged = std::make_shared<const Body>(cut(rest_, body.octree.merge(leaves)));
+    if (!crowded_leaves(*merged).empty())
         return std::nullopt;
     return in_cells(system, std::move(merged));
 }
 
-std::optional<CellSystem> CellRefiner::in_cells(const CellSystem& system,
-                                                Body cells) const
+std::optional<CellSystem>
+CellRefiner::in_cells(const CellSystem& system,
+                      const std::shared_ptr<const Body>& cells) const
 {
-    if (cells.octree.leaves() == system.body().octree.leaves())
+    if (cells == system.shared_body() ||
+        cells->octree.leaves() == system.body().octree.leaves())
         return std::nullopt;
-    return handed_to(std::make_shared<const Body>(std::move(cells)), system);
+    return handed_to(cells, system);
 }
 
 CellSystem CellRefiner::in_cells_of(const CellSystem& other,

@@ -54,17 +54,19 @@ public:
     std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
 
 private:
-    Octree split(const Octree& octree, std::span<const int> worst_first,
+    Octree split(const Octree& octree, std::span<const LeafNumber> worst_first,
                  std::int64_t most) const;
-    Body finer_body(const Body& body, std::span<const int> worst_first);
-    bool splits_all(const Body& body, std::span<const int> leaves,
+    std::shared_ptr<const Body> finer_body(const std::shared_ptr<const Body>& body,
+                                           std::span<const LeafNumber> worst_first);
+    bool splits_all(const Body& body, std::span<const LeafNumber> leaves,
                     const Body& next) const;
     void warn_of_budget(const Body& body);
     double threshold_of(const CellSystem& system) const;
     std::vector<double> errors_of(const CellSystem& system) const;
-    std::vector<int> crowded_leaves(const Body& body) const;
-    Body with_homes(Body body);
-    std::optional<CellSystem> in_cells(const CellSystem& system, Body cells) const;
+    std::vector<LeafNumber> crowded_leaves(const Body& body) const;
+    std::shared_ptr<const Body> with_homes(std::shared_ptr<const Body> body);
+    std::optional<CellSystem> in_cells(const CellSystem& system,
+                                       const std::shared_ptr<const Body>& cells) const;
     CellSystem handed_to(const std::shared_ptr<const Body>& body,
                          const CellSystem& system) const;
     /// Regions, one of each motion, that have material in a leaf.

@@ -35,11 +35,10 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
 {
     const VoxelGrid& grid = body.rest->material.grid;
     const Cell& a = body.cells.cells[idx(face.a)];
-    const VoxelBlock block = voxel_block(grid.shape(), body.octree.leaves()[idx(a.leaf)]);
+    const VoxelBlock block = voxel_block(grid.shape(), body.octree[a.leaf]);
     // What touches may be a crumb that belongs to the upper cell, from another leaf.
     const Cell& b = body.cells.cells[idx(face.b)];
-    const VoxelBlock above_block =
-        voxel_block(grid.shape(), body.octree.leaves()[idx(b.leaf)]);
+    const VoxelBlock above_block = voxel_block(grid.shape(), body.octree[b.leaf]);
     const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
     Eigen::Vector3i below;
     below[axis] = block.first[axis] + block.width - 1;

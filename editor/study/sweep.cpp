@@ -141,7 +141,7 @@ void describe(SweepRow& row, const Session& session)
     double edge = INFINITY;
     for (const Cell& cell : body.cells.cells)
     {
-        const std::size_t level = idx(body.octree.leaves()[idx(cell.leaf)].level);
+        const std::size_t level = idx(body.octree[cell.leaf].level);
         row.cells_per_depth.resize(std::max(row.cells_per_depth.size(), level + 1), 0);
         ++row.cells_per_depth[level];
         edge = std::min(edge, cell.edge);

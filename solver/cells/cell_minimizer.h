@@ -40,7 +40,7 @@ public:
     CellMinimizer(CellMinimizer&&) noexcept;
     CellMinimizer& operator=(CellMinimizer&&) noexcept;
 
-    int num_unknown_cells() const { return energy_->state.num_unknown_cells(); }
+    std::size_t num_unknown_cells() const { return energy_->state.num_unknown_cells(); }
     const RigidMultigrid& multigrid() const;
     /// Memory of the factor that Method::GaussNewtonDirect needs [byte].
     double factor_bytes()

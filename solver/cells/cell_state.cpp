@@ -39,7 +39,9 @@ CellState::CellState(const Cells& cells, std::span<const Constraint> constraints
         const Hold hold = constraints_[i].hold;
         const bool is_unknown =
             hold == Hold::Free || hold == Hold::Pinned || hold == Hold::Sliding;
-        unknown_of_cell_.push_back(is_unknown ? num_unknown_cells() : -1);
+        unknown_of_cell_.push_back(is_unknown
+                                       ? static_cast<UnknownCell>(num_unknown_cells())
+                                       : UnknownCell::None);
         if (!is_unknown)
             continue;
         cell_of_unknown_.push_back(static_cast<int>(i));
@@ -60,21 +62,22 @@ CellState::CellState(const Cells& cells, std::span<const Constraint> constraints
 }
 
 /// The curve of a sliding cell where it is now.
-void CellState::find_rail(std::size_t unknown)
+void CellState::find_rail(UnknownCell unknown)
 {
-    Constraint& constraint = constraints_[idx(cell_of_unknown_[unknown])];
+    Constraint& constraint = constraints_[idx(cell_of_unknown(unknown))];
     if (!constraint.rail)
         return;
     const RailPlace rail = constraint.rail->at(constraint.s);
     constraint.held_now = rail.place;
     const double speed = rail.first.norm();
     // A cusp has no direction: there it only turns.
-    speed_[unknown] = speed > 0.0 ? speed : INFINITY;
-    along_[unknown] = rail.first / speed_[unknown];
-    bend_[unknown] = rail.second / (speed_[unknown] * speed_[unknown]);
+    const std::size_t u = idx(unknown);
+    speed_[u] = speed > 0.0 ? speed : INFINITY;
+    along_[u] = rail.first / speed_[u];
+    bend_[u] = rail.second / (speed_[u] * speed_[u]);
 }
 
-bool CellState::is_stopped(int unknown, double force) const
+bool CellState::is_stopped(UnknownCell unknown, double force) const
 {
     const Constraint& now = constraint(cell_of_unknown(unknown));
     if (!now.rail || now.rail->is_closed())
@@ -100,17 +103,17 @@ void CellState::set_held_points(std::span<const Constraint> constraints)
     for (std::size_t u = 0; u < along_.size(); ++u)
         if (sizes_[u] == 4)
         {
-            find_rail(u);
+            find_rail(UnknownCell(u));
             base_s_[u] = constraints_[idx(cell_of_unknown_[u])].s;
             base_speed_[u] = speed_[u];
         }
 }
 
-CellState::Basis CellState::basis(int unknown) const
+CellState::Basis CellState::basis(UnknownCell unknown) const
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
-    Basis basis = Basis::Zero(6, at(sizes_, unknown));
+    Basis basis = Basis::Zero(6, sizes_[idx(unknown)]);
     basis.topLeftCorner<3, 3>() = R;
     if (is_pinned(unknown) || is_sliding(unknown))
     {
@@ -144,7 +147,7 @@ void CellState::move(const Eigen::VectorXd& step, double length)
                 const double s = base_s_[u] + length * x[3] / base_speed_[u];
                 constraints_[cell].s =
                     rail.is_closed() ? s : std::clamp(s, rail.begin(), rail.end());
-                find_rail(u);
+                find_rail(UnknownCell(u));
             }
             if (sizes_[u] != 6)
                 poses_[cell] =
@@ -166,12 +169,12 @@ std::vector<UnknownBody> unknown_bodies(const CellState& state,
                                         std::span<const GridPlace> places)
 {
     std::vector<UnknownBody> bodies;
-    for (int u = 0; u < state.num_unknown_cells(); ++u)
+    for (const UnknownCell u : state.unknown_cells())
     {
         const int cell = state.cell_of_unknown(u);
         const Pose& pose = state.pose(cell);
         UnknownBody& body = bodies.emplace_back();
-        body.block = state.begin().block + u;
+        body.block = state.block(u);
         body.turns = 3;
         body.turn = pose.R;
         body.centre = pose.p;

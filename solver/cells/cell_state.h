@@ -17,6 +17,12 @@
 namespace cellwarp
 {
 
+/// The number of a cell among the unknown ones; its block among those of the state.
+enum class UnknownCell : int
+{
+    None = -1 ///< its pose is given
+};
+
 /// The poses of all cells, of which the free, the pinned and the sliding ones are
 /// unknown: blocks of 6, of 3 and of 4, in the order of the cells. cell_state.cpp says
 /// what the unknowns are. Nothing is allocated after construction.
@@ -44,35 +50,52 @@ public:
     const Constraint& constraint(int cell) const { return constraints_[idx(cell)]; }
 
     int num_cells() const { return static_cast<int>(poses_.size()); }
-    int num_unknown_cells() const { return static_cast<int>(cell_of_unknown_.size()); }
-    int cell_of_unknown(int unknown) const { return at(cell_of_unknown_, unknown); }
-    /// -1 for a cell whose pose is given.
-    int unknown_of_cell(int cell) const { return at(unknown_of_cell_, cell); }
-    bool is_pinned(int unknown) const { return at(sizes_, unknown) == 3; }
-    bool is_sliding(int unknown) const { return at(sizes_, unknown) == 4; }
+    std::size_t num_unknown_cells() const { return cell_of_unknown_.size(); }
+    auto unknown_cells() const { return numbers_below<UnknownCell>(num_unknown_cells()); }
+    int cell_of_unknown(UnknownCell unknown) const
+    {
+        return cell_of_unknown_[idx(unknown)];
+    }
+    UnknownCell unknown_of_cell(int cell) const { return unknown_of_cell_[idx(cell)]; }
+    /// Among the blocks of all states.
+    int block(UnknownCell unknown) const
+    {
+        return begin().block + static_cast<int>(unknown);
+    }
+    /// None for a block of another state.
+    UnknownCell unknown_of_block(int block) const
+    {
+        const int own = block - begin().block;
+        return own >= 0 && idx(own) < num_unknown_cells() ? UnknownCell{own}
+                                                          : UnknownCell::None;
+    }
+    bool is_pinned(UnknownCell unknown) const { return sizes_[idx(unknown)] == 3; }
+    bool is_sliding(UnknownCell unknown) const { return sizes_[idx(unknown)] == 4; }
     /// Of a sliding cell: the direction of its curve, and the change of that along it
     /// [1 / length].
-    const Eigen::Vector3d& along(int unknown) const { return along_[idx(unknown)]; }
-    Eigen::Vector3d bend(int unknown) const { return bend_[idx(unknown)]; }
+    const Eigen::Vector3d& along(UnknownCell unknown) const
+    {
+        return along_[idx(unknown)];
+    }
+    Eigen::Vector3d bend(UnknownCell unknown) const { return bend_[idx(unknown)]; }
     /// Whether a force along its curve, positive towards larger parameters, would take it
     /// over an end.
-    bool is_stopped(int unknown, double force) const;
+    bool is_stopped(UnknownCell unknown, double force) const;
     /// Where its numbers begin among those of all states.
-    int first(int unknown) const { return at(first_, unknown); }
+    int first(UnknownCell unknown) const { return first_[idx(unknown)]; }
 
     /// The twist in world axes that the unknowns at \p x make.
-    Twist world(int unknown, const double* x) const;
+    Twist world(UnknownCell unknown, const double* x) const;
     /// To the derivatives in the unknowns at \p y: those in the twist.
-    void add_body(int unknown, const Twist& twist, double* y) const;
-    Basis basis(int unknown) const;
+    void add_body(UnknownCell unknown, const Twist& twist, double* y) const;
+    Basis basis(UnknownCell unknown) const;
 
     std::span<const int> block_sizes() const override { return sizes_; }
     void move(const Eigen::VectorXd& step, double length) override;
     void settle() override;
 
 private:
-    static int at(const std::vector<int>& v, int i) { return v[idx(i)]; }
-    void find_rail(std::size_t unknown);
+    void find_rail(UnknownCell unknown);
 
     /// From the held point of a pinned or sliding cell to its centre, now.
     Eigen::Vector3d arm_of_pin(int cell) const
@@ -84,7 +107,8 @@ private:
     bool has_rigid_steps_;
     std::vector<Eigen::Vector3d> centres_;
     std::vector<Constraint> constraints_;
-    std::vector<int> unknown_of_cell_, cell_of_unknown_;
+    std::vector<UnknownCell> unknown_of_cell_;
+    std::vector<int> cell_of_unknown_;
     std::vector<int> sizes_, first_; ///< of the unknowns
     std::vector<Pose> poses_, base_;
     // Of the unknowns, where some slide; else empty.
@@ -93,7 +117,7 @@ private:
     std::vector<double> base_s_, base_speed_; ///< of the base
 };
 
-inline Twist CellState::world(int unknown, const double* x) const
+inline Twist CellState::world(UnknownCell unknown, const double* x) const
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
@@ -108,7 +132,7 @@ inline Twist CellState::world(int unknown, const double* x) const
     return twist;
 }
 
-inline void CellState::add_body(int unknown, const Twist& twist, double* y) const
+inline void CellState::add_body(UnknownCell unknown, const Twist& twist, double* y) const
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;

@@ -24,26 +24,25 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
                    std::span<const Component> components)
     : state_(state), glue_(glue)
 {
-    const std::size_t unknowns = idx(state.num_unknown_cells());
+    const std::size_t unknowns = state.num_unknown_cells();
     turns_freely_.assign(unknowns, false);
     for (const Component& component : components)
         if (component.free_rotations > 0)
             for (const int cell : component.cells)
             {
-                const int unknown = state.unknown_of_cell(cell);
-                if (unknown >= 0 &&
+                const UnknownCell unknown = state.unknown_of_cell(cell);
+                if (unknown != UnknownCell::None &&
                     (state.is_pinned(unknown) || state.is_sliding(unknown)))
                     turns_freely_[idx(unknown)] = true;
             }
     std::vector<std::pair<std::pair<int, int>, int>> faces;
-    const int first = state.begin().block;
     for (std::size_t f = 0; f < glue_.faces.size(); ++f)
     {
-        const int a = state.unknown_of_cell(glue_.faces[f].a);
-        const int b = state.unknown_of_cell(glue_.faces[f].b);
-        if (a >= 0 && b >= 0)
-            faces.push_back(
-                {{first + std::max(a, b), first + std::min(a, b)}, static_cast<int>(f)});
+        const UnknownCell a = state.unknown_of_cell(glue_.faces[f].a);
+        const UnknownCell b = state.unknown_of_cell(glue_.faces[f].b);
+        if (a != UnknownCell::None && b != UnknownCell::None)
+            faces.push_back({{state.block(std::max(a, b)), state.block(std::min(a, b))},
+                             static_cast<int>(f)});
     }
     std::sort(faces.begin(), faces.end());
     for (const auto& [pair, face] : faces)
@@ -100,8 +99,9 @@ void GlueTerm::add_gradient(Eigen::VectorXd& out) const
 {
     find_face_gradients();
     parallel_for(state_.num_unknown_cells(), kSmallBodies,
-                 [&](int unknown)
+                 [&](std::size_t u)
                  {
+                     const UnknownCell unknown{static_cast<int>(u)};
                      const int cell = state_.cell_of_unknown(unknown);
                      Twist sum = Twist::Zero();
                      for (const int f : faces_of(cell))
@@ -116,7 +116,7 @@ void GlueTerm::add_gradient(Eigen::VectorXd& out) const
 }
 
 /// Whether the end of its curve keeps a sliding cell, by the derivative of its twist.
-bool GlueTerm::is_stopped(int unknown, const Twist& gradient) const
+bool GlueTerm::is_stopped(UnknownCell unknown, const Twist& gradient) const
 {
     return state_.is_sliding(unknown) &&
            state_.is_stopped(unknown, -state_.along(unknown).dot(gradient.tail<3>()));
@@ -126,7 +126,7 @@ double GlueTerm::uncancelled() const
 {
     find_face_gradients();
     double sum = 0.0;
-    for (int unknown = 0; unknown < state_.num_unknown_cells(); ++unknown)
+    for (const UnknownCell unknown : state_.unknown_cells())
     {
         const int cell = state_.cell_of_unknown(unknown);
         double forces = 0.0;
@@ -142,7 +142,7 @@ double GlueTerm::uncancelled() const
 void GlueTerm::add_rounding(std::span<double> out) const
 {
     const std::size_t first = idx(state_.begin().block);
-    for (int unknown = 0; unknown < state_.num_unknown_cells(); ++unknown)
+    for (const UnknownCell unknown : state_.unknown_cells())
     {
         double sizes = 0.0;
         for (const int f : faces_of(state_.cell_of_unknown(unknown)))
@@ -167,7 +167,8 @@ void GlueTerm::linearise(Curvature curvature)
     parallel_for(diagonals_.size(), kSmallBodies,
                  [&](std::size_t u)
                  {
-                     const int cell = state_.cell_of_unknown(static_cast<int>(u));
+                     const UnknownCell unknown{static_cast<int>(u)};
+                     const int cell = state_.cell_of_unknown(unknown);
                      Eigen::Matrix<double, 6, 6>& sum = diagonals_[u];
                      sum.setZero();
                      for (const int f : faces_of(cell))
@@ -178,7 +179,7 @@ void GlueTerm::linearise(Curvature curvature)
                          sum += face.a == cell ? glue_diagonal_a(face, a, b, curvature)
                                                : glue_diagonal_b(face, a, b, curvature);
                      }
-                     find_sliding(static_cast<int>(u), curvature);
+                     find_sliding(unknown, curvature);
                      proximal_[u] =
                          turns_freely_[u]
                              ? kProximal * std::abs(sum.topLeftCorner<3, 3>().trace()) /
@@ -188,7 +189,7 @@ void GlueTerm::linearise(Curvature curvature)
 }
 
 /// What the curve of a sliding cell adds: cell_state.cpp.
-void GlueTerm::find_sliding(int unknown, Curvature curvature)
+void GlueTerm::find_sliding(UnknownCell unknown, Curvature curvature)
 {
     if (!state_.is_sliding(unknown))
         return;
@@ -215,8 +216,9 @@ void GlueTerm::find_sliding(int unknown, Curvature curvature)
 void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
 {
     parallel_for(state_.num_unknown_cells(), kSmallBodies,
-                 [&](int unknown)
+                 [&](std::size_t u)
                  {
+                     const UnknownCell unknown{static_cast<int>(u)};
                      Twist& twist = twists_[idx(state_.cell_of_unknown(unknown))];
                      const double* const own = x.data() + state_.first(unknown);
                      twist = state_.world(unknown, own);
@@ -226,7 +228,7 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
     parallel_for(diagonals_.size(), kSmallBodies,
                  [&](std::size_t u)
                  {
-                     const int unknown = static_cast<int>(u);
+                     const UnknownCell unknown{static_cast<int>(u)};
                      const int cell = state_.cell_of_unknown(unknown);
                      Twist sum = diagonals_[u] * twists_[idx(cell)];
                      for (const int f : faces_of(cell))
@@ -259,7 +261,7 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                  });
 }
 
-CellState::Basis GlueTerm::basis(int unknown) const
+CellState::Basis GlueTerm::basis(UnknownCell unknown) const
 {
     CellState::Basis basis = state_.basis(unknown);
     if (state_.is_sliding(unknown) && sliding_[idx(unknown)].is_stopped)
@@ -269,8 +271,8 @@ CellState::Basis GlueTerm::basis(int unknown) const
 
 void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) const
 {
-    const int unknown = block - state_.begin().block;
-    if (unknown < 0 || unknown >= state_.num_unknown_cells())
+    const UnknownCell unknown = state_.unknown_of_block(block);
+    if (unknown == UnknownCell::None)
         return;
     const std::size_t u = idx(unknown);
     const CellState::Basis own = basis(unknown);
@@ -287,8 +289,8 @@ void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) co
 void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
 {
     const std::size_t p = idx(pair);
-    const int row = pairs_[p].first - state_.begin().block;
-    const int column = pairs_[p].second - state_.begin().block;
+    const UnknownCell row = state_.unknown_of_block(pairs_[p].first);
+    const UnknownCell column = state_.unknown_of_block(pairs_[p].second);
     const std::size_t f = idx(face_of_pair_[p]);
     Eigen::Matrix<double, 6, 6> H = couplings_[f].matrix();
     if (glue_.faces[f].a != state_.cell_of_unknown(row))

@@ -28,7 +28,7 @@ public:
     const Glue& glue() const { return glue_; }
     /// The twists that the unknowns of a cell make, as far as its curve lets them; as
     /// linearised.
-    CellState::Basis basis(int unknown) const;
+    CellState::Basis basis(UnknownCell unknown) const;
     /// Norm of the pair forces on the unknown cells, each cell's added as lengths.
     double uncancelled() const;
 
@@ -44,8 +44,8 @@ public:
 private:
     std::span<const int> faces_of(int cell) const;
     void find_face_gradients() const;
-    bool is_stopped(int unknown, const Twist& gradient) const;
-    void find_sliding(int unknown, Curvature curvature);
+    bool is_stopped(UnknownCell unknown, const Twist& gradient) const;
+    void find_sliding(UnknownCell unknown, Curvature curvature);
 
     const CellState& state_;
     Glue glue_;

@@ -273,7 +273,7 @@ int only_origin(const Pieces& old_pieces, const Cells& old_cells, const Cell& ce
 {
     const int old = old_pieces.piece_of_voxel[voxel];
     const std::size_t o = idx(old);
-    const std::vector<int>& leaf = old_pieces.leaf_of_piece;
+    const std::vector<LeafNumber>& leaf = old_pieces.leaf_of_piece;
     const bool is_alone = (o == 0 || leaf[o - 1] != leaf[o]) &&
                           (o + 1 == leaf.size() || leaf[o + 1] != leaf[o]);
     const Cell& from = old_cells.cells[o];
@@ -310,7 +310,7 @@ std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
                             const Pieces& pieces, const Cells& cells)
 {
     std::vector<int> first(octree.leaves().size() + 1, 0);
-    for (const int leaf : pieces.leaf_of_piece)
+    for (const LeafNumber leaf : pieces.leaf_of_piece)
         ++first[idx(leaf) + 1];
     for (std::size_t i = 1; i < first.size(); ++i)
         first[i] += first[i - 1];

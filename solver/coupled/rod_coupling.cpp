@@ -48,9 +48,8 @@ RodCoupling::RodCoupling(const CellState& cells, const GlueTerm& glue,
         else
         {
             face.unknown = cells.unknown_of_cell(face.a >= 0 ? glued.b : glued.a);
-            if (face.unknown >= 0)
-                pair = {block_of(std::max(face.a, face.b)),
-                        cells.begin().block + face.unknown};
+            if (face.unknown != UnknownCell::None)
+                pair = {block_of(std::max(face.a, face.b)), cells.block(face.unknown)};
         }
         if (pair.first != pair.second)
             faces_of_pair[pair].push_back(static_cast<int>(faces_.size()));
@@ -152,7 +151,7 @@ void RodCoupling::linearise(Curvature curvature)
             diagonals_[idx(face.a)] += glue_diagonal_a(glue, a, b, curvature);
         if (face.b >= 0)
             diagonals_[idx(face.b)] += glue_diagonal_b(glue, a, b, curvature);
-        if (face.unknown >= 0)
+        if (face.unknown != UnknownCell::None)
             face.basis = glue_.basis(face.unknown);
     }
     idle_ = 0.0;
@@ -190,7 +189,7 @@ void RodCoupling::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) cons
             forces_[idx(face.a)] += face.coupling * twists_[idx(face.b)];
             forces_[idx(face.b)] += face.coupling.transpose() * twists_[idx(face.a)];
         }
-        else if (face.unknown >= 0)
+        else if (face.unknown != UnknownCell::None)
         {
             const Eigen::Index at = cells_.first(face.unknown), size = face.basis.cols();
             const Twist other = face.basis * x.segment(at, size);

@@ -45,8 +45,8 @@ private:
     struct Face
     {
         const GlueFace* glue = nullptr;
-        int a = -1, b = -1; ///< number among the carried ones, or -1
-        int unknown = -1;   ///< of the other one, if that is unknown
+        int a = -1, b = -1;                      ///< number among the carried ones, or -1
+        UnknownCell unknown = UnknownCell::None; ///< of the other one, if that is unknown
         Eigen::Matrix<double, 6, 6> coupling =
             Eigen::Matrix<double, 6, 6>::Zero(); ///< rows of a, columns of b
         CellState::Basis basis;                  ///< of the unknown cell

@@ -128,7 +128,7 @@ Lattice octree_lattice(const Octree& octree, const Cells& cells, double unit)
     double finest = 0.0; // edge of width 1 [unit of the cells]
     for (const Cell& cell : cells.cells)
     {
-        const Leaf& leaf = octree.leaves()[idx(cell.leaf)];
+        const Leaf& leaf = octree[cell.leaf];
         level.boxes.push_back({leaf.corner, octree.width(leaf)});
         finest = cell.edge / octree.width(leaf);
     }
@@ -181,7 +181,7 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
         const double volume = size.prod();
         if (cell < 0 || !(volume > 0.0))
             continue;
-        const Leaf& leaf = octree.leaves()[idx(pieces.leaf_of_piece[idx(cell)])];
+        const Leaf& leaf = octree[pieces.leaf_of_piece[idx(cell)]];
         if (!is_in(voxel_block(grid.shape(), leaf), v))
             continue; // a crumb belongs to a cell elsewhere
         const Vector3d x = unit * grid.centre(v);

@@ -94,9 +94,9 @@ void check_octree(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
         if (!has_material)
             continue;
         require(idx(pieces.piece_of_voxel[v]) < pieces.size());
-        const int leaf = octree.find(grid.coordinates(v) / per_leaf);
-        require(leaf >= 0);
-        const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[idx(leaf)]);
+        const LeafNumber leaf = octree.find(grid.coordinates(v) / per_leaf);
+        require(leaf != LeafNumber::None);
+        const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);
         require(is_in(block, grid.coordinates(v)));
     }
 }
@@ -168,10 +168,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const Material material = find_material(samples, grid, fill);
     const MaterialTest has_material = material_test(material.grid);
     Octree octree(grid, has_material);
-    std::vector<int> some;
+    std::vector<LeafNumber> some;
     for (std::size_t i = 0; i < octree.leaves().size(); ++i)
         if (bytes.byte() & 1)
-            some.push_back(static_cast<int>(i));
+            some.push_back(LeafNumber(i));
     octree = octree.split(some, has_material);
     const Pieces pieces = find_pieces(material.grid, octree);
     check_octree(material.grid, octree, pieces);

@@ -85,9 +85,8 @@ TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alik
         {
             const auto block = [&](int cell)
             {
-                return voxel_block(
-                    body.material.grid.shape(),
-                    body.octree.leaves()[idx(body.cells.cells[idx(cell)].leaf)]);
+                return voxel_block(body.material.grid.shape(),
+                                   body.octree[body.cells.cells[idx(cell)].leaf]);
             };
             const VoxelBlock below = block(face.a), above = block(face.b);
             ASSERT_EQ(below.first[face.axis] + below.width, above.first[face.axis]);
@@ -97,9 +96,9 @@ TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alik
         for (std::size_t voxel = 0; voxel < body.material.grid.size(); ++voxel)
             if (const int piece = body.pieces.piece_of_voxel[voxel]; piece >= 0)
             {
-                const VoxelBlock own = voxel_block(
-                    body.material.grid.shape(),
-                    body.octree.leaves()[idx(body.pieces.leaf_of_piece[idx(piece)])]);
+                const VoxelBlock own =
+                    voxel_block(body.material.grid.shape(),
+                                body.octree[body.pieces.leaf_of_piece[idx(piece)]]);
                 const Eigen::Vector3i v = body.material.grid.coordinates(voxel);
                 num_crumbs += (v.array() < own.first.array()).any() ||
                               (v.array() >= own.first.array() + own.width).any();
@@ -182,7 +181,7 @@ TEST(Cells, neighbours_of_different_size_share_their_true_area)
     const GridShape grid = grid_shape({2, 1, 1}, 2, 1, 0.0);
     const Material material = find_material(shape, grid, Fill::Solid);
     const MaterialTest test = material_test(material.grid);
-    const Octree octree = Octree(grid, test).split(std::vector<int>{0}, test);
+    const Octree octree = Octree(grid, test).split(std::vector{LeafNumber{0}}, test);
     const Cells cells =
         build_cells(material.grid, octree, find_pieces(material.grid, octree));
     ASSERT_EQ(cells.size(), 9u);

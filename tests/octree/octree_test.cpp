@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/octree.h"
 
-#include <numeric>
 #include <random>
 #include <utility>
 
@@ -39,17 +38,16 @@ Octree randomly_split(unsigned seed, int rounds)
     Octree octree(shape(), kAll);
     for (int round = 0; round < rounds; ++round)
     {
-        const int leaf = static_cast<int>(rng() % octree.leaves().size());
-        octree = octree.split(std::vector<int>{leaf}, kAll);
+        const LeafNumber leaf{static_cast<int>(rng() % octree.leaves().size())};
+        octree = octree.split(std::vector{leaf}, kAll);
     }
     return octree;
 }
 
-std::vector<int> all_of(const Octree& octree)
+std::vector<LeafNumber> all_of(const Octree& octree)
 {
-    std::vector<int> all(octree.leaves().size());
-    std::iota(all.begin(), all.end(), 0);
-    return all;
+    const auto all = octree.numbers();
+    return {all.begin(), all.end()};
 }
 
 bool overlap(const Leaf& leaf, const Leaf& box)
@@ -82,25 +80,25 @@ MaterialTest speckled(unsigned seed)
 }
 
 /// What siblings() promises, by looking at every pair of leaves.
-std::vector<std::vector<int>> families_one_by_one(const Octree& octree)
+std::vector<std::vector<LeafNumber>> families_one_by_one(const Octree& octree)
 {
-    std::vector<std::vector<int>> families;
-    for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+    std::vector<std::vector<LeafNumber>> families;
+    for (const LeafNumber i : octree.numbers())
     {
-        const Leaf& one = octree.leaves()[i];
+        const Leaf& one = octree[i];
         if (one.level == 0)
             continue;
         const int w = 2 * octree.width(one);
         const Leaf box{one.corner / w * w, one.level - 1};
-        std::vector<int> family;
+        std::vector<LeafNumber> family;
         bool is_whole = true;
-        for (std::size_t j = 0; j < octree.leaves().size(); ++j)
-            if (overlap(octree.leaves()[j], box))
+        for (const LeafNumber j : octree.numbers())
+            if (overlap(octree[j], box))
             {
-                family.push_back(static_cast<int>(j));
-                is_whole &= octree.leaves()[j].level == one.level;
+                family.push_back(j);
+                is_whole &= octree[j].level == one.level;
             }
-        if (is_whole && family.front() == static_cast<int>(i))
+        if (is_whole && family.front() == i)
             families.push_back(family);
     }
     return families;
@@ -111,13 +109,12 @@ Octree merged_down_to(const Octree& goal, Octree octree)
 {
     for (;;)
     {
-        std::vector<int> finer;
-        for (std::size_t i = 0; i < octree.leaves().size(); ++i)
+        std::vector<LeafNumber> finer;
+        for (const LeafNumber leaf : octree.numbers())
         {
-            const Leaf& leaf = octree.leaves()[i];
-            const int base = goal.find(leaf.corner);
-            if (goal.leaves()[idx(base)].level < leaf.level)
-                finer.push_back(static_cast<int>(i));
+            const LeafNumber base = goal.find(octree[leaf].corner);
+            if (goal[base].level < octree[leaf].level)
+                finer.push_back(leaf);
         }
         Octree next = octree.merge(finer);
         if (next.leaves().size() == octree.leaves().size())
@@ -140,8 +137,8 @@ TEST(Octree, boxes_without_material_are_left_out)
     const MaterialTest left = [](const Leaf& leaf) { return leaf.corner.x() < 16; };
     const Octree octree = Octree(shape(), left).split_all(1, left);
     EXPECT_EQ(octree.leaves().size(), 4u * 8u);
-    EXPECT_EQ(octree.find({16, 0, 0}), -1);
-    EXPECT_GE(octree.find({15, 0, 0}), 0);
+    EXPECT_EQ(octree.find({16, 0, 0}), LeafNumber::None);
+    EXPECT_NE(octree.find({15, 0, 0}), LeafNumber::None);
 }
 
 TEST(Octree, every_place_is_found_in_its_leaf)
@@ -153,14 +150,14 @@ TEST(Octree, every_place_is_found_in_its_leaf)
         const Eigen::Vector3i place(static_cast<int>(rng() % 64),
                                     static_cast<int>(rng() % 32),
                                     static_cast<int>(rng() % 32));
-        const int found = octree.find(place);
-        ASSERT_GE(found, 0);
-        const Leaf& leaf = octree.leaves()[idx(found)];
+        const LeafNumber found = octree.find(place);
+        ASSERT_NE(found, LeafNumber::None);
+        const Leaf& leaf = octree[found];
         EXPECT_TRUE((place.array() >= leaf.corner.array()).all());
         EXPECT_TRUE((place.array() < leaf.corner.array() + octree.width(leaf)).all());
     }
-    EXPECT_EQ(octree.find({-1, 0, 0}), -1);
-    EXPECT_EQ(octree.find({64, 0, 0}), -1);
+    EXPECT_EQ(octree.find({-1, 0, 0}), LeafNumber::None);
+    EXPECT_EQ(octree.find({64, 0, 0}), LeafNumber::None);
 }
 
 TEST(Octree, splitting_keeps_the_volume_and_the_balance)
@@ -177,9 +174,9 @@ TEST(Octree, a_deep_corner_makes_its_neighbours_follow)
 {
     Octree octree(shape(), kAll);
     for (int depth = 0; depth < kDepth; ++depth)
-        octree = octree.split(std::vector<int>{octree.find({15, 15, 15})}, kAll);
-    EXPECT_EQ(octree.leaves()[idx(octree.find({15, 15, 15}))].level, kDepth);
-    EXPECT_GE(octree.leaves()[idx(octree.find({16, 15, 15}))].level, kDepth - 1);
+        octree = octree.split(std::vector{octree.find({15, 15, 15})}, kAll);
+    EXPECT_EQ(octree[octree.find({15, 15, 15})].level, kDepth);
+    EXPECT_GE(octree[octree.find({16, 15, 15})].level, kDepth - 1);
     EXPECT_TRUE(octree.is_balanced());
 }
 
@@ -187,19 +184,15 @@ TEST(Octree, leaves_at_the_deepest_level_stay)
 {
     const Octree octree =
         Octree(grid_shape({1, 1, 1}, 2, 1, 0.0), kAll).split_all(1, kAll);
-    std::vector<int> all(octree.leaves().size());
-    std::iota(all.begin(), all.end(), 0);
-    EXPECT_EQ(octree.split(all, kAll).leaves(), octree.leaves());
+    EXPECT_EQ(octree.split(all_of(octree), kAll).leaves(), octree.leaves());
 }
 
 TEST(Octree, merging_undoes_splitting)
 {
     const Octree coarse(shape(), kAll);
-    Octree octree = coarse.split(std::vector<int>{3, 7}, kAll);
+    Octree octree = coarse.split(std::vector{LeafNumber{3}, LeafNumber{7}}, kAll);
     EXPECT_EQ(octree.leaves().size(), 16u + 14u);
-    std::vector<int> all(octree.leaves().size());
-    std::iota(all.begin(), all.end(), 0);
-    EXPECT_EQ(octree.merge(all).leaves(), coarse.leaves());
+    EXPECT_EQ(octree.merge(all_of(octree)).leaves(), coarse.leaves());
 }
 
 TEST(Octree, merging_never_breaks_the_balance)
@@ -208,10 +201,10 @@ TEST(Octree, merging_never_breaks_the_balance)
     {
         const Octree octree = randomly_split(seed, 60);
         std::mt19937 rng(seed);
-        std::vector<int> some;
+        std::vector<LeafNumber> some;
         for (std::size_t i = 0; i < octree.leaves().size(); ++i)
             if (rng() % 2)
-                some.push_back(static_cast<int>(i));
+                some.push_back(LeafNumber(i));
         const Octree merged = octree.merge(some);
         EXPECT_LT(merged.leaves().size(), octree.leaves().size());
         EXPECT_TRUE(merged.is_balanced());
@@ -248,10 +241,10 @@ TEST(Octree, merging_what_balance_split_too_gives_the_same_octree_back)
         SCOPED_TRACE(seed);
         const Octree before = randomly_split(seed, 40);
         std::mt19937 rng(seed);
-        std::vector<int> some;
+        std::vector<LeafNumber> some;
         for (std::size_t i = 0; i < before.leaves().size(); ++i)
             if (rng() % 8 == 0)
-                some.push_back(static_cast<int>(i));
+                some.push_back(LeafNumber(i));
         const Octree finer = before.split(some, kAll);
         EXPECT_GT(finer.leaves().size(), before.leaves().size());
         EXPECT_EQ(merged_down_to(before, finer).leaves(), before.leaves());
@@ -262,11 +255,13 @@ TEST(Octree, families_are_whole_and_ascending)
 {
     const Octree coarse(shape(), kAll);
     EXPECT_TRUE(coarse.siblings().empty());
-    const Octree octree = coarse.split(std::vector<int>{3}, kAll);
-    const std::vector<std::vector<int>> families = octree.siblings();
+    const Octree octree = coarse.split(std::vector{LeafNumber{3}}, kAll);
+    const std::vector<std::vector<LeafNumber>> families = octree.siblings();
     ASSERT_EQ(families.size(), 1u);
-    EXPECT_EQ(families[0], (std::vector<int>{3, 4, 5, 6, 7, 8, 9, 10}));
-    for (const int leaf : families[0])
+    EXPECT_EQ(families[0],
+              (std::vector{LeafNumber{3}, LeafNumber{4}, LeafNumber{5}, LeafNumber{6},
+                           LeafNumber{7}, LeafNumber{8}, LeafNumber{9}, LeafNumber{10}}));
+    for (const LeafNumber leaf : families[0])
         EXPECT_TRUE(overlap(octree.leaves()[idx(leaf)], coarse.leaves()[3]));
 }
 
@@ -274,17 +269,19 @@ TEST(Octree, a_family_of_which_one_part_is_split_is_none)
 {
     Octree octree(shape(), kAll);
     for (int depth = 0; depth < 2; ++depth)
-        octree = octree.split(std::vector<int>{octree.find({0, 0, 0})}, kAll);
-    const std::vector<std::vector<int>> families = octree.siblings();
+        octree = octree.split(std::vector{octree.find({0, 0, 0})}, kAll);
+    const std::vector<std::vector<LeafNumber>> families = octree.siblings();
     ASSERT_EQ(families.size(), 1u);
-    EXPECT_EQ(families[0], (std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7}));
+    EXPECT_EQ(families[0],
+              (std::vector{LeafNumber{0}, LeafNumber{1}, LeafNumber{2}, LeafNumber{3},
+                           LeafNumber{4}, LeafNumber{5}, LeafNumber{6}, LeafNumber{7}}));
     EXPECT_EQ(octree.leaves()[0].level, 2);
     EXPECT_EQ(octree.leaves()[8].level, 1);
     // The last part split leaves seven in front of it.
-    octree = Octree(shape(), kAll).split(std::vector<int>{0}, kAll);
-    octree = octree.split(std::vector<int>{7}, kAll);
-    for (const std::vector<int>& family : octree.siblings())
-        EXPECT_NE(family.front(), 0);
+    octree = Octree(shape(), kAll).split(std::vector{LeafNumber{0}}, kAll);
+    octree = octree.split(std::vector{LeafNumber{7}}, kAll);
+    for (const std::vector<LeafNumber>& family : octree.siblings())
+        EXPECT_NE(family.front(), LeafNumber{0});
 }
 
 TEST(Octree, a_family_at_the_border_has_the_parts_that_hold_material)
@@ -299,10 +296,11 @@ TEST(Octree, a_family_at_the_border_has_the_parts_that_hold_material)
         };
         const Octree coarse(shape(), slab);
         ASSERT_EQ(coarse.leaves().size(), 4u);
-        const Octree octree = coarse.split(std::vector<int>{1}, slab);
-        const std::vector<std::vector<int>> families = octree.siblings();
+        const Octree octree = coarse.split(std::vector{LeafNumber{1}}, slab);
+        const std::vector<std::vector<LeafNumber>> families = octree.siblings();
         ASSERT_EQ(families.size(), 1u);
-        EXPECT_EQ(families[0], (std::vector<int>{1, 2, 3, 4}));
+        EXPECT_EQ(families[0], (std::vector{LeafNumber{1}, LeafNumber{2}, LeafNumber{3},
+                                            LeafNumber{4}}));
         EXPECT_EQ(octree.merge(families[0]).leaves(), coarse.leaves());
     }
 }
@@ -316,10 +314,9 @@ TEST(Octree, families_of_speckled_material_are_those_found_one_by_one)
         std::mt19937 rng(seed);
         Octree octree(shape(), speckles);
         for (int round = 0; round < 40; ++round)
-            octree = octree.split(
-                std::vector<int>{static_cast<int>(rng() % octree.leaves().size())},
-                speckles);
-        const std::vector<std::vector<int>> families = octree.siblings();
+            octree = octree.split(std::vector{LeafNumber(rng() % octree.leaves().size())},
+                                  speckles);
+        const std::vector<std::vector<LeafNumber>> families = octree.siblings();
         EXPECT_GT(families.size(), 10u);
         EXPECT_EQ(families, families_one_by_one(octree));
     }
@@ -353,11 +350,11 @@ TEST(Octree, keys_stay_exact_at_twenty_levels)
     const GridShape deep = grid_shape({1, 1, 1}, 2, 20, 0.0);
     Octree octree(deep, [](const Leaf& leaf) { return leaf.corner.isZero(); });
     for (int depth = 0; depth < 20; ++depth)
-        octree = octree.split(std::vector<int>{octree.find({0, 0, 0})},
+        octree = octree.split(std::vector{octree.find({0, 0, 0})},
                               [](const Leaf& leaf) { return leaf.corner.isZero(); });
     ASSERT_EQ(octree.leaves().size(), 1u);
     EXPECT_EQ(octree.leaves()[0].level, 20);
-    EXPECT_EQ(octree.find({1, 0, 0}), -1);
+    EXPECT_EQ(octree.find({1, 0, 0}), LeafNumber::None);
 }
 
 } // namespace cellwarp

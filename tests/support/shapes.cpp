@@ -263,10 +263,10 @@ Built built_mixed(const Shape& shape, int across, int depth, unsigned seed,
         std::mt19937 rng(seed);
         for (int level = 0; level < depth; ++level)
         {
-            std::vector<int> some;
+            std::vector<LeafNumber> some;
             for (std::size_t i = 0; i < octree.leaves().size(); ++i)
                 if (rng() % 3 == 0)
-                    some.push_back(static_cast<int>(i));
+                    some.push_back(LeafNumber(i));
             octree = octree.split(some, test);
         }
         return octree;

@@ -140,7 +140,7 @@ TEST(CellRefiner, splits_the_cells_above_the_threshold_and_no_others)
     EXPECT_EQ(leaves(*next).size(), 32u + 7u * num_above);
     for (std::size_t leaf = 0; leaf < errors.size(); ++leaf)
     {
-        const int now = next->body().octree.find(leaves(system)[leaf].corner);
+        const LeafNumber now = next->body().octree.find(leaves(system)[leaf].corner);
         EXPECT_EQ(leaves(*next)[idx(now)].level, errors[leaf] > threshold ? 1 : 0);
     }
 }

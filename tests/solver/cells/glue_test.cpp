@@ -87,13 +87,13 @@ Cells cells_of_three_sizes()
     Octree octree(grid, test);
     for (const int level : {0, 1})
     {
-        std::vector<int> inside;
+        std::vector<LeafNumber> inside;
         for (std::size_t i = 0; i < octree.leaves().size(); ++i)
         {
             const Eigen::Vector3i at = octree.leaves()[i].corner;
             if (octree.leaves()[i].level == level && at.minCoeff() >= 8 + 2 * level &&
                 (at.array() < Eigen::Array3i(16, 14, 12)).all())
-                inside.push_back(static_cast<int>(i));
+                inside.push_back(LeafNumber(i));
         }
         octree = octree.split(inside, test);
     }

@@ -43,8 +43,7 @@ TEST(Grouping, follows_the_lattice_of_the_octree_where_it_overhangs_the_box)
             for (const int cell : grouping.members.of(g))
             {
                 const Eigen::Vector3i parent =
-                    body.octree.leaves()[idx(body.cells.cells[idx(cell)].leaf)].corner /
-                    2;
+                    body.octree[body.cells.cells[idx(cell)].leaf].corner / 2;
                 of_group.emplace(parent.x(), parent.y(), parent.z());
             }
             ASSERT_EQ(of_group.size(), 1u);

@@ -152,10 +152,10 @@ double largest_of(const std::vector<double>& values)
 Octree half_split(const Block& block)
 {
     const Octree coarse = block.coarsest();
-    std::vector<int> leaves;
+    std::vector<LeafNumber> leaves;
     for (std::size_t i = 0; i < coarse.leaves().size(); ++i)
         if (coarse.leaves()[i].corner.x() >= 2 * coarse.width(coarse.leaves()[i]))
-            leaves.push_back(static_cast<int>(i));
+            leaves.push_back(LeafNumber(i));
     return coarse.split(leaves, block.has_material);
 }
 
@@ -339,8 +339,8 @@ TEST(Refinement, what_stays_keeps_its_pose_to_the_bit)
     std::mt19937 rng(6);
     const Block block = box_of(4, 2, 2, 1);
     const Cut coarse = block.cut(block.coarsest());
-    const Cut finer =
-        block.cut(block.coarsest().split(std::vector<int>{2, 9}, block.has_material));
+    const Cut finer = block.cut(block.coarsest().split(
+        std::vector{LeafNumber{2}, LeafNumber{9}}, block.has_material));
     std::vector<Pose> poses;
     for (std::size_t c = 0; c < coarse.cells.size(); ++c)
         poses.push_back(support::random_pose(rng, 5.0));

@@ -122,10 +122,10 @@ Cells graded_cells()
     Octree octree(built.material.grid.shape(), test);
     for (int level = 0; level < kDepth; ++level)
     {
-        std::vector<int> some;
+        std::vector<LeafNumber> some;
         for (std::size_t l = 0; l < octree.leaves().size(); ++l)
             if (octree.leaves()[l].corner.x() < (level == 0 ? 24 : 12))
-                some.push_back(static_cast<int>(l));
+                some.push_back(LeafNumber(l));
         octree = octree.split(some, test);
     }
     return build_cells(built.material.grid, octree,

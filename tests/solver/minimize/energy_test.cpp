@@ -51,11 +51,11 @@ private:
 class Line final : public Term
 {
 public:
-    Line(const CellState& cells, int unknown, const Points& points, int count,
+    Line(const CellState& cells, UnknownCell unknown, const Points& points, int count,
          const Eigen::Vector3d& end)
         : cells_(cells), points_(points), unknown_(unknown), count_(count), end_(end)
     {
-        const int point = points.begin().block, cell = cells.begin().block + unknown;
+        const int point = points.begin().block, cell = cells.block(unknown);
         pairs_.emplace_back(std::max(point, cell), std::min(point, cell));
         for (int i = 1; i < count; ++i)
             pairs_.emplace_back(point + i, point + i - 1);
@@ -115,12 +115,12 @@ public:
         const int point = block - points_.begin().block;
         if (point >= 0 && point < count_)
             out += 2.0 * Eigen::Matrix3d::Identity();
-        else if (block == cells_.begin().block + unknown_)
+        else if (block == cells_.block(unknown_))
             out += linear().transpose() * linear();
     }
     void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override
     {
-        const int cell = cells_.begin().block + unknown_;
+        const int cell = cells_.block(unknown_);
         if (pairs_[idx(pair)].first == cell)
             out -= linear().transpose();
         else if (pairs_[idx(pair)].second == cell)
@@ -137,7 +137,8 @@ private:
 
     const CellState& cells_;
     const Points& points_;
-    int unknown_, count_;
+    UnknownCell unknown_;
+    int count_;
     Eigen::Vector3d end_;
     std::vector<std::pair<int, int>> pairs_;
 };
@@ -169,7 +170,8 @@ struct BarOnALine
           points({{4, 1, 1}, {4, 2, 0}, {5, 3, 1}},
                  points_first ? UnknownPlace{} : cells.end()),
           glue(cells, body.glue, body.components),
-          line(cells, cells.num_unknown_cells() - 1, points, kPoints, {3, 4, 1}),
+          line(cells, UnknownCell(cells.num_unknown_cells() - 1), points, kPoints,
+               {3, 4, 1}),
           total(points_first ? std::vector<State*>{&points, &cells}
                              : std::vector<State*>{&cells, &points},
                 {&glue, &line})
