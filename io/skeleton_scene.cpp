@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "io/error.h"
+#include "io/file_limits.h"
 #include "io/json_object.h"
 #include "io/number.h"
 #include "io/relative_name.h"
@@ -22,8 +23,6 @@ namespace
 {
 
 using Eigen::Vector3d;
-
-constexpr double kHuge = 1e30, kTiny = 1e-30;
 
 /// Nearer to 0.5 the equations have hardly a digit left.
 constexpr double kMostPoisson = 0.4999;
@@ -151,6 +150,84 @@ FleshRegion read_material(const Json& json, const std::string& path,
     return material;
 }
 
+ShiftStatement read_shifts(JsonObject& of, const std::string& path,
+                           const std::string& prefix, std::vector<std::string>& warnings)
+{
+    ShiftStatement shifts;
+    for_each(of, "keys",
+             [&](const Json& json, const std::string& name)
+             {
+                 JsonObject object(json, path, prefix + "." + name + ".", warnings);
+                 std::optional<double> time;
+                 object.read("time", Between<double>{-1e9, 1e9}, time);
+                 if (!time)
+                     object.fail("time", "is missing");
+                 if (!shifts.times.empty() && *time <= shifts.times.back())
+                     object.fail("time", "got " + shortest(*time) + ", need more than " +
+                                             shortest(shifts.times.back()));
+                 const Json* const translate = object.find("translate");
+                 if (!translate)
+                     object.fail("translate", "is missing");
+                 shifts.times.push_back(*time);
+                 shifts.shifts.push_back(vector_of(object, "translate", *translate));
+                 object.warn_of_the_rest();
+             });
+    return shifts;
+}
+
+FleshObstacleStatement read_obstacle(const Json& json, const std::string& path,
+                                     const std::string& prefix,
+                                     std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, prefix + ".", warnings);
+    FleshObstacleStatement obstacle;
+    obstacle.field = prefix;
+    if (const Json* plane = object.find("plane"))
+    {
+        obstacle.plane = numbers_of<4>(object, "plane", *plane);
+        const auto& [x, y, z, d] = *obstacle.plane;
+        if (x == 0 && y == 0 && z == 0)
+            object.fail("plane", "its normal has no length");
+    }
+    if (const Json* sphere = object.find("sphere"))
+    {
+        obstacle.sphere = numbers_of<4>(object, "sphere", *sphere);
+        if (!((*obstacle.sphere)[3] > 0.0))
+            object.fail("sphere", "got the radius " + shortest((*obstacle.sphere)[3]) +
+                                      ", need > 0");
+    }
+    if (obstacle.plane.has_value() == obstacle.sphere.has_value())
+        object.fail("", "needs a plane or a sphere");
+    std::optional<double> friction;
+    object.read("friction", Between<double>{0.0, 10.0}, friction);
+    obstacle.friction = friction.value_or(0.0);
+    obstacle.keys = read_shifts(object, path, prefix, warnings);
+    object.warn_of_the_rest();
+    return obstacle;
+}
+
+FleshHoldStatement read_held(const Json& json, const std::string& path,
+                             const std::string& prefix,
+                             std::vector<std::string>& warnings)
+{
+    JsonObject object(json, path, prefix + ".", warnings);
+    FleshHoldStatement held;
+    held.field = prefix;
+    const Json* const at = object.find("at");
+    if (!at)
+        object.fail("at", "is missing");
+    held.at = vector_of(object, "at", *at);
+    if (const Json* normal = object.find("normal"))
+    {
+        held.normal = vector_of(object, "normal", *normal);
+        if (held.normal->isZero(0))
+            object.fail("normal", "got 0 0 0, need a direction");
+    }
+    held.keys = read_shifts(object, path, prefix, warnings);
+    object.warn_of_the_rest();
+    return held;
+}
+
 bool read_switch(JsonObject& object, const char* key, bool otherwise)
 {
     const Json* const value = object.find(key);
@@ -208,9 +285,23 @@ FleshStatement read_flesh(JsonObject& object, const std::string& path,
     flesh.has_tube = read_switch(object, "tube", true);
     number(object, "tube_stiffness", 0.0, kHuge, flesh.tube_stiffness);
     flesh.settles = read_switch(object, "settle", false);
-    flesh.has_weights = object.find("weights") != nullptr;
-    const Json* const contact = object.find("contact");
-    flesh.has_contact = contact && !contact->empty();
+    std::optional<std::string> weights;
+    object.read("weights", weights);
+    if (weights && weights->empty())
+        object.fail("weights", "need the name of a file");
+    flesh.weights = weights ? resolved_name(path, *weights) : "";
+    if (weights && flesh.law != "regions")
+        object.fail("weights", "are of the law regions, the law is " + flesh.law);
+    for_each(object, "contact",
+             [&](const Json& obstacle, const std::string& name)
+             {
+                 flesh.contact.push_back(
+                     read_obstacle(obstacle, path, "skeleton." + name, warnings));
+             });
+    for_each(
+        object, "held",
+        [&](const Json& held, const std::string& name)
+        { flesh.held.push_back(read_held(held, path, "skeleton." + name, warnings)); });
     return flesh;
 }
 
@@ -296,9 +387,10 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     scene.is_smooth = interpolation.value_or("slerp") == "squad";
     object.read("every", Between<double>{1e-6, 1e9}, scene.every);
     object.read("tube_radius", Between<double>{kTiny, kHuge}, scene.radius);
-    for (const char* key : {"E", "nu", "density", "damping", "materials", "law",
-                            "weights", "newton", "lattice", "across", "max_depth",
-                            "detail", "tube", "tube_stiffness", "settle", "contact"})
+    for (const char* key :
+         {"E", "nu", "density", "damping", "materials", "law", "weights", "newton",
+          "lattice", "across", "max_depth", "detail", "tube", "tube_stiffness", "settle",
+          "contact", "held"})
         if (object.find(key))
             left_out.push_back(at({path, 0, std::string("skeleton.") + key},
                                   "is for flesh that follows in time, ignored"));

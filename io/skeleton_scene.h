@@ -35,6 +35,34 @@ struct FleshRegion
     std::string field; ///< of the scene, for messages
 };
 
+/// Where something is at times, from where it is told [model unit]; straight and evenly
+/// between two of them.
+struct ShiftStatement
+{
+    std::vector<double> times; ///< [s], strictly increasing
+    std::vector<Eigen::Vector3d> shifts;
+};
+
+/// What keeps flesh out.
+struct FleshObstacleStatement
+{
+    /// One of them [model unit]: everything with normal . x < d, the last number; a
+    /// centre and a radius.
+    std::optional<std::array<double, 4>> plane, sphere;
+    double friction = 0.0;
+    ShiftStatement keys;
+    std::string field; ///< of the scene, for messages
+};
+
+/// A point of the flesh that is held, along a normal alone or wholly.
+struct FleshHoldStatement
+{
+    Eigen::Vector3d at; ///< at rest [model unit]
+    std::optional<Eigen::Vector3d> normal;
+    ShiftStatement keys;
+    std::string field; ///< of the scene, for messages
+};
+
 /// Flesh that follows the skeleton in time.
 struct FleshStatement
 {
@@ -49,7 +77,9 @@ struct FleshStatement
     bool has_tube = true;
     double tube_stiffness = 10.0;
     bool settles = false; ///< hangs in its weight from the first frame on
-    bool has_weights = false, has_contact = false;
+    std::vector<FleshObstacleStatement> contact;
+    std::vector<FleshHoldStatement> held;
+    std::string weights; ///< file, resolved; empty: by distances
 };
 
 struct SkeletonScene

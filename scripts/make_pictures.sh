@@ -67,6 +67,12 @@ flesh tail 8 200x300 130
 flesh limb 4 300x220 0 --cells
 flesh spin 5 240x110 20
 flesh spin_free 5 240x110 20
+flesh press 6 200x300 70
+flesh flop 6 240x200 20
+flesh pulled 5 200x300 70
+for law in cells regions linear stvk neo; do
+    flesh "joint_$law" 4 240x200 0
+done
 "$cellwarp" skeleton "$here/samples/creature.obj" -o "$work/skeleton.json"
 "$cellwarp" render "$work/skeleton.json" --size 400x400 --view 25 10 \
     -o "$folder/skeleton.png" --overwrite

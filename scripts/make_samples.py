@@ -531,6 +531,15 @@ def flesh(folder):
                        in_time(0.5, every=0.125), E=1e4, across=28, **more)
     spin("spin")
     spin("spin_free", tube=False)
+    # The limb bent to 120 degrees by every law.
+    for law in ("cells", "regions", "linear", "stvk", "neo-hookean"):
+        skeleton_scene(into, "joint_" + law.split("-")[0], "limb.obj", bones, bend(120, 0.5),
+                       in_time(0.75, every=0.25), E=3e4, across=28, law=law)
+    # Half of the limb has a bone; the other half flops down on a slope.
+    skeleton_scene(into, "flop", "limb.obj", bones[:1] + [("middle", "shoulder", (0.7, 0, 0))],
+                   [dict(time=0, joint="shoulder", rotate=[0, 0, 1, 0])],
+                   in_time(1.5, every=0.125), E=1.2e4, across=28, damping={"alpha": 1.0},
+                   contact=[{"plane": [0.15, 1, 0, -0.35], "friction": 0.4}])
     # The creature walks; head, ears and belly swing.
     walk = walk_keys()
     steps = [dict(key, time=key["time"] + k) for k in range(2) for key in walk
@@ -568,6 +577,28 @@ def flesh(folder):
                    keys, in_time(2.0), interpolation="squad", E=8e4, nu=0.45, across=28,
                    settle=True, damping={"alpha": 1.0},
                    materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}])
+    # The same body at rest; a ball presses its belly and goes away again.
+    body = [("pelvis", None, (0, 0.1, -0.05)), ("spine", "pelvis", (0, 0.35, -0.1)),
+            ("neck", "spine", (0, 0.85, -0.02)), ("crown", "neck", (0, 1.2, 0.02)),
+            ("left hip", "pelvis", (0.17, 0.0, 0)), ("left foot", "left hip", (0.2, -0.65, 0.02)),
+            ("right hip", "pelvis", (-0.17, 0.0, 0)),
+            ("right foot", "right hip", (-0.2, -0.65, 0.02))]
+    ball = [(0.0, 0.0), (0.5, -0.38), (0.9, -0.38), (1.1, 0.0)]
+    skeleton_scene(into, "press", "belly.obj", body,
+                   [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
+                   in_time(1.5, every=0.125), E=8e4, nu=0.45, across=28, damping={"alpha": 1.0},
+                   materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}],
+                   contact=[{"sphere": [0, 0.38, 0.78, 0.25], "friction": 0.5,
+                             "keys": [dict(time=t, translate=[0, 0, z]) for t, z in ball]}])
+    # A point of the belly is pulled, and let go.
+    pulled = [(0.0, 0.0), (0.5, 0.3), (0.75, 0.3)]
+    skeleton_scene(into, "pulled", "belly.obj", body,
+                   [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
+                   in_time(0.75, every=0.125), E=8e4, nu=0.45, across=28,
+                   damping={"alpha": 1.0},
+                   held=[{"at": [0, 0.4, 0.38],
+                          "keys": [dict(time=t, translate=[0.2 * z, 0.3 * z, z])
+                                   for t, z in pulled]}])
     # Only the root of the tail has a bone: the rest is flicked.
     hips = [b for b in CREATURE_BONES if b[0] not in ("tip",)]
     flick = [(0.0, 0), (0.25, 40), (0.6, -40), (0.95, 40), (1.2, 0)]

@@ -115,6 +115,9 @@ public:
               {"largest_strain", frame.largest_strain},
               {"inverted", frame.inverted},
               {"cg_steps", frame.cg_steps},
+              {"contacts", frame.contacts},
+              {"support", numbers(frame.support)},
+              {"pull", numbers(frame.pull)},
               {"step_ms", frame.step_ms}}},
             {"volume", volume ? Json{{"before", volume->before}, {"after", volume->after}}
                               : Json()}};
@@ -149,6 +152,8 @@ public:
         FilmFrame seen;
         Geometry& model = seen.parts.emplace_back(simulation_->geometry());
         model.samples = deformed_.samples;
+        if (Geometry obstacles = simulation_->obstacles(); !obstacles.samples.empty())
+            seen.parts.push_back(std::move(obstacles));
         seen.joints = simulation_->joints();
         const std::vector<Eigen::Vector3d> nodes = simulation_->nodes();
         for (const CornerNodes& cell : simulation_->body().flesh->lattice().cells)

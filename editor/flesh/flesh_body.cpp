@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -12,10 +14,12 @@
 #include "io/error.h"
 #include "io/medit_file.h"
 #include "io/number.h"
+#include "io/weight_file.h"
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
 #include "octree/base/segment.h"
 #include "octree/base/union_find.h"
+#include "solver/cells/glue_distances.h"
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/bone_tube.h"
 #include "solver/flesh/drawn_cells.h"
@@ -39,6 +43,12 @@ constexpr double kOnBone = 1e-6;
 /// Cells of a drawn lattice whose middles are nearest to a sample that are looked at.
 constexpr std::size_t kNearCells = 24;
 
+/// A point this far beside a cell lies in it [edge].
+constexpr double kBeside = 1e-6;
+
+/// How far from their border bones blend [edge].
+constexpr double kBlend = 2.0;
+
 /// A bone of a drawn lattice whose scene gives no radius [its length].
 constexpr double kRadiusOfBone = 0.1;
 
@@ -54,15 +64,10 @@ void refuse_what_is_not_built(const SceneFile& scene)
     const auto refuse = [&](const char* key, const std::string& what) {
         throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
     };
-    if (flesh.law == "regions")
-        refuse("law", "got 'regions', this version has cells, linear, stvk and "
-                      "neo-hookean");
     if (flesh.detail > 0.0)
         refuse("detail", "is not supported by this version");
-    if (flesh.has_contact)
-        refuse("contact", "is not supported by this version");
-    if (flesh.has_weights)
-        refuse("weights", "is for the law regions, which this version does not build");
+    if (flesh.law == "regions" && flesh.newton > 1)
+        refuse("newton", "is for other laws: regions are solved once a step");
     if (scene.time->integrator != "implicit-euler")
         throw malformed({scene.path, 0, "simulate.integrator"},
                         "got " + in_quotes(scene.time->integrator) +
@@ -200,6 +205,7 @@ struct Builder
     {
         FleshSettings out;
         out.law = flesh().law == "linear"        ? FleshLaw::Linear
+                  : flesh().law == "regions"     ? FleshLaw::Regions
                   : flesh().law == "stvk"        ? FleshLaw::StVenantKirchhoff
                   : flesh().law == "neo-hookean" ? FleshLaw::NeoHookean
                                                  : FleshLaw::Cells;
@@ -241,8 +247,17 @@ struct Builder
         std::vector<BoneLine> lines;
         for (const TubeBone& bone : bones)
             lines.push_back(bone.line);
-        finish(std::move(lattice), points_on_bones(lattice, lines, holds),
-               std::move(tubes), is_tight);
+        const CellOf cell_of = [&](const Vector3d& x)
+        { return static_cast<int>(piece_at(grid, pieces, x / body.metre)); };
+        std::vector<HeldPoint> points = held_points(lattice, cell_of);
+        const std::vector<HeldPoint> crossings = points_on_bones(lattice, lines, holds);
+        points.insert(points.end(), crossings.begin(), crossings.end());
+        std::vector<FleshRegionShares> regions;
+        if (flesh().law == "regions")
+            regions = blended(lattice, distances_to_bones(lattice, *octree),
+                              octree->cell_of_sample);
+        finish(std::move(lattice), std::move(points), std::move(tubes),
+               std::move(regions), is_tight);
         body.cell_of_sample = octree->cell_of_sample;
         for (std::size_t i = 0; i < rest.samples.size(); ++i)
             body.local.push_back(*local_place(body.flesh->lattice(),
@@ -304,7 +319,11 @@ struct Builder
                             name.text + " is turned inside out");
         }
         const double near = kOnBone * body.metre * body.frame.diagonal();
-        std::vector<HeldPoint> points = points_of_edges(hexahedra, mesh, near);
+        const CellOf cell_of = [&](const Vector3d& x)
+        { return drawn_cell_of(lattice, x); };
+        std::vector<HeldPoint> points = held_points(lattice, cell_of);
+        const std::vector<HeldPoint> on_edges = points_of_edges(hexahedra, mesh, near);
+        points.insert(points.end(), on_edges.begin(), on_edges.end());
         std::vector<BoneLine> lines;
         for (const TubeBone& bone : bones)
             if (!runs_along_edges(bone.line, hexahedra, near))
@@ -318,7 +337,16 @@ struct Builder
         std::vector<TubePart> tubes;
         if (flesh().has_tube)
             tubes = tubes_of(lattice, points_in_tubes(lattice, bones));
-        finish(std::move(lattice), std::move(points), std::move(tubes), is_tight);
+        std::vector<FleshRegionShares> regions;
+        if (flesh().law == "regions")
+        {
+            if (!flesh().weights.empty())
+                throw malformed({scene.path, 0, "skeleton.weights"},
+                                "are painted on samples of an octree's lattice alone");
+            regions = blended(lattice, straight_distances(lattice), {});
+        }
+        finish(std::move(lattice), std::move(points), std::move(tubes),
+               std::move(regions), is_tight);
         locate_samples();
     }
 
@@ -455,8 +483,227 @@ struct Builder
                             outside, geometry.samples.size())));
     }
 
+    using CellOf = std::function<int(const Vector3d& metres)>; ///< negative: none
+
+    ShiftKeys keys_of(const ShiftStatement& told) const
+    {
+        ShiftKeys keys;
+        keys.times = told.times;
+        for (const Vector3d& shift : told.shifts)
+            keys.shifts.push_back(body.metre * body.frame.vector_to_work(shift));
+        return keys;
+    }
+    Vector3d direction_of(const Vector3d& model) const
+    {
+        return body.frame.axes * model.normalized();
+    }
+
+    /// What the scene holds: wholly, and for those along a normal takes them down.
+    std::vector<HeldPoint> held_points(const Lattice& lattice, const CellOf& cell_of)
+    {
+        std::vector<HeldPoint> points;
+        for (const FleshHoldStatement& told : flesh().held)
+        {
+            const Vector3d x = body.to_metres(told.at);
+            const int cell = cell_of(x);
+            const std::optional<Vector3d> local =
+                cell < 0 ? std::nullopt : local_place(lattice, cell, x);
+            if (!local || local->minCoeff() < -kBeside ||
+                local->maxCoeff() > 1.0 + kBeside)
+                throw malformed({scene.path, 0, told.field + ".at"},
+                                "lies outside of the material");
+            const NodeShares shares = shares_at(lattice, cell, *local);
+            if (told.normal)
+            {
+                PulledPoint guided;
+                guided.point = {shares, x};
+                guided.normal = direction_of(*told.normal);
+                body.guided.emplace_back(guided, keys_of(told.keys));
+                continue;
+            }
+            points.push_back(
+                {shares, x, static_cast<int>(body.skeleton->size() + body.holds.size())});
+            body.holds.push_back(keys_of(told.keys));
+        }
+        return points;
+    }
+
+    void take_obstacles()
+    {
+        for (const FleshObstacleStatement& told : flesh().contact)
+        {
+            FleshObstacle obstacle;
+            obstacle.friction = told.friction;
+            if (told.plane)
+            {
+                const auto& [x, y, z, d] = *told.plane;
+                const Vector3d normal(x, y, z);
+                obstacle.normal = direction_of(normal);
+                obstacle.offset = obstacle.normal->dot(
+                    body.to_metres(d / normal.norm() * normal.normalized()));
+            }
+            else
+            {
+                const auto& [x, y, z, r] = *told.sphere;
+                obstacle.centre = body.to_metres({x, y, z});
+                obstacle.radius = r * body.metre / body.frame.length_to_model(1.0);
+            }
+            body.obstacles.emplace_back(obstacle, keys_of(told.keys));
+        }
+        if (body.obstacles.empty())
+            return;
+        std::vector<FleshPoint> surface;
+        for (std::size_t i = 0; i < geometry.samples.size(); ++i)
+            surface.push_back(body.point_of_sample(i));
+        body.flesh->set_surface(std::move(surface));
+    }
+
+    /// The cell of a drawn lattice that holds a point.
+    static int drawn_cell_of(const Lattice& lattice, const Vector3d& x)
+    {
+        for (int cell = 0; cell < static_cast<int>(lattice.cells.size()); ++cell)
+            if (const std::optional<Vector3d> local = local_place(lattice, cell, x);
+                local && local->minCoeff() >= -kBeside &&
+                local->maxCoeff() <= 1.0 + kBeside)
+                return cell;
+        return -1;
+    }
+
+    /// Of every bone, from it to each node [m].
+    std::vector<std::vector<double>> straight_distances(const Lattice& lattice) const
+    {
+        std::vector<std::vector<double>> distances;
+        for (const TubeBone& bone : bones)
+        {
+            std::vector<double>& of_bone = distances.emplace_back();
+            for (const Vector3d& x : lattice.places)
+            {
+                const double t = nearest_share(bone.line.from, bone.line.to, x);
+                of_bone.push_back(
+                    (bone.line.from + t * (bone.line.to - bone.line.from) - x).norm());
+            }
+        }
+        return distances;
+    }
+
+    /// The same; where the way through the material is much longer, that. [theory 7]
+    std::vector<std::vector<double>> distances_to_bones(const Lattice& lattice,
+                                                        const Body& octree) const
+    {
+        std::vector<std::vector<double>> distances = straight_distances(lattice);
+        const Cells& cells = octree.cells;
+        const double edge = body.metre * octree.rest->material.grid.shape().edge;
+        GlueDistances through(cells);
+        const auto length = [](const Cell& a, const Cell& b)
+        { return (a.centre - b.centre).norm(); };
+        for (std::size_t b = 0; b < bones.size(); ++b)
+        {
+            const BoneLine& line = bones[b].line;
+            std::vector<int> crossed;
+            for (std::size_t c = 0; c < cells.size(); ++c)
+            {
+                const Vector3d x = body.metre * cells.cells[c].centre;
+                const double t = nearest_share(line.from, line.to, x);
+                if ((line.from + t * (line.to - line.from) - x).norm() <=
+                    body.metre * cells.cells[c].edge)
+                    crossed.push_back(static_cast<int>(c));
+            }
+            through.search(crossed, INFINITY, length);
+            std::vector<double> way(lattice.places.size(), INFINITY);
+            for (std::size_t c = 0; c < cells.size(); ++c)
+                for (const int node : lattice.cells[c])
+                    way[idx(node)] =
+                        std::min(way[idx(node)],
+                                 body.metre * through.distance(static_cast<int>(c)) +
+                                     (body.metre * cells.cells[c].centre -
+                                      lattice.places[idx(node)])
+                                         .norm());
+            constexpr double kLonger = 1.5, kBeyond = 2.0; // [1], [edge]
+            for (std::size_t n = 0; n < way.size(); ++n)
+                if (way[n] > kLonger * distances[b][n] + kBeyond * edge)
+                    distances[b][n] = way[n];
+        }
+        return distances;
+    }
+
+    /// \p cell_of_sample: where painted weights may be.
+    std::vector<FleshRegionShares>
+    blended(const Lattice& lattice, const std::vector<std::vector<double>>& distances,
+            std::span<const int> cell_of_sample) const
+    {
+        if (bones.empty())
+            throw malformed({scene.path, 0, "skeleton.law"}, "regions need a bone");
+        std::vector<int> motions;
+        for (const TubeBone& bone : bones)
+            motions.push_back(bone.line.motion);
+        double edge = 0.0;
+        for (int c = 0; c < static_cast<int>(lattice.cells.size()); ++c)
+        {
+            const CornerNodes& corners = lattice.cells[idx(c)];
+            edge = std::max(
+                edge, (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])])
+                          .norm());
+        }
+        std::vector<FleshRegionShares> regions =
+            shares_by_distance(lattice, distances, motions, kBlend * edge);
+        if (!flesh().weights.empty())
+            paint(lattice, cell_of_sample, regions);
+        return regions;
+    }
+
+    /// Nodes of cells with painted samples take their mean.
+    void paint(const Lattice& lattice, std::span<const int> cell_of_sample,
+               std::vector<FleshRegionShares>& regions) const
+    {
+        const PaintedWeights painted = read_weights(flesh().weights);
+        if (painted.num_samples() != geometry.samples.size())
+            throw malformed({flesh().weights, 0, ""},
+                            fmt::format("has {} lines of numbers, the model {} samples",
+                                        painted.num_samples(), geometry.samples.size()));
+        const std::size_t num_joints = painted.joints.size();
+        std::vector<std::size_t> region_of_joint;
+        for (const std::string& name : painted.joints)
+        {
+            const int joint = body.skeleton->find(name);
+            const auto region = std::find_if(regions.begin(), regions.end(),
+                                             [&](const FleshRegionShares& of)
+                                             { return of.motion == joint; });
+            if (joint < 0 || region == regions.end())
+                throw malformed({flesh().weights, 0, name},
+                                joint < 0 ? "is no joint" : "has no bone");
+            region_of_joint.push_back(static_cast<std::size_t>(region - regions.begin()));
+        }
+        std::map<int, std::vector<double>> of_node;
+        for (std::size_t i = 0; i < cell_of_sample.size(); ++i)
+            for (const int corner : lattice.cells[idx(cell_of_sample[i])])
+            {
+                std::vector<double>& sums = of_node[corner];
+                sums.resize(num_joints, 0.0);
+                for (std::size_t j = 0; j < num_joints; ++j)
+                    sums[j] += painted.values[i * num_joints + j];
+            }
+        std::erase_if(of_node,
+                      [&](const auto& painted_node)
+                      {
+                          const std::vector<double>& sums = painted_node.second;
+                          return !lattice.hanging[idx(painted_node.first)].empty() ||
+                                 !(std::accumulate(sums.begin(), sums.end(), 0.0) > 0.0);
+                      });
+        for (FleshRegionShares& region : regions)
+            std::erase_if(region.shares, [&](const NodeShare& share)
+                          { return of_node.contains(share.node); });
+        for (const auto& [node, sums] : of_node)
+        {
+            const double sum = std::accumulate(sums.begin(), sums.end(), 0.0);
+            for (std::size_t j = 0; j < num_joints; ++j)
+                if (sums[j] > 0.0)
+                    regions[region_of_joint[j]].shares.push_back({node, sums[j] / sum});
+        }
+    }
+
     void finish(Lattice lattice, std::vector<HeldPoint> points,
-                std::vector<TubePart> tubes, bool is_tight)
+                std::vector<TubePart> tubes, std::vector<FleshRegionShares> regions,
+                bool is_tight)
     {
         if (points.empty())
             body.warnings.push_back(at({scene.path, 0, "skeleton"},
@@ -464,9 +711,9 @@ struct Builder
         body.held = points.size();
         for (const LatticePart& part : lattice.parts)
             body.mass += part.volume * materials[idx(part.material)].density;
-        body.flesh =
-            std::make_shared<Flesh>(std::move(lattice), materials, std::move(points),
-                                    std::move(tubes), settings(is_tight));
+        body.flesh = std::make_shared<Flesh>(std::move(lattice), materials,
+                                             std::move(points), std::move(tubes),
+                                             settings(is_tight), std::move(regions));
         body.dropped = body.flesh->nodes().dropped.size();
         look_for_loose_parts();
     }
@@ -512,6 +759,14 @@ struct Builder
 
 } // namespace
 
+FleshPoint FleshBody::point_of_sample(std::size_t sample) const
+{
+    const Lattice& lattice = flesh->lattice();
+    const int cell = cell_of_sample[sample];
+    return {shares_at(lattice, cell, local[sample]),
+            cell_point(lattice, cell, local[sample])};
+}
+
 FleshBody build_flesh(const Geometry& geometry, const SceneFile& scene,
                       const SkeletonValues& skeleton, const CellSettings& cells,
                       bool is_tight)
@@ -530,6 +785,7 @@ FleshBody build_flesh(const Geometry& geometry, const SceneFile& scene,
         builder.from_octree(cells, is_tight);
     else
         builder.from_file(is_tight);
+    builder.take_obstacles();
     return std::move(builder.body);
 }
 

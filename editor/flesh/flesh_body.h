@@ -15,6 +15,7 @@
 #include "io/geometry.h"
 #include "io/scene_file.h"
 #include "solver/flesh/flesh.h"
+#include "solver/skeleton/joint_keys.h"
 
 namespace cellwarp
 {
@@ -32,12 +33,18 @@ struct FleshBody
     std::vector<Eigen::Vector3d> local; ///< of each sample, in its cell
     std::size_t held = 0, dropped = 0;  ///< points of bones
     double mass = 0.0;                  ///< [kg]
+    /// Of points that are held wholly: their motions come after those of the joints [m].
+    std::vector<ShiftKeys> holds;
+    /// Held along a normal alone; and where they are to go [m].
+    std::vector<std::pair<PulledPoint, ShiftKeys>> guided;
+    std::vector<std::pair<FleshObstacle, ShiftKeys>> obstacles;
     std::vector<std::string> warnings;
 
     Eigen::Vector3d to_metres(const Eigen::Vector3d& model) const
     {
         return metre * frame.to_work(model);
     }
+    FleshPoint point_of_sample(std::size_t sample) const;
     Eigen::Vector3d to_model(const Eigen::Vector3d& metres) const
     {
         return frame.to_model(metres / metre);

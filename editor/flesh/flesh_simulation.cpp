@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 
 #include "editor/session/apply_field.h"
+#include "editor/session/drawn_shapes.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
 #include "io/skeleton_scene.h"
@@ -29,6 +30,9 @@ constexpr std::size_t kGrain = 1024; ///< samples
 
 /// Flesh is taken from rest to the first pose in parts of at most this turn [rad].
 constexpr double kTurnOfFirst = 0.2;
+
+/// What a hand pulls goes this share of its way in a step: its force stays small.
+constexpr double kPullOfStep = 0.2;
 
 } // namespace
 
@@ -87,15 +91,55 @@ SkeletonAim FleshSimulation::aim_at(double time, const std::vector<Move>& by_han
     return body_.skeleton->moved(body_.skeleton->rest(), pointers, units);
 }
 
-/// Of space around each joint, from rest, on the way between two aims [m].
+/// Of space around each joint, from rest, on the way between two aims [m]; then those of
+/// points that are held, at \p time, so much of their way from rest.
 std::vector<Motion> FleshSimulation::motions_between(const SkeletonAim& from,
-                                                     const SkeletonAim& to,
-                                                     double share) const
+                                                     const SkeletonAim& to, double share,
+                                                     double time) const
 {
     std::vector<Motion> motions = body_.skeleton->motions(from, to, share);
     for (Motion& motion : motions)
         motion.t *= body_.metre;
+    for (const ShiftKeys& keys : body_.holds)
+        motions.push_back({Matrix3d::Identity(), share * keys.at(time)});
     return motions;
+}
+
+/// At the end of the step that ends at \p time.
+std::vector<FleshObstacle> FleshSimulation::obstacles_at(double time) const
+{
+    std::vector<FleshObstacle> obstacles;
+    for (const auto& [rest, keys] : body_.obstacles)
+    {
+        FleshObstacle& obstacle = obstacles.emplace_back(rest);
+        const Vector3d shift = keys.at(time);
+        obstacle.centre += shift;
+        if (obstacle.normal)
+            obstacle.offset += obstacle.normal->dot(shift);
+        obstacle.velocity = (shift - keys.at(time - time_.dt)) / time_.dt;
+    }
+    return obstacles;
+}
+
+/// What is held along a normal, so much of its way, and what the hand pulls.
+std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) const
+{
+    std::vector<PulledPoint> pulled;
+    for (const auto& [rest, keys] : body_.guided)
+    {
+        PulledPoint& point = pulled.emplace_back(rest);
+        point.goal = point.point.place + share * keys.at(time);
+    }
+    if (const std::optional<FleshPull>& pull = snapshot_.pull;
+        pull && pull->sample < geometry_->samples.size() && pull->place.allFinite())
+    {
+        PulledPoint& point = pulled.emplace_back();
+        point.point = body_.point_of_sample(pull->sample);
+        const Vector3d now =
+            point.point.place + at_point(point.point.shares, snapshot_.state.u);
+        point.goal = now + kPullOfStep * (body_.to_metres(pull->place) - now);
+    }
+    return pulled;
 }
 
 /// The same at the end of the step that is done.
@@ -103,34 +147,47 @@ std::vector<Motion> FleshSimulation::motions_now() const
 {
     const SkeletonAim aim =
         aim_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
-    return motions_between(aim, aim, 1.0);
+    return motions_between(aim, aim, 1.0, static_cast<double>(steps_done()) * time_.dt);
 }
 
 /// From rest to the first pose, without inertia.
 void FleshSimulation::begin()
 {
     const SkeletonAim rest = body_.skeleton->rest(), pose = aim_at(0.0, {});
-    const std::vector<Motion> first = motions_between(pose, pose, 1.0);
+    const std::vector<Motion> first = motions_between(pose, pose, 1.0, 0.0);
+    const std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
     double turn = 0.0, way = 0.0;
-    for (std::size_t j = 0; j < first.size(); ++j)
+    for (std::size_t j = 0; j < body_.skeleton->size(); ++j)
     {
         turn = std::max(turn, rotation_vector(first[j].R).norm());
         const Vector3d at = body_.metre * body_.skeleton->place(j);
         way = std::max(way, (first[j](at) - at).norm());
     }
+    for (const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
+         const PulledPoint& point : pulled)
+        way = std::max(way, (point.goal - point.point.place).norm());
+    for (const ShiftKeys& keys : body_.holds)
+        way = std::max(way, keys.at(0.0).norm());
     FleshReport report;
     if (turn > 0.0 || way > 0.0)
     {
         // The way of the joints, not that of each bone alone: they stay together.
         const int parts = std::max(1, static_cast<int>(std::ceil(turn / kTurnOfFirst)));
         for (int part = 1; part <= parts; ++part)
-            report = body_.flesh->settle(
-                snapshot_.state,
-                motions_between(rest, pose, static_cast<double>(part) / parts),
-                Weighs::No);
+        {
+            const double share = static_cast<double>(part) / parts;
+            const std::vector<PulledPoint> pulled = pulled_at(0.0, share);
+            report = body_.flesh->settle(snapshot_.state,
+                                         motions_between(rest, pose, share, 0.0),
+                                         Weighs::No, {obstacles, pulled});
+        }
     }
     if (settles_)
-        report = body_.flesh->settle(snapshot_.state, first, Weighs::Yes);
+    {
+        const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
+        report =
+            body_.flesh->settle(snapshot_.state, first, Weighs::Yes, {obstacles, pulled});
+    }
     if (!report.is_converged)
         stopped("no rest before frame 0");
 }
@@ -141,15 +198,23 @@ void FleshSimulation::step()
     const double end = static_cast<double>(snapshot_.steps + 1) * time_.dt;
     const SkeletonAim aim = aim_at(end, snapshot_.by_hand);
     since_.limited = aim.limited;
+    const std::vector<FleshObstacle> obstacles = obstacles_at(end);
+    const std::vector<PulledPoint> pulled = pulled_at(end, 1.0);
     const FleshReport report =
-        body_.flesh->step(snapshot_.state, time_.dt, motions_between(aim, aim, 1.0));
+        body_.flesh->step(snapshot_.state, time_.dt, motions_between(aim, aim, 1.0, end),
+                          {obstacles, pulled});
     ++snapshot_.steps;
     since_.systems += report.systems;
+    since_.contacts = report.contacts.count;
+    since_.support = report.contacts.force;
+    since_.pull = report.contacts.pull;
     since_.cg_steps += report.cg_steps;
     since_.step_ms += ms_since(start);
     is_finite_ = report.is_finite;
     if (!report.is_converged)
-        stopped(is_finite_ ? "iteration limit" : "no finite numbers");
+        stopped(!is_finite_                   ? "no finite numbers"
+                : !report.contacts.is_settled ? "contacts not found"
+                                              : "iteration limit");
 }
 
 /// Remembers why, the first time since the last report.
@@ -186,6 +251,8 @@ FleshFrame FleshSimulation::report()
     out.gravity = energies.gravity + body_.mass * gravity.dot(origin);
     const Vector3d momentum = body_.flesh->momentum(state);
     const Matrix3d to_model = body_.frame.axes.transpose();
+    out.support = to_model * out.support;
+    out.pull = to_model * out.pull;
     out.momentum = to_model * momentum;
     out.angular_momentum =
         to_model * (body_.flesh->angular_momentum(state) - origin.cross(momentum));
@@ -195,11 +262,33 @@ FleshFrame FleshSimulation::report()
     return out;
 }
 
+Geometry FleshSimulation::obstacles() const
+{
+    Geometry out;
+    const double time = static_cast<double>(steps_done()) * time_.dt;
+    const ModelBox box = bounding_box(geometry_->samples);
+    for (const FleshObstacle& obstacle : obstacles_at(time))
+    {
+        constexpr int kAround = 24;
+        if (!obstacle.normal)
+        {
+            add_ball(body_.to_model(obstacle.centre),
+                     body_.frame.length_to_model(obstacle.radius / body_.metre), kAround,
+                     out);
+            continue;
+        }
+        const Vector3d normal = body_.frame.axes.transpose() * *obstacle.normal;
+        add_tile(normal, normal.dot(body_.to_model(obstacle.offset * *obstacle.normal)),
+                 box.centre(), 0.75 * box.size().norm(), out);
+    }
+    return out;
+}
+
 std::vector<PosedJoint> FleshSimulation::joints() const
 {
     const std::vector<Motion> motions = motions_now();
     std::vector<PosedJoint> joints;
-    for (std::size_t j = 0; j < motions.size(); ++j)
+    for (std::size_t j = 0; j < body_.skeleton->size(); ++j)
         joints.push_back(
             {body_.skeleton->statement(j).name, body_.skeleton->parent(j),
              body_.to_model(motions[j](body_.metre * body_.skeleton->place(j)))});

@@ -37,6 +37,16 @@ struct FleshFrame
     bool is_converged = true;
     std::string stop = "converged"; ///< the first that was not
     int limited = 0;                ///< turns of joints that were cut to their limits
+    std::size_t contacts = 0;       ///< points that touch
+    /// Of obstacles, and of what pulls, on the flesh [N].
+    Eigen::Vector3d support = Eigen::Vector3d::Zero(), pull = Eigen::Vector3d::Zero();
+};
+
+/// A sample that a hand pulls.
+struct FleshPull
+{
+    std::size_t sample = 0;
+    Eigen::Vector3d place; ///< where it is to go [model unit]
 };
 
 class FleshSimulation
@@ -72,6 +82,7 @@ public:
         std::int64_t steps = 0;
         /// What a hand has done to joints since the keys: it stays. Empty: nothing.
         std::vector<Move> by_hand;
+        std::optional<FleshPull> pull = {};
     };
     const Snapshot& snapshot() const { return snapshot_; }
     void go_to(Snapshot snapshot) { snapshot_ = std::move(snapshot); }
@@ -79,12 +90,17 @@ public:
     /// do; of those that are not named the keys go on.
     void lead(std::vector<Move> moves) { snapshot_.by_hand = std::move(moves); }
 
+    /// A sample goes towards a place from the next step on; nothing: it is let go.
+    void pull(std::optional<FleshPull> pull) { snapshot_.pull = pull; }
+
     /// The move by which the bone to a joint points at a place, as the skeleton stands
     /// now; of a root, by which it goes there [model unit]. Nothing for a joint that is
     /// not there, or a place that is where the bone begins.
     std::optional<Move> pointed(const std::string& joint,
                                 const Eigen::Vector3d& place) const;
 
+    /// As they are drawn: balls, and of planes a square below the shape [model unit].
+    Geometry obstacles() const;
     /// Where the skeleton is now.
     std::vector<PosedJoint> joints() const;
     /// The shape as the lattice has it: at once, exact at bones, with creases in its
@@ -99,7 +115,9 @@ public:
 private:
     SkeletonAim aim_at(double time, const std::vector<Move>& by_hand) const;
     std::vector<Motion> motions_between(const SkeletonAim& from, const SkeletonAim& to,
-                                        double share) const;
+                                        double share, double time) const;
+    std::vector<FleshObstacle> obstacles_at(double time) const;
+    std::vector<PulledPoint> pulled_at(double time, double share) const;
     std::vector<Motion> motions_now() const;
     void begin();
     void stopped(const char* why);

@@ -230,7 +230,7 @@ std::vector<Eigen::Vector2d> Interaction::outline() const
     return brush.outline();
 }
 
-void Interaction::set_puller(JointPuller* puller)
+void Interaction::set_puller(FleshPuller* puller)
 {
     state_->puller = puller;
     if (state_->current<State::Pull>())
@@ -293,7 +293,8 @@ std::string Interaction::status() const
     if (const State::Choice* const choice = s.current<State::Choice>())
         return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
     if (const State::Pull* const pull = s.current<State::Pull>())
-        return "Pull " + pull->joint + " (let go: it stays)";
+        return pull->joint.empty() ? "Pull the flesh (let go: it swings back)"
+                                   : "Pull " + pull->joint + " (let go: it stays)";
     if (const State::Look* const look = s.current<State::Look>())
         return look->motion == CameraMotion::Orbit ? "Orbit"
                : look->motion == CameraMotion::Pan ? "Pan"

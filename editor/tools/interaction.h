@@ -41,12 +41,14 @@ struct SeenLine
 };
 
 /// Who leads the joints of a skeleton while time runs.
-class JointPuller
+class FleshPuller
 {
 public:
-    virtual ~JointPuller() = default;
+    virtual ~FleshPuller() = default;
     /// To a place, or as near as its bone gets [view].
     virtual void pull(const std::string& joint, const Eigen::Vector3d& place) = 0;
+    /// A sample of the flesh.
+    virtual void pull(std::uint32_t sample, const Eigen::Vector3d& place) = 0;
     virtual void let_go() = 0;
 };
 
@@ -92,7 +94,7 @@ public:
     void set_active_point(std::optional<std::size_t> point);
     /// While a film is shown its bones can be taken by their joints, and this is told;
     /// null: they cannot. It must outlive the film.
-    void set_puller(JointPuller* puller);
+    void set_puller(FleshPuller* puller);
     void run(Command command); ///< as its key does
     void frame_selection();    ///< or all, where nothing is selected
 

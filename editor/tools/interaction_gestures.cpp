@@ -274,8 +274,12 @@ void Interaction::State::press(Button button, const Modifiers& with)
         return;
     }
     if (button == Button::Left && editing.shows_film() && puller)
+    {
         if (const std::optional<Pull> pull = joint_at(pixel))
             gesture = *pull;
+        else if (picked)
+            gesture = Pull{{}, picked->sample, picked->point};
+    }
     if (button != Button::Left || editing.shows_film())
         return;
     const Press press{pixel, with, picked};
@@ -376,7 +380,13 @@ void Interaction::State::follow_pointer()
         lead();
     }
     else if (const Pull* const pull = current<Pull>(); pull && puller)
-        puller->pull(pull->joint, at_depth(pixel, pull->place));
+    {
+        const Eigen::Vector3d place = at_depth(pixel, pull->place);
+        if (pull->joint.empty())
+            puller->pull(pull->sample, place);
+        else
+            puller->pull(pull->joint, place);
+    }
 }
 
 void Interaction::State::find_hover()

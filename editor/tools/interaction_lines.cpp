@@ -18,7 +18,7 @@ constexpr const char* kNoPoint =
     "no point of a rod is active: click one with the tool to move";
 
 /// A ray that goes on behind a face begins so far from it [view].
-constexpr double kBehind = 1e-4;
+constexpr double kBehindFace = 1e-4;
 
 } // namespace
 
@@ -80,7 +80,7 @@ Interaction::State::joint_at(const Eigen::Vector2d& where) const
         if (away < nearest)
         {
             nearest = away;
-            found = Pull{line.name, line.points.front()};
+            found = Pull{line.name, 0, line.points.front()};
         }
     }
     return found;
@@ -117,7 +117,7 @@ Eigen::Vector3d Interaction::State::through(const Eigen::Vector2d& where) const
     if (const auto entry = picker.pick(ray))
     {
         const auto exit =
-            picker.pick({entry->point + kBehind * ray.direction, ray.direction});
+            picker.pick({entry->point + kBehindFace * ray.direction, ray.direction});
         return exit ? Eigen::Vector3d(0.5 * (entry->point + exit->point)) : entry->point;
     }
     return at_depth(where, drawn.empty() ? camera.target() : drawn.back());

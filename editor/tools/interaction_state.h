@@ -73,11 +73,12 @@ struct Interaction::State
         std::optional<GizmoPart> part = {};
         std::optional<PointDrag> point = {}; ///< of a rod or curve, that alone
     };
-    /// A joint in the hand while time runs.
+    /// A joint, or a sample of the flesh, in the hand while time runs.
     struct Pull
     {
         std::string joint;
-        Eigen::Vector3d place; ///< where it was taken [view]
+        std::uint32_t sample = 0; ///< where the joint has no name
+        Eigen::Vector3d place;    ///< where it was taken [view]
     };
     /// How a region is taken into the hand.
     struct DragStart
@@ -120,7 +121,7 @@ struct Interaction::State
     bool is_inside = false; ///< the pointer has been in the view
     bool has_moved = false; ///< since the last update
     std::variant<std::monostate, Press, Look, Choice, HandleDrag, Pull> gesture;
-    JointPuller* puller = nullptr;
+    FleshPuller* puller = nullptr;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
     std::optional<Hover> hover;

@@ -86,6 +86,7 @@ struct LiveFlesh::State
     std::string error;
     /// The joint in the hand, and where it is to be [model unit].
     std::optional<std::pair<std::string, Eigen::Vector3d>> pulled;
+    std::optional<FleshPull> pulled_flesh;
 
     std::jthread thread; ///< ends first
 
@@ -96,6 +97,7 @@ struct LiveFlesh::State
         {
             const std::lock_guard lock(mutex);
             now = pulled;
+            simulation.pull(pulled_flesh);
         }
         if (!now)
             return;
@@ -204,10 +206,18 @@ void LiveFlesh::pull(const std::string& joint, const Eigen::Vector3d& place)
     state_->pulled.emplace(joint, model);
 }
 
+void LiveFlesh::pull(std::uint32_t sample, const Eigen::Vector3d& place)
+{
+    const Eigen::Vector3d model = state_->view.to_model(place);
+    const std::lock_guard lock(state_->mutex);
+    state_->pulled_flesh = FleshPull{sample, model};
+}
+
 void LiveFlesh::let_go()
 {
     const std::lock_guard lock(state_->mutex);
     state_->pulled.reset();
+    state_->pulled_flesh.reset();
 }
 
 } // namespace cellwarp

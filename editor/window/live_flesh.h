@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Flesh in real time beside the window: its bones go by the keys of the scene, or where
-// the hand has them.
+// the hand has them; it is pulled at any place.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@
 namespace cellwarp
 {
 
-class LiveFlesh final : public JointPuller
+class LiveFlesh final : public FleshPuller
 {
 public:
     /// Begins at frame 0 of a document as it is now. \pre plays_flesh(), and its scene
@@ -30,6 +30,7 @@ public:
     std::string error() const;
 
     void pull(const std::string& joint, const Eigen::Vector3d& place) override;
+    void pull(std::uint32_t sample, const Eigen::Vector3d& place) override;
     void let_go() override;
 
 private:

@@ -39,6 +39,7 @@ std::string LiveFlesh::error() const
 }
 
 void LiveFlesh::pull(const std::string&, const Eigen::Vector3d&) {}
+void LiveFlesh::pull(std::uint32_t, const Eigen::Vector3d&) {}
 void LiveFlesh::let_go() {}
 
 } // namespace cellwarp

@@ -20,6 +20,8 @@
 #include "octree/base/parallel.h"
 #include "solver/flesh/flesh_forces.h"
 #include "solver/flesh/level_preconditioner.h"
+#include "solver/flesh/node_rows.h"
+#include "solver/flesh/step_rows.h"
 #include "solver/linear/conjugate_gradients.h"
 
 namespace cellwarp
@@ -32,7 +34,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::size_t kGrain = 2048; ///< nodes
+constexpr std::size_t kNodeGrain = 2048; ///< nodes
 
 /// More steps than this tell that a system cannot be solved to the tolerance.
 constexpr int kMostCgSteps = 2000;
@@ -70,12 +72,24 @@ struct Flesh::Parts
     VectorXd predicted, velocity, change, force, image, free_b, free_step;
     VectorXd rows; ///< c, of the points
 
+    FleshSurface surface;
+    FreeShares free_shares;
+    std::vector<TubePart> tubes; ///< of the regions alone
+    std::optional<BlendedRegions> regions;
+
     Parts(Lattice of, std::vector<FleshMaterial> of_what, std::vector<HeldPoint> held,
-          std::vector<TubePart> tubes, FleshSettings how)
+          std::vector<TubePart> of_tubes, FleshSettings how,
+          std::vector<FleshRegionShares> of_regions)
         : lattice(std::move(of)), materials(std::move(of_what)), points(std::move(held)),
           nodes(bind_nodes(lattice.hanging, points)), settings(how),
-          forces(lattice, materials, std::move(tubes))
+          forces(lattice, materials, of_tubes), free_shares(nodes, lattice.places.size())
     {
+        if (settings.law == FleshLaw::Regions)
+        {
+            tubes = std::move(of_tubes);
+            regions.emplace(lattice, nodes, materials, tubes, std::move(of_regions),
+                            settings.alpha, settings.beta);
+        }
         Vector3d low = Vector3d::Constant(INFINITY), high = -low;
         for (const Vector3d& x : lattice.places)
         {
@@ -111,12 +125,12 @@ struct Flesh::Parts
     void expand(const VectorXd& free, const VectorXd* c, VectorXd& all) const
     {
         all.resize(Eigen::Index(3 * lattice.places.size()));
-        parallel_for(nodes.free.size(), kGrain,
+        parallel_for(nodes.free.size(), kNodeGrain,
                      [&](std::size_t k) {
                          all.segment<3>(3 * nodes.free[k]) =
                              free.segment<3>(Eigen::Index(3 * k));
                      });
-        parallel_for(nodes.bound.size(), kGrain,
+        parallel_for(nodes.bound.size(), kNodeGrain,
                      [&](std::size_t k)
                      {
                          Vector3d sum = Vector3d::Zero();
@@ -132,7 +146,7 @@ struct Flesh::Parts
     void reduce(const VectorXd& all, VectorXd& free) const
     {
         free.resize(Eigen::Index(3 * nodes.free.size()));
-        parallel_for(nodes.free.size(), kGrain,
+        parallel_for(nodes.free.size(), kNodeGrain,
                      [&](std::size_t k)
                      {
                          Vector3d sum = all.segment<3>(3 * nodes.free[k]);
@@ -157,23 +171,35 @@ struct Flesh::Parts
             stiffest = std::max(stiffest, dt * dt * material.young /
                                               (material.density * edge * edge));
         preconditioner.emplace(lattice, nodes, forces.mean_blocks(), factors(dt),
-                               settings.has_levels && stiffest >= kHeavy);
+                               settings.has_levels && !regions && stiffest >= kHeavy);
         cg = ConjugateGradients(Eigen::Index(3 * nodes.free.size()));
         prepared_dt = dt;
     }
 
-    Vector3d at_point(const HeldPoint& point, const VectorXd& x) const
-    {
-        Vector3d sum = Vector3d::Zero();
-        for (const NodeShare& share : point.shares)
-            sum += share.share * x.segment<3>(3 * share.node);
-        return sum;
-    }
     static Vector3d displacement_of(const HeldPoint& point,
                                     std::span<const Motion> motions)
     {
         return motions[idx(point.motion)](point.place) - point.place;
     }
+
+    /// Changes of the held points' velocities, such that they end where they should.
+    void find_rows(const FleshState& state, double dt, std::span<const Motion> motions)
+    {
+        rows.resize(Eigen::Index(3 * points.size()));
+        for (std::size_t k = 0; k < points.size(); ++k)
+            rows.segment<3>(Eigen::Index(3 * k)) = (displacement_of(points[k], motions) -
+                                                    at_point(points[k].shares, state.u)) /
+                                                       dt -
+                                                   at_point(points[k].shares, velocity);
+    }
+
+    // To the velocities after the step.
+    FleshReport step_by_rounds(const FleshState& state, double dt,
+                               std::span<const Motion> motions,
+                               const FleshSurroundings& around);
+    FleshReport step_by_regions(const FleshState& state, double dt,
+                                std::span<const Motion> motions,
+                                const FleshSurroundings& around);
 
     /// What is left of forces and inertia, times the step, at velocities \p v after it.
     void impulse(const VectorXd& u, const VectorXd& v0, const VectorXd& v, double dt,
@@ -226,11 +252,114 @@ private:
 
 } // namespace
 
+FleshReport Flesh::Parts::step_by_rounds(const FleshState& state, double dt,
+                                         std::span<const Motion> motions,
+                                         const FleshSurroundings& around)
+{
+    FleshReport report;
+    const StepOperator<Parts> A(*this, dt);
+    velocity = state.v;
+    double first_size = 0.0; // of the right side
+    StepRows changing(free_shares, surface, around, dt, size);
+    for (int round = 0; round < std::max(1, settings.newton); ++round)
+    {
+        impulse(state.u, state.v, velocity, dt, motions);
+        // Held points are met by the first round, exactly.
+        if (round == 0)
+            find_rows(state, dt, motions);
+        else
+            rows.setZero();
+        free_step = VectorXd::Zero(Eigen::Index(3 * nodes.free.size()));
+        expand(free_step, &rows, change);
+        forces.multiply(change, factors(dt), image);
+        force -= image;
+        reduce(force, free_b);
+        const double now = free_b.norm();
+        if (round > 0 && now <= kNewtonTolerance * first_size)
+            break;
+        const auto solve = [&](NodeRows& met, std::span<const NodeBrake> brakes,
+                               const VectorXd& b, VectorXd& x, VectorXd& l)
+        {
+            const LinearReport linear =
+                met.solve(BrakedOperator(A, brakes), *preconditioner, b,
+                          {settings.tolerance, kMostCgSteps}, cg, x, l);
+            ++report.systems;
+            report.cg_steps += linear.steps;
+            report.residual = linear.residual;
+            expand(x, &rows, change);
+        };
+        report.contacts = changing.solve(state.u, velocity, rows, free_b,
+                                         preconditioner->scale(), solve, change);
+        report.is_converged = report.is_converged && report.contacts.is_settled &&
+                              report.residual <= 1.01 * settings.tolerance;
+        if (round == 0)
+            first_size = now;
+        if (!change.allFinite())
+        {
+            report.is_finite = report.is_converged = false;
+            return report;
+        }
+        velocity += change;
+    }
+    return report;
+}
+
+/// What changes is added to the blended step: by the least change that meets it.
+FleshReport Flesh::Parts::step_by_regions(const FleshState& state, double dt,
+                                          std::span<const Motion> motions,
+                                          const FleshSurroundings& around)
+{
+    FleshReport report;
+    velocity = state.v;
+    find_rows(state, dt, motions);
+    predicted = state.u + dt * state.v;
+    if (!regions->prepare(dt))
+    {
+        report.is_finite = report.is_converged = false;
+        return report;
+    }
+    VectorXd blended;
+    regions->step(predicted, state.v, {loads, settings.gravity, motions, rows}, blended);
+    report.systems = static_cast<int>(regions->size());
+    const VectorXd& scale = preconditioner->scale();
+    free_b = VectorXd::Zero(blended.size());
+    const auto solve = [&](NodeRows& met, std::span<const NodeBrake> brakes,
+                           const VectorXd&, VectorXd& x, VectorXd& l)
+    {
+        x = blended;
+        for (const NodeBrake& brake : brakes)
+        {
+            double gives = 0.0;
+            for (const NodeShare& share : brake.shares)
+                gives += share.share * share.share * scale[share.node];
+            const Vector3d braked = brake.force(x) / (1.0 + brake.factor * gives);
+            for (const NodeShare& share : brake.shares)
+                x.segment<3>(3 * share.node) += scale[share.node] * share.share * braked;
+        }
+        l.resize(0);
+        if (!met.rows().empty())
+        {
+            l = met.weighed(met.values() - met.times(x));
+            met.correct(x);
+        }
+        expand(x, &rows, change);
+    };
+    StepRows changing(free_shares, surface, around, dt, size);
+    report.contacts =
+        changing.solve(state.u, velocity, rows, free_b, scale, solve, change);
+    report.is_converged = report.contacts.is_settled;
+    if (!change.allFinite())
+        report.is_finite = report.is_converged = false;
+    velocity += change;
+    return report;
+}
+
 Flesh::Flesh(Lattice lattice, std::vector<FleshMaterial> materials,
              std::vector<HeldPoint> points, std::vector<TubePart> tubes,
-             FleshSettings settings)
+             FleshSettings settings, std::vector<FleshRegionShares> regions)
     : parts_(std::make_unique<Parts>(std::move(lattice), std::move(materials),
-                                     std::move(points), std::move(tubes), settings))
+                                     std::move(points), std::move(tubes), settings,
+                                     std::move(regions)))
 {
 }
 
@@ -262,60 +391,27 @@ void Flesh::load(const VectorXd& forces)
     parts_->loads = forces;
 }
 
-FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> motions)
+void Flesh::set_surface(std::vector<FleshPoint> points)
+{
+    parts_->surface = FleshSurface(std::move(points), parts_->lattice.places.size());
+}
+
+FleshReport Flesh::step(FleshState& state, double dt, std::span<const Motion> motions,
+                        const FleshSurroundings& around)
 {
     Parts& p = *parts_;
     p.prepare(dt);
-    FleshReport report;
-    const StepOperator<Parts> A(p, dt);
-    p.velocity = state.v;
-    p.rows.resize(Eigen::Index(3 * p.points.size()));
-    double first_size = 0.0; // of the right side
-    for (int round = 0; round < std::max(1, p.settings.newton); ++round)
-    {
-        p.impulse(state.u, state.v, p.velocity, dt, motions);
-        // Held points are met by the first round, exactly.
-        p.rows.setZero();
-        if (round == 0)
-            for (std::size_t k = 0; k < p.points.size(); ++k)
-                p.rows.segment<3>(Eigen::Index(3 * k)) =
-                    (Parts::displacement_of(p.points[k], motions) -
-                     p.at_point(p.points[k], state.u)) /
-                        dt -
-                    p.at_point(p.points[k], p.velocity);
-        p.free_step = VectorXd::Zero(Eigen::Index(3 * p.nodes.free.size()));
-        p.expand(p.free_step, &p.rows, p.change);
-        p.forces.multiply(p.change, p.factors(dt), p.image);
-        p.force -= p.image;
-        p.reduce(p.force, p.free_b);
-        const double size = p.free_b.norm();
-        if (round > 0 && size <= kNewtonTolerance * first_size)
-            break;
-        ++report.systems;
-        const LinearReport linear =
-            p.cg.solve(A, *p.preconditioner, p.free_b,
-                       {p.settings.tolerance, kMostCgSteps}, p.free_step);
-        report.cg_steps += linear.steps;
-        report.residual = linear.residual;
-        report.is_converged =
-            report.is_converged && report.residual <= 1.01 * p.settings.tolerance;
-        if (round == 0)
-            first_size = size;
-        p.expand(p.free_step, &p.rows, p.change);
-        if (!p.change.allFinite())
-        {
-            report.is_finite = report.is_converged = false;
-            return report;
-        }
-        p.velocity += p.change;
-    }
+    FleshReport report = p.regions ? p.step_by_regions(state, dt, motions, around)
+                                   : p.step_by_rounds(state, dt, motions, around);
+    if (!report.is_finite)
+        return report;
     state.v = p.velocity;
     state.u += dt * state.v;
     return report;
 }
 
 FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
-                          Weighs weighs)
+                          Weighs weighs, const FleshSurroundings& around)
 {
     Parts& p = *parts_;
     VectorXd weight = p.weight;
@@ -329,7 +425,7 @@ FleshReport Flesh::settle(FleshState& state, std::span<const Motion> motions,
     report.is_converged = false;
     for (int round = 0; round < kMostRounds && !report.is_converged; ++round)
     {
-        const FleshReport step = this->step(state, dt, motions);
+        const FleshReport step = this->step(state, dt, motions, around);
         report.cg_steps += step.cg_steps;
         report.residual = step.residual;
         report.is_finite = step.is_finite;
@@ -348,7 +444,7 @@ Flesh::Energies Flesh::energies(const FleshState& state,
 {
     Parts& p = *parts_;
     Energies out;
-    if (p.settings.law == FleshLaw::Cells)
+    if (p.settings.law == FleshLaw::Cells || p.settings.law == FleshLaw::Regions)
         p.forces.follow(state.u);
     out.elastic = p.forces.elastic_energy(state.u);
     out.tube = p.forces.tube_energy(state.u, motions);
@@ -399,7 +495,7 @@ double Flesh::largest_miss(const FleshState& state, std::span<const Motion> moti
     for (std::size_t k = 0; k < parts_->points.size(); ++k)
         if (!std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
             largest =
-                std::max(largest, (parts_->at_point(parts_->points[k], state.u) -
+                std::max(largest, (at_point(parts_->points[k].shares, state.u) -
                                    Parts::displacement_of(parts_->points[k], motions))
                                       .norm());
     return largest;

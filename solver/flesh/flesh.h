@@ -10,8 +10,10 @@
 #include <Eigen/Core>
 
 #include "octree/base/rigid_motion.h"
+#include "solver/flesh/blended_regions.h"
 #include "solver/flesh/bone_tube.h"
 #include "solver/flesh/bound_nodes.h"
+#include "solver/flesh/flesh_contact.h"
 #include "solver/flesh/lattice.h"
 
 namespace cellwarp
@@ -21,6 +23,7 @@ namespace cellwarp
 enum class FleshLaw
 {
     Cells,             ///< small strain in a frame that turns with the cell
+    Regions,           ///< small strain in the frames of bones, blended
     Linear,            ///< small strain: right for small turns alone
     StVenantKirchhoff, ///< Green's strain in the linear law
     NeoHookean         ///< for Poisson's ratios near 0.5 at large strain
@@ -54,6 +57,7 @@ struct FleshReport
     double residual = 0.0;         ///< of the last linear system, relative
     bool is_converged = true;      ///< to the tolerance
     bool is_finite = true;         ///< else the state is that of before
+    FleshContacts contacts;
 };
 
 /// Of settle(): whether the flesh feels its own weight.
@@ -68,9 +72,10 @@ class Flesh
 {
 public:
     /// \p materials: of the lattice's parts; \p points: as bind_nodes() takes them.
+    /// \p regions: of FleshLaw::Regions alone, as BlendedRegions takes them.
     Flesh(Lattice lattice, std::vector<FleshMaterial> materials,
           std::vector<HeldPoint> points, std::vector<TubePart> tubes,
-          FleshSettings settings);
+          FleshSettings settings, std::vector<FleshRegionShares> regions = {});
     ~Flesh();
     Flesh(Flesh&&) noexcept;
 
@@ -80,12 +85,15 @@ public:
     FleshState rest() const;
     /// Further forces on the nodes, until they are set again [N].
     void load(const Eigen::VectorXd& forces);
+    /// What obstacles touch; before, nothing of it does.
+    void set_surface(std::vector<FleshPoint> points);
 
     /// Goes on by \p dt [s], to where the bones have moved by \p motions (from rest).
-    FleshReport step(FleshState& state, double dt, std::span<const Motion> motions);
+    FleshReport step(FleshState& state, double dt, std::span<const Motion> motions,
+                     const FleshSurroundings& around = {});
     /// To where all is at rest while the bones stand. Not converged: the way was long.
     FleshReport settle(FleshState& state, std::span<const Motion> motions,
-                       Weighs weighs = Weighs::Yes);
+                       Weighs weighs = Weighs::Yes, const FleshSurroundings& around = {});
 
     struct Energies
     {

@@ -15,7 +15,7 @@ using Eigen::VectorXd;
 using Sparse = Eigen::SparseMatrix<double>;
 using Entry = Eigen::Triplet<double>;
 
-constexpr std::size_t kGrain = 2048; ///< nodes
+constexpr std::size_t kLevelGrain = 2048; ///< nodes
 
 /// One number a pair of free nodes.
 Sparse mean_matrix(std::size_t num_nodes, const BoundNodes& nodes,
@@ -64,7 +64,7 @@ Sparse matrix_of(const SparseRows& rows, std::size_t columns)
 void multiply(const SparseRows& rows, const VectorXd& x, bool adds, VectorXd& out)
 {
     out.resize(Eigen::Index(3 * rows.size()));
-    parallel_for(rows.size(), kGrain,
+    parallel_for(rows.size(), kLevelGrain,
                  [&](std::size_t row)
                  {
                      double* const sum = out.data() + 3 * row;

@@ -31,6 +31,8 @@ public:
     /// Vectors have three numbers for each free node.
     void apply(const Eigen::VectorXd& r, Eigen::VectorXd& z) override;
     std::size_t num_levels() const { return levels_.size(); }
+    /// The inverse of the diagonal of A, of each free node.
+    const Eigen::VectorXd& scale() const { return levels_.front().inverse; }
 
 private:
     struct Level

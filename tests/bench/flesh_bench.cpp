@@ -110,6 +110,52 @@ void step(benchmark::State& state, double z, bool has_levels)
         0.25 * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
 }
 
+/// A bar with two bones in its axis that bend it, z^2 = 130, by a law.
+void law(benchmark::State& state, FleshLaw of)
+{
+    Lattice lattice = swinging_bar(state.range(0));
+    const double nodes = static_cast<double>(lattice.places.size());
+    const std::vector<BoneLine> lines = {{{0, 0.5, 0.5}, {1.5, 0.5, 0.5}, 0},
+                                         {{1.5, 0.5, 0.5}, {3, 0.5, 0.5}, 1}};
+    std::vector<std::vector<double>> distances(2);
+    for (const Vector3d& x : lattice.places)
+        for (std::size_t b = 0; b < 2; ++b)
+        {
+            const double t = nearest_share(lines[b].from, lines[b].to, x);
+            distances[b].push_back(
+                (lines[b].from + t * (lines[b].to - lines[b].from) - x).norm());
+        }
+    std::vector<FleshRegionShares> regions;
+    if (of == FleshLaw::Regions)
+        regions = shares_by_distance(lattice, distances, std::vector<int>{0, 1},
+                                     2.0 / across_of(state.range(0)));
+    std::vector<HeldPoint> held =
+        points_on_bones(lattice, lines, [](int, const Vector3d&) { return true; });
+    FleshSettings settings;
+    settings.law = of;
+    settings.gravity = {0, 0, -9.81};
+    Flesh flesh(std::move(lattice), {stiff(state.range(0), 130)}, std::move(held), {},
+                settings, std::move(regions));
+    FleshState at = flesh.rest();
+    std::vector<Motion> motions(2);
+    const auto turn = [&](int step)
+    {
+        const double angle = 0.7 * std::sin(0.05 * step);
+        motions[1].R = rotation_about(Vector3d::UnitZ(), angle);
+        motions[1].t = Vector3d(1.5, 0.5, 0.5) - motions[1].R * Vector3d(1.5, 0.5, 0.5);
+    };
+    flesh.step(at, kStep, motions); // makes preconditioner and factors
+    int count = 0;
+    std::int64_t cg_steps = 0;
+    for (auto _ : state)
+    {
+        turn(++count);
+        cg_steps += flesh.step(at, kStep, motions).cg_steps;
+    }
+    state.counters["nodes"] = nodes;
+    state.counters["cg"] = static_cast<double>(cg_steps) / count;
+}
+
 void scene(benchmark::State& state, const char* name)
 {
     const SceneFile of =
@@ -159,7 +205,18 @@ int main(int argc, char** argv)
                     [=](benchmark::State& state) { step(state, z, has_levels); })
                     ->Arg(size)
                     ->Unit(benchmark::kMillisecond);
-    for (const char* name : {"limb", "elbow", "walk", "belly", "tail"})
+    for (const auto& [name, of] : {std::pair{"regions", FleshLaw::Regions},
+                                   {"cells", FleshLaw::Cells},
+                                   {"linear", FleshLaw::Linear},
+                                   {"stvk", FleshLaw::StVenantKirchhoff},
+                                   {"neo-hookean", FleshLaw::NeoHookean}})
+        for (const int size : {1000, 5000, 25000})
+            benchmark::RegisterBenchmark((std::string("law/") + name).c_str(),
+                                         [taken = of](benchmark::State& state)
+                                         { law(state, taken); })
+                ->Arg(size)
+                ->Unit(benchmark::kMillisecond);
+    for (const char* name : {"limb", "elbow", "walk", "belly", "tail", "press", "flop"})
         benchmark::RegisterBenchmark((std::string("scene/") + name).c_str(),
                                      [=](benchmark::State& state) { scene(state, name); })
             ->Unit(benchmark::kMillisecond)

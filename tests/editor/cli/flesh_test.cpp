@@ -132,10 +132,10 @@ TEST(SimulateFlesh, tight_solves_the_systems_to_the_last)
 
 TEST(SimulateFlesh, what_is_not_built_and_what_cannot_be_is_refused)
 {
-    const Result law = run({"simulate", Files(R"(, "law": "regions")").scene, "--json"});
+    const Result law = run({"simulate", Files(R"(, "law": "plastic")").scene, "--json"});
     EXPECT_EQ(law.code, 3);
     EXPECT_TRUE(law.out.empty());
-    EXPECT_TRUE(contains(law.err, "skeleton.law: got 'regions'"));
+    EXPECT_TRUE(contains(law.err, "skeleton.law: got 'plastic'"));
     const Result lattice =
         run({"simulate", Files(R"(, "lattice": "none.mesh")").scene, "--json"});
     EXPECT_EQ(lattice.code, 4);
@@ -168,8 +168,10 @@ TEST(SimulateFlesh, check_tells_of_the_flesh_and_refuses_what_simulate_refuses)
     EXPECT_GT(json["flesh"]["free_nodes"].get<int>(), 0);
     EXPECT_TRUE(contains(run({"check", files.scene}).out, " points on bones, 4000 kg"));
     for (const auto& [more, code] :
-         {std::pair{R"(, "law": "regions")", 3},
+         {std::pair{R"(, "law": "regions", "newton": 2)", 3},
           {R"(, "weights": "w.txt")", 3},
+          {R"(, "law": "regions", "weights": "w.txt")", 4},
+          {R"(, "held": [{"at": [9, 9, 9]}])", 3},
           {R"(, "lattice": "none.mesh")", 4},
           {R"(, "max_depth": 12)", 5},
           {R"(, "materials": [{"region": "box 9 9 9 10 10 10"}])", 3}})

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/flesh/flesh_simulation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -294,6 +295,185 @@ TEST(FleshSimulation, joints_are_led_by_hand_while_time_runs)
     EXPECT_LT(simulation->report().miss, 1e-12);
 }
 
+namespace
+{
+
+/// The sample at a place at rest.
+std::size_t sample_at(const FleshSimulation& of, const Vector3d& place)
+{
+    const std::vector<Vector3d>& samples = of.geometry().samples;
+    return static_cast<std::size_t>(
+        std::min_element(samples.begin(), samples.end(),
+                         [&](const Vector3d& a, const Vector3d& b)
+                         { return (a - place).norm() < (b - place).norm(); }) -
+        samples.begin());
+}
+
+void to_the_end(FleshSimulation& of)
+{
+    while (of.steps_done() < of.num_steps())
+        of.next_frame();
+}
+
+const std::string kStill = R"({"time": 0, "joint": "knee", "rotate": [1, 0, 0, 0]})";
+
+} // namespace
+
+TEST(FleshSimulation, a_ball_that_comes_keeps_the_flesh_out)
+{
+    Bar bar;
+    bar.keys = kStill;
+    bar.skeleton = R"("E": 2e4, "across": 8, "damping": {"alpha": 5},
+        "contact": [{"sphere": [1.3, 0, 3, 0.5], "friction": 0.3,
+                     "keys": [{"time": 0, "translate": [0, 0, 0]},
+                              {"time": 0.3, "translate": [-0.5, 0, 0]}]}])";
+    const auto simulation = bar.start(true);
+    EXPECT_EQ(simulation->warnings(), std::vector<std::string>());
+    simulation->next_frame();
+    EXPECT_EQ(simulation->report().contacts, 0u);
+    to_the_end(*simulation);
+    const FleshFrame frame = simulation->report();
+    EXPECT_TRUE(frame.is_converged) << frame.stop;
+    EXPECT_GT(frame.contacts, 0u);
+    EXPECT_LT(frame.support.x(), -100.0);
+    EXPECT_LT(std::abs(frame.support.y()), 0.15 * std::abs(frame.support.x()));
+    double deepest = 0.0;
+    for (const Vector3d& x : simulation->deformed_live().samples)
+        deepest = std::max(deepest, 0.5 - (x - Vector3d(0.8, 0, 3)).norm());
+    EXPECT_LT(deepest, 0.03); // between the points that touch
+    const Geometry seen = simulation->obstacles();
+    const ModelBox box = bounding_box(seen.samples);
+    EXPECT_LT((box.centre() - Vector3d(0.8, 0, 3)).norm(), 1e-2);
+    EXPECT_NEAR(box.size().x(), 1.0, 1e-2);
+    // From a snapshot it goes on to the bit.
+    const FleshSimulation::Snapshot end = simulation->snapshot();
+    simulation->step();
+    const FleshState once = simulation->snapshot().state;
+    simulation->go_to(end);
+    simulation->step();
+    EXPECT_EQ(once, simulation->snapshot().state);
+}
+
+TEST(FleshSimulation, flesh_that_falls_lies_on_the_ground)
+{
+    Bar bar;
+    // Bones above it hold nothing: it is free.
+    bar.skeleton = R"("E": 2e5, "across": 8, "damping": {"alpha": 8},
+        "contact": [{"plane": [0, 0, 2, -0.2], "friction": 0.2}])";
+    bar.keys = kStill;
+    bar.more = R"(, "gravity": [0, 0, -9.81], "duration": 2)";
+    const SceneFile scene =
+        parse_scene(bar.folder / "s.json",
+                    R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {"joints": [
+            {"name": "root", "parent": null, "at": [9, 0, 0]},
+            {"name": "tip", "parent": "root", "at": [9, 0, 2]}], )" +
+                        bar.skeleton +
+                        R"(}, "simulate": {"duration": 2, "gravity": [0, 0, -9.81]}})");
+    FleshSimulation simulation(
+        std::make_shared<const Geometry>(read_geometry(scene.model).geometry), scene,
+        settings_of(scene).cells, true);
+    to_the_end(simulation);
+    const FleshFrame frame = simulation.report();
+    EXPECT_NEAR(frame.support.z(), 4000.0 * 9.81, 0.02 * 4000.0 * 9.81);
+    double low = 0.0;
+    for (const Vector3d& x : simulation.deformed_live().samples)
+        low = std::min(low, x.z());
+    EXPECT_NEAR(low, -0.1, 0.02); // it sags a little between the points that touch
+}
+
+TEST(FleshSimulation, points_that_are_held_go_as_they_are_told)
+{
+    Bar bar;
+    bar.keys = kStill;
+    const std::string usual = R"("E": 2e4, "across": 8, "held": [{"at": [0.5, 0, 3.5], )";
+    const std::string keys = R"("keys": [{"time": 0.1, "translate": [0, 0, 0]},
+        {"time": 0.4, "translate": [0.3, 0.2, 0.1]}]}])";
+    bar.skeleton = usual + keys;
+    auto simulation = bar.start();
+    const std::size_t sample = sample_at(*simulation, {0.5, 0, 3.5});
+    to_the_end(*simulation);
+    EXPECT_LT(
+        (simulation->deformed_live().samples[sample] - Vector3d(0.8, 0.2, 3.6)).norm(),
+        1e-9);
+    EXPECT_LT(simulation->report().miss, 1e-12);
+    EXPECT_EQ(simulation->joints().size(), 3u); // it is no joint
+    // Written samples are exact there, too.
+    EXPECT_LT((simulation->deformed().samples[sample] - Vector3d(0.8, 0.2, 3.6)).norm(),
+              1e-3);
+    bar.skeleton = usual + R"("normal": [0, 2, 0], )" + keys;
+    simulation = bar.start();
+    to_the_end(*simulation);
+    const Vector3d now = simulation->deformed_live().samples[sample];
+    EXPECT_NEAR(now.y(), 0.2, 1e-9);
+    EXPECT_GT(std::abs(now.x() - 0.8), 0.1); // free to go there or not
+    EXPECT_GT(simulation->report().pull.y(), 1.0);
+}
+
+TEST(FleshSimulation, a_hand_pulls_a_sample_and_lets_it_go)
+{
+    Bar bar;
+    bar.keys = kStill;
+    const auto simulation = bar.start();
+    const std::size_t sample = sample_at(*simulation, {0.5, 0, 3.5});
+    const auto off = [&](const Vector3d& place)
+    { return (simulation->deformed_live().samples[sample] - place).norm(); };
+    simulation->pull(FleshPull{sample, {1.0, 0.3, 3.5}});
+    for (int k = 0; k < 40; ++k)
+        simulation->step();
+    EXPECT_LT(off({1.0, 0.3, 3.5}), 1e-3);
+    EXPECT_GT(simulation->report().pull.x(), 10.0);
+    simulation->pull(std::nullopt);
+    for (int k = 0; k < 600; ++k)
+        simulation->step();
+    EXPECT_LT(off({0.5, 0, 3.5}), 0.05);
+}
+
+TEST(FleshSimulation, blended_regions_follow_their_bones)
+{
+    Bar bar;
+    bar.skeleton = R"("E": 1e6, "across": 8, "law": "regions")";
+    const auto simulation = bar.start();
+    to_the_end(*simulation);
+    const FleshFrame frame = simulation->report();
+    EXPECT_TRUE(frame.is_converged);
+    EXPECT_LT(frame.miss, 1e-12);
+    const Eigen::AngleAxisd turn(60.0 * M_PI / 180.0, Vector3d::UnitX());
+    const DeformedSamples now = simulation->deformed_live();
+    EXPECT_LT(away(*simulation, now, 0.0, 0.5, [](const Vector3d& x) { return x; }),
+              0.15);
+    EXPECT_LT(away(*simulation, now, 3.5, 4.0,
+                   [&](const Vector3d& x) -> Vector3d
+                   { return Vector3d(0, 0, 2) + turn * (x - Vector3d(0, 0, 2)); }),
+              0.3);
+}
+
+TEST(FleshSimulation, painted_weights_replace_those_by_distance)
+{
+    Bar bar;
+    bar.skeleton = R"("E": 1e5, "across": 8, "law": "regions")";
+    auto by_distance = bar.start();
+    std::string weights = "cellwarp-weights 1\nroot knee\n";
+    for (const Vector3d& x : by_distance->geometry().samples)
+        weights += x.z() < 3.0 ? "1 0\n" : "0 2\n";
+    bar.folder.write("w.txt", weights);
+    bar.skeleton += R"(, "weights": "w.txt")";
+    auto painted = bar.start();
+    to_the_end(*by_distance);
+    to_the_end(*painted);
+    EXPECT_TRUE(painted->report().is_converged);
+    double most = 0.0;
+    for (std::size_t i = 0; i < painted->geometry().samples.size(); ++i)
+        most = std::max(most, (painted->deformed_live().samples[i] -
+                               by_distance->deformed_live().samples[i])
+                                  .norm());
+    EXPECT_GT(most, 0.02);
+    EXPECT_LT(most, 1.0);
+    bar.folder.write("w.txt", "cellwarp-weights 1\nroot\n1\n");
+    EXPECT_TRUE(contains(bar.refusal(), "has 1 lines of numbers, the model"));
+    bar.folder.write("w.txt", weights.replace(weights.find("knee"), 4, "knie"));
+    EXPECT_TRUE(contains(bar.refusal(), "knie: is no joint"));
+}
+
 TEST(FleshSimulation, materials_of_regions_are_softer_and_heavier)
 {
     Bar bar;
@@ -383,10 +563,12 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
     const std::string usual = bar.skeleton;
     for (const auto& [more, what] :
          {std::pair{R"(, "weights": "w.txt")",
-                    "skeleton.weights: is for the law regions"},
-          {R"(, "law": "regions")", "skeleton.law: got 'regions'"},
+                    "skeleton.weights: are of the law regions, the law is cells"},
+          {R"(, "law": "regions", "newton": 2)", "skeleton.newton: is for other laws"},
           {R"(, "detail": 0.1)", "skeleton.detail: is not supported"},
-          {R"(, "contact": [{"plane": [0, 1, 0, 0]}])", "skeleton.contact: is not"},
+          {R"(, "held": [{"at": [0, 0, 9]}])", "skeleton.held[0].at: lies outside"},
+          {R"(, "contact": [{"plane": [0, 0, 0, 0]}])",
+           "skeleton.contact[0].plane: its normal"},
           {R"(, "materials": [{"region": "bocks 1"}])", "skeleton.materials[0].region"}})
     {
         bar.skeleton = usual + more;

@@ -2,6 +2,7 @@
 // Flesh in the editor: the film of a scene, and flesh that follows the hand.
 #include "editor/window/live_flesh.h"
 
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -76,6 +77,35 @@ TEST(FleshFilm, has_the_frames_of_simulate_to_the_bit)
     EXPECT_EQ(film.shape(6)->lines[2].name, "foot");
 }
 
+TEST(LiveFlesh, is_pulled_at_any_place)
+{
+    Desk desk(limb);
+    LiveFlesh live(desk.editing);
+    wait(live, 0.3);
+    // The sample that is farthest along x.
+    const std::vector<Vector3d>& rest = desk.document().model()->geometry.samples;
+    const auto far = static_cast<std::uint32_t>(
+        std::max_element(rest.begin(), rest.end(),
+                         [](const Vector3d& a, const Vector3d& b)
+                         { return a.x() < b.x(); }) -
+        rest.begin());
+    const auto now = [&]() -> Vector3d
+    {
+        const std::shared_ptr<const ShownShape> shape = live.newest();
+        const float* const x = &shape->positions[3 * far];
+        return {x[0], x[1], x[2]};
+    };
+    const Vector3d before = now();
+    const Vector3d goal = before + Vector3d(0, 0, 0.1);
+    live.pull(far, goal);
+    const double until = live.time() + 0.5;
+    wait(live, until);
+    EXPECT_LT((now() - goal).norm(), 0.02);
+    live.let_go();
+    wait(live, live.time() + 1.0);
+    EXPECT_LT((now() - before).norm(), 0.06);
+}
+
 TEST(LiveFlesh, follows_its_keys_and_then_the_hand)
 {
     Desk desk(limb);
@@ -123,7 +153,15 @@ TEST(LiveFlesh, is_taken_by_its_joints_with_the_pointer)
     EXPECT_GT((foot() - from).norm(), 0.05);
     desk.hand.button(Button::Left, false, {});
     EXPECT_EQ(desk.hand.status(), "");
-    // Beside the joints nothing is taken, and nothing is selected either.
+    // Beside the joints it is the flesh that is taken.
+    desk.hand.pointer_moved(desk.pixel(Vector3d(0.8, 0.5, 0.5)), {});
+    desk.hand.button(Button::Left, true, {});
+    EXPECT_TRUE(contains(desk.hand.status(), "Pull the flesh"));
+    desk.hand.pointer_moved(desk.pixel(Vector3d(0.8, 0.7, 0.5)), {});
+    desk.hand.update();
+    desk.hand.button(Button::Left, false, {});
+    EXPECT_EQ(desk.hand.status(), "");
+    // Beside the shape nothing is taken, and nothing is selected either.
     desk.hand.pointer_moved({3, 3}, {});
     desk.hand.button(Button::Left, true, {});
     EXPECT_EQ(desk.hand.status(), "");
