@@ -14,6 +14,8 @@
 #include "editor/flesh/flesh_simulation.h"
 #include "editor/session/scene_settings.h"
 #include "io/geometry_file.h"
+#include "octree/base/segment.h"
+#include "solver/flesh/bone_points.h"
 #include "solver/flesh/flesh.h"
 #include "solver/flesh/flesh_forces.h"
 #include "solver/flesh/level_preconditioner.h"
