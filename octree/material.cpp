@@ -5,6 +5,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
 #include "octree/distance_transform.h"
 #include "octree/flood.h"
@@ -34,6 +35,8 @@ constexpr double kMaxHollowRadius = 0.125;
 /// A surface counts as nearly closed below this share of open edges. A soup that
 /// lost every third triangle has more than half of its edges open.
 constexpr double kNearlyClosed = 0.2;
+
+constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 
 /// The widest opening that is closed, as a radius [voxel].
 int max_seal_radius(const GridShape& grid_shape)
@@ -164,18 +167,19 @@ void add_touched_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& 
 /// corner between voxels.
 void hold_samples(const Shape& shape, VoxelGrid& grid)
 {
-    std::vector<Eigen::Vector3d> lost;
-    for (const Eigen::Vector3d& x : shape.samples)
-    {
-        bool is_held = false;
-        for_each_voxel(grid.touched(x), [&](const Eigen::Vector3i& voxel)
-                       { is_held |= grid.material()[grid.index(voxel)] != 0; });
-        if (!is_held)
-            lost.push_back(x);
-    }
-    for (const Eigen::Vector3d& x : lost)
-        for_each_voxel(grid.touched(x), [&](const Eigen::Vector3i& voxel)
-                       { grid.material()[grid.index(voxel)] = 1; });
+    std::vector<char> is_held(shape.samples.size(), 0);
+    parallel_for(is_held.size(), kSamplesAtOnce,
+                 [&](std::size_t i)
+                 {
+                     for_each_voxel(
+                         grid.touched(shape.samples[i]), [&](const Eigen::Vector3i& voxel)
+                         { is_held[i] |= grid.material()[grid.index(voxel)] != 0; });
+                 });
+    for (std::size_t i = 0; i < is_held.size(); ++i)
+        if (!is_held[i])
+            for_each_voxel(grid.touched(shape.samples[i]),
+                           [&](const Eigen::Vector3i& voxel)
+                           { grid.material()[grid.index(voxel)] = 1; });
 }
 
 /// The inside of a shape that no closed surface bounds.

@@ -6,11 +6,14 @@
 #include "octree/winding.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <tuple>
 #include <utility>
 
+#include "octree/base/parallel.h"
 #include "octree/wrap/side.h"
 
 namespace cellwarp
@@ -19,27 +22,73 @@ namespace cellwarp
 namespace
 {
 
+/// A number for a place; -0 and 0 are one place.
+std::uint64_t hash_of(const Eigen::Vector3d& place)
+{
+    std::uint64_t hash = 0;
+    for (const double x : place)
+    {
+        hash = (hash ^ std::bit_cast<std::uint64_t>(x + 0.0)) * 0x9e3779b97f4a7c15u;
+        hash ^= hash >> 32;
+    }
+    return hash;
+}
+
 /// Sample numbers with coincident samples joined to the first of them.
 std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples)
 {
-    std::vector<std::uint32_t> order(samples.size()), joined(samples.size());
-    std::iota(order.begin(), order.end(), 0u);
-    const auto key = [&](std::uint32_t i)
-    { return std::tuple(samples[i].x(), samples[i].y(), samples[i].z()); };
-    std::sort(order.begin(), order.end(),
-              [&](std::uint32_t a, std::uint32_t b)
-              {
-                  return std::tuple_cat(key(a), std::tuple(a)) <
-                         std::tuple_cat(key(b), std::tuple(b));
-              });
-    std::uint32_t first = 0;
-    for (std::size_t i = 0; i < order.size(); ++i)
-    {
-        if (i == 0 || key(order[i]) != key(first))
-            first = order[i];
-        joined[order[i]] = first;
-    }
+    constexpr std::uint32_t none = ~std::uint32_t{0};
+    std::vector<std::uint32_t> joined(samples.size());
+    // Open addressing, at most half full: a place goes behind those that have its slot.
+    std::vector<std::uint32_t> first_at(std::bit_ceil(2 * samples.size() + 1), none);
+    for (std::uint32_t i = 0; i < samples.size(); ++i)
+        for (std::size_t slot = hash_of(samples[i]);; ++slot)
+        {
+            std::uint32_t& first = first_at[slot & (first_at.size() - 1)];
+            if (first == none)
+                first = i;
+            if (first == i || samples[first] == samples[i])
+            {
+                joined[i] = first;
+                break;
+            }
+        }
     return joined;
+}
+
+/// Sorts by a first number, below \p count, then each run of one number by \p less: a
+/// surface has few items of each.
+template <class Item, class First, class Less>
+void sort_by_first(std::vector<Item>& items, std::size_t count, const First& first,
+                   const Less& less)
+{
+    std::vector<std::size_t> begin(count + 1, 0);
+    for (const Item& item : items)
+        ++begin[first(item) + 1];
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    std::vector<Item> sorted(items.size());
+    std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+    for (const Item& item : items)
+        sorted[next[first(item)]++] = item;
+    items = std::move(sorted);
+    constexpr std::size_t kRunsAtOnce = 4096;
+    parallel_for(count, kRunsAtOnce,
+                 [&](std::size_t number)
+                 {
+                     std::sort(items.begin() + static_cast<std::ptrdiff_t>(begin[number]),
+                               items.begin() +
+                                   static_cast<std::ptrdiff_t>(begin[number + 1]),
+                               less);
+                 });
+}
+
+/// More than any corner.
+std::size_t count_of_corners(const std::vector<Triangle>& triangles)
+{
+    std::uint32_t most = 0;
+    for (const Triangle& t : triangles)
+        most = std::max({most, t[0], t[1], t[2]});
+    return std::size_t{most} + 1;
 }
 
 /// A triangle with its smallest corner first, the orientation kept.
@@ -204,9 +253,11 @@ std::vector<Triangle> bounding_triangles(const Shape& shape)
         std::sort(corners.begin(), corners.end());
         entries.push_back({corners, entries.size(), canonical(j)});
     }
-    std::sort(entries.begin(), entries.end(),
-              [](const Entry& a, const Entry& b)
-              { return std::tie(a.corners, a.order) < std::tie(b.corners, b.order); });
+    sort_by_first(
+        entries, shape.samples.size(),
+        [](const Entry& entry) { return entry.corners[0]; },
+        [](const Entry& a, const Entry& b)
+        { return std::tie(a.corners, a.order) < std::tie(b.corners, b.order); });
     // Of a face that is there in both directions either the second is a flaw, or both
     // are the wall between two bodies that touch: what leaves fewer edges open.
     std::vector<Triangle> first_kept, both_dropped;
@@ -223,7 +274,9 @@ std::vector<Triangle> bounding_triangles(const Shape& shape)
     const bool keeps_first = both_dropped.size() < first_kept.size() &&
                              open_edge_share(first_kept) < open_edge_share(both_dropped);
     std::vector<Triangle> triangles = std::move(keeps_first ? first_kept : both_dropped);
-    std::sort(triangles.begin(), triangles.end());
+    sort_by_first(
+        triangles, shape.samples.size(), [](const Triangle& t) { return t[0]; },
+        std::less<Triangle>());
     return triangles;
 }
 
@@ -231,23 +284,31 @@ double open_edge_share(const std::vector<Triangle>& triangles)
 {
     if (triangles.empty())
         return 1.0;
-    // Each edge once as (low, high), its direction as a sign.
-    std::vector<std::pair<std::uint64_t, int>> edges;
+    // Each edge as (low, high), its direction as a sign.
+    struct Edge
+    {
+        std::uint32_t low, high;
+        int sign;
+    };
+    std::vector<Edge> edges;
     edges.reserve(3 * triangles.size());
     for (const Triangle& t : triangles)
         for (std::size_t k = 0; k < 3; ++k)
         {
-            const std::uint64_t a = t[k], b = t[(k + 1) % 3];
-            edges.emplace_back(std::min(a, b) << 32 | std::max(a, b), a < b ? 1 : -1);
+            const std::uint32_t a = t[k], b = t[(k + 1) % 3];
+            edges.push_back({std::min(a, b), std::max(a, b), a < b ? 1 : -1});
         }
-    std::sort(edges.begin(), edges.end());
+    sort_by_first(
+        edges, count_of_corners(triangles), [](const Edge& edge) { return edge.low; },
+        [](const Edge& a, const Edge& b) { return a.high < b.high; });
     std::size_t open = 0, total = 0;
     for (std::size_t i = 0; i < edges.size(); ++total)
     {
         int balance = 0;
-        const std::uint64_t edge = edges[i].first;
-        for (; i < edges.size() && edges[i].first == edge; ++i)
-            balance += edges[i].second;
+        const Edge& edge = edges[i];
+        for (; i < edges.size() && edges[i].low == edge.low && edges[i].high == edge.high;
+             ++i)
+            balance += edges[i].sign;
         open += balance != 0;
     }
     return static_cast<double>(open) / static_cast<double>(total);

@@ -10,6 +10,7 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -30,6 +31,8 @@ constexpr double kFrameSlack = 1e-6;
 /// The automatic choice of across: the most cells that are no more than this.
 constexpr std::size_t kTargetCells = 2500;
 constexpr int kCandidates[] = {64, 56, 48, 40, 36, 32, 28, 24, 20, 16, 14, 12, 10, 8};
+
+constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 
 /// Voxels along the longest side that are enough to count cells.
 constexpr double kProbeVoxels = 96.0;
@@ -115,9 +118,9 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                                 : automatic_frame(bounding_box(samples));
     Shape shape;
     shape.triangles = triangles_of(geometry);
-    shape.samples.reserve(samples.size());
-    for (const Eigen::Vector3d& x : samples)
-        shape.samples.push_back(frame.to_work(x));
+    shape.samples.resize(samples.size());
+    parallel_for(samples.size(), kSamplesAtOnce,
+                 [&](std::size_t i) { shape.samples[i] = frame.to_work(samples[i]); });
     if (settings.frame)
         for (std::size_t i = 0; i < shape.samples.size(); ++i)
         {
@@ -218,10 +221,12 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
     Pieces pieces = find_pieces(grid, octree);
     Cells cells =
         build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets);
-    std::vector<int> cell_of_sample;
-    cell_of_sample.reserve(rest->samples.size());
-    for (const Eigen::Vector3d& x : rest->samples)
-        cell_of_sample.push_back(piece_at(grid, pieces.piece_of_voxel, x));
+    std::vector<int> cell_of_sample(rest->samples.size());
+    parallel_for(cell_of_sample.size(), kSamplesAtOnce,
+                 [&](std::size_t i) {
+                     cell_of_sample[i] =
+                         piece_at(grid, pieces.piece_of_voxel, rest->samples[i]);
+                 });
     return {std::move(rest),  std::move(octree),         std::move(pieces),
             std::move(cells), std::move(cell_of_sample), {}};
 }

@@ -106,19 +106,29 @@ std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShap
     {
         Eigen::Vector3i first, last;
         voxel_range(shape, grid, rest.frame, first, last);
-        for (int k = first.z(); k <= last.z(); ++k)
-            for (int j = first.y(); j <= last.y(); ++j)
-                for (int i = first.x(); i <= last.x(); ++i)
-                {
-                    const std::size_t voxel = grid.index(i, j, k);
-                    if (grid.material()[voxel] &&
-                        shape.holds(rest.frame.to_model(grid.centre({i, j, k}))))
-                        voxels.push_back(static_cast<std::uint32_t>(voxel));
-                }
+        std::vector<std::vector<std::uint32_t>> of_layer(
+            idx(std::max(0, last.z() - first.z() + 1)));
+        parallel_for(
+            of_layer.size(),
+            [&](std::size_t layer)
+            {
+                const int k = first.z() + static_cast<int>(layer);
+                for (int j = first.y(); j <= last.y(); ++j)
+                    for (int i = first.x(); i <= last.x(); ++i)
+                    {
+                        const std::size_t voxel = grid.index(i, j, k);
+                        if (grid.material()[voxel] &&
+                            shape.holds(rest.frame.to_model(grid.centre({i, j, k}))))
+                            of_layer[layer].push_back(static_cast<std::uint32_t>(voxel));
+                    }
+            });
+        for (const std::vector<std::uint32_t>& layer : of_layer)
+            voxels.insert(voxels.end(), layer.begin(), layer.end());
     }
     if (region.is_rod())
         add_voxels_on(region.spline->polyline(), grid, voxels);
-    std::sort(voxels.begin(), voxels.end());
+    if (!std::is_sorted(voxels.begin(), voxels.end())) // one shape's are
+        std::sort(voxels.begin(), voxels.end());
     voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
     return voxels;
 }
