@@ -7,6 +7,7 @@
 
 #include "io/bytes.h"
 #include "io/error.h"
+#include "io/file_limits.h"
 #include "io/number.h"
 #include "io/text.h"
 
@@ -89,7 +90,7 @@ PaintedWeights parse_weights(const std::string& path, std::string_view text)
             for (std::size_t k = 0; k < words.size(); ++k)
             {
                 const std::optional<double> value = parse_double(words[k]);
-                if (!value || !(*value >= 0.0) || !std::isfinite(*value))
+                if (!value || !(*value >= 0.0) || !(*value <= kHuge))
                     throw malformed({path, number, out.joints[k]},
                                     "got " + in_quotes(words[k]) +
                                         ", need a number >= 0");

@@ -23,6 +23,7 @@
 #include "solver/flesh/bone_points.h"
 #include "solver/flesh/bone_tube.h"
 #include "solver/flesh/drawn_cells.h"
+#include "solver/flesh/step_rows.h"
 
 namespace cellwarp
 {
@@ -82,6 +83,9 @@ struct Builder
     FleshBody body;
     std::vector<FleshMaterial> materials;
     std::vector<TubeBone> bones;
+    /// Points that are held wholly, but not by elimination.
+    std::vector<std::pair<PulledPoint, ShiftKeys>> held_as_rows = {};
+    std::size_t num_held_as_rows = 0;
 
     const FleshStatement& flesh() const { return scene.skeleton->flesh; }
 
@@ -249,9 +253,8 @@ struct Builder
             lines.push_back(bone.line);
         const CellOf cell_of = [&](const Vector3d& x)
         { return static_cast<int>(piece_at(grid, pieces, x / body.metre)); };
-        std::vector<HeldPoint> points = held_points(lattice, cell_of);
-        const std::vector<HeldPoint> crossings = points_on_bones(lattice, lines, holds);
-        points.insert(points.end(), crossings.begin(), crossings.end());
+        std::vector<HeldPoint> points = points_on_bones(lattice, lines, holds);
+        add_held_points(lattice, cell_of, points);
         std::vector<FleshRegionShares> regions;
         if (flesh().law == "regions")
             regions = blended(lattice, distances_to_bones(lattice, *octree),
@@ -321,9 +324,7 @@ struct Builder
         const double near = kOnBone * body.metre * body.frame.diagonal();
         const CellOf cell_of = [&](const Vector3d& x)
         { return drawn_cell_of(lattice, x); };
-        std::vector<HeldPoint> points = held_points(lattice, cell_of);
-        const std::vector<HeldPoint> on_edges = points_of_edges(hexahedra, mesh, near);
-        points.insert(points.end(), on_edges.begin(), on_edges.end());
+        std::vector<HeldPoint> points = points_of_edges(hexahedra, mesh, near);
         std::vector<BoneLine> lines;
         for (const TubeBone& bone : bones)
             if (!runs_along_edges(bone.line, hexahedra, near))
@@ -331,6 +332,7 @@ struct Builder
         const std::vector<HeldPoint> crossings =
             points_on_bones(lattice, lines, [](int, const Vector3d&) { return true; });
         points.insert(points.end(), crossings.begin(), crossings.end());
+        add_held_points(lattice, cell_of, points);
         for (TubeBone& bone : bones)
             if (!(bone.radius > 0.0))
                 bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
@@ -498,10 +500,10 @@ struct Builder
         return body.frame.axes * model.normalized();
     }
 
-    /// What the scene holds: wholly, and for those along a normal takes them down.
-    std::vector<HeldPoint> held_points(const Lattice& lattice, const CellOf& cell_of)
+    /// What the scene holds, after what bones hold; those along a normal are taken down.
+    void add_held_points(const Lattice& lattice, const CellOf& cell_of,
+                         std::vector<HeldPoint>& points)
     {
-        std::vector<HeldPoint> points;
         for (const FleshHoldStatement& told : flesh().held)
         {
             const Vector3d x = body.to_metres(told.at);
@@ -525,7 +527,6 @@ struct Builder
                 {shares, x, static_cast<int>(body.skeleton->size() + body.holds.size())});
             body.holds.push_back(keys_of(told.keys));
         }
-        return points;
     }
 
     void take_obstacles()
@@ -708,14 +709,48 @@ struct Builder
         if (points.empty())
             body.warnings.push_back(at({scene.path, 0, "skeleton"},
                                        "no bone lies in the material: nothing is held"));
-        body.held = points.size();
+        body.held = points.size() - body.holds.size();
         for (const LatticePart& part : lattice.parts)
             body.mass += part.volume * materials[idx(part.material)].density;
         body.flesh = std::make_shared<Flesh>(std::move(lattice), materials,
                                              std::move(points), std::move(tubes),
                                              settings(is_tight), std::move(regions));
-        body.dropped = body.flesh->nodes().dropped.size();
+        take_held_points();
+        body.dropped = body.flesh->nodes().dropped.size() - num_held_as_rows;
         look_for_loose_parts();
+    }
+
+    /// Points that are held and could not be eliminated, as in the middle of a cell, are
+    /// rows of each step; those that bones have are told.
+    void take_held_points()
+    {
+        const FreeShares shares(body.flesh->nodes(), body.flesh->lattice().places.size());
+        std::size_t whole = body.flesh->points().size() - body.holds.size(), guided = 0;
+        for (const FleshHoldStatement& told : flesh().held)
+        {
+            const FleshPoint point = told.normal
+                                         ? body.guided[guided++].first.point
+                                         : FleshPoint{body.flesh->points()[whole].shares,
+                                                      body.flesh->points()[whole].place};
+            const std::vector<int>& dropped = body.flesh->nodes().dropped;
+            const bool is_eliminated =
+                !told.normal && !std::binary_search(dropped.begin(), dropped.end(),
+                                                    static_cast<int>(whole));
+            whole += told.normal ? 0 : 1;
+            if (is_eliminated)
+                continue;
+            num_held_as_rows += told.normal ? 0 : 1;
+            if (shares.of(point.shares).free.empty())
+                body.warnings.push_back(at({scene.path, 0, told.field},
+                                           "lies where bones or other held points have "
+                                           "the flesh already: it is ignored"));
+            else if (!told.normal)
+                held_as_rows.emplace_back(
+                    PulledPoint{point, point.place, std::nullopt},
+                    body.holds[idx(body.flesh->points()[whole - 1].motion) -
+                               body.skeleton->size()]);
+        }
+        body.guided.insert(body.guided.end(), held_as_rows.begin(), held_as_rows.end());
     }
 
     /// Parts of the material that no bone holds.

@@ -30,6 +30,8 @@ constexpr std::size_t kGrain = 1024; ///< samples
 
 /// Flesh is taken from rest to the first pose in parts of at most this turn [rad].
 constexpr double kTurnOfFirst = 0.2;
+/// And of this way [diagonal], in no more parts than this.
+constexpr double kWayOfFirst = 0.2, kMostPartsOfWay = 64.0;
 
 /// What a hand pulls goes this share of its way in a step: its force stays small.
 constexpr double kPullOfStep = 0.2;
@@ -155,7 +157,9 @@ void FleshSimulation::begin()
 {
     const SkeletonAim rest = body_.skeleton->rest(), pose = aim_at(0.0, {});
     const std::vector<Motion> first = motions_between(pose, pose, 1.0, 0.0);
-    const std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
+    std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
+    for (FleshObstacle& obstacle : obstacles)
+        obstacle.velocity.setZero(); // there is no time yet
     double turn = 0.0, way = 0.0;
     for (std::size_t j = 0; j < body_.skeleton->size(); ++j)
     {
@@ -172,7 +176,12 @@ void FleshSimulation::begin()
     if (turn > 0.0 || way > 0.0)
     {
         // The way of the joints, not that of each bone alone: they stay together.
-        const int parts = std::max(1, static_cast<int>(std::ceil(turn / kTurnOfFirst)));
+        const double size = body_.metre * body_.frame.diagonal();
+        const int parts =
+            std::max(1, static_cast<int>(std::ceil(std::min(
+                            kMostPartsOfWay,
+                            std::max(turn / kTurnOfFirst, way / (kWayOfFirst * size))))));
+        bool has_converged = true;
         for (int part = 1; part <= parts; ++part)
         {
             const double share = static_cast<double>(part) / parts;
@@ -180,13 +189,17 @@ void FleshSimulation::begin()
             report = body_.flesh->settle(snapshot_.state,
                                          motions_between(rest, pose, share, 0.0),
                                          Weighs::No, {obstacles, pulled});
+            has_converged = has_converged && report.is_converged;
         }
+        report.is_converged = has_converged;
     }
     if (settles_)
     {
         const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
+        const bool has_converged = report.is_converged;
         report =
             body_.flesh->settle(snapshot_.state, first, Weighs::Yes, {obstacles, pulled});
+        report.is_converged = report.is_converged && has_converged;
     }
     if (!report.is_converged)
         stopped("no rest before frame 0");

@@ -408,6 +408,7 @@ bool BlendedRegions::prepare(double dt)
 {
     if (dt == dt_)
         return true;
+    dt_ = -1.0;
     for (const auto& region : regions_)
         if (!region->factorize(dt, alpha_, beta_))
             return false;

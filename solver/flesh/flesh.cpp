@@ -76,6 +76,7 @@ struct Flesh::Parts
     FreeShares free_shares;
     std::vector<TubePart> tubes; ///< of the regions alone
     std::optional<BlendedRegions> regions;
+    VectorXd by_mass; ///< of the regions: of each free node, 1 / its mass [1/kg]
 
     Parts(Lattice of, std::vector<FleshMaterial> of_what, std::vector<HeldPoint> held,
           std::vector<TubePart> of_tubes, FleshSettings how,
@@ -321,7 +322,16 @@ FleshReport Flesh::Parts::step_by_regions(const FleshState& state, double dt,
     VectorXd blended;
     regions->step(predicted, state.v, {loads, settings.gravity, motions, rows}, blended);
     report.systems = static_cast<int>(regions->size());
-    const VectorXd& scale = preconditioner->scale();
+    if (by_mass.size() == 0)
+    {
+        // So that forces are what changes momentum.
+        forces.multiply(VectorXd::Ones(weight.size()), {1.0, 0.0, 0.0}, image);
+        reduce(image, free_b);
+        by_mass.resize(Eigen::Index(nodes.free.size()));
+        for (Eigen::Index n = 0; n < by_mass.size(); ++n)
+            by_mass[n] = 1.0 / free_b[3 * n];
+    }
+    const VectorXd& scale = by_mass;
     free_b = VectorXd::Zero(blended.size());
     const auto solve = [&](NodeRows& met, std::span<const NodeBrake> brakes,
                            const VectorXd&, VectorXd& x, VectorXd& l)

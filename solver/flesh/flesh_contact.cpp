@@ -20,14 +20,6 @@ constexpr std::size_t kNodesAtOnce = 256;
 
 } // namespace
 
-Vector3d at_point(const NodeShares& shares, const VectorXd& x)
-{
-    Vector3d sum = Vector3d::Zero();
-    for (const NodeShare& share : shares)
-        sum += share.share * x.segment<3>(3 * share.node);
-    return sum;
-}
-
 FleshObstacle::Gap FleshObstacle::gap(const Vector3d& point) const
 {
     if (normal)

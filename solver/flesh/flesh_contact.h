@@ -96,7 +96,4 @@ private:
     std::vector<std::size_t> first_of_node_, points_of_node_;
 };
 
-/// Sum of shares of \p x.
-Eigen::Vector3d at_point(const NodeShares& shares, const Eigen::VectorXd& x);
-
 } // namespace cellwarp

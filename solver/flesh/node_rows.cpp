@@ -79,20 +79,6 @@ private:
     VectorXd projected_;
 };
 
-} // namespace
-
-namespace
-{
-
-/// Of a point: sum share x_node.
-Vector3d of_point(const NodeShares& shares, const VectorXd& x)
-{
-    Vector3d sum = Vector3d::Zero();
-    for (const NodeShare& share : shares)
-        sum += share.share * x.segment<3>(3 * share.node);
-    return sum;
-}
-
 Vector3d across(const Vector3d& normal, const Vector3d& way)
 {
     return way - normal.dot(way) * normal;
@@ -102,7 +88,7 @@ Vector3d across(const Vector3d& normal, const Vector3d& way)
 
 Vector3d NodeBrake::force(const VectorXd& x) const
 {
-    return -factor * across(normal, of_point(shares, x) + base);
+    return -factor * across(normal, at_point(shares, x) + base);
 }
 
 void BrakedOperator::multiply(const VectorXd& x, VectorXd& y) const
@@ -111,7 +97,7 @@ void BrakedOperator::multiply(const VectorXd& x, VectorXd& y) const
     for (const NodeBrake& brake : brakes_)
     {
         const Vector3d force =
-            brake.factor * across(brake.normal, of_point(brake.shares, x));
+            brake.factor * across(brake.normal, at_point(brake.shares, x));
         for (const NodeShare& share : brake.shares)
             y.segment<3>(3 * share.node) += share.share * force;
     }
@@ -158,7 +144,7 @@ VectorXd NodeRows::times(const VectorXd& x) const
     VectorXd out(Eigen::Index(rows_.size()));
     for (std::size_t k = 0; k < rows_.size(); ++k)
     {
-        out[Eigen::Index(k)] = rows_[k].direction.dot(of_point(rows_[k].shares, x));
+        out[Eigen::Index(k)] = rows_[k].direction.dot(at_point(rows_[k].shares, x));
     }
     return out;
 }

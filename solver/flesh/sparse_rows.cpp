@@ -21,6 +21,14 @@ NodeShares gathered(NodeShares shares)
     return out;
 }
 
+Eigen::Vector3d at_point(std::span<const NodeShare> shares, const Eigen::VectorXd& x)
+{
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const NodeShare& share : shares)
+        sum += share.share * x.segment<3>(3 * share.node);
+    return sum;
+}
+
 SparseRows SparseRows::transposed(std::size_t columns) const
 {
     SparseRows out;

@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -24,6 +26,9 @@ using NodeShares = std::vector<NodeShare>;
 /// Sums the shares of each node, in ascending order of the nodes, and leaves out those
 /// that are zero.
 NodeShares gathered(NodeShares shares);
+
+/// Of a point that takes so much of its nodes: sum share x_node, x three numbers a node.
+Eigen::Vector3d at_point(std::span<const NodeShare> shares, const Eigen::VectorXd& x);
 
 /// Rows, one after the other in memory.
 class SparseRows

@@ -37,9 +37,12 @@ constexpr int kLastRelease = 4;
 /// A point is inside when it is deeper than this [size].
 constexpr double kInside = 1e-9;
 
-/// What is inside already comes out by this share of its depth in a step: at once would
-/// throw it out.
-constexpr double kOut = 0.2;
+/// What is inside already comes out by this share of its depth in a step, but for a depth
+/// that does not show, and by no more than that: at once would throw it out [1], [size].
+constexpr double kOut = 0.2, kUnseen = 2e-4, kMostOut = 1e-3;
+
+/// Points of which free nodes have less are where bones have them.
+constexpr double kBound = 0.05;
 
 /// Forces of friction that are off by less are found.
 constexpr double kSameRub = 0.03;
@@ -87,6 +90,11 @@ FreeShares::Shares FreeShares::of(std::span<const NodeShare> shares) const
             out.points.push_back({by.node, share.share * by.share});
     }
     out.free = gathered(std::move(out.free));
+    double left = 0.0;
+    for (const NodeShare& share : out.free)
+        left += std::abs(share.share);
+    if (left < kBound)
+        out.free.clear();
     return out;
 }
 
@@ -107,7 +115,9 @@ bool StepRows::take(const FleshSurface::Candidate& candidate, const VectorXd& u,
     // The obstacle stood back by its way in the step.
     const Vector3d before =
         point.place + at_point(point.shares, u) + dt_ * obstacle.velocity;
-    touch.depth = (1.0 - kOut) * std::min(0.0, obstacle.gap(before).gap);
+    touch.depth = std::min(0.0, obstacle.gap(before).gap);
+    touch.depth +=
+        std::clamp(-kOut * (touch.depth + kUnseen * size_), 0.0, kMostOut * size_);
     if (candidate.gap >= touch.depth - kInside * size_ ||
         shares_.of(point.shares).free.empty())
         return false;

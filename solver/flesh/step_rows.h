@@ -24,7 +24,8 @@ public:
 
     struct Shares
     {
-        NodeShares free;   ///< of free nodes, by their places among those
+        /// Of free nodes, by their places among those; none where bones have the point.
+        NodeShares free;
         NodeShares points; ///< of held points
     };
     Shares of(std::span<const NodeShare> shares) const;

@@ -33,6 +33,7 @@ TEST(WeightFile, what_is_wrong_is_told_with_its_line)
            "w.txt:4: got 1 numbers, need one a joint, 2"},
           {"cellwarp-weights 1\na b\n1 -2\n", "w.txt:3: b: got '-2', need a number >= 0"},
           {"cellwarp-weights 1\na b\n1 nan\n", "need a number >= 0"},
+          {"cellwarp-weights 1\na b\n1 1e308\n", "need a number >= 0"},
           {"cellwarp-weights 1\n\"a b\n", "w.txt:2: a double quote is not closed"}})
     {
         const std::string found = error_of(Fault::Malformed, [&, input = text]

@@ -409,6 +409,58 @@ TEST(FleshSimulation, points_that_are_held_go_as_they_are_told)
     EXPECT_GT(simulation->report().pull.y(), 1.0);
 }
 
+TEST(FleshSimulation, held_points_that_bones_have_are_told_and_ignored)
+{
+    Bar bar;
+    bar.keys = kStill;
+    const std::string usual = R"("E": 2e4, "across": 8, "held": [{"at": [0, 0, 1.25], )";
+    const std::string keys = R"("keys": [{"time": 0, "translate": [0, 0, 0]},
+        {"time": 0.3, "translate": [0, 0.1, 0]}]}])";
+    for (const char* const way : {"", R"("normal": [0, 1, 0], )"})
+    {
+        bar.skeleton = usual + way + keys;
+        const auto simulation = bar.start();
+        ASSERT_EQ(simulation->warnings().size(), 1u);
+        EXPECT_TRUE(contains(simulation->warnings()[0], "skeleton.held[0]: lies where"));
+        to_the_end(*simulation);
+        EXPECT_LT(simulation->report().largest_strain, 1e-6);
+    }
+}
+
+TEST(FleshSimulation, points_in_the_middle_of_a_cell_are_held_as_well)
+{
+    Bar bar;
+    bar.keys = kStill;
+    // No node of the cell has a share that could be solved for.
+    bar.skeleton = R"("E": 2e4, "across": 8, "held": [{"at": [0.25, 0.25, 3.25],
+        "keys": [{"time": 0, "translate": [0, 0, 0]},
+                 {"time": 0.3, "translate": [0, 0.2, 0.1]}]}])";
+    const auto simulation = bar.start();
+    EXPECT_TRUE(simulation->warnings().empty());
+    to_the_end(*simulation);
+    EXPECT_GT(simulation->report().pull.y(), 10.0);
+    // The samples around it have gone along.
+    const std::size_t sample = sample_at(*simulation, {0.5, 0.25, 3.25});
+    EXPECT_NEAR(simulation->deformed_live().samples[sample].y() - 0.25, 0.2, 0.2);
+}
+
+TEST(FleshSimulation, what_begins_inside_an_obstacle_comes_out_slowly)
+{
+    Bar bar;
+    bar.keys = kStill;
+    bar.skeleton = R"("E": 2e4, "across": 8, "damping": {"alpha": 5},
+        "contact": [{"sphere": [0.9, 0, 3.5, 0.8]}])";
+    const auto simulation = bar.start();
+    double fastest = 0.0;
+    while (simulation->steps_done() < simulation->num_steps())
+    {
+        simulation->step();
+        fastest = std::max(fastest, simulation->snapshot().state.v.cwiseAbs().maxCoeff());
+    }
+    EXPECT_LT(fastest, 4.0); // at once would be 48 m/s
+    EXPECT_TRUE(simulation->report().is_converged);
+}
+
 TEST(FleshSimulation, a_hand_pulls_a_sample_and_lets_it_go)
 {
     Bar bar;
