@@ -34,7 +34,7 @@ namespace
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Sparse = Eigen::SparseMatrix<double, Eigen::RowMajor>;
+using SparseByRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 /// Of the sum of a node's shares.
 constexpr double kSumsToOne = 1e-9;
@@ -88,8 +88,9 @@ struct BlendedRegions::Region
     /// What a node here takes of the free ones here, and of the held points.
     std::vector<NodeShares> by_free, by_points;
 
-    Sparse mass, stiffness, tube; ///< mass: a number a pair of nodes, the others nine
-    Sparse step;                  ///< M + h C + h^2 (K + T)
+    SparseByRows mass, stiffness,
+        tube;                     ///< mass: a number a pair of nodes, the others nine
+    SparseByRows step;            ///< M + h C + h^2 (K + T)
     std::vector<double> row_sums; ///< of the mass [kg]
     struct Tube
     {
@@ -176,24 +177,24 @@ struct BlendedRegions::Region
     }
 
     /// y += factor S x, S a number for each pair of nodes.
-    static void add_product(const Sparse& S, const VectorXd& x, double factor,
+    static void add_product(const SparseByRows& S, const VectorXd& x, double factor,
                             VectorXd& y)
     {
         for (Eigen::Index row = 0; row < S.rows(); ++row)
         {
             Vector3d sum = Vector3d::Zero();
-            for (Sparse::InnerIterator entry(S, row); entry; ++entry)
+            for (SparseByRows::InnerIterator entry(S, row); entry; ++entry)
                 sum += entry.value() * x.segment<3>(3 * entry.col());
             y.segment<3>(3 * row) += factor * sum;
         }
     }
 
     /// \p S a number for each pair of nodes.
-    static void add_entries(const Sparse& S, double factor,
+    static void add_entries(const SparseByRows& S, double factor,
                             std::vector<Eigen::Triplet<double>>& out)
     {
         for (Eigen::Index row = 0; row < S.rows(); ++row)
-            for (Sparse::InnerIterator entry(S, row); entry; ++entry)
+            for (SparseByRows::InnerIterator entry(S, row); entry; ++entry)
                 for (Eigen::Index c = 0; c < 3; ++c)
                     out.emplace_back(3 * row + c, 3 * entry.col() + c,
                                      factor * entry.value());
@@ -204,14 +205,15 @@ struct BlendedRegions::Region
         std::vector<Eigen::Triplet<double>> entries;
         add_entries(mass, 1.0 + dt * alpha, entries);
         add_entries(tube, dt * dt, entries);
-        Sparse other(stiffness.rows(), stiffness.cols());
+        SparseByRows other(stiffness.rows(), stiffness.cols());
         other.setFromTriplets(entries.begin(), entries.end());
         step = (dt * dt + dt * beta) * stiffness + other;
         // By free nodes: Z^T A Z.
         std::map<std::pair<int, int>, Matrix3d> blocks;
         for (int node = 0; node < static_cast<int>(nodes.size()); ++node)
             for (int axis = 0; axis < 3; ++axis)
-                for (Sparse::InnerIterator entry(step, 3 * node + axis); entry; ++entry)
+                for (SparseByRows::InnerIterator entry(step, 3 * node + axis); entry;
+                     ++entry)
                     for (const NodeShare& row : by_free[idx(node)])
                         for (const NodeShare& column :
                              by_free[static_cast<std::size_t>(entry.col() / 3)])

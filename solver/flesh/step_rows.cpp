@@ -29,7 +29,7 @@ namespace
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int kMostRounds = 8;
+constexpr int kMostContactRounds = 8;
 
 /// In later rounds nothing is let go any more: it could come back for ever.
 constexpr int kLastRelease = 4;
@@ -206,7 +206,7 @@ FleshContacts StepRows::solve(const VectorXd& u, const VectorXd& v, const Vector
     out.is_settled = false;
     bool is_done = false;
     VectorXd l, right, x;
-    while (!is_done && out.rounds < kMostRounds)
+    while (!is_done && out.rounds < kMostContactRounds)
     {
         ++out.rounds;
         std::vector<NodeRow> rows;
