@@ -28,11 +28,11 @@ constexpr double kMerge = 0.125;
 constexpr double kStretched = 0.5;
 
 /// Steps of two regions that differ by no more are one [work].
-constexpr double kSameStep = 1e-12;
+constexpr double kSameTurns = 1e-12;
 
 bool agree(const Motion& a, const Motion& b)
 {
-    return (a.R - b.R).norm() <= kSameStep && (a.t - b.t).norm() <= kSameStep;
+    return (a.R - b.R).norm() <= kSameTurns && (a.t - b.t).norm() <= kSameTurns;
 }
 
 } // namespace

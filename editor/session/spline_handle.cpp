@@ -98,13 +98,13 @@ Eigen::MatrixXd controls_by_points(const Spline& spline, std::span<const double>
 
 class Handle;
 
-class State final : public SplineState
+class HandleState final : public SplineState
 {
 public:
     /// \p lead: of a rod that pushes back, where it would be if it only led.
-    State(const Handle& of, RodState state, SplineHolds holds, bool is_rest,
-          double energy, std::vector<Vector3d> forces,
-          std::optional<RodState> lead = std::nullopt)
+    HandleState(const Handle& of, RodState state, SplineHolds holds, bool is_rest,
+                double energy, std::vector<Vector3d> forces,
+                std::optional<RodState> lead = std::nullopt)
         : of_(of), state_(std::move(state)), holds_(std::move(holds)), is_rest_(is_rest),
           energy_(energy), forces_(std::move(forces)), lead_(std::move(lead))
     {
@@ -113,7 +113,7 @@ public:
     const RodState* rod() const override { return &state_; }
     bool is_at(const SplineState& other) const override
     {
-        return state_.x() == static_cast<const State&>(other).state_.x();
+        return state_.x() == static_cast<const HandleState&>(other).state_.x();
     }
     const RodState& lead() const { return lead_ ? *lead_ : state_; }
     const SplineHolds& holds() const { return holds_; }
@@ -208,7 +208,7 @@ public:
     std::vector<RodConstraint> constraints(const SplineState& state, const RodState& now,
                                            bool is_alone) const override
     {
-        const SplineHolds& holds = static_cast<const State&>(state).holds();
+        const SplineHolds& holds = static_cast<const HandleState&>(state).holds();
         std::vector<RodConstraint> out = constraints(now, holds);
         if (is_alone)
             hold_what_is_free(now, holds, out);
@@ -250,7 +250,7 @@ private:
             for (int piece = 0; piece < kPieces; ++piece)
                 add_place(span.begin + piece * span.length() / kPieces);
         add_place(end());
-        is_rest_shared_ = std::make_shared<const State>(
+        is_rest_shared_ = std::make_shared<const HandleState>(
             *this, rest_, rest_holds(), true, 0.0,
             std::vector<Vector3d>(num_points(), Vector3d::Zero()));
     }
@@ -269,8 +269,8 @@ private:
     std::shared_ptr<const SplineState> led(const SplineHolds& holds) const;
     std::vector<Vector3d> forces(const SplineHolds& holds,
                                  const Eigen::VectorXd& multipliers) const;
-    std::shared_ptr<const SplineState> pushed(const State& from, const RodState& lead,
-                                              const SplineHolds& holds) const;
+    std::shared_ptr<const SplineState>
+    pushed(const HandleState& from, const RodState& lead, const SplineHolds& holds) const;
     double energy_of(const RodState& state) const;
     bool is_kept(const RodState& now, const SplineHolds& holds) const;
 
@@ -285,17 +285,17 @@ private:
     std::vector<Vector3d> polyline_;
     std::vector<double> at_polyline_;
     Eigen::MatrixXd follow_; ///< of a curve through points: control points by points
-    std::shared_ptr<const State> is_rest_shared_;
+    std::shared_ptr<const HandleState> is_rest_shared_;
 };
 
-Motion State::carry(double s) const
+Motion HandleState::carry(double s) const
 {
     if (is_rest_)
         return {};
     return carried_by(state_, of_.rest_state(), s);
 }
 
-std::vector<Vector3d> State::points() const
+std::vector<Vector3d> HandleState::points() const
 {
     if (is_rest_)
         return of_.points();
@@ -306,12 +306,12 @@ std::vector<Vector3d> State::points() const
     return points;
 }
 
-Matrix3d State::frame_at_point(std::size_t point) const
+Matrix3d HandleState::frame_at_point(std::size_t point) const
 {
     return state_.frame(of_.parameter_of_point(point));
 }
 
-double State::turn_at_point(std::size_t point) const
+double HandleState::turn_at_point(std::size_t point) const
 {
     const double s = of_.parameter_of_point(point);
     const Matrix3d now = state_.frame(s), rest = of_.rest_state().frame(s);
@@ -506,7 +506,7 @@ std::shared_ptr<const SplineState> Handle::led(const SplineHolds& holds) const
         x.segment<3>(rod_.layout().control[idx(k)]) += moved.row(k).transpose();
     RodState state = rest_;
     state.move_to(x);
-    return std::make_shared<const State>(
+    return std::make_shared<const HandleState>(
         *this, std::move(state), holds, shift.isZero(0), 0.0,
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()));
 }
@@ -516,11 +516,11 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
 {
     if (!is_rod_)
         return led(holds);
-    const State& start = static_cast<const State&>(from);
+    const HandleState& start = static_cast<const HandleState&>(from);
     if (stiffness_ > 0.0 && is_kept(*start.rod(), holds))
-        return std::make_shared<const State>(*this, *start.rod(), holds, false,
-                                             start.energy(), start.forces(),
-                                             start.lead());
+        return std::make_shared<const HandleState>(*this, *start.rod(), holds, false,
+                                                   start.energy(), start.forces(),
+                                                   start.lead());
     if (holds == rest_holds())
         return stiffness_ > 0.0 ? pushed(start, rest_, holds) : is_rest_shared_;
     RodModel model(rod_);
@@ -549,8 +549,9 @@ Handle::moved(const SplineState& from, const SplineHolds& holds, bool tries_all)
     if (stiffness_ > 0.0)
         return pushed(start, state, holds);
     const double energy = energy_of(state);
-    return std::make_shared<const State>(*this, std::move(state), holds, false, energy,
-                                         forces(holds, scale_ * newton.multipliers()));
+    return std::make_shared<const HandleState>(
+        *this, std::move(state), holds, false, energy,
+        forces(holds, scale_ * newton.multipliers()));
 }
 
 /// Whether a rod is already as \p holds have it: they only let go.
@@ -586,13 +587,14 @@ double Handle::energy_of(const RodState& state) const
 
 /// Where a rod that pushes back is taken to for a start: with the motions that it would
 /// make if it only led, to \p lead.
-std::shared_ptr<const SplineState> Handle::pushed(const State& from, const RodState& lead,
+std::shared_ptr<const SplineState> Handle::pushed(const HandleState& from,
+                                                  const RodState& lead,
                                                   const SplineHolds& holds) const
 {
     RodState state = moved_along(*from.rod(), from.lead(), lead, rest_);
     bring_to(state, constraints(state, holds));
     const double energy = energy_of(state);
-    return std::make_shared<const State>(
+    return std::make_shared<const HandleState>(
         *this, std::move(state), holds, false, energy,
         std::vector<Vector3d>(holds.size(), Vector3d::Zero()), lead);
 }
@@ -601,10 +603,10 @@ std::shared_ptr<const SplineState>
 Handle::solved(const SplineState& from, const RodState& now,
                const Eigen::VectorXd& multipliers) const
 {
-    const State& start = static_cast<const State&>(from);
-    return std::make_shared<const State>(*this, now, start.holds(), false, energy_of(now),
-                                         forces(start.holds(), multipliers),
-                                         start.lead());
+    const HandleState& start = static_cast<const HandleState&>(from);
+    return std::make_shared<const HandleState>(
+        *this, now, start.holds(), false, energy_of(now),
+        forces(start.holds(), multipliers), start.lead());
 }
 
 } // namespace

@@ -46,8 +46,8 @@ Vector3d origin_of(const RodScene& scene)
     return vector_of((rod.points.empty() ? rod.through : rod.points).front());
 }
 
-constexpr double kMostParts = 4096.0; ///< of a step
-constexpr int kMostRounds = 100;      ///< of an equilibrium whose rods change
+constexpr double kMostPartsOfFrame = 4096.0; ///< of a step
+constexpr int kMostRounds = 100;             ///< of an equilibrium whose rods change
 
 /// How near places of one rod that are joined may slide to each other, of its length.
 constexpr double kOffItself = 0.02;
@@ -56,7 +56,7 @@ constexpr double kOffItself = 0.02;
 int parts_of(double turn)
 {
     constexpr double kPart = 30.0;
-    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMostParts));
+    return static_cast<int>(std::clamp(std::ceil(turn / kPart), 1.0, kMostPartsOfFrame));
 }
 
 } // namespace
@@ -787,7 +787,8 @@ bool Simulation::change(Group& group, double time)
 int Simulation::explicit_parts(const Group& group) const
 {
     const double limit = group.alone->largest_step(group.rods.front()->state);
-    return static_cast<int>(std::clamp(std::ceil(scene_.dt / limit), 1.0, kMostParts));
+    return static_cast<int>(
+        std::clamp(std::ceil(scene_.dt / limit), 1.0, kMostPartsOfFrame));
 }
 
 void Simulation::lead_bodies(const Group& group, double time, double share,

@@ -31,9 +31,9 @@ constexpr double kLevel = 0.668077 / 0.5; // of balls half a radius apart
 constexpr double kCell = 0.4;             // of the radius
 constexpr int kSteps = 3;
 
-using Cell = std::array<std::int32_t, 3>;
+using SkinCube = std::array<std::int32_t, 3>;
 
-std::uint64_t key_of(const Cell& cell)
+std::uint64_t key_of(const SkinCube& cell)
 {
     constexpr std::uint64_t kHalf = std::uint64_t(1) << 20;
     std::uint64_t key = 0;
@@ -44,10 +44,10 @@ std::uint64_t key_of(const Cell& cell)
 }
 
 /// The balls, by cells as wide as they reach.
-class Field
+class SkinField
 {
 public:
-    Field(std::span<const Vector3d> centres, double radius)
+    SkinField(std::span<const Vector3d> centres, double radius)
         : centres_(centres), reach_(2.0 * radius)
     {
         for (std::size_t k = 0; k < centres.size(); ++k)
@@ -58,7 +58,7 @@ public:
     {
         double sum = 0.0;
         gradient.setZero();
-        const Cell at = cell_of(x);
+        const SkinCube at = cell_of(x);
         for (int i = -1; i <= 1; ++i)
             for (int j = -1; j <= 1; ++j)
                 for (int k = -1; k <= 1; ++k)
@@ -81,9 +81,9 @@ public:
     }
 
 private:
-    Cell cell_of(const Vector3d& x) const
+    SkinCube cell_of(const Vector3d& x) const
     {
-        Cell out;
+        SkinCube out;
         for (std::size_t c = 0; c < 3; ++c)
             out[c] = static_cast<std::int32_t>(
                 std::floor(x[static_cast<Eigen::Index>(c)] / reach_));
@@ -114,10 +114,10 @@ void add_skin(std::span<const Vector3d> centres, double radius, const Colour& co
     if (((high - low).array() + reach > h * double(1 << 20)).any())
         throw std::invalid_argument("a skin so fine over so far is out of range");
     std::unordered_map<std::uint64_t, double> values;
-    std::vector<Cell> corners; // in the order in which balls reach them
+    std::vector<SkinCube> corners; // in the order in which balls reach them
     for (const Vector3d& c : centres)
     {
-        Cell first, last;
+        SkinCube first, last;
         for (std::size_t a = 0; a < 3; ++a)
         {
             const double at =
@@ -143,15 +143,15 @@ void add_skin(std::span<const Vector3d> centres, double radius, const Colour& co
         if (values.size() > kMostSkinCells)
             throw std::invalid_argument("a skin of more than 50 million cells");
     }
-    const auto value_at = [&](const Cell& corner)
+    const auto value_at = [&](const SkinCube& corner)
     {
         const auto found = values.find(key_of(corner));
         return found == values.end() ? 0.0 : found->second;
     };
-    const Field field(centres, radius);
+    const SkinField field(centres, radius);
     out.groups.push_back({"skin", out.num_faces(), 0});
     std::unordered_map<std::uint64_t, std::uint32_t> vertices; // of cells
-    const auto vertex_of = [&](const Cell& cell)
+    const auto vertex_of = [&](const SkinCube& cell)
     {
         const auto [found, is_new] = vertices.try_emplace(
             key_of(cell), static_cast<std::uint32_t>(out.samples.size()));
@@ -190,7 +190,7 @@ void add_skin(std::span<const Vector3d> centres, double radius, const Colour& co
         out.colours.push_back(colour);
         return found->second;
     };
-    for (const Cell& corner : corners)
+    for (const SkinCube& corner : corners)
     {
         const bool is_inside = value_at(corner) >= kLevel;
         if (!is_inside)
@@ -198,12 +198,12 @@ void add_skin(std::span<const Vector3d> centres, double radius, const Colour& co
         for (std::size_t axis = 0; axis < 3; ++axis)
             for (const int way : {-1, 1})
             {
-                Cell other = corner;
+                SkinCube other = corner;
                 other[axis] += way;
                 if (value_at(other) >= kLevel)
                     continue;
                 // The four cells around the edge, counterclockwise as seen from outside.
-                Cell cell = way > 0 ? corner : other;
+                SkinCube cell = way > 0 ? corner : other;
                 const std::size_t u = (axis + 1) % 3, v = (axis + 2) % 3;
                 --cell[u];
                 --cell[v];

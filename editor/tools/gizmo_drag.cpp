@@ -25,7 +25,7 @@ constexpr double kAngleStep = 5.0; ///< of snapping [degree]
 /// as seen edge-on.
 constexpr double kAxisEndOn = 0.1, kPlaneEdgeOn = 0.1, kRingEdgeOn = 0.17;
 /// Towards the horizon a pixel is any length; the shape is about 1 large [view].
-constexpr double kFarthest = 50.0;
+constexpr double kFarthestDrag = 50.0;
 /// Angles nearer the centre than this mean nothing [pixel].
 constexpr double kHub = 2.0;
 /// Axes whose cosine differs from 1 by less are the same.
@@ -87,7 +87,7 @@ std::optional<double> GizmoDrag::along_axis(const Eigen::Vector2d& pixel) const
     const double t =
         (axis.dot(between) - cosine * ray.direction.dot(between)) / sine_squared;
     // The closest point of the ray must lie before the eye.
-    if (!(cosine * t - ray.direction.dot(between) > 0) || !(std::abs(t) < kFarthest))
+    if (!(cosine * t - ray.direction.dot(between) > 0) || !(std::abs(t) < kFarthestDrag))
         return std::nullopt;
     return t;
 }
@@ -98,7 +98,7 @@ std::optional<Eigen::Vector3d> GizmoDrag::in_plane(const Eigen::Vector2d& pixel,
     const Ray ray = camera_.ray(pixel);
     const double t = normal.dot(centre_ - ray.origin) / normal.dot(ray.direction);
     const Eigen::Vector3d x = ray.origin + t * ray.direction;
-    if (!(t > 0) || !((x - centre_).norm() < kFarthest))
+    if (!(t > 0) || !((x - centre_).norm() < kFarthestDrag))
         return std::nullopt;
     return x;
 }

@@ -158,10 +158,10 @@ struct DrawnCell
 };
 
 /// The boxes of the cells on the graphics card: one cube, drawn once a cell.
-class DrawnCells
+class CanvasCells
 {
 public:
-    DrawnCells()
+    CanvasCells()
     {
         std::array<float, 24> corners{};
         for (std::size_t k = 0; k < 8; ++k)
@@ -258,7 +258,7 @@ struct Canvas::State
     SmoothTarget smooth;
     bool is_smooth = false; ///< the frame that is being drawn
     std::optional<DrawnShape> shape, rest;
-    DrawnCells cells;
+    CanvasCells cells;
     std::optional<ColoursOf> colours_of;
     std::optional<CellsOf> cells_of;
 
