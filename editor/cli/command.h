@@ -74,6 +74,9 @@ struct Pictures
 /// Nothing in a build without pictures: editor/cli/features.cpp.
 std::optional<Pictures> make_pictures();
 
+/// Exit code: some frame did not converge.
+inline constexpr int kNotConverged = 7;
+
 /// What is seen of a scene in time at one moment, in one unit.
 struct FilmFrame
 {

@@ -190,7 +190,6 @@ int run(const RenderFlags& flags, const CommonFlags& common)
         warnings.push_back("a frame did not converge: see cellwarp simulate");
     print_warnings(warnings, common);
     write_file(flags.output, png_bytes(draw(figures, options)), common.overwrite());
-    constexpr int kNotConverged = 7;
     return is_converged ? 0 : kNotConverged;
 }
 

@@ -23,7 +23,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kNotConverged = 7;
 constexpr std::int64_t kMostFiles = 1'000'000; ///< one a frame
 constexpr std::int64_t kMostTold = 10;         ///< frames that did not converge
 
