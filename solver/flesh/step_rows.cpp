@@ -283,12 +283,17 @@ FleshContacts StepRows::solve(const VectorXd& u, const VectorXd& v, const Vector
         if (!touches_.empty())
             found =
                 look_at_forces(v + change, l, first_of_touch, out.rounds <= kLastRelease);
+        // What is a little too deep in the last round comes out in the next step.
+        bool is_too_deep = false;
         for (const FleshSurface::Candidate& candidate : surface_.candidates(
                  u + dt_ * (v + change), -kInside * size_, around_.obstacles))
             if (take(candidate, u, v + change))
+            {
                 found = Change::Touches;
+                is_too_deep = is_too_deep || candidate.gap < -kMostOut * size_;
+            }
         is_done = found == Change::None;
-        out.is_settled = found != Change::Touches;
+        out.is_settled = !is_too_deep;
     }
     return out;
 }
