@@ -143,9 +143,7 @@ VectorXd NodeRows::times(const VectorXd& x) const
 {
     VectorXd out(Eigen::Index(rows_.size()));
     for (std::size_t k = 0; k < rows_.size(); ++k)
-    {
         out[Eigen::Index(k)] = rows_[k].direction.dot(at_point(rows_[k].shares, x));
-    }
     return out;
 }
 
