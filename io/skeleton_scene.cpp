@@ -282,6 +282,20 @@ FleshStatement read_flesh(JsonObject& object, const std::string& path,
     object.read("across", Between<std::int64_t>{1, 1 << 20}, flesh.across);
     object.read("max_depth", Between<std::int64_t>{0, 20}, flesh.max_depth);
     number(object, "detail", 0.0, 1.0, flesh.detail);
+    if (const Json* regions = object.find("detail_regions"))
+    {
+        const char* const need = "need a list of selectors, as [\"box 0 0 0 1 1 1\"]";
+        if (!regions->is_array() || flesh.detail == 0.0)
+            object.fail("detail_regions", flesh.detail == 0.0 ? "need detail" : need);
+        for (const Json& region : *regions)
+        {
+            if (!region.is_string() ||
+                region.get<std::string>().find('\n') != std::string::npos ||
+                region.get<std::string>().empty())
+                object.fail("detail_regions", need);
+            flesh.fine_regions.push_back(region.get<std::string>());
+        }
+    }
     flesh.has_tube = read_switch(object, "tube", true);
     number(object, "tube_stiffness", 0.0, kHuge, flesh.tube_stiffness);
     flesh.settles = read_switch(object, "settle", false);
@@ -389,8 +403,8 @@ SkeletonScene parse_skeleton_scene(JsonObject& object, const std::string& path,
     object.read("tube_radius", Between<double>{kTiny, kHuge}, scene.radius);
     for (const char* key :
          {"E", "nu", "density", "damping", "materials", "law", "weights", "newton",
-          "lattice", "across", "max_depth", "detail", "tube", "tube_stiffness", "settle",
-          "contact", "held"})
+          "lattice", "across", "max_depth", "detail", "detail_regions", "tube",
+          "tube_stiffness", "settle", "contact", "held"})
         if (object.find(key))
             left_out.push_back(at({path, 0, std::string("skeleton.") + key},
                                   "is for flesh that follows in time, ignored"));

@@ -73,7 +73,9 @@ struct FleshStatement
     std::int64_t newton = 1;
     std::string lattice; ///< file, resolved; empty: the octree
     std::optional<std::int64_t> across, max_depth;
+    /// Cells with a larger error are halved while they have it [diagonal]; 0: none.
     double detail = 0.0;
+    std::vector<std::string> fine_regions; ///< selectors: detail is there all the time
     bool has_tube = true;
     double tube_stiffness = 10.0;
     bool settles = false; ///< hangs in its weight from the first frame on

@@ -122,6 +122,12 @@ public:
             {"volume", volume ? Json{{"before", volume->before}, {"after", volume->after}}
                               : Json()}};
         told.json["skeleton"].update(size_of(body));
+        if (body.model->flesh().law == "regions")
+            told.json["skeleton"]["factors"] = frame.factors;
+        if (body.model->flesh().detail > 0.0)
+            told.json["skeleton"].update({{"split", frame.split},
+                                          {"merged", frame.merged},
+                                          {"detail_ms", frame.detail_ms}});
         return told;
     }
     void add_to(Json& json) const override
@@ -181,8 +187,10 @@ FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
                           const CellSettings& cells)
 {
     const SceneFile scene = read_scene(path);
-    const FleshBody body = build_flesh(
-        geometry, scene, skeleton_of(*scene.skeleton, scene.path), cells, false);
+    const std::shared_ptr<const FleshModel> model =
+        flesh_model(std::shared_ptr<const Geometry>(std::shared_ptr<void>(), &geometry),
+                    scene, skeleton_of(*scene.skeleton, scene.path), cells, false);
+    const FleshBody body = build_flesh(model);
     FleshFacts facts;
     facts.json = size_of(body);
     facts.json["mass"] = body.mass;
@@ -191,7 +199,9 @@ FleshFacts flesh_of_scene(const std::string& path, const Geometry& geometry,
                              body.flesh->lattice().cells.size(),
                              body.flesh->lattice().places.size(),
                              body.flesh->nodes().free.size(), body.held, body.mass);
-    facts.warnings = body.warnings;
+    facts.warnings = model->warnings;
+    facts.warnings.insert(facts.warnings.end(), body.warnings.begin(),
+                          body.warnings.end());
     return facts;
 }
 

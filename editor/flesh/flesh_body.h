@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A model and its skeleton as flesh: the lattice, what holds it, and where the model's
-// samples lie in it.
+// The flesh of a model in one lattice: what holds it, and where the model's samples lie
+// in it.
 #pragma once
 
 #include <memory>
@@ -10,22 +10,19 @@
 
 #include <Eigen/Core>
 
+#include "editor/flesh/flesh_model.h"
+#include "editor/flesh/held_points.h"
 #include "editor/session/body.h"
-#include "editor/session/skeleton_handle.h"
-#include "io/geometry.h"
-#include "io/scene_file.h"
 #include "solver/flesh/flesh.h"
-#include "solver/skeleton/joint_keys.h"
+#include "solver/flesh/leaving_nodes.h"
 
 namespace cellwarp
 {
 
-/// All lengths of the lattice are in metres, in the axes of the work frame.
+/// All lengths are in metres, in the axes of the work frame.
 struct FleshBody
 {
-    WorkFrame frame;
-    double metre = 1.0; ///< a work unit [m]
-    std::shared_ptr<const SkeletonHandle> skeleton;
+    std::shared_ptr<const FleshModel> model;
     /// The octree's; null of a lattice that was drawn.
     std::shared_ptr<const Body> octree;
     std::shared_ptr<Flesh> flesh;
@@ -33,29 +30,50 @@ struct FleshBody
     std::vector<Eigen::Vector3d> local; ///< of each sample, in its cell
     std::size_t held = 0, dropped = 0;  ///< points of bones
     double mass = 0.0;                  ///< [kg]
-    /// Of points that are held wholly: their motions come after those of the joints [m].
-    std::vector<ShiftKeys> holds;
-    /// Held along a normal alone; and where they are to go [m].
-    std::vector<std::pair<PulledPoint, ShiftKeys>> guided;
-    std::vector<std::pair<FleshObstacle, ShiftKeys>> obstacles;
+    /// Their motions come after those of the joints.
+    HeldPoints held_points;
+    /// With detail that comes and goes, points that may lie off what holds them, and come
+    /// to it: first nodes that leave, then points of bones. Each has a motion of its own,
+    /// after those of the held points.
+    struct OwnMotion
+    {
+        int follows = -1; ///< motion of a joint; -1: of a node that leaves
+        /// The point, by the nodes.
+        NodeShares shares;
+        Eigen::Vector3d place = Eigen::Vector3d::Zero();
+    };
+    std::vector<OwnMotion> own_motions;
+    LeavingNodes leaving;
+    /// Of each cell of the octree, the one of the coarser lattice that it is or will be a
+    /// part of, and the leaves of those; empty: nothing leaves.
+    std::vector<int> coarse_cell;
+    std::vector<Leaf> coarse_leaf;
     std::vector<std::string> warnings;
 
-    Eigen::Vector3d to_metres(const Eigen::Vector3d& model) const
+    std::size_t first_own_motion() const
     {
-        return metre * frame.to_work(model);
+        return model->skeleton->size() + held_points.holds.size();
     }
     FleshPoint point_of_sample(std::size_t sample) const;
-    Eigen::Vector3d to_model(const Eigen::Vector3d& metres) const
-    {
-        return frame.to_model(metres / metre);
-    }
 };
 
-/// \p is_tight: linear systems to 1e-10 instead of 1e-3. Throws Fault::Malformed for what
-/// the scene says and cannot be, and what build_rest_shape() throws.
-/// \pre scene.skeleton and scene.time
-FleshBody build_flesh(const Geometry& geometry, const SceneFile& scene,
-                      const SkeletonValues& skeleton, const CellSettings& cells,
-                      bool is_tight);
+/// The octree of a lattice without detail, or before there is any. Throws Fault::Budget.
+Octree first_octree(const FleshModel& model);
+
+/// The leaves that hold material of regions whose cells are small.
+/// \pre model.fine
+std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
+                                               const Octree& octree);
+
+/// Of each cell of a body, the one of another body of the same shape that has its
+/// material: its first voxel.
+std::vector<int> cells_around(const Body& cells, const Body& others);
+
+/// In the first lattice. Throws Fault::Malformed for what the scene says and cannot be.
+FleshBody build_flesh(std::shared_ptr<const FleshModel> model);
+
+/// The lattice of an octree that is about to become \p coarser, the same where it stays.
+FleshBody build_flesh(std::shared_ptr<const FleshModel> model, const Octree& octree,
+                      const Octree& coarser);
 
 } // namespace cellwarp

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <utility>
 
@@ -44,14 +45,22 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
     : geometry_(std::move(geometry)), time_(*scene.time),
       settles_(scene.skeleton->flesh.settles),
       skeleton_(skeleton_of(*scene.skeleton, scene.path)),
-      body_(build_flesh(*geometry_, scene, skeleton_, cells, is_tight)),
-      warnings_(skeleton_.warnings), field_(settings_of(scene).field)
+      model_(flesh_model(geometry_, scene, skeleton_, cells, is_tight)),
+      body_(build_flesh(model_)), warnings_(skeleton_.warnings),
+      field_(settings_of(scene).field)
 {
+    warnings_.insert(warnings_.end(), model_->warnings.begin(), model_->warnings.end());
     warnings_.insert(warnings_.end(), body_.warnings.begin(), body_.warnings.end());
     keys_.emplace(skeleton_);
     for (const DirectionUse& use : direction_uses(*geometry_))
         use_samples_.push_back(use.sample);
     snapshot_.state = body_.flesh->rest();
+    if (model_->flesh().detail > 0.0)
+    {
+        snapshot_.detail.octree = std::make_shared<const Octree>(body_.octree->octree);
+        snapshot_.detail.coarser = snapshot_.detail.octree;
+        snapshot_.detail.fading.resize(body_.own_motions.size());
+    }
     begin();
 }
 
@@ -89,8 +98,8 @@ SkeletonAim FleshSimulation::aim_at(double time, const std::vector<Move>& by_han
     std::vector<const Move*> pointers;
     for (const Move& move : moves)
         pointers.push_back(&move);
-    const Units units{body_.frame, false, bounding_box(geometry_->samples), 0.0};
-    return body_.skeleton->moved(body_.skeleton->rest(), pointers, units);
+    const Units units{model_->frame, false, bounding_box(geometry_->samples), 0.0};
+    return model_->skeleton->moved(model_->skeleton->rest(), pointers, units);
 }
 
 /// Of space around each joint, from rest, on the way between two aims [m]; then those of
@@ -99,11 +108,18 @@ std::vector<Motion> FleshSimulation::motions_between(const SkeletonAim& from,
                                                      const SkeletonAim& to, double share,
                                                      double time) const
 {
-    std::vector<Motion> motions = body_.skeleton->motions(from, to, share);
+    std::vector<Motion> motions = model_->skeleton->motions(from, to, share);
     for (Motion& motion : motions)
-        motion.t *= body_.metre;
-    for (const ShiftKeys& keys : body_.holds)
+        motion.t *= model_->metre;
+    for (const ShiftKeys& keys : body_.held_points.holds)
         motions.push_back({Matrix3d::Identity(), share * keys.at(time)});
+    for (std::size_t k = 0; k < body_.own_motions.size(); ++k)
+    {
+        const int follows = body_.own_motions[k].follows;
+        Motion& motion =
+            motions.emplace_back(follows < 0 ? Motion() : motions[idx(follows)]);
+        motion.t += snapshot_.detail.fading[k].at(time);
+    }
     return motions;
 }
 
@@ -111,7 +127,7 @@ std::vector<Motion> FleshSimulation::motions_between(const SkeletonAim& from,
 std::vector<FleshObstacle> FleshSimulation::obstacles_at(double time) const
 {
     std::vector<FleshObstacle> obstacles;
-    for (const auto& [rest, keys] : body_.obstacles)
+    for (const auto& [rest, keys] : model_->obstacles)
     {
         FleshObstacle& obstacle = obstacles.emplace_back(rest);
         const Vector3d shift = keys.at(time);
@@ -127,7 +143,7 @@ std::vector<FleshObstacle> FleshSimulation::obstacles_at(double time) const
 std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) const
 {
     std::vector<PulledPoint> pulled;
-    for (const auto& [rest, keys] : body_.guided)
+    for (const auto& [rest, keys] : body_.held_points.guided)
     {
         PulledPoint& point = pulled.emplace_back(rest);
         point.goal = point.point.place + share * keys.at(time);
@@ -139,7 +155,7 @@ std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) c
         point.point = body_.point_of_sample(pull->sample);
         const Vector3d now =
             point.point.place + at_point(point.point.shares, snapshot_.state.u);
-        point.goal = now + kPullOfStep * (body_.to_metres(pull->place) - now);
+        point.goal = now + kPullOfStep * (model_->to_metres(pull->place) - now);
     }
     return pulled;
 }
@@ -155,28 +171,28 @@ std::vector<Motion> FleshSimulation::motions_now() const
 /// From rest to the first pose, without inertia.
 void FleshSimulation::begin()
 {
-    const SkeletonAim rest = body_.skeleton->rest(), pose = aim_at(0.0, {});
+    const SkeletonAim rest = model_->skeleton->rest(), pose = aim_at(0.0, {});
     const std::vector<Motion> first = motions_between(pose, pose, 1.0, 0.0);
     std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
     for (FleshObstacle& obstacle : obstacles)
         obstacle.velocity.setZero(); // there is no time yet
     double turn = 0.0, way = 0.0;
-    for (std::size_t j = 0; j < body_.skeleton->size(); ++j)
+    for (std::size_t j = 0; j < model_->skeleton->size(); ++j)
     {
         turn = std::max(turn, rotation_vector(first[j].R).norm());
-        const Vector3d at = body_.metre * body_.skeleton->place(j);
+        const Vector3d at = model_->metre * model_->skeleton->place(j);
         way = std::max(way, (first[j](at) - at).norm());
     }
     for (const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
          const PulledPoint& point : pulled)
         way = std::max(way, (point.goal - point.point.place).norm());
-    for (const ShiftKeys& keys : body_.holds)
+    for (const ShiftKeys& keys : body_.held_points.holds)
         way = std::max(way, keys.at(0.0).norm());
     FleshReport report;
     if (turn > 0.0 || way > 0.0)
     {
         // The way of the joints, not that of each bone alone: they stay together.
-        const double size = body_.metre * body_.frame.diagonal();
+        const double size = model_->metre * model_->frame.diagonal();
         const int parts =
             std::max(1, static_cast<int>(std::ceil(std::min(
                             kMostPartsOfWay,
@@ -195,14 +211,33 @@ void FleshSimulation::begin()
     }
     if (settles_)
     {
-        const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
         const bool has_converged = report.is_converged;
-        report =
-            body_.flesh->settle(snapshot_.state, first, Weighs::Yes, {obstacles, pulled});
+        report = settle_at_first();
+        report.is_converged = report.is_converged && has_converged;
+    }
+    // What bends there gets its detail, and comes to rest with it.
+    for (int level = 0; has_detail() && level < model_->cells.max_depth; ++level)
+    {
+        if (!look_for_detail())
+            break;
+        const bool has_converged = report.is_converged;
+        report = settle_at_first();
         report.is_converged = report.is_converged && has_converged;
     }
     if (!report.is_converged)
         stopped("no rest before frame 0");
+}
+
+/// In the pose of the keys there, of what the scene says with its weight.
+FleshReport FleshSimulation::settle_at_first()
+{
+    const SkeletonAim pose = aim_at(0.0, {});
+    std::vector<FleshObstacle> obstacles = obstacles_at(0.0);
+    for (FleshObstacle& obstacle : obstacles)
+        obstacle.velocity.setZero(); // there is no time yet
+    const std::vector<PulledPoint> pulled = pulled_at(0.0, 1.0);
+    return body_.flesh->settle(snapshot_.state, motions_between(pose, pose, 1.0, 0.0),
+                               settles_ ? Weighs::Yes : Weighs::No, {obstacles, pulled});
 }
 
 void FleshSimulation::step()
@@ -218,16 +253,115 @@ void FleshSimulation::step()
                           {obstacles, pulled});
     ++snapshot_.steps;
     since_.systems += report.systems;
+    since_.factors += report.factors;
     since_.contacts = report.contacts.count;
     since_.support = report.contacts.force;
     since_.pull = report.contacts.pull;
     since_.cg_steps += report.cg_steps;
     since_.step_ms += ms_since(start);
     is_finite_ = report.is_finite;
+    const auto every =
+        static_cast<std::int64_t>(std::ceil(kDetailEvery / time_.dt - 0.5));
+    if (has_detail() && is_finite_ &&
+        snapshot_.steps % std::max<std::int64_t>(every, 1) == 0)
+        look_for_detail();
     if (!report.is_converged)
         stopped(!is_finite_                   ? "no finite numbers"
                 : !report.contacts.is_settled ? "contacts not found"
                                               : "iteration limit");
+}
+
+/// Where it bends, touches or is pulled cells become smaller, elsewhere larger again.
+/// True: it has another lattice.
+bool FleshSimulation::look_for_detail()
+{
+    const Clock::time_point start = Clock::now();
+    FleshDetail& detail = snapshot_.detail;
+    const double now = static_cast<double>(snapshot_.steps) * time_.dt;
+    std::vector<char> is_wanted(body_.octree->cells.size(), 0);
+    if (model_->fine)
+    {
+        std::vector<char> is_fine(detail.octree->leaves().size(), 0);
+        for (const LeafNumber leaf : leaves_of_fine_regions(*model_, *detail.octree))
+            is_fine[idx(leaf)] = 1;
+        for (std::size_t c = 0; c < is_wanted.size(); ++c)
+            is_wanted[c] = is_fine[idx(body_.octree->cells.cells[c].leaf)];
+    }
+    const std::vector<FleshObstacle> obstacles = obstacles_at(now);
+    for (const std::size_t sample : body_.flesh->touching(snapshot_.state, obstacles))
+        is_wanted[idx(body_.cell_of_sample[sample])] = 1;
+    if (snapshot_.pull && snapshot_.pull->sample < geometry_->samples.size())
+        is_wanted[idx(body_.cell_of_sample[snapshot_.pull->sample])] = 1;
+    const std::vector<double> errors = uneven_strains(body_, snapshot_.state);
+    DetailLook look{errors, is_wanted};
+    look.threshold = model_->flesh().detail * model_->metre * model_->frame.diagonal();
+    look.step = snapshot_.steps;
+    look.steps_of_fade = std::max<std::int64_t>(1, std::llround(kFade / time_.dt));
+    look.most_cells = model_->cells.max_cells;
+    FleshDetail next = detail;
+    const DetailChange change = change_detail(body_, look, next);
+    since_.split += change.split;
+    since_.merged += change.merged;
+    if (change.is_full && !std::exchange(has_told_of_most_, true))
+        warnings_.push_back(at({model_->scene.path, 0, "skeleton.detail"},
+                               "is not added any more: there would be more than "
+                               "max_cells " +
+                                   std::to_string(model_->cells.max_cells)));
+    if (!change.has_changed)
+    {
+        detail = std::move(next);
+        return false;
+    }
+    // Points lie as far off as they did, and come to where they belong.
+    FleshBody body = build_flesh(model_, *next.octree, *next.coarser);
+    CarriedState carried = carried_to(body, body_, snapshot_.state);
+    const std::vector<Motion> motions = motions_now();
+    std::map<int, double> ends; // of nodes that leave already
+    for (std::size_t k = 0; k < body_.leaving.nodes.size(); ++k)
+        ends.emplace(body_.leaving.nodes[k].node, detail.fading[k].end);
+    next.fading.clear();
+    for (std::size_t k = 0; k < body.own_motions.size(); ++k)
+    {
+        const FleshBody::OwnMotion& of = body.own_motions[k];
+        Fading& fading = next.fading.emplace_back();
+        fading.begin = now;
+        fading.end = now + static_cast<double>(look.steps_of_fade) * time_.dt;
+        fading.from = at_point(of.shares, carried.state.u);
+        if (of.follows >= 0)
+        {
+            fading.from -= motions[idx(of.follows)](of.place) - of.place;
+            continue;
+        }
+        fading.slope = at_point(of.shares, carried.state.v);
+        const int old = carried.old_node[idx(body.leaving.nodes[k].node)];
+        if (const auto end = ends.find(old); end != ends.end() && end->second > now)
+            fading.end = end->second;
+    }
+    body.flesh->take_factors(*body_.flesh);
+    snapshot_.state = std::move(carried.state);
+    detail = std::move(next);
+    body_ = std::move(body);
+    take_lattice();
+    since_.detail_ms += ms_since(start);
+    return true;
+}
+
+/// What was made for another lattice is made again.
+void FleshSimulation::take_lattice()
+{
+    fitter_.reset();
+    bones_.reset();
+    motion_of_node_.clear();
+}
+
+void FleshSimulation::go_to(Snapshot snapshot)
+{
+    const bool has_same_lattice = snapshot_.detail.has_lattice_of(snapshot.detail);
+    snapshot_ = std::move(snapshot);
+    if (has_same_lattice)
+        return;
+    body_ = build_flesh(model_, *snapshot_.detail.octree, *snapshot_.detail.coarser);
+    take_lattice();
 }
 
 /// Remembers why, the first time since the last report.
@@ -258,12 +392,13 @@ FleshFrame FleshSimulation::report()
     out.kinetic = energies.kinetic;
     out.elastic = energies.elastic + energies.tube;
     // Heights count from the model's own origin.
-    const Vector3d origin = body_.to_metres(Vector3d::Zero());
+    const Vector3d origin = model_->to_metres(Vector3d::Zero());
     const Vector3d gravity =
-        body_.frame.axes * Vector3d(time_.gravity[0], time_.gravity[1], time_.gravity[2]);
+        model_->frame.axes *
+        Vector3d(time_.gravity[0], time_.gravity[1], time_.gravity[2]);
     out.gravity = energies.gravity + body_.mass * gravity.dot(origin);
     const Vector3d momentum = body_.flesh->momentum(state);
-    const Matrix3d to_model = body_.frame.axes.transpose();
+    const Matrix3d to_model = model_->frame.axes.transpose();
     out.support = to_model * out.support;
     out.pull = to_model * out.pull;
     out.momentum = to_model * momentum;
@@ -285,13 +420,13 @@ Geometry FleshSimulation::obstacles() const
         constexpr int kAround = 24;
         if (!obstacle.normal)
         {
-            add_ball(body_.to_model(obstacle.centre),
-                     body_.frame.length_to_model(obstacle.radius / body_.metre), kAround,
-                     out);
+            add_ball(model_->to_model(obstacle.centre),
+                     model_->frame.length_to_model(obstacle.radius / model_->metre),
+                     kAround, out);
             continue;
         }
-        const Vector3d normal = body_.frame.axes.transpose() * *obstacle.normal;
-        add_tile(normal, normal.dot(body_.to_model(obstacle.offset * *obstacle.normal)),
+        const Vector3d normal = model_->frame.axes.transpose() * *obstacle.normal;
+        add_tile(normal, normal.dot(model_->to_model(obstacle.offset * *obstacle.normal)),
                  box.centre(), 0.75 * box.size().norm(), out);
     }
     return out;
@@ -301,23 +436,23 @@ std::vector<PosedJoint> FleshSimulation::joints() const
 {
     const std::vector<Motion> motions = motions_now();
     std::vector<PosedJoint> joints;
-    for (std::size_t j = 0; j < body_.skeleton->size(); ++j)
+    for (std::size_t j = 0; j < model_->skeleton->size(); ++j)
         joints.push_back(
-            {body_.skeleton->statement(j).name, body_.skeleton->parent(j),
-             body_.to_model(motions[j](body_.metre * body_.skeleton->place(j)))});
+            {model_->skeleton->statement(j).name, model_->skeleton->parent(j),
+             model_->to_model(motions[j](model_->metre * model_->skeleton->place(j)))});
     return joints;
 }
 
 std::optional<Move> FleshSimulation::pointed(const std::string& joint,
                                              const Vector3d& place) const
 {
-    const int number = body_.skeleton->find(joint);
+    const int number = model_->skeleton->find(joint);
     if (number < 0 || !place.allFinite())
         return std::nullopt;
     const std::vector<Motion> motions = motions_now();
     const auto now = [&](int j) -> Vector3d
-    { return motions[idx(j)](body_.metre * body_.skeleton->place(idx(j))); };
-    const Matrix3d& axes = body_.frame.axes; // rows
+    { return motions[idx(j)](model_->metre * model_->skeleton->place(idx(j))); };
+    const Matrix3d& axes = model_->frame.axes; // rows
     const auto turn_of = [&](const Matrix3d& R)
     {
         Operation turn;
@@ -329,31 +464,33 @@ std::optional<Move> FleshSimulation::pointed(const std::string& joint,
         return turn;
     };
     Move move;
-    const int parent = body_.skeleton->parent(idx(number));
+    const int parent = model_->skeleton->parent(idx(number));
     if (parent < 0)
     {
         move.region = joint;
         Operation shift;
-        shift.vector = body_.to_model(body_.to_metres(place)) -
-                       body_.to_model(body_.metre * body_.skeleton->place(idx(number)));
+        shift.vector =
+            model_->to_model(model_->to_metres(place)) -
+            model_->to_model(model_->metre * model_->skeleton->place(idx(number)));
         move.operations = {turn_of(motions[idx(number)].R), shift};
         return move;
     }
     // D turns the bone to the place; a joint turns in the axes of the one above it.
     const Vector3d from = now(number) - now(parent),
-                   to = body_.to_metres(place) - now(parent);
+                   to = model_->to_metres(place) - now(parent);
     if (!(to.norm() > 0.0) || !(from.norm() > 0.0))
         return std::nullopt;
     const Matrix3d D = Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
-    const int above = body_.skeleton->parent(idx(parent));
+    const int above = model_->skeleton->parent(idx(parent));
     const Matrix3d R = above < 0 ? Matrix3d(Matrix3d::Identity()) : motions[idx(above)].R;
-    move.region = body_.skeleton->statement(idx(parent)).name;
+    move.region = model_->skeleton->statement(idx(parent)).name;
     move.operations = {turn_of(R.transpose() * D * motions[idx(parent)].R)};
     if (above < 0) // its shift stays
     {
         Operation shift;
-        shift.vector = body_.to_model(now(parent)) -
-                       body_.to_model(body_.metre * body_.skeleton->place(idx(parent)));
+        shift.vector =
+            model_->to_model(now(parent)) -
+            model_->to_model(model_->metre * model_->skeleton->place(idx(parent)));
         move.operations.push_back(shift);
     }
     return move;
@@ -405,13 +542,13 @@ DeformedSamples FleshSimulation::deformed_live() const
                      value = {};
                      for (std::size_t k = 0; k < 8; ++k)
                      {
-                         value.displacement += shares[k] / body_.metre *
+                         value.displacement += shares[k] / model_->metre *
                                                snapshot_.state.u.segment<3>(3 * nodes[k]);
                          if (!slopes.empty())
                              value.gradient += shares[k] * slopes[idx(nodes[k])];
                      }
                  });
-    carry(body_.frame, values, carried);
+    carry(model_->frame, values, carried);
     return out;
 }
 
@@ -437,7 +574,7 @@ DeformedSamples FleshSimulation::deformed()
         region.bends = true;
         for (const int motion : motion_of_node_)
             region.node_motions.push_back(
-                {motions[idx(motion)].R, motions[idx(motion)].t / body_.metre});
+                {motions[idx(motion)].R, motions[idx(motion)].t / model_->metre});
     }
     // Cells are no rigid bodies here: each moves by its mean deformation.
     const std::vector<Matrix3d> F = body_.flesh->deformations(snapshot_.state);
@@ -446,15 +583,15 @@ DeformedSamples FleshSimulation::deformed()
     {
         const Vector3d& centre = cells.cells[c].centre;
         const std::array<double, 8> shares = corner_shares(
-            *local_place(lattice, static_cast<int>(c), body_.metre * centre));
+            *local_place(lattice, static_cast<int>(c), model_->metre * centre));
         poses[c] = {F[c], centre};
         for (std::size_t k = 0; k < 8; ++k)
-            poses[c].p += shares[k] / body_.metre *
+            poses[c].p += shares[k] / model_->metre *
                           snapshot_.state.u.segment<3>(3 * lattice.cells[c][k]);
     }
     const std::optional<Field> field = fitter_->fit(poses, std::move(regions));
     DeformedSamples out = rest_samples();
-    apply_field(*field, body_.frame, body_.octree->rest->samples, body_.cell_of_sample,
+    apply_field(*field, model_->frame, body_.octree->rest->samples, body_.cell_of_sample,
                 {out.samples,
                  {use_samples_, out.directions},
                  {geometry_->tangent_samples, out.tangents},
@@ -471,7 +608,9 @@ void FleshSimulation::fade_bones()
     const std::vector<int>& dropped = body_.flesh->nodes().dropped;
     for (std::size_t k = 0; k < points.size(); ++k)
     {
-        const Vector3d x = points[k].place / body_.metre;
+        if (k < body_.leaving.nodes.size())
+            continue; // no place that a bone has
+        const Vector3d x = points[k].place / model_->metre;
         const int cell = piece_at(material.grid, body_.octree->pieces.piece_of_voxel, x);
         if (cell >= 0 &&
             !std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
@@ -483,9 +622,10 @@ void FleshSimulation::fade_bones()
                                           std::span<const RegionFade::Node>());
     for (const Vector3d& node : bones_->nodes())
     {
-        const auto same = std::find_if(points.begin(), points.end(),
-                                       [&](const HeldPoint& point)
-                                       { return point.place / body_.metre == node; });
+        const auto same = std::find_if(
+            points.begin() + static_cast<std::ptrdiff_t>(body_.leaving.nodes.size()),
+            points.end(),
+            [&](const HeldPoint& point) { return point.place / model_->metre == node; });
         motion_of_node_.push_back(same->motion);
     }
 }
@@ -495,7 +635,7 @@ std::vector<Vector3d> FleshSimulation::nodes() const
     const Lattice& lattice = body_.flesh->lattice();
     std::vector<Vector3d> places;
     for (std::size_t n = 0; n < lattice.places.size(); ++n)
-        places.push_back(body_.to_model(
+        places.push_back(model_->to_model(
             lattice.places[n] + snapshot_.state.u.segment<3>(Eigen::Index(3 * n))));
     return places;
 }

@@ -14,6 +14,7 @@
 #include <Eigen/Core>
 
 #include "editor/flesh/flesh_body.h"
+#include "editor/flesh/flesh_detail.h"
 #include "editor/session/skeleton_handle.h"
 #include "io/geometry.h"
 #include "io/scene_file.h"
@@ -33,11 +34,14 @@ struct FleshFrame
     double largest_strain = 0.0; ///< Frobenius norm of Green's mean strain of a cell
     std::size_t inverted = 0;    ///< see Flesh::num_inverted()
     std::int64_t systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
+    std::int64_t factors = 0;               ///< of regions that were made
     double step_ms = 0.0;                   ///< all steps together
     bool is_converged = true;
-    std::string stop = "converged"; ///< the first that was not
-    int limited = 0;                ///< turns of joints that were cut to their limits
-    std::size_t contacts = 0;       ///< points that touch
+    std::string stop = "converged";    ///< the first that was not
+    std::size_t split = 0, merged = 0; ///< cells that became smaller, and larger again
+    double detail_ms = 0.0;            ///< of new lattices
+    int limited = 0;                   ///< turns of joints that were cut to their limits
+    std::size_t contacts = 0;          ///< points that touch
     /// Of obstacles, and of what pulls, on the flesh [N].
     Eigen::Vector3d support = Eigen::Vector3d::Zero(), pull = Eigen::Vector3d::Zero();
 };
@@ -83,9 +87,10 @@ public:
         /// What a hand has done to joints since the keys: it stays. Empty: nothing.
         std::vector<Move> by_hand;
         std::optional<FleshPull> pull = {};
+        FleshDetail detail; ///< of a lattice without detail empty
     };
     const Snapshot& snapshot() const { return snapshot_; }
-    void go_to(Snapshot snapshot) { snapshot_ = std::move(snapshot); }
+    void go_to(Snapshot snapshot);
     /// Joints that do not go by their keys from the next step on, as moves of a frame
     /// do; of those that are not named the keys go on.
     void lead(std::vector<Move> moves) { snapshot_.by_hand = std::move(moves); }
@@ -120,6 +125,10 @@ private:
     std::vector<PulledPoint> pulled_at(double time, double share) const;
     std::vector<Motion> motions_now() const;
     void begin();
+    FleshReport settle_at_first();
+    bool has_detail() const { return snapshot_.detail.octree != nullptr; }
+    bool look_for_detail();
+    void take_lattice();
     void stopped(const char* why);
     void fade_bones();
     DeformedSamples rest_samples() const;
@@ -128,7 +137,8 @@ private:
     const TimeSettings time_;
     const bool settles_;
     SkeletonValues skeleton_;
-    FleshBody body_;
+    std::shared_ptr<const FleshModel> model_;
+    FleshBody body_; ///< of snapshot_.detail
     std::vector<std::string> warnings_;
     std::optional<KeyedJoints> keys_;
     std::vector<std::uint32_t> use_samples_; ///< of the direction uses
@@ -139,7 +149,7 @@ private:
     std::vector<int> motion_of_node_;   ///< of each of its nodes
     Snapshot snapshot_;
     FleshFrame since_; ///< the last report
-    bool is_finite_ = true;
+    bool is_finite_ = true, has_told_of_most_ = false;
 };
 
 } // namespace cellwarp

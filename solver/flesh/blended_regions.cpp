@@ -36,6 +36,9 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using SparseByRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
+/// Of a matrix without a factor, what its diagonal gets, as a share of its norm.
+constexpr double kLeastAdded = 1e-14, kMostAdded = 1e-6;
+
 /// Of the sum of a node's shares.
 constexpr double kSumsToOne = 1e-9;
 
@@ -101,6 +104,7 @@ struct BlendedRegions::Region
 
     BlockMatrix matrix;
     std::unique_ptr<SparseCholesky> factor;
+    bool is_taken = false; ///< the factor is that of a spare
 
     // Scratch.
     mutable VectorXd u, v, force, image, held, b, x;
@@ -200,7 +204,10 @@ struct BlendedRegions::Region
                                      factor * entry.value());
     }
 
-    bool factorize(double dt, double alpha, double beta)
+    /// \p spares: regions of another lattice, whose factor serves where the matrix is the
+    /// same. False: there is no factor.
+    bool factorize(double dt, double alpha, double beta,
+                   std::span<const std::unique_ptr<Region>> spares)
     {
         std::vector<Eigen::Triplet<double>> entries;
         add_entries(mass, 1.0 + dt * alpha, entries);
@@ -236,9 +243,28 @@ struct BlendedRegions::Region
             (pair.first == pair.second
                  ? matrix.diagonal(pair.first)
                  : matrix.block(matrix.find(pair.first, pair.second))) = block;
+        is_taken = false;
+        for (const std::unique_ptr<Region>& spare : spares)
+            if (spare->motion == motion && spare->factor && spare->matrix == matrix)
+            {
+                factor = std::move(spare->factor);
+                is_taken = true;
+                return true;
+            }
         if (!factor)
             factor = std::make_unique<SparseCholesky>(matrix);
-        return factor->factorize(matrix);
+        // Corners that slivers of material alone hold may leave nothing but rounding of
+        // their entries: they get as little as a factor needs.
+        const double most = matrix.norm();
+        for (double added = 0.0; added <= kMostAdded;
+             added = std::max(kLeastAdded, 100.0 * added))
+        {
+            for (int node = 0; node < matrix.num_blocks(); ++node)
+                matrix.diagonal(node).diagonal().array() += added * most;
+            if (factor->factorize(matrix))
+                return true;
+        }
+        return false;
     }
 
     /// x: what changes in this region's frame, of its free nodes.
@@ -408,14 +434,30 @@ double BlendedRegions::factor_numbers() const
 
 bool BlendedRegions::prepare(double dt)
 {
-    if (dt == dt_)
+    if (is_prepared(dt))
         return true;
     dt_ = -1.0;
     for (const auto& region : regions_)
-        if (!region->factorize(dt, alpha_, beta_))
+        if (!region->factorize(dt, alpha_, beta_, spares_))
             return false;
+    spares_.clear();
     dt_ = dt;
     return true;
+}
+
+void BlendedRegions::take_factors(BlendedRegions& of)
+{
+    if (of.dt_ > 0.0)
+        spares_ = std::move(of.regions_);
+    of.regions_.clear();
+    of.dt_ = -1.0;
+}
+
+std::size_t BlendedRegions::num_taken() const
+{
+    return static_cast<std::size_t>(std::count_if(regions_.begin(), regions_.end(),
+                                                  [](const auto& region)
+                                                  { return region->is_taken; }));
 }
 
 void BlendedRegions::step(const VectorXd& predicted, const VectorXd& v,

@@ -47,8 +47,14 @@ public:
     ~BlendedRegions();
     BlendedRegions(BlendedRegions&&) noexcept;
 
+    bool is_prepared(double dt) const { return dt == dt_; }
     /// Factorises where \p dt [s] is another than before. False: a matrix has no factor.
     [[nodiscard]] bool prepare(double dt);
+
+    /// Factors of the same flesh in another lattice, which is not used any more: those of
+    /// regions that the change has not touched need not be made again by prepare().
+    void take_factors(BlendedRegions& of);
+    std::size_t num_taken() const; ///< regions whose factor was
 
     /// What happens outside of the material in a step, of all nodes.
     struct Outside
@@ -72,7 +78,7 @@ private:
     const Lattice& lattice_;
     const BoundNodes& nodes_;
     double alpha_, beta_, dt_ = -1.0;
-    std::vector<std::unique_ptr<Region>> regions_;
+    std::vector<std::unique_ptr<Region>> regions_, spares_;
 };
 
 } // namespace cellwarp

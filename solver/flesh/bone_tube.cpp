@@ -41,8 +41,7 @@ struct Nearest
 
 /// The voxels of a bone's tube that are joined to the bone, and their distance.
 std::vector<std::pair<std::size_t, double>>
-joined_voxels(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
-              double unit, const TubeBone& bone)
+joined_voxels(const VoxelGrid& grid, double unit, const TubeBone& bone)
 {
     const Vector3d reach = Vector3d::Constant(bone.radius / unit);
     const Vector3d a = bone.line.from / unit, b = bone.line.to / unit;
@@ -53,8 +52,9 @@ joined_voxels(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxe
                            grid.locate(a.cwiseMax(b) + reach)};
     const auto away = [&](const Vector3i& v)
     {
-        return piece_of_voxel[grid.index(v)] < 0 ? std::numeric_limits<double>::infinity()
-                                                 : distance(line, grid.centre(v));
+        return grid.material()[grid.index(v)] == 0
+                   ? std::numeric_limits<double>::infinity()
+                   : distance(line, grid.centre(v));
     };
     std::unordered_map<std::size_t, double> found;
     std::vector<Vector3i> queue;
@@ -89,27 +89,37 @@ joined_voxels(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxe
 
 } // namespace
 
-std::vector<std::vector<MaterialPoint>>
-points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
-                const Lattice& lattice, double unit, std::span<const TubeBone> bones)
+std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, double unit,
+                                                      std::span<const TubeBone> bones)
 {
     std::map<std::size_t, Nearest> nearest; // by voxel
     for (std::size_t b = 0; b < bones.size(); ++b)
-        for (const auto& [voxel, away] :
-             joined_voxels(grid, piece_of_voxel, unit, bones[b]))
+        for (const auto& [voxel, away] : joined_voxels(grid, unit, bones[b]))
             if (Nearest& of = nearest[voxel]; away < of.distance)
                 of = {away, static_cast<int>(b)};
-    std::vector<std::vector<MaterialPoint>> out(bones.size());
+    std::vector<std::vector<std::size_t>> voxels(bones.size());
     for (const auto& [voxel, of] : nearest)
-    {
-        const Vector3i v = grid.coordinates(voxel);
-        const int cell = piece_of_voxel[voxel];
-        const std::optional<Vector3d> local =
-            local_place(lattice, cell, unit * grid.centre(v));
-        out[idx(of.bone)].push_back({cell, local.value_or(Vector3d::Constant(0.5)),
-                                     unit * unit * unit * grid.extent(0, v.x()) *
-                                         grid.extent(1, v.y()) * grid.extent(2, v.z())});
-    }
+        voxels[idx(of.bone)].push_back(voxel);
+    return voxels;
+}
+
+std::vector<std::vector<MaterialPoint>>
+points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+                const Lattice& lattice, double unit,
+                std::span<const std::vector<std::size_t>> voxels)
+{
+    std::vector<std::vector<MaterialPoint>> out(voxels.size());
+    for (std::size_t b = 0; b < voxels.size(); ++b)
+        for (const std::size_t voxel : voxels[b])
+        {
+            const Vector3i v = grid.coordinates(voxel);
+            const int cell = piece_of_voxel[voxel];
+            const std::optional<Vector3d> local =
+                local_place(lattice, cell, unit * grid.centre(v));
+            out[b].push_back({cell, local.value_or(Vector3d::Constant(0.5)),
+                              unit * unit * unit * grid.extent(0, v.x()) *
+                                  grid.extent(1, v.y()) * grid.extent(2, v.z())});
+        }
     return out;
 }
 

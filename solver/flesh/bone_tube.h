@@ -41,11 +41,15 @@ struct TubeBone
 
 /// Voxels of the material that lie in the tube of a bone, and are joined to it inside the
 /// tube; of several bones the nearest one has them, of two as near the first. Of each
-/// bone the points that it has. \p piece_of_voxel: cells of the lattice, negative where
-/// there is no material; \p unit: of the grid [m].
+/// bone those that it has. \p unit: of the grid [m].
+std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, double unit,
+                                                      std::span<const TubeBone> bones);
+
+/// The same as points of the cells that hold them, of \p piece_of_voxel.
 std::vector<std::vector<MaterialPoint>>
 points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
-                const Lattice& lattice, double unit, std::span<const TubeBone> bones);
+                const Lattice& lattice, double unit,
+                std::span<const std::vector<std::size_t>> voxels);
 
 /// The same for a lattice that was drawn, whose cells are cut into small ones.
 std::vector<std::vector<MaterialPoint>> points_in_tubes(const Lattice& lattice,

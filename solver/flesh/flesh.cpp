@@ -46,6 +46,9 @@ constexpr double kHeavy = 3.0;
 /// Newton ends where the residual is below this, relative to that of the first round.
 constexpr double kNewtonTolerance = 1e-6;
 
+/// What is nearer to an obstacle touches it, relative to the size.
+constexpr double kTouching = 1e-6;
+
 /// Of settle(): a round ends at rest where nothing moves farther, relative to the size;
 /// and how much longer than sound takes through the shape its steps are.
 constexpr double kAtRest = 1e-7, kLongStep = 300.0;
@@ -314,6 +317,7 @@ FleshReport Flesh::Parts::step_by_regions(const FleshState& state, double dt,
     velocity = state.v;
     find_rows(state, dt, motions);
     predicted = state.u + dt * state.v;
+    const bool is_prepared = regions->is_prepared(dt);
     if (!regions->prepare(dt))
     {
         report.is_finite = report.is_converged = false;
@@ -322,6 +326,8 @@ FleshReport Flesh::Parts::step_by_regions(const FleshState& state, double dt,
     VectorXd blended;
     regions->step(predicted, state.v, {loads, settings.gravity, motions, rows}, blended);
     report.systems = static_cast<int>(regions->size());
+    if (!is_prepared)
+        report.factors = static_cast<int>(regions->size() - regions->num_taken());
     if (by_mass.size() == 0)
     {
         // So that forces are what changes momentum.
@@ -399,6 +405,12 @@ FleshState Flesh::rest() const
 void Flesh::load(const VectorXd& forces)
 {
     parts_->loads = forces;
+}
+
+void Flesh::take_factors(Flesh& of)
+{
+    if (parts_->regions && of.parts_->regions)
+        parts_->regions->take_factors(*of.parts_->regions);
 }
 
 void Flesh::set_surface(std::vector<FleshPoint> points)
@@ -520,6 +532,17 @@ std::size_t Flesh::num_inverted(const FleshState& state) const
     return static_cast<std::size_t>(std::count_if(F.begin(), F.end(),
                                                   [](const Matrix3d& of)
                                                   { return !(of.determinant() > 0.0); }));
+}
+
+std::vector<std::size_t> Flesh::touching(const FleshState& state,
+                                         std::span<const FleshObstacle> obstacles) const
+{
+    std::vector<std::size_t> points;
+    if (!obstacles.empty())
+        for (const FleshSurface::Candidate& candidate :
+             parts_->surface.candidates(state.u, kTouching * parts_->size, obstacles))
+            points.push_back(candidate.point);
+    return points;
 }
 
 std::vector<Matrix3d> Flesh::deformations(const FleshState& state) const

@@ -54,6 +54,7 @@ struct FleshState
 struct FleshReport
 {
     int systems = 0, cg_steps = 0; ///< linear ones, and steps of their solution
+    int factors = 0;               ///< of regions that were made in it
     double residual = 0.0;         ///< of the last linear system, relative
     bool is_converged = true;      ///< to the tolerance
     bool is_finite = true;         ///< else the state is that of before
@@ -85,6 +86,9 @@ public:
     FleshState rest() const;
     /// Further forces on the nodes, until they are set again [N].
     void load(const Eigen::VectorXd& forces);
+    /// What can be kept of the same flesh in another lattice, which is not used any more:
+    /// factors of regions that the change has not touched.
+    void take_factors(Flesh& of);
     /// What obstacles touch; before, nothing of it does.
     void set_surface(std::vector<FleshPoint> points);
 
@@ -110,6 +114,9 @@ public:
     /// How far a held point is from where it should be, at the most; those that were
     /// dropped do not count [m].
     double largest_miss(const FleshState& state, std::span<const Motion> motions) const;
+    /// Points of the surface that touch an obstacle, one a node at the most.
+    std::vector<std::size_t> touching(const FleshState& state,
+                                      std::span<const FleshObstacle> obstacles) const;
     /// F, the mean of each cell.
     std::vector<Eigen::Matrix3d> deformations(const FleshState& state) const;
 

@@ -44,6 +44,8 @@ public:
     const std::vector<std::int32_t>& row_indices() const { return row_indices_; }
     const std::vector<double>& values() const { return values_; }
 
+    bool operator==(const BlockMatrix& other) const = default;
+
     /// y = A x with the symmetric whole.
     Eigen::VectorXd multiply(const Eigen::VectorXd& x) const;
     /// Largest absolute row sum, an upper bound of the spectral norm.

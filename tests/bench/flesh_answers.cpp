@@ -217,10 +217,11 @@ Flesh flesh_of(const Built& body, double unit, const std::vector<BoneLine>& line
     const std::vector<FleshMaterial> materials = {material};
     std::vector<TubePart> tubes;
     if (chi > 0.0)
-        tubes = tube_parts(lattice, materials, bones,
-                           points_in_tubes(body.material.grid, body.pieces.piece_of_voxel,
-                                           lattice, unit, bones),
-                           chi);
+        tubes = tube_parts(
+            lattice, materials, bones,
+            points_in_tubes(body.material.grid, body.pieces.piece_of_voxel, lattice, unit,
+                            voxels_in_tubes(body.material.grid, unit, bones)),
+            chi);
     std::vector<HeldPoint> points = points_on_bones(lattice, lines, holds);
     return Flesh(std::move(lattice), materials, std::move(points), std::move(tubes),
                  settings);

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/drawn_flesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "editor/flesh/held_points.h"
+#include "io/error.h"
+#include "io/medit_file.h"
+#include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+#include "octree/base/segment.h"
+#include "solver/flesh/bone_points.h"
+#include "solver/flesh/drawn_cells.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// The vertices of a drawn lattice are those of a bone within this [diagonal].
+constexpr double kOnBone = 1e-6;
+
+/// Cells of a drawn lattice whose middles are nearest to a sample that are looked at.
+constexpr std::size_t kNearCells = 24;
+
+/// A bone of a drawn lattice whose scene gives no radius [its length].
+constexpr double kRadiusOfBone = 0.1;
+
+/// A cell of a lattice file, for messages.
+struct DrawnName
+{
+    std::int64_t line = 0;
+    std::string text;
+};
+
+/// Material counts once: cells of the same corners would make it twice as stiff.
+void refuse_twins(const FleshModel& model, const DrawnCells& drawn,
+                  const std::vector<DrawnName>& names)
+{
+    std::map<std::vector<int>, std::size_t> known;
+    for (std::size_t c = 0; c < drawn.cells.size(); ++c)
+    {
+        std::vector<int> corners = drawn.cells[c];
+        std::sort(corners.begin(), corners.end());
+        const auto [twin, is_new] = known.emplace(std::move(corners), c);
+        if (!is_new)
+            throw malformed({model.flesh().lattice, names[c].line, ""},
+                            names[c].text + " has the corners of " +
+                                names[twin->second].text);
+    }
+}
+
+bool is_near(const BoneLine& bone, const Vector3d& x, double near)
+{
+    const double t = nearest_share(bone.from, bone.to, x);
+    return (bone.from + t * (bone.to - bone.from) - x).norm() <= near;
+}
+
+/// The vertices of edges that lie on a bone of the skeleton, each once.
+std::vector<HeldPoint> points_of_edges(const FleshModel& model, const Hexahedra& lattice,
+                                       const MeditMesh& mesh, double near)
+{
+    std::map<int, int> motion_of_vertex;
+    std::size_t off = 0, first_off = 0;
+    for (std::size_t e = 0; e < lattice.edges.size(); ++e)
+    {
+        const auto& [a, b] = lattice.edges[e];
+        bool is_on = false;
+        for (const TubeBone& bone : model.bones)
+            if (is_near(bone.line, lattice.places[idx(a)], near) &&
+                is_near(bone.line, lattice.places[idx(b)], near))
+            {
+                is_on = true;
+                motion_of_vertex.emplace(a, bone.line.motion);
+                motion_of_vertex.emplace(b, bone.line.motion);
+                break;
+            }
+        if (!is_on && off++ == 0)
+            first_off = e;
+    }
+    if (off > 0)
+    {
+        // Where cells are split each edge is two.
+        const auto& edge =
+            mesh.edges[first_off / (lattice.edges.size() / mesh.edges.size())];
+        throw malformed({model.flesh().lattice, edge.line, "Edges"},
+                        fmt::format("the edge of vertices {} and {} lies on no bone "
+                                    "of the skeleton ({} of {} do not)",
+                                    edge.vertices[0] + 1, edge.vertices[1] + 1, off,
+                                    lattice.edges.size()));
+    }
+    std::vector<HeldPoint> points;
+    for (const auto& [vertex, motion] : motion_of_vertex)
+        points.push_back({{{vertex, 1.0}}, lattice.places[idx(vertex)], motion});
+    return points;
+}
+
+/// A bone that edges follow from end to end needs no other points.
+bool runs_along_edges(const BoneLine& bone, const Hexahedra& lattice, double near)
+{
+    double covered = 0.0;
+    for (const auto& [a, b] : lattice.edges)
+        if (is_near(bone, lattice.places[idx(a)], near) &&
+            is_near(bone, lattice.places[idx(b)], near))
+            covered += (lattice.places[idx(a)] - lattice.places[idx(b)]).norm();
+    return covered >= (bone.to - bone.from).norm() - 4.0 * near;
+}
+
+} // namespace
+
+DrawnFlesh read_drawn_flesh(const FleshModel& model)
+{
+    DrawnFlesh out;
+    const MeditMesh mesh = read_medit(model.flesh().lattice);
+    DrawnCells drawn;
+    for (const Vector3d& x : mesh.vertices)
+        drawn.places.push_back(model.to_metres(x));
+    std::vector<DrawnName> names;
+    const auto add = [&](const auto& cells, const char* kind)
+    {
+        for (std::size_t k = 0; k < cells.size(); ++k)
+        {
+            const auto& vertices = cells[k].vertices;
+            drawn.cells.emplace_back(vertices.begin(), vertices.end());
+            names.push_back({cells[k].line, fmt::format("{} {}", kind, k + 1)});
+        }
+    };
+    add(mesh.hexahedra, "hexahedron");
+    add(mesh.tetrahedra, "tetrahedron");
+    add(mesh.prisms, "prism");
+    refuse_twins(model, drawn, names);
+    for (const auto& edge : mesh.edges)
+        drawn.edges.emplace_back(edge.vertices[0], edge.vertices[1]);
+    const Hexahedra hexahedra = hexahedra_of(drawn);
+    Lattice& lattice = out.lattice;
+    try
+    {
+        lattice = drawn_lattice(hexahedra.places, hexahedra.cells,
+                                std::vector<int>(hexahedra.cells.size(), 0));
+    }
+    catch (const InvertedHexahedron& fault)
+    {
+        const DrawnName& name = names[idx(hexahedra.cell_of[fault.number])];
+        throw malformed({model.flesh().lattice, name.line, ""},
+                        name.text + " is turned inside out");
+    }
+    const double near = kOnBone * model.metre * model.frame.diagonal();
+    out.points = points_of_edges(model, hexahedra, mesh, near);
+    std::vector<BoneLine> lines;
+    for (const TubeBone& bone : model.bones)
+        if (!runs_along_edges(bone.line, hexahedra, near))
+            lines.push_back(bone.line);
+    const std::vector<HeldPoint> crossings =
+        points_on_bones(lattice, lines, [](int, const Vector3d&) { return true; });
+    out.points.insert(out.points.end(), crossings.begin(), crossings.end());
+    out.bones = model.bones;
+    for (TubeBone& bone : out.bones)
+        if (!(bone.radius > 0.0))
+            bone.radius = kRadiusOfBone * (bone.line.to - bone.line.from).norm();
+    return out;
+}
+
+int drawn_cell_of(const Lattice& lattice, const Vector3d& metres)
+{
+    for (int cell = 0; cell < static_cast<int>(lattice.cells.size()); ++cell)
+        if (const std::optional<Vector3d> local = local_place(lattice, cell, metres);
+            local && local->minCoeff() >= -kBeside && local->maxCoeff() <= 1.0 + kBeside)
+            return cell;
+    return -1;
+}
+
+void locate_samples(const FleshModel& model, const Lattice& lattice,
+                    std::vector<int>& cell_of_sample, std::vector<Vector3d>& local,
+                    std::vector<std::string>& warnings)
+{
+    std::vector<Vector3d> middles;
+    for (int c = 0; c < static_cast<int>(lattice.cells.size()); ++c)
+        middles.push_back(cell_point(lattice, c, Vector3d::Constant(0.5)));
+    const PointTree tree(middles);
+    std::vector<PointTree::Neighbour> near;
+    std::size_t outside = 0;
+    // Of a cell: samples farther off count as outside, and where its map ends.
+    constexpr double kOutside = 0.05, kReach = 1.0;
+    for (const Vector3d& sample : model.geometry->samples)
+    {
+        const Vector3d x = model.to_metres(sample);
+        tree.nearest(x, kNearCells, near);
+        double least = INFINITY;
+        bool is_outside = true;
+        int best = static_cast<int>(near.front().index);
+        Vector3d at = Vector3d::Constant(0.5);
+        for (const PointTree::Neighbour& candidate : near)
+        {
+            const int cell = static_cast<int>(candidate.index);
+            const std::optional<Vector3d> found = local_place(lattice, cell, x);
+            if (!found)
+                continue;
+            // Far outside a bent cell the map folds: how far counts in space.
+            const Vector3d near_cell = found->cwiseMax(-kReach).cwiseMin(1.0 + kReach);
+            const Vector3d inside = found->cwiseMax(0.0).cwiseMin(1.0);
+            const double beyond = (cell_point(lattice, cell, inside) - x).norm();
+            if (beyond < least)
+            {
+                least = beyond;
+                best = cell;
+                at = near_cell;
+                is_outside = (*found - inside).norm() > kOutside;
+            }
+            if (*found == inside)
+                break;
+        }
+        outside += is_outside;
+        cell_of_sample.push_back(best);
+        local.push_back(at);
+    }
+    if (outside > 0)
+        warnings.push_back(
+            at({model.flesh().lattice, 0, ""},
+               fmt::format("{} of {} samples lie outside the lattice: they follow the "
+                           "nearest cell",
+                           outside, model.geometry->samples.size())));
+}
+
+} // namespace cellwarp

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/flesh/flesh_model.h"
+
+#include <utility>
+
+#include "editor/session/bone_regions.h"
+#include "io/error.h"
+#include "io/number.h"
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+
+/// Cells of the lattice along the longest side.
+constexpr int kAcross = 24;
+
+/// How often cells are halved where detail is asked for.
+constexpr int kDetailDepth = 2;
+
+constexpr double kUsualTolerance = 1e-3, kTightTolerance = 1e-10;
+
+/// What of a scene cannot be together.
+void refuse_what_cannot_be(const SceneFile& scene)
+{
+    const FleshStatement& flesh = scene.skeleton->flesh;
+    const auto refuse = [&](const char* key, const std::string& what) {
+        throw malformed({scene.path, 0, std::string("skeleton.") + key}, what);
+    };
+    if (flesh.detail > 0.0 && !flesh.lattice.empty())
+        refuse("detail", "is of an octree's lattice alone");
+    if (flesh.law == "regions" && flesh.newton > 1)
+        refuse("newton", "is for other laws: regions are solved once a step");
+    if (scene.time->integrator != "implicit-euler")
+        throw malformed({scene.path, 0, "simulate.integrator"},
+                        "got " + in_quotes(scene.time->integrator) +
+                            ", flesh has implicit-euler alone");
+    if (flesh.lattice.empty())
+        return;
+    if (!flesh.materials.empty())
+        refuse("materials", "a lattice of a file has one material");
+    if (!flesh.weights.empty())
+        refuse("weights", "are painted on samples of an octree's lattice alone");
+}
+
+FleshSettings settings_of(const FleshModel& model, bool is_tight)
+{
+    const FleshStatement& flesh = model.flesh();
+    FleshSettings out;
+    out.law = flesh.law == "linear"        ? FleshLaw::Linear
+              : flesh.law == "regions"     ? FleshLaw::Regions
+              : flesh.law == "stvk"        ? FleshLaw::StVenantKirchhoff
+              : flesh.law == "neo-hookean" ? FleshLaw::NeoHookean
+                                           : FleshLaw::Cells;
+    out.alpha = flesh.alpha;
+    out.beta = flesh.beta;
+    const Triple& g = model.scene.time->gravity;
+    out.gravity = model.frame.axes * Vector3d(g[0], g[1], g[2]);
+    out.tolerance = is_tight ? kTightTolerance : kUsualTolerance;
+    out.newton = static_cast<int>(flesh.newton);
+    return out;
+}
+
+/// \p selectors: as a handle file has them; \p field: of the scene, for messages.
+RegionSet regions_of(const FleshModel& model, const std::vector<std::string>& selectors,
+                     const std::string& field)
+{
+    try
+    {
+        std::string text = "cellwarp-handles 1\n";
+        for (std::size_t k = 0; k < selectors.size(); ++k)
+            text += "fixed flesh" + std::to_string(k) + " " + selectors[k] + "\n";
+        const HandleFile file = parse_handles(model.scene.path, text + "frame 1\n");
+        return RegionSet(model.rest,
+                         resolve_regions(file.stages.front().regions, *model.geometry,
+                                         model.geometry->samples, model.units(), file),
+                         model.scene.path);
+    }
+    catch (const Error& error)
+    {
+        // It names a line of a file that nobody has.
+        std::string what = error.what();
+        if (const std::string place = model.scene.path + ":"; what.starts_with(place))
+            if (const std::size_t end = what.find(": "); end != std::string::npos)
+                what.erase(0, end + 2);
+        throw Error(error.fault(), at({model.scene.path, 0, field}, what));
+    }
+}
+
+void take_obstacles(FleshModel& model)
+{
+    for (const FleshObstacleStatement& told : model.flesh().contact)
+    {
+        FleshObstacle obstacle;
+        obstacle.friction = told.friction;
+        if (told.plane)
+        {
+            const auto& [x, y, z, d] = *told.plane;
+            const Vector3d normal(x, y, z);
+            obstacle.normal = model.direction_of(normal);
+            obstacle.offset = obstacle.normal->dot(
+                model.to_metres(d / normal.norm() * normal.normalized()));
+        }
+        else
+        {
+            const auto& [x, y, z, r] = *told.sphere;
+            obstacle.centre = model.to_metres({x, y, z});
+            obstacle.radius = r * model.metre / model.frame.length_to_model(1.0);
+        }
+        model.obstacles.emplace_back(obstacle, model.keys_of(told.keys));
+    }
+}
+
+/// Of each voxel the last region of another material that has it.
+void take_materials(FleshModel& model)
+{
+    const FleshStatement& flesh = model.flesh();
+    model.materials.push_back({flesh.young, flesh.poisson, flesh.density});
+    if (flesh.materials.empty())
+        return;
+    model.material_of_voxel.assign(model.rest->material.grid.size(), 0);
+    for (const FleshRegion& told : flesh.materials)
+    {
+        const RegionSet region = regions_of(model, {told.region}, told.field + ".region");
+        const int number = static_cast<int>(model.materials.size());
+        FleshMaterial& material = model.materials.emplace_back(model.materials.front());
+        material.young = told.young.value_or(material.young);
+        material.poisson = told.poisson.value_or(material.poisson);
+        material.density = told.density.value_or(material.density);
+        for (const std::uint32_t voxel : region.voxels(0))
+            model.material_of_voxel[voxel] = number;
+    }
+}
+
+/// What the octree cuts; and the radii of the bones' tubes where they are not told.
+void take_rest_shape(FleshModel& model)
+{
+    const FleshStatement& flesh = model.flesh();
+    model.cells.across = static_cast<int>(flesh.across.value_or(kAcross));
+    model.cells.max_depth =
+        static_cast<int>(flesh.max_depth.value_or(flesh.detail > 0.0 ? kDetailDepth : 0));
+    model.cells.min_depth = 0;
+    try
+    {
+        model.rest =
+            build_rest_shape(*model.geometry, model.geometry->samples, model.cells);
+    }
+    catch (const Error& error)
+    {
+        if (error.fault() != Fault::Budget)
+            throw;
+        throw Error(Fault::Budget,
+                    at({model.scene.path, 0, "skeleton.across"}, error.what()));
+    }
+    model.warnings.insert(model.warnings.end(), model.rest->warnings.begin(),
+                          model.rest->warnings.end());
+    SkeletonBinding binding;
+    bone_regions(*model.skeleton, *model.rest, binding);
+    for (TubeBone& bone : model.bones)
+        for (const BoneBinding& bound : binding.bones)
+            if (bound.name == model.skeleton->statement(idx(bone.line.motion)).name)
+                bone.radius = model.metre * bound.radius;
+    if (flesh.has_tube)
+        model.tube_voxels =
+            voxels_in_tubes(model.rest->material.grid, model.metre, model.bones);
+    if (!flesh.fine_regions.empty())
+        model.fine = std::make_shared<const RegionSet>(
+            regions_of(model, flesh.fine_regions, "skeleton.detail_regions"));
+}
+
+} // namespace
+
+Units FleshModel::units() const
+{
+    return {frame, false, bounding_box(geometry->samples), 0.0};
+}
+
+ShiftKeys FleshModel::keys_of(const ShiftStatement& told) const
+{
+    ShiftKeys keys;
+    keys.times = told.times;
+    for (const Vector3d& shift : told.shifts)
+        keys.shifts.push_back(metre * frame.vector_to_work(shift));
+    return keys;
+}
+
+Vector3d FleshModel::direction_of(const Vector3d& of_model) const
+{
+    return frame.axes * of_model.normalized();
+}
+
+std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> geometry,
+                                              const SceneFile& scene,
+                                              const SkeletonValues& skeleton,
+                                              const CellSettings& cells, bool is_tight)
+{
+    refuse_what_cannot_be(scene);
+    const auto model = std::make_shared<FleshModel>();
+    model->geometry = std::move(geometry);
+    model->scene = scene;
+    model->cells = cells;
+    model->frame = cells.frame ? given_frame(*cells.frame, cells.frame_file)
+                               : automatic_frame(bounding_box(model->geometry->samples));
+    model->metre = model->frame.length_to_model(1.0) * scene.time->unit;
+    model->settings = settings_of(*model, is_tight);
+    if (scene.time->viscosity > 0.0)
+        model->warnings.push_back(at({scene.path, 0, "simulate.viscosity"},
+                                     "is for rods, ignored: flesh has damping"));
+    model->skeleton = make_skeleton_handle(skeleton.joints, model->units(), scene.path);
+    for (std::size_t j = 0; j < model->skeleton->size(); ++j)
+        for (const auto& [from, to] : model->skeleton->bones(j))
+            model->bones.push_back(
+                {{model->metre * from, model->metre * to, static_cast<int>(j)},
+                 model->metre * model->skeleton->told_radius(j).value_or(0.0)});
+    if (model->flesh().lattice.empty())
+        take_rest_shape(*model);
+    take_materials(*model);
+    take_obstacles(*model);
+    return model;
+}
+
+} // namespace cellwarp
