@@ -68,6 +68,7 @@ flesh limb 4 300x220 0 --cells
 flesh spin 5 240x110 20
 flesh spin_free 5 240x110 20
 flesh press 6 200x300 70
+flesh detail 7 200x310 70 --cells
 flesh flop 6 240x200 20
 flesh pulled 5 200x300 70
 for law in cells regions linear stvk neo; do

@@ -161,14 +161,7 @@ public:
         if (Geometry obstacles = simulation_->obstacles(); !obstacles.samples.empty())
             seen.parts.push_back(std::move(obstacles));
         seen.joints = simulation_->joints();
-        const std::vector<Eigen::Vector3d> nodes = simulation_->nodes();
-        for (const CornerNodes& cell : simulation_->body().flesh->lattice().cells)
-            for (std::size_t k = 0; k < 8; ++k)
-            {
-                if (k == 0)
-                    seen.cells.emplace_back();
-                seen.cells.back()[k] = nodes[idx(cell[k])];
-            }
+        seen.cells = simulation_->drawn_cells();
         return seen;
     }
 

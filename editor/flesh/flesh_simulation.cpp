@@ -640,4 +640,23 @@ std::vector<Vector3d> FleshSimulation::nodes() const
     return places;
 }
 
+std::vector<std::array<Vector3d, 8>> FleshSimulation::drawn_cells() const
+{
+    constexpr double kNextToNothing = 0.02; // of the cell
+    const std::vector<CornerNodes>& cells = body_.flesh->lattice().cells;
+    const std::vector<Vector3d> places = nodes();
+    std::vector<std::array<Vector3d, 8>> out;
+    for (std::size_t c = 0; c < cells.size(); ++c)
+    {
+        if (body_.octree)
+            if (const Cell& cell = body_.octree->cells.cells[c];
+                cell.volume < kNextToNothing * cell.edge * cell.edge * cell.edge)
+                continue;
+        std::array<Vector3d, 8>& corners = out.emplace_back();
+        for (std::size_t k = 0; k < 8; ++k)
+            corners[k] = places[idx(cells[c][k])];
+    }
+    return out;
+}
+
 } // namespace cellwarp

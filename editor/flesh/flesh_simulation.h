@@ -4,6 +4,7 @@
 // what was baked, to the bit.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -116,6 +117,9 @@ public:
     DeformedSamples deformed();
     /// Nodes of the lattice now [model unit].
     std::vector<Eigen::Vector3d> nodes() const;
+    /// Corners of its cells, but of those that hold next to nothing: corners that no
+    /// other cell has fly about there.
+    std::vector<std::array<Eigen::Vector3d, 8>> drawn_cells() const;
 
 private:
     SkeletonAim aim_at(double time, const std::vector<Move>& by_hand) const;

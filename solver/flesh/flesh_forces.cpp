@@ -113,7 +113,7 @@ std::vector<Block> blocks_of(const Lattice& lattice,
                              std::span<const FleshMaterial> materials)
 {
     std::vector<Block> blocks((lattice.parts.size() + kPartLanes - 1) / kPartLanes);
-    for (std::size_t p = 0; p < lattice.parts.size(); ++p)
+    const auto set = [&](std::size_t p)
     {
         const LatticePart& part = lattice.parts[p];
         const FleshMaterial& material = materials[idx(part.material)];
@@ -132,7 +132,8 @@ std::vector<Block> blocks_of(const Lattice& lattice,
                 block.rest[3 * a + c].lane[lane] = x[Eigen::Index(c)];
         }
         set_part(block, lane, points, material);
-    }
+    };
+    parallel_for(lattice.parts.size(), kGrainOfBlocks * kPartLanes, set);
     if (!blocks.empty() && lattice.parts.size() % kPartLanes != 0)
         fill_up(blocks.back(), lattice.parts.size() % kPartLanes);
     return blocks;
@@ -473,20 +474,23 @@ double FleshForces::tube_energy(const VectorXd& u, std::span<const Motion> motio
 
 std::vector<FleshForces::MeanBlock> FleshForces::mean_blocks() const
 {
-    std::vector<MeanBlock> out;
-    for (const LatticePart& part : lattice_.parts)
-    {
-        const FleshMaterial& material = materials_[idx(part.material)];
-        const PartPoints points = points_of(lattice_, part);
-        const PartMatrix K = stiffness_of(points, material);
-        MeanBlock& block = out.emplace_back();
-        block.nodes = &lattice_.cells[idx(part.cell)];
-        block.mass = mass_of(points, material.density);
-        block.tube.setZero();
-        for (int a = 0; a < 8; ++a)
-            for (int b = 0; b < 8; ++b)
-                block.stiffness(a, b) = K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
-    }
+    std::vector<MeanBlock> out(lattice_.parts.size());
+    parallel_for(out.size(), kGrainOfBlocks,
+                 [&](std::size_t p)
+                 {
+                     const LatticePart& part = lattice_.parts[p];
+                     const FleshMaterial& material = materials_[idx(part.material)];
+                     const PartPoints points = points_of(lattice_, part);
+                     const PartMatrix K = stiffness_of(points, material);
+                     MeanBlock& block = out[p];
+                     block.nodes = &lattice_.cells[idx(part.cell)];
+                     block.mass = mass_of(points, material.density);
+                     block.tube.setZero();
+                     for (int a = 0; a < 8; ++a)
+                         for (int b = 0; b < 8; ++b)
+                             block.stiffness(a, b) =
+                                 K.block<3, 3>(3 * a, 3 * b).trace() / 3.0;
+                 });
     for (const TubePart& tube : tubes_)
     {
         MeanBlock& block = out.emplace_back();

@@ -85,29 +85,22 @@ LevelPreconditioner::LevelPreconditioner(const Lattice& lattice, const BoundNode
                                          std::span<const FleshForces::MeanBlock> blocks,
                                          const FleshFactors& factors, bool has_levels)
 {
-    const Sparse A = mean_matrix(lattice.places.size(), nodes, blocks, factors);
+    Sparse A = mean_matrix(lattice.places.size(), nodes, blocks, factors);
     levels_.emplace_back().inverse = inverted(A.diagonal());
     if (!has_levels)
         return;
-    Sparse I; // from the nodes of a level to the free nodes
     for (const Lattice::Coarser& coarser : lattice.coarser)
     {
         Level& level = levels_.emplace_back();
         if (levels_.size() == 2)
-        {
             for (const int node : nodes.free)
                 level.down.add(coarser.below[idx(node)]);
-            I = matrix_of(level.down, coarser.num_nodes);
-        }
         else
-        {
             level.down = coarser.below;
-            I = (I * matrix_of(level.down, coarser.num_nodes)).pruned();
-        }
         level.up = level.down.transposed(coarser.num_nodes);
-        const Sparse AI = A * I;
-        level.inverse =
-            inverted(I.cwiseProduct(AI).transpose() * VectorXd::Ones(A.rows()));
+        const Sparse P = matrix_of(level.down, coarser.num_nodes);
+        A = P.transpose() * Sparse(A * P);
+        level.inverse = inverted(A.diagonal());
     }
 }
 
