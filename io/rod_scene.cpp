@@ -107,13 +107,6 @@ public:
                  out.push_back(point);
              });
     }
-    void later(const char* key)
-    {
-        const Json* const value = object_.find(key);
-        const bool is_off = value && value->is_boolean() && !value->get<bool>();
-        if (value && !value->empty() && !is_off)
-            object_.fail(key, "is not supported by this version");
-    }
 
 private:
     JsonObject object_;
@@ -427,7 +420,8 @@ std::size_t number_of(RodReader& reader, const std::string& key,
     reader.object().fail(key, "there is no " + kind + " called " + in_quotes(name));
 }
 
-/// "rod spine 0.5", "rod spine sliding", "body seat 0 0 0.1", "net cloth 7"
+/// "rod spine 0.5", "rod spine sliding", "body seat 0 0 0.1", "net cloth 7", "flesh 0 1
+/// 0"
 JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
 {
     std::optional<std::string> text;
@@ -444,15 +438,16 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
     }
     const auto bad = [&](const std::string& why)
     {
-        reader.object().fail(key, why +
-                                      ": need \"rod NAME SHARE\", \"rod NAME "
-                                      "sliding\", \"body NAME X Y Z\", \"net NAME "
-                                      "POINT\" or \"sheet NAME SHARES\", got " +
-                                      in_quotes(*text));
+        reader.object().fail(
+            key, why +
+                     ": need \"rod NAME SHARE\", \"rod NAME "
+                     "sliding\", \"body NAME X Y Z\", \"net NAME "
+                     "POINT\", \"sheet NAME SHARES\" or \"flesh X Y Z\", got " +
+                     in_quotes(*text));
     };
     const std::string kind = words.empty() ? "" : words.front();
     // How many numbers follow the name of a sheet is told by its sides.
-    std::size_t numbers = kind == "body" ? 3 : 1;
+    std::size_t numbers = kind == "body" || kind == "flesh" ? 3 : 1;
     for (const SheetStatement& sheet : scene.sheets)
     {
         std::string rest;
@@ -461,9 +456,13 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
         if (kind == "sheet" && rest == sheet.name)
             numbers = sheet.sides.size();
     }
-    if ((kind != "rod" && kind != "body" && kind != "net" && kind != "sheet") ||
-        words.size() < numbers + 2)
+    const bool has_name =
+        kind == "rod" || kind == "body" || kind == "net" || kind == "sheet";
+    if (has_name ? words.size() < numbers + 2
+                 : kind != "flesh" || words.size() != numbers + 1)
         bad("names no place");
+    if (kind == "flesh" && !scene.has_flesh)
+        reader.object().fail(key, "the scene has no skeleton, and so no flesh");
     std::string name;
     for (std::size_t k = 1; k + numbers < words.size(); ++k)
         name += (k > 1 ? " " : "") + words[k];
@@ -476,7 +475,13 @@ JointEnd read_end(RodReader& reader, const char* key, const RodScene& scene)
             bad("what follows the name is no number");
         return *value;
     };
-    if (kind == "rod")
+    if (kind == "flesh")
+    {
+        end.kind = JointEnd::Kind::Flesh;
+        for (const std::size_t k : {0u, 1u, 2u})
+            end.point[k] = number(k);
+    }
+    else if (kind == "rod")
     {
         end.index = number_of(reader, key, scene.rods, name, kind);
         end.slides = words.back() == "sliding";
@@ -542,6 +547,8 @@ void read_joint(const Json& json, const std::string& prefix, RodScene& scene)
         reader.object().fail("what", "a point of a net has no frame");
     if (joint.has_frame && is_of(JointEnd::Kind::Sheet))
         reader.object().fail("what", "a place of a sheet has no frame");
+    if (joint.has_frame && is_of(JointEnd::Kind::Flesh))
+        reader.object().fail("what", "a point of flesh has no frame");
     if (slides && (joint.has_frame || joint.has_distance))
         reader.object().fail("what", "what slides is joined by point alone");
     if (slides)
@@ -803,6 +810,9 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     root.read("cellwarp", std::int64_t(1), std::int64_t(1), version);
     for (const char* other : {"model", "handles", "save", "energy", "cells", "field"})
         root.object().find(other);
+    scene.has_flesh = json.contains("skeleton");
+    if (scene.has_flesh)
+        scene.dt = kStepOfFlesh;
     std::vector<OtherRod> others;
     root.each("rods", [&](const Json& value, const std::string& key)
               { read_rod(value, key + ".", scene, others); });
@@ -812,7 +822,7 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
               { read_net(value, key + ".", scene); });
     root.each("sheets", [&](const Json& value, const std::string& key)
               { read_sheet(value, key + ".", scene); });
-    if (scene.rods.empty() && scene.sheets.empty())
+    if (scene.rods.empty() && scene.sheets.empty() && !scene.has_flesh)
         root.object().fail("rods", "is missing: there is nothing to simulate");
     const auto need_names = [&](const char* key, const auto& all)
     {
@@ -835,12 +845,16 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
     root.each("joints", [&](const Json& value, const std::string& key)
               { read_joint(value, key + ".", scene); });
     read_time_settings(root.object(), scene.path, scene, scene.warnings);
-    if (json.contains("model") && !scene.carries())
+    if (json.contains("model") && !scene.carries() && !scene.has_flesh)
         scene.warnings.push_back(
             at({path, 0, "model"}, "no rod carries it, it is left out"));
     if (scene.carries() && !json.contains("model"))
         root.object().fail("model", "is missing: rods carry its cells");
-    root.later("skeleton");
+    for (std::size_t k = 0; k < scene.rods.size(); ++k)
+        if (scene.has_flesh && scene.rods[k].carries)
+            root.object().fail("rods[" + std::to_string(k) + "].carries",
+                               "the model is flesh, which rods are joined to");
+    root.object().find("skeleton");
     root.each("obstacles", [&](const Json& value, const std::string& key)
               { read_obstacle(value, key + ".", scene); });
     read_contact(root, scene);

@@ -171,13 +171,15 @@ struct JointEnd
         Rod,
         Body,
         Net,
-        Sheet
+        Sheet,
+        Flesh
     } kind = Kind::Rod;
     std::size_t index = 0; ///< of the scene's rods, bodies, nets or sheets
     double at = 0.0;       ///< of a rod: share of the rest length
     bool slides = false;   ///< of a rod: as the joint says
-    Triple point{};        ///< of a body, in its axes [m]; of a sheet, shares
-    std::size_t node = 0;  ///< of a net
+    /// Of a body, in its axes [m]; of a sheet, shares; of flesh, at rest [m].
+    Triple point{};
+    std::size_t node = 0; ///< of a net
 };
 
 struct JointStatement
@@ -215,6 +217,7 @@ struct RodScene : TimeSettings
     std::vector<JointStatement> joints;
     std::vector<ObstacleStatement> obstacles;
     std::optional<ContactStatement> contact; ///< nothing: rods pass through everything
+    bool has_flesh = false;                  ///< the model is flesh: see skeleton_scene.h
     std::vector<std::string> warnings;
 
     /// Whether a rod carries the model's cells.

@@ -15,9 +15,6 @@ namespace cellwarp
 
 namespace
 {
-
-constexpr double kStepOfFlesh = 1.0 / 120.0; ///< [s]
-
 /// The settings of one section.
 void read_settings(JsonObject& object, std::string_view section, SceneSettings& settings)
 {
@@ -113,8 +110,9 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
         scene.skeleton =
             parse_skeleton_scene(object, path, scene.warnings, scene.left_out);
     }
-    if (scene.skeleton && json.contains("simulate") && !json.contains("rods") &&
-        !json.contains("sheets"))
+    scene.has_rods = json.contains("rods") || json.contains("sheets") ||
+                     json.contains("bodies") || json.contains("nets");
+    if (scene.skeleton && json.contains("simulate"))
     {
         scene.time.emplace().dt = kStepOfFlesh;
         read_time_settings(root, path, *scene.time, scene.warnings);
@@ -156,8 +154,7 @@ std::string scene_text(const SceneFile& scene)
     if (!scene.skeleton)
     {
         // What followed it in time goes with it.
-        if (json.contains("skeleton") && !json.contains("rods") &&
-            !json.contains("sheets"))
+        if (json.contains("skeleton") && !scene.has_rods)
             json.erase("simulate");
         json.erase("skeleton");
     }

@@ -36,6 +36,7 @@ struct SceneFile
     std::vector<std::string> left_out; ///< warnings of what is for other commands
     bool has_carriers = false;         ///< rods carry the model: see rod_scene.h
     std::optional<SkeletonScene> skeleton;
+    bool has_rods = false;            ///< or bodies, nets, sheets: see rod_scene.h
     std::optional<TimeSettings> time; ///< of flesh that follows the skeleton
     std::string text;                 ///< as it was read, with what the rest leaves out
 };

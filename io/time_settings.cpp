@@ -79,9 +79,12 @@ TimeScene time_scene_of(const std::string& path)
         return TimeScene::None;
     const Json json = parse_json(path, read_file(path));
     const bool has_rods = json.contains("rods") || json.contains("sheets");
+    if (json.contains("simulate") && json.contains("skeleton"))
+        return has_rods || json.contains("bodies") || json.contains("nets")
+                   ? TimeScene::FleshAndRods
+                   : TimeScene::Flesh;
     if (json.contains("simulate"))
-        return json.contains("skeleton") && !has_rods ? TimeScene::Flesh
-                                                      : TimeScene::Rods;
+        return TimeScene::Rods;
     return has_rods && !json.contains("model") ? TimeScene::Rods : TimeScene::None;
 }
 

@@ -14,6 +14,9 @@ class JsonObject;
 
 using Triple = std::array<double, 3>;
 
+/// A step of flesh where a scene tells none [s].
+inline constexpr double kStepOfFlesh = 1.0 / 120.0;
+
 struct TimeSettings
 {
     double dt = 1e-3, duration = 1.0, every = 1.0 / 30.0; ///< [s]
@@ -39,9 +42,15 @@ void read_time_settings(JsonObject& scene, const std::string& path, TimeSettings
 enum class TimeScene
 {
     None,
-    Rods, ///< see rod_scene.h
-    Flesh ///< around a skeleton, see flesh_scene.h
+    Rods,  ///< see rod_scene.h
+    Flesh, ///< around a skeleton, see skeleton_scene.h
+    FleshAndRods
 };
+
+inline bool has_flesh(TimeScene scene)
+{
+    return scene == TimeScene::Flesh || scene == TimeScene::FleshAndRods;
+}
 
 /// Of the file at \p path; None for what is no scene file. Throws what reading it throws.
 TimeScene time_scene_of(const std::string& path);

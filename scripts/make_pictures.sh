@@ -55,9 +55,11 @@ posed batten last "--view 90 0"
 "$cellwarp" render "$here/samples/reach.json" --strip=3 --size 300x330 --view 20 10 \
     -o "$folder/reach.png" --overwrite
 # Flesh that follows skeletons.
-flesh() {  # sample, frames, size of one, azimuth, more flags of render
+flesh() {  # sample, frames, size of one, azimuth[/elevation], more flags of render
     name=$1
-    "$cellwarp" render "$here/samples/flesh/$name.json" --strip="$2" --size "$3" --view "$4" 10 \
+    case $4 in */*) above=${4#*/} ;; *) above=10 ;; esac
+    "$cellwarp" render "$here/samples/flesh/$name.json" --strip="$2" --size "$3" \
+        --view "${4%/*}" "$above" \
         -o "$folder/flesh-$name.png" --overwrite ${5:-}
 }
 flesh walk 8 200x300 50
@@ -69,6 +71,8 @@ flesh spin 5 240x110 20
 flesh spin_free 5 240x110 20
 flesh press 6 200x300 70
 flesh detail 7 200x310 70 --cells
+flesh rope 5 220x320 30
+flesh suture 5 240x200 30/40
 flesh flop 6 240x200 20
 flesh pulled 5 200x300 70
 for law in cells regions linear stvk neo; do

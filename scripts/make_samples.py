@@ -321,6 +321,36 @@ def joint_list(bones, limits=None):
             for name, parent, at in bones]
 
 
+def blocks(lines, holds):
+    """Quads around the boxes between lines along the axes whose middles `holds` takes."""
+    count = [len(axis) - 1 for axis in lines]
+
+    def is_in(box):
+        if not all(0 <= box[a] < count[a] for a in range(3)):
+            return False
+        return holds(*(0.5 * (lines[a][box[a]] + lines[a][box[a] + 1]) for a in range(3)))
+    number, faces = {}, []
+    for box in ((i, j, k) for i in range(count[0]) for j in range(count[1]) for k in range(count[2])):
+        if not is_in(box):
+            continue
+        for axis in range(3):
+            for side in (0, 1):
+                beside = list(box)
+                beside[axis] += 1 if side else -1
+                if is_in(beside):
+                    continue
+                u, v = (axis + 1) % 3, (axis + 2) % 3
+                quad = []
+                for a, b in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                    corner = list(box)
+                    corner[axis] += side
+                    corner[u] += a
+                    corner[v] += b
+                    quad.append(number.setdefault(tuple(corner), len(number)))
+                faces.append(quad if side else quad[::-1])
+    return [tuple(lines[a][corner[a]] for a in range(3)) for corner in number], faces
+
+
 def skeleton_scene(folder, name, model, bones, keys, extra=None, limits=None, **settings):
     lines = ["    " + json.dumps(joint) for joint in joint_list(bones, limits)]
     text = ['{', '  "cellwarp": 1,', '  "model": "%s",' % model]
@@ -607,6 +637,54 @@ def flesh(folder):
                    held=[{"at": [0, 0.4, 0.38],
                           "keys": [dict(time=t, translate=[0.2 * z, 0.3 * z, z])
                                    for t, z in pulled]}])
+    # A rope round the belly slides through eyelets and is pulled tight by its ends.
+    height, back = 0.36, 0.1066
+    def eyelet(degrees, out):
+        way = (math.cos(math.radians(degrees)), math.sin(math.radians(degrees)))
+        low, high = 0.0, 0.6
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            inside = belly((middle * way[0], height, back + middle * way[1])) < 0
+            low, high = (middle, high) if inside else (low, middle)
+        return [round(c, 5) for c in (out * low * way[0], height, back + out * low * way[1])]
+    around = [-60 + 300 * k / 16 for k in range(17)]
+    end = (0.3, 0.02, -0.62)
+    pull = lambda s: [{"time": 0, "translate": [0, 0, 0]},
+                      {"time": 0.75, "translate": [s * 0.2, 0, -0.14]}]
+    rope = {"name": "rope", "radius": 0.018, "E": 2e7, "density": 800, "spans": 40,
+            "through": [[-end[0], height - end[1], end[2]]] +
+                       [eyelet(a, 1.02) for a in around] + [[end[0], height + end[1], end[2]]],
+            "fixed": [{"at": 0, "what": ["point"], "keys": pull(-1)},
+                      {"at": 1, "what": ["point"], "keys": pull(1)}]}
+    skeleton_scene(into, "rope", "belly.obj", body,
+                   [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
+                   dict(in_time(1.0, every=0.125), rods=[rope],
+                        joints=[{"a": "rod rope sliding",
+                                 "b": "flesh %g %g %g" % tuple(eyelet(a, 0.98))}
+                                for a in around]),
+                   E=8e4, nu=0.45, across=20, damping={"alpha": 1.0},
+                   materials=[{"region": "sphere 0 0.36 0.25 0.32", "E": 2.5e4}])
+    # A wound is sewn up: a thread goes to and fro through its lips, and is pulled.
+    side = [round(-1 + 0.1 * i, 2) for i in range(9)] + [-0.12]
+    lines = [side + [-x for x in reversed(side)],
+             [0, 0.12, 0.24] + [round(0.35 + 0.65 * i / 6, 4) for i in range(7)],
+             [round(0.1 * i, 2) for i in range(13)]]
+    points, faces = blocks(lines, lambda x, y, z: not (abs(x) < 0.12 and y > 0.35))
+    write(into, "wound.obj", obj(points, faces, "a block with a slot, quads"))
+    holes = [(0.3 * (-1) ** (n + 1), 0.85, round(0.2 + 0.13 * n, 2)) for n in range(7)]
+    thread = {"name": "thread", "radius": 0.012, "E": 2e7, "density": 1000,
+              "through": [list(hole) for hole in holes] + [[0.1, 0.95, 1.6]],
+              "fixed": [{"at": 1, "what": ["point"],
+                         "keys": [{"time": 0, "translate": [0, 0, 0]},
+                                  {"time": 1, "translate": [0, 0.15, 0.65]}]}]}
+    skeleton_scene(into, "suture", "wound.obj",
+                   [("base", None, (-0.8, 0.15, 0.6)), ("end", "base", (0.8, 0.15, 0.6))],
+                   [dict(time=0, joint="base", rotate=[0, 0, 1, 0])],
+                   {"simulate": {"duration": 1.25, "every": 0.125, "gravity": [0, 0, 0]},
+                    "rods": [thread],
+                    "joints": [{"a": "rod thread " + ("sliding" if n else "0"),
+                                "b": "flesh %g %g %g" % hole} for n, hole in enumerate(holes)]},
+                   E=2e4, across=16, damping={"alpha": 4.0})
     # Only the root of the tail has a bone: the rest is flicked.
     hips = [b for b in CREATURE_BONES if b[0] not in ("tip",)]
     flick = [(0.0, 0), (0.25, 40), (0.6, -40), (0.95, 40), (1.2, 0)]

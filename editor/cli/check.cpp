@@ -20,7 +20,7 @@ namespace
 
 int run(const SessionFlags& flags, const CommonFlags& common)
 {
-    const bool has_flesh = time_scene_of(flags.model) == TimeScene::Flesh;
+    const bool has_flesh = cellwarp::has_flesh(time_scene_of(flags.model));
     SessionRequest request = read_request(flags, has_flesh);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);

@@ -48,6 +48,12 @@ std::unique_ptr<InTime> open_in_time(const std::string& input,
 #else
         break;
 #endif
+    case TimeScene::FleshAndRods:
+#if defined(CELLWARP_WITH_RODS) && defined(CELLWARP_WITH_SKELETON)
+        return open_joined_in_time(input, options);
+#else
+        break;
+#endif
     }
 #if defined(CELLWARP_WITH_RODS) || defined(CELLWARP_WITH_SKELETON)
     throw Error(Fault::Usage, input + ": this build has no part that moves it in time "
@@ -71,7 +77,7 @@ std::optional<FleshFacts> flesh_in_time([[maybe_unused]] const std::string& inpu
                                         [[maybe_unused]] const CellSettings& cells)
 {
 #ifdef CELLWARP_WITH_SKELETON
-    if (time_scene_of(input) == TimeScene::Flesh)
+    if (has_flesh(time_scene_of(input)))
         return flesh_of_scene(input, geometry, cells);
 #endif
     return std::nullopt;

@@ -5,6 +5,7 @@
 
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
+#include "editor/cli/told_in_time.h"
 #include "editor/flesh/flesh_simulation.h"
 #include "editor/session/volume.h"
 #include "io/geometry_file.h"
@@ -31,147 +32,184 @@ Json size_of(const FleshBody& body)
             {"rows_dropped", body.dropped}};
 }
 
+} // namespace
+
+Json told_of_flesh(std::int64_t number, const FleshFrame& frame,
+                   const FleshSimulation& simulation)
+{
+    const FleshBody& body = simulation.body();
+    const std::optional<Volume> volume =
+        enclosed_volumes(simulation.geometry(), simulation.deformed_live().samples);
+    Json json = {
+        {"frame", number},
+        {"time", frame.time},
+        {"energy",
+         {{"kinetic", frame.kinetic},
+          {"elastic", frame.elastic},
+          {"gravity", frame.gravity}}},
+        {"momentum", numbers(frame.momentum)},
+        {"angular_momentum", numbers(frame.angular_momentum)},
+        {"constraint", frame.miss},
+        {"iterations", frame.systems},
+        {"stop", frame.stop},
+        {"rods", Json::array()},
+        {"skeleton",
+         {{"elastic", frame.elastic},
+          {"kinetic", frame.kinetic},
+          {"largest_strain", frame.largest_strain},
+          {"inverted", frame.inverted},
+          {"cg_steps", frame.cg_steps},
+          {"contacts", frame.contacts},
+          {"support", numbers(frame.support)},
+          {"pull", numbers(frame.pull)},
+          {"step_ms", frame.step_ms}}},
+        {"volume",
+         volume ? Json{{"before", volume->before}, {"after", volume->after}} : Json()}};
+    json["skeleton"].update(size_of(body));
+    if (body.model->flesh().law == "regions")
+        json["skeleton"]["factors"] = frame.factors;
+    if (body.model->flesh().detail > 0.0)
+        json["skeleton"].update({{"split", frame.split},
+                                 {"merged", frame.merged},
+                                 {"detail_ms", frame.detail_ms}});
+    return json;
+}
+
+FleshRequest read_flesh_request(const std::string& path)
+{
+    SessionFlags flags;
+    flags.model = path;
+    const SessionRequest request = read_request(flags, true);
+    FleshRequest out{read_scene(path), nullptr, request.settings.cells, request.warnings};
+    if (request.handles &&
+        std::any_of(request.handles->stages.begin(), request.handles->stages.end(),
+                    [](const Stage& stage) { return !stage.regions.empty(); }))
+        out.warnings.push_back(at({out.scene.handles, 0, ""},
+                                  "regions are for deform: flesh is held by its bones"));
+    out.file =
+        std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
+    return out;
+}
+
+void SeenFlesh::add(const FleshFrame& frame)
+{
+    limited += frame.limited;
+    inverted = std::max(inverted, frame.inverted);
+}
+
+void SeenFlesh::add_warnings(const FleshSimulation& simulation,
+                             std::vector<std::string>& out) const
+{
+    if (limited > 0)
+        out.push_back(
+            fmt::format("{} turns of joints were cut to their limits", limited));
+    if (inverted > 0)
+        out.push_back(fmt::format(
+            "up to {} of {} cells were turned inside out: shorter steps, stiffer flesh, "
+            "or another law may bear it",
+            inverted, simulation.body().flesh->lattice().cells.size()));
+}
+
+PartCounts parts_of_flesh(const FleshSimulation& simulation)
+{
+    PartCounts parts;
+    parts.skeleton = 1;
+    const FleshBody& body = simulation.body();
+    parts.interior =
+        body.octree && body.octree->rest->material.method != InsideMethod::None;
+    parts.rbf = body.octree != nullptr;
+    parts.faces = simulation.geometry().num_faces() > 0;
+    parts.normals = !simulation.geometry().directions.empty();
+    return parts;
+}
+
+FilmFrame seen_of_flesh(const FleshSimulation& simulation,
+                        const std::vector<Eigen::Vector3d>& samples)
+{
+    FilmFrame seen;
+    Geometry& model = seen.parts.emplace_back(simulation.geometry());
+    model.samples = samples;
+    if (Geometry obstacles = simulation.obstacles(); !obstacles.samples.empty())
+        seen.parts.push_back(std::move(obstacles));
+    seen.joints = simulation.joints();
+    seen.cells = simulation.drawn_cells();
+    return seen;
+}
+
+namespace
+{
+
 class FleshInTime final : public InTime
 {
 public:
     FleshInTime(const std::string& path, const InTimeOptions& options)
+        : request_(read_flesh_request(path)),
+          simulation_(geometry_of(request_.file), request_.scene, request_.cells,
+                      options.is_tight),
+          deformed_(simulation_.deformed())
     {
-        SessionFlags flags;
-        flags.model = path;
-        const SessionRequest request = read_request(flags, true);
-        const SceneFile scene = read_scene(path);
-        warnings_ = request.warnings;
-        if (request.handles &&
-            std::any_of(request.handles->stages.begin(), request.handles->stages.end(),
-                        [](const Stage& stage) { return !stage.regions.empty(); }))
-            warnings_.push_back(at({scene.handles, 0, ""},
-                                   "regions are for deform: flesh is held by its bones"));
-        file_ = std::make_shared<const GeometryFile>(
-            read_geometry(request.model, request.read));
-        simulation_.emplace(geometry_of(file_), scene, request.settings.cells,
-                            options.is_tight);
-        deformed_ = simulation_->deformed();
     }
 
     std::vector<std::string> warnings() const override
     {
-        std::vector<std::string> all = warnings_;
-        all.insert(all.end(), simulation_->warnings().begin(),
-                   simulation_->warnings().end());
-        if (limited_ > 0)
-            all.push_back(
-                fmt::format("{} turns of joints were cut to their limits", limited_));
-        if (inverted_ > 0)
-            all.push_back(fmt::format(
-                "up to {} of {} cells were turned inside out: shorter steps, stiffer "
-                "flesh, or another law may bear it",
-                inverted_, simulation_->body().flesh->lattice().cells.size()));
+        std::vector<std::string> all = request_.warnings;
+        all.insert(all.end(), simulation_.warnings().begin(),
+                   simulation_.warnings().end());
+        seen_.add_warnings(simulation_, all);
         return all;
     }
     bool is_static() const override { return false; }
-    std::int64_t last_frame() const override { return simulation_->last_frame(); }
+    std::int64_t last_frame() const override { return simulation_.last_frame(); }
     double time_of(std::int64_t frame) const override
     {
-        return simulation_->time_of(frame);
+        return simulation_.time_of(frame);
     }
-    std::int64_t num_steps() const override { return simulation_->num_steps(); }
-    std::int64_t steps_done() const override { return simulation_->steps_done(); }
+    std::int64_t num_steps() const override { return simulation_.num_steps(); }
+    std::int64_t steps_done() const override { return simulation_.steps_done(); }
     void next_frame(const std::function<void()>& watch, bool wants_samples) override
     {
-        simulation_->next_frame(watch);
+        simulation_.next_frame(watch);
         if (wants_samples)
-            deformed_ = simulation_->deformed();
+            deformed_ = simulation_.deformed();
     }
 
     Told tell(std::int64_t number, bool wants_json) override
     {
         Told told;
-        const FleshFrame frame = simulation_->report();
-        limited_ += frame.limited;
-        inverted_ = std::max(inverted_, frame.inverted);
+        const FleshFrame frame = simulation_.report();
+        seen_.add(frame);
         if (!frame.is_converged)
             told.problems.push_back("the flesh: " + frame.stop);
         if (!wants_json)
             return told;
-        const FleshBody& body = simulation_->body();
-        const std::optional<Volume> volume = enclosed_volumes(
-            simulation_->geometry(), simulation_->deformed_live().samples);
-        told.json = {
-            {"frame", number},
-            {"time", frame.time},
-            {"energy",
-             {{"kinetic", frame.kinetic},
-              {"elastic", frame.elastic},
-              {"gravity", frame.gravity}}},
-            {"momentum", numbers(frame.momentum)},
-            {"angular_momentum", numbers(frame.angular_momentum)},
-            {"constraint", frame.miss},
-            {"iterations", frame.systems},
-            {"stop", frame.stop},
-            {"rods", Json::array()},
-            {"skeleton",
-             {{"elastic", frame.elastic},
-              {"kinetic", frame.kinetic},
-              {"largest_strain", frame.largest_strain},
-              {"inverted", frame.inverted},
-              {"cg_steps", frame.cg_steps},
-              {"contacts", frame.contacts},
-              {"support", numbers(frame.support)},
-              {"pull", numbers(frame.pull)},
-              {"step_ms", frame.step_ms}}},
-            {"volume", volume ? Json{{"before", volume->before}, {"after", volume->after}}
-                              : Json()}};
-        told.json["skeleton"].update(size_of(body));
-        if (body.model->flesh().law == "regions")
-            told.json["skeleton"]["factors"] = frame.factors;
-        if (body.model->flesh().detail > 0.0)
-            told.json["skeleton"].update({{"split", frame.split},
-                                          {"merged", frame.merged},
-                                          {"detail_ms", frame.detail_ms}});
+        told.json = told_of_flesh(number, frame, simulation_);
         return told;
     }
     void add_to(Json& json) const override
     {
-        PartCounts parts;
-        parts.skeleton = 1;
-        const FleshBody& body = simulation_->body();
-        parts.interior =
-            body.octree && body.octree->rest->material.method != InsideMethod::None;
-        parts.rbf = body.octree != nullptr;
-        parts.faces = simulation_->geometry().num_faces() > 0;
-        parts.normals = !simulation_->geometry().directions.empty();
-        json["mass"] = body.mass;
-        json["unused"] = unused_parts(parts);
+        json["mass"] = simulation_.body().mass;
+        json["unused"] = unused_parts(parts_of_flesh(simulation_));
     }
 
-    std::shared_ptr<const GeometryFile> model() const override { return file_; }
+    std::shared_ptr<const GeometryFile> model() const override { return request_.file; }
     const DeformedSamples& deformed() const override { return deformed_; }
     std::optional<std::string> bytes_of_rods(const std::string&, double,
                                              const Drawing&) const override
     {
         return std::nullopt;
     }
-    double unit() const override { return simulation_->time().unit; }
+    double unit() const override { return simulation_.time().unit; }
 
     FilmFrame seen(int) const override
     {
-        FilmFrame seen;
-        Geometry& model = seen.parts.emplace_back(simulation_->geometry());
-        model.samples = deformed_.samples;
-        if (Geometry obstacles = simulation_->obstacles(); !obstacles.samples.empty())
-            seen.parts.push_back(std::move(obstacles));
-        seen.joints = simulation_->joints();
-        seen.cells = simulation_->drawn_cells();
-        return seen;
+        return seen_of_flesh(simulation_, deformed_.samples);
     }
 
 private:
-    std::vector<std::string> warnings_;
-    std::shared_ptr<const GeometryFile> file_;
-    std::optional<FleshSimulation> simulation_;
+    FleshRequest request_;
+    FleshSimulation simulation_;
     DeformedSamples deformed_;
-    std::int64_t limited_ = 0;
-    std::size_t inverted_ = 0;
+    SeenFlesh seen_;
 };
 
 } // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A scene in time as the command line sees it: rods with what they carry, or flesh that
-// follows a skeleton. Each kind has a file of its own.
+// A scene in time as the command line sees it: rods with what they carry, flesh that
+// follows a skeleton, or both. Each kind has a file of its own.
 #pragma once
 
 #include <cstdint>
@@ -81,6 +81,9 @@ Json rods_of_scene(const std::string& scene);
 /// Flesh: editor/cli/flesh_in_time.cpp.
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options);
+/// Both: editor/cli/joined_in_time.cpp.
+std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
+                                            const InTimeOptions& options);
 
 /// What check says of flesh; nothing for scenes without it, or in a build without it.
 struct FleshFacts

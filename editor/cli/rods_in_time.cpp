@@ -6,6 +6,7 @@
 
 #include "editor/cli/in_time.h"
 #include "editor/cli/session_json.h"
+#include "editor/cli/told_in_time.h"
 #include "editor/simulation/carried_model.h"
 #include "editor/simulation/simulation.h"
 #include "io/geometry_file.h"
@@ -19,19 +20,21 @@ namespace cellwarp
 namespace
 {
 
-constexpr int kPlaces = 33;     ///< of each curve in --json
-constexpr int kSheetPlaces = 5; ///< along each side of a sheet
+constexpr int kPlacesOfCurve = 33; ///< of each curve in --json
+constexpr int kSheetPlaces = 5;    ///< along each side of a sheet
 
 Json numbers(const Eigen::Vector3d& v)
 {
     return {v.x(), v.y(), v.z()};
 }
 
-Json frame_json(std::int64_t frame, const SimulationReport& report,
-                const Simulation& simulation)
+} // namespace
+
+Json told_of_rods(std::int64_t frame, const SimulationReport& report,
+                  const Simulation& simulation)
 {
     Json rods = Json::array();
-    for (const SimulatedRod& rod : simulation.rods(kPlaces))
+    for (const SimulatedRod& rod : simulation.rods(kPlacesOfCurve))
     {
         Json curve = Json::array();
         for (const Eigen::Vector3d& p : rod.curve)
@@ -96,12 +99,24 @@ Json frame_json(std::int64_t frame, const SimulationReport& report,
     return out;
 }
 
+std::string problem_of_rods(const SimulationReport& report)
+{
+    std::string what = report.stopped + ": " + report.stop;
+    if (report.violation > 1e-9)
+        what += fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
+                            report.violation);
+    return what;
+}
+
+namespace
+{
+
 /// The rods' middles as an OBJ of lines.
 std::string lines_of(const Simulation& simulation, double unit)
 {
     std::string text = "# cellwarp simulate\n";
     std::size_t first = 1;
-    for (const SimulatedRod& rod : simulation.rods(kPlaces))
+    for (const SimulatedRod& rod : simulation.rods(kPlacesOfCurve))
     {
         text += "o " + rod.name + "\n";
         for (const Eigen::Vector3d& p : rod.curve)
@@ -114,6 +129,24 @@ std::string lines_of(const Simulation& simulation, double unit)
     }
     return text;
 }
+
+} // namespace
+
+std::string bytes_of(const Simulation& rods, const std::string& name, double unit,
+                     const InTime::Drawing& drawing)
+{
+    if (drawing.writes_lines)
+        return lines_of(rods, unit);
+    Geometry surface = rods.surface(drawing.around);
+    for (Eigen::Vector3d& x : surface.samples)
+        x /= unit;
+    const std::string extension = extension_of(name);
+    return plain_mesh_bytes(surface, {surface.samples, {}},
+                            extension.empty() ? "obj" : extension);
+}
+
+namespace
+{
 
 /// How many cells each rod carries.
 Json carriers_json(const Session& session)
@@ -183,23 +216,16 @@ public:
                                              ? &carried_->session().frames().back()
                                              : nullptr;
         if (!report.is_converged)
-        {
-            std::string what = report.stopped + ": " + report.stop;
-            if (report.violation > 1e-9)
-                what +=
-                    fmt::format("; constraints are violated by up to {:.3g} (m, or rad)",
-                                report.violation);
-            told.problems.push_back(std::move(what));
-        }
+            told.problems.push_back(problem_of_rods(report));
         if (cells && cells->solve.stop != Stop::Converged)
             told.problems.push_back(
                 fmt::format("the cells did not converge ({}, gradient {:.3g})",
                             stop_name(cells->solve.stop), cells->solve.gradient));
         if (!wants_json)
             return told;
-        told.json = frame_json(frame, report, simulation_);
+        told.json = told_of_rods(frame, report, simulation_);
         if (cells)
-            told.json["model"] = cellwarp::frame_json(*cells);
+            told.json["model"] = frame_json(*cells);
         return told;
     }
     void add_to(Json& json) const override
@@ -218,14 +244,7 @@ public:
     std::optional<std::string> bytes_of_rods(const std::string& name, double unit,
                                              const Drawing& drawing) const override
     {
-        if (drawing.writes_lines)
-            return lines_of(simulation_, unit);
-        Geometry surface = simulation_.surface(drawing.around);
-        for (Eigen::Vector3d& x : surface.samples)
-            x /= unit;
-        const std::string extension = extension_of(name);
-        return plain_mesh_bytes(surface, {surface.samples, {}},
-                                extension.empty() ? "obj" : extension);
+        return bytes_of(simulation_, name, unit, drawing);
     }
     double unit() const override { return scene_.unit; }
 
@@ -262,7 +281,8 @@ std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
 Json rods_of_scene(const std::string& scene)
 {
     Json rods = Json::array();
-    if (time_scene_of(scene) == TimeScene::Rods)
+    if (const TimeScene kind = time_scene_of(scene);
+        kind == TimeScene::Rods || kind == TimeScene::FleshAndRods)
         for (const RodStatement& rod : read_rod_scene(scene).rods)
             rods.push_back({{"name", rod.name},
                             {"points", std::max(rod.points.size(), rod.through.size())},

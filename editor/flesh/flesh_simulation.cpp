@@ -160,12 +160,17 @@ std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) c
     return pulled;
 }
 
+std::vector<Motion> FleshSimulation::motions_at(std::int64_t step) const
+{
+    const double time = static_cast<double>(step) * time_.dt;
+    const SkeletonAim aim = aim_at(time, snapshot_.by_hand);
+    return motions_between(aim, aim, 1.0, time);
+}
+
 /// The same at the end of the step that is done.
 std::vector<Motion> FleshSimulation::motions_now() const
 {
-    const SkeletonAim aim =
-        aim_at(static_cast<double>(steps_done()) * time_.dt, snapshot_.by_hand);
-    return motions_between(aim, aim, 1.0, static_cast<double>(steps_done()) * time_.dt);
+    return motions_at(steps_done());
 }
 
 /// From rest to the first pose, without inertia.
@@ -244,21 +249,28 @@ void FleshSimulation::step()
 {
     const Clock::time_point start = Clock::now();
     const double end = static_cast<double>(snapshot_.steps + 1) * time_.dt;
-    const SkeletonAim aim = aim_at(end, snapshot_.by_hand);
-    since_.limited = aim.limited;
     const std::vector<FleshObstacle> obstacles = obstacles_at(end);
     const std::vector<PulledPoint> pulled = pulled_at(end, 1.0);
-    const FleshReport report =
-        body_.flesh->step(snapshot_.state, time_.dt, motions_between(aim, aim, 1.0, end),
-                          {obstacles, pulled});
+    FleshState state = snapshot_.state;
+    const FleshReport report = body_.flesh->step(
+        state, time_.dt, motions_at(snapshot_.steps + 1), {obstacles, pulled});
+    take_step(std::move(state), report, ms_since(start));
+}
+
+void FleshSimulation::take_step(FleshState state, const FleshReport& report, double ms)
+{
+    snapshot_.state = std::move(state);
     ++snapshot_.steps;
+    since_.limited =
+        aim_at(static_cast<double>(snapshot_.steps) * time_.dt, snapshot_.by_hand)
+            .limited;
     since_.systems += report.systems;
     since_.factors += report.factors;
     since_.contacts = report.contacts.count;
     since_.support = report.contacts.force;
     since_.pull = report.contacts.pull;
     since_.cg_steps += report.cg_steps;
-    since_.step_ms += ms_since(start);
+    since_.step_ms += ms;
     is_finite_ = report.is_finite;
     const auto every =
         static_cast<std::int64_t>(std::ceil(kDetailEvery / time_.dt - 0.5));

@@ -73,6 +73,11 @@ public:
     std::int64_t last_frame() const;
     std::int64_t steps_done() const { return snapshot_.steps; }
     void step();
+    /// For those who step it together with other things: where the bones, and what is
+    /// held, are at the end of a step, of numbers from 1.
+    std::vector<Motion> motions_at(std::int64_t step) const;
+    /// They have, to \p state, in \p ms.
+    void take_step(FleshState state, const FleshReport& report, double ms);
     /// To the end of the next frame. \p watch: after each step.
     void next_frame(const std::function<void()>& watch = {});
     FleshFrame report();

@@ -35,17 +35,6 @@ namespace
 
 using Eigen::Vector3d;
 
-/// Steps and forces are small beside the places of a scene far from the origin, and drown
-/// in their rounding: everything is seen from one of its points.
-Vector3d origin_of(const RodScene& scene)
-{
-    if (scene.rods.empty())
-        return scene.sheets.empty() ? Vector3d::Zero()
-                                    : vector_of(scene.sheets.front().corner);
-    const RodStatement& rod = scene.rods.front();
-    return vector_of((rod.points.empty() ? rod.through : rod.points).front());
-}
-
 constexpr double kMostPartsOfFrame = 4096.0; ///< of a step
 constexpr int kMostRounds = 100;             ///< of an equilibrium whose rods change
 
@@ -107,6 +96,17 @@ std::unique_ptr<SplineSheet> sheet_of(const RodScene& scene, std::size_t k,
 
 } // namespace
 
+/// Steps and forces are small beside the places of a scene far from the origin, and drown
+/// in their rounding: everything is seen from one of its points.
+Vector3d Simulation::origin_of(const RodScene& scene)
+{
+    if (scene.rods.empty())
+        return scene.sheets.empty() ? Vector3d::Zero()
+                                    : vector_of(scene.sheets.front().corner);
+    const RodStatement& rod = scene.rods.front();
+    return vector_of((rod.points.empty() ? rod.through : rod.points).front());
+}
+
 /// All that moves, in the order of the scene.
 struct Simulation::Parts
 {
@@ -122,7 +122,8 @@ struct Simulation::Parts
     std::vector<std::unique_ptr<SplineSheet>> sheets;
     /// Rods as objects of joints, those that have some.
     std::map<std::size_t, RodObject> objects;
-    std::vector<Joint> joints; ///< of objects numbered through: rods, bodies, nets
+    JoinedFlesh* flesh = nullptr;
+    std::vector<Joint> joints; ///< of objects numbered through: as object() has them
     std::optional<RodContacts> contacts;
     std::vector<std::pair<PlaceOnRod, PlaceOnRod>> on_each_other; ///< joined places
     std::vector<Geometry> meshes;                                 ///< obstacles
@@ -133,7 +134,8 @@ struct Simulation::Parts
 
     std::size_t count() const
     {
-        return rods.size() + bodies.size() + nets.size() + sheets.size();
+        return rods.size() + bodies.size() + nets.size() + sheets.size() +
+               (flesh ? 1 : 0);
     }
     RodObject& object_of(std::size_t rod)
     {
@@ -150,10 +152,13 @@ struct Simulation::Parts
         if (k < bodies.size())
             return &bodies[k].body;
         k -= bodies.size();
-        return k < nets.size() ? static_cast<ArticulableObject*>(&nets[k])
-                               : sheets[k - nets.size()].get();
+        if (k < nets.size())
+            return &nets[k];
+        k -= nets.size();
+        return k < sheets.size() ? static_cast<ArticulableObject*>(sheets[k].get())
+                                 : &flesh->object();
     }
-    const std::string& name(const RodScene& scene, std::size_t k) const
+    std::string name(const RodScene& scene, std::size_t k) const
     {
         if (k < rods.size())
             return rods[k]->name();
@@ -161,7 +166,10 @@ struct Simulation::Parts
         if (k < bodies.size())
             return bodies[k].statement->name;
         k -= bodies.size();
-        return k < nets.size() ? scene.nets[k].name : scene.sheets[k - nets.size()].name;
+        if (k < nets.size())
+            return scene.nets[k].name;
+        k -= nets.size();
+        return k < sheets.size() ? scene.sheets[k].name : "flesh";
     }
 };
 
@@ -179,8 +187,9 @@ struct Simulation::Group
 
 Simulation::~Simulation() = default;
 
-Simulation::Simulation(const RodScene& scene)
-    : scene_(scene), origin_(origin_of(scene)), parts_(std::make_unique<Parts>())
+Simulation::Simulation(const RodScene& scene, JoinedFlesh* flesh)
+    : scene_(scene), flesh_(flesh), origin_(origin_of(scene)),
+      parts_(std::make_unique<Parts>())
 {
     for (std::size_t r = 0; r < scene_.rods.size(); ++r)
         parts_->rods.push_back(std::make_unique<RodPart>(scene_, r, origin_));
@@ -218,6 +227,7 @@ Simulation::Simulation(const RodScene& scene)
     }
     for (std::size_t k = 0; k < scene_.sheets.size(); ++k)
         parts_->sheets.push_back(sheet_of(scene_, k, origin_));
+    parts_->flesh = flesh_;
     join();
     touch();
     for (const std::unique_ptr<RodPart>& rod : parts_->rods)
@@ -228,8 +238,10 @@ Simulation::Simulation(const RodScene& scene)
     group();
 }
 
-Vector3d Simulation::place_of(const JointEnd& end) const
+Vector3d Simulation::place_of(const JointEnd& end, const std::string& where) const
 {
+    if (end.kind == JointEnd::Kind::Flesh)
+        return flesh_->place_at(vector_of(end.point), where);
     if (end.kind == JointEnd::Kind::Rod)
     {
         const RodPart& rod = *parts_->rods[end.index];
@@ -262,6 +274,9 @@ Simulation::End Simulation::end_of(const JointEnd& end, const SlideStatement& sl
     if (end.kind == JointEnd::Kind::Net)
         return {static_cast<int>(rods + bodies + end.index), static_cast<int>(end.node),
                 std::nullopt};
+    if (end.kind == JointEnd::Kind::Flesh)
+        return {static_cast<int>(parts_->count()) - 1,
+                flesh_->add_place(vector_of(end.point), where), std::nullopt};
     if (end.kind == JointEnd::Kind::Sheet)
         return {static_cast<int>(rods + bodies + parts_->nets.size() + end.index),
                 parts_->sheets[end.index]->add_place(end.point), std::nullopt};
@@ -432,7 +447,7 @@ void Simulation::join()
         const auto start_of = [&](JointEnd end, const SlideStatement& slide)
         {
             end.at = end.slides ? slide.start.value_or(0.0) : end.at;
-            return place_of(end);
+            return place_of(end, both.where);
         };
         const Vector3d of_a = start_of(both.a, both.of_a),
                        of_b = start_of(both.b, both.of_b);
@@ -578,6 +593,8 @@ void Simulation::group()
     {
         if (group_of[first] != first)
             continue;
+        if (flesh_ && first == count - 1)
+            continue; // no joint holds it
         Group& group = *groups_.emplace_back(std::make_unique<Group>());
         group.name = parts_->name(scene_, first);
         std::vector<std::size_t> members;
@@ -614,6 +631,7 @@ void Simulation::group()
         std::vector<ArticulableObject*> objects;
         for (const std::size_t k : members)
             objects.push_back(parts_->object(k));
+        moves_flesh_ = moves_flesh_ || (flesh_ && members.back() == count - 1);
         group.joined.emplace(std::move(objects), std::move(joints), 1e-9,
                              has_contacts ? &*parts_->contacts : nullptr);
     }
@@ -630,7 +648,10 @@ void Simulation::need_hold(const Group& group,
         is_held = is_held || !body->statement->keys.empty();
     const std::size_t before = parts_->rods.size() + parts_->bodies.size();
     for (const std::size_t k : members)
-        if (const std::size_t nets = scene_.nets.size(); k >= before + nets)
+        if (const std::size_t nets = scene_.nets.size();
+            k >= before + nets + scene_.sheets.size())
+            is_held = true; // flesh by its bones
+        else if (k >= before + nets)
         {
             const SheetStatement& sheet = scene_.sheets[k - before - nets];
             is_held = is_held || !sheet.fixed.empty() || !sheet.over.empty();

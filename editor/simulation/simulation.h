@@ -19,8 +19,24 @@
 namespace cellwarp
 {
 
+class ArticulableObject;
 class RodPart;
 struct StepReport;
+
+/// What rods, bodies and nets may be joined to, and is built elsewhere: flesh.
+class JoinedFlesh
+{
+public:
+    virtual ~JoinedFlesh() = default;
+    virtual ArticulableObject& object() = 0;
+    /// Where a point of it is now, in the axes of object(). \p at: at rest, in those of
+    /// the scene [m]; \p where: the key of the joint. Throws Fault::Malformed for a point
+    /// outside.
+    virtual Eigen::Vector3d place_at(const Eigen::Vector3d& at,
+                                     const std::string& where) = 0;
+    /// Number of it as a place of object().
+    virtual int add_place(const Eigen::Vector3d& at, const std::string& where) = 0;
+};
 
 /// One rod, or a piece of one that was cut, as it is seen.
 struct SimulatedRod
@@ -75,8 +91,14 @@ class Simulation
 public:
     /// Builds all that moves. Throws Fault::Malformed with the key that cannot be, such
     /// as a step beyond what `rk4` is stable with.
-    explicit Simulation(const RodScene& scene);
+    /// \p flesh: what joints call so, which must outlive it; null: there is none.
+    explicit Simulation(const RodScene& scene, JoinedFlesh* flesh = nullptr);
     ~Simulation();
+
+    /// What all of its objects' places count from [m].
+    static Eigen::Vector3d origin_of(const RodScene& scene);
+    /// Whether joints hold the flesh: then steps move it, too.
+    bool moves_flesh() const { return moves_flesh_; }
 
     /// What a user may not expect of the start.
     const std::vector<std::string>& warnings() const { return warnings_; }
@@ -116,7 +138,7 @@ private:
     void join();
     End end_of(const JointEnd& end, const SlideStatement& slide, const std::string& where,
                const Eigen::Vector3d& other);
-    Eigen::Vector3d place_of(const JointEnd& end) const;
+    Eigen::Vector3d place_of(const JointEnd& end, const std::string& where) const;
     void keep_off_itself(std::size_t rod, double at, SlideStatement& slide) const;
     void group();
     void touch();
@@ -132,6 +154,8 @@ private:
     void take(Group& group, const StepReport& report);
 
     const RodScene scene_;
+    JoinedFlesh* const flesh_;
+    bool moves_flesh_ = false;
     const Eigen::Vector3d origin_; ///< what all places count from
     std::unique_ptr<Parts> parts_;
     std::vector<std::unique_ptr<Group>> groups_; ///< what is joined goes together

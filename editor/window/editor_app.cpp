@@ -286,8 +286,10 @@ void EditorApp::stop_playing()
 
 bool EditorApp::can_live() const
 {
-    return opened_ != nullptr &&
-           std::as_const(opened_->editing).document().scene().time && plays_flesh();
+    if (!opened_ || !plays_flesh())
+        return false;
+    const SceneFile& scene = std::as_const(opened_->editing).document().scene();
+    return scene.time && !scene.has_rods;
 }
 
 void EditorApp::live()

@@ -57,8 +57,9 @@ struct Film::State
     void make(const std::stop_token& stop)
     {
         const std::unique_ptr<FilmSource> source =
-            scene.time ? film_of_flesh({model, handles, scene, stop})
-                       : film_of_rods({model, handles, scene, stop});
+            !scene.time      ? film_of_rods({model, handles, scene, stop})
+            : scene.has_rods ? film_of_joined({model, handles, scene, stop})
+                             : film_of_flesh({model, handles, scene, stop});
         const std::shared_ptr<const ShapeLayout> layout = layout_of(model->geometry);
         double bytes = 0.0;
         const auto add = [&]
@@ -125,7 +126,8 @@ struct Film::State
 bool Film::is_in(const Document& document)
 {
     const SceneFile& scene = document.scene();
-    return (scene.has_carriers && plays_rods()) || (scene.time && plays_flesh());
+    return (scene.has_carriers && plays_rods()) ||
+           (scene.time && (scene.has_rods ? plays_joined() : plays_flesh()));
 }
 
 Film::Film(const Editing& editing) : state_(std::make_unique<State>())

@@ -19,6 +19,8 @@
 namespace cellwarp
 {
 
+class Simulation;
+
 /// What is filmed.
 struct FilmScene
 {
@@ -44,7 +46,14 @@ public:
 bool plays_rods(); ///< in this build
 std::unique_ptr<FilmSource> film_of_rods(const FilmScene& scene);
 
+/// Rods as they are now; \p unit: of the model [m].
+std::vector<ShownLine> shown_rods(const Simulation& simulation, double unit,
+                                  const WorkFrame& view);
+
 bool plays_flesh();
 std::unique_ptr<FilmSource> film_of_flesh(const FilmScene& scene);
+
+bool plays_joined(); ///< flesh with rods, bodies and nets
+std::unique_ptr<FilmSource> film_of_joined(const FilmScene& scene);
 
 } // namespace cellwarp

@@ -50,15 +50,7 @@ public:
     }
     std::vector<ShownLine> lines(const WorkFrame& view) const override
     {
-        std::vector<ShownLine> lines;
-        for (const SimulatedRod& rod : simulation_.rods(kPlacesOfLine))
-        {
-            ShownLine& line = lines.emplace_back();
-            line.name = rod.name;
-            for (const Eigen::Vector3d& place : rod.curve)
-                line.places.push_back(view.to_work(place / rods_.unit));
-        }
-        return lines;
+        return shown_rods(simulation_, rods_.unit, view);
     }
 
 private:
@@ -77,6 +69,20 @@ private:
 };
 
 } // namespace
+
+std::vector<ShownLine> shown_rods(const Simulation& simulation, double unit,
+                                  const WorkFrame& view)
+{
+    std::vector<ShownLine> lines;
+    for (const SimulatedRod& rod : simulation.rods(kPlacesOfLine))
+    {
+        ShownLine& line = lines.emplace_back();
+        line.name = rod.name;
+        for (const Eigen::Vector3d& place : rod.curve)
+            line.places.push_back(view.to_work(place / unit));
+    }
+    return lines;
+}
 
 bool plays_rods()
 {

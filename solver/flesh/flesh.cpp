@@ -13,16 +13,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include <Eigen/Geometry>
 
 #include "octree/base/parallel.h"
-#include "solver/flesh/flesh_forces.h"
-#include "solver/flesh/level_preconditioner.h"
-#include "solver/flesh/node_rows.h"
-#include "solver/flesh/step_rows.h"
-#include "solver/linear/conjugate_gradients.h"
+#include "solver/flesh/flesh_parts.h"
 
 namespace cellwarp
 {
@@ -34,14 +29,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr std::size_t kNodeGrain = 2048; ///< nodes
-
 /// More steps than this tell that a system cannot be solved to the tolerance.
 constexpr int kMostCgSteps = 2000;
-
-/// Below this h^2 E / (density edge^2) the mass is most of the matrix, and its diagonal
-/// a better preconditioner than all levels [theory-skeleton 10].
-constexpr double kHeavy = 3.0;
 
 /// Newton ends where the residual is below this, relative to that of the first round.
 constexpr double kNewtonTolerance = 1e-6;
@@ -55,179 +44,6 @@ constexpr double kAtRest = 1e-7, kLongStep = 300.0;
 constexpr int kMostRounds = 200;
 
 } // namespace
-
-struct Flesh::Parts
-{
-    Lattice lattice;
-    std::vector<FleshMaterial> materials;
-    std::vector<HeldPoint> points;
-    BoundNodes nodes;
-    FleshSettings settings;
-    FleshForces forces;
-    VectorXd weight, loads;        ///< of all nodes [N]
-    double edge = 0.0, size = 0.0; ///< of the smallest cell, and of all [m]
-
-    /// For one length of the step.
-    double prepared_dt = -1.0;
-    std::optional<LevelPreconditioner> preconditioner;
-    ConjugateGradients cg;
-    // Scratch: vectors of all nodes, and of the free ones.
-    VectorXd predicted, velocity, change, force, image, free_b, free_step;
-    VectorXd rows; ///< c, of the points
-
-    FleshSurface surface;
-    FreeShares free_shares;
-    std::vector<TubePart> tubes; ///< of the regions alone
-    std::optional<BlendedRegions> regions;
-    VectorXd by_mass; ///< of the regions: of each free node, 1 / its mass [1/kg]
-
-    Parts(Lattice of, std::vector<FleshMaterial> of_what, std::vector<HeldPoint> held,
-          std::vector<TubePart> of_tubes, FleshSettings how,
-          std::vector<FleshRegionShares> of_regions)
-        : lattice(std::move(of)), materials(std::move(of_what)), points(std::move(held)),
-          nodes(bind_nodes(lattice.hanging, points)), settings(how),
-          forces(lattice, materials, of_tubes), free_shares(nodes, lattice.places.size())
-    {
-        if (settings.law == FleshLaw::Regions)
-        {
-            tubes = std::move(of_tubes);
-            regions.emplace(lattice, nodes, materials, tubes, std::move(of_regions),
-                            settings.alpha, settings.beta);
-        }
-        Vector3d low = Vector3d::Constant(INFINITY), high = -low;
-        for (const Vector3d& x : lattice.places)
-        {
-            low = low.cwiseMin(x);
-            high = high.cwiseMax(x);
-        }
-        size = lattice.places.empty() ? 0.0 : (high - low).norm();
-        edge = size;
-        for (const LatticePart& part : lattice.parts)
-        {
-            const CornerNodes& corners = lattice.cells[idx(part.cell)];
-            edge = std::min(
-                edge, (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])])
-                          .norm());
-        }
-        VectorXd g = all_nodes();
-        for (Eigen::Index n = 0; n < g.size(); n += 3)
-            g.segment<3>(n) = settings.gravity;
-        forces.multiply(g, {1.0, 0.0, 0.0}, weight);
-        loads = all_nodes();
-        if (settings.law == FleshLaw::StVenantKirchhoff)
-            forces.take_law(StrainLaw::StVenantKirchhoff);
-        if (settings.law == FleshLaw::NeoHookean)
-            forces.take_law(StrainLaw::NeoHookean);
-    }
-
-    VectorXd all_nodes() const
-    {
-        return VectorXd::Zero(Eigen::Index(3 * lattice.places.size()));
-    }
-
-    /// Free nodes as given, bound ones by them and the points' \p c, if any.
-    void expand(const VectorXd& free, const VectorXd* c, VectorXd& all) const
-    {
-        all.resize(Eigen::Index(3 * lattice.places.size()));
-        parallel_for(nodes.free.size(), kNodeGrain,
-                     [&](std::size_t k) {
-                         all.segment<3>(3 * nodes.free[k]) =
-                             free.segment<3>(Eigen::Index(3 * k));
-                     });
-        parallel_for(nodes.bound.size(), kNodeGrain,
-                     [&](std::size_t k)
-                     {
-                         Vector3d sum = Vector3d::Zero();
-                         for (const NodeShare& share : nodes.by_free[k])
-                             sum += share.share * free.segment<3>(3 * share.node);
-                         if (c)
-                             for (const NodeShare& share : nodes.by_points[k])
-                                 sum += share.share * c->segment<3>(3 * share.node);
-                         all.segment<3>(3 * nodes.bound[k]) = sum;
-                     });
-    }
-    /// Forces on free nodes, with what those on bound ones come to.
-    void reduce(const VectorXd& all, VectorXd& free) const
-    {
-        free.resize(Eigen::Index(3 * nodes.free.size()));
-        parallel_for(nodes.free.size(), kNodeGrain,
-                     [&](std::size_t k)
-                     {
-                         Vector3d sum = all.segment<3>(3 * nodes.free[k]);
-                         for (const NodeShare& share : nodes.free_of[k])
-                             sum += share.share *
-                                    all.segment<3>(3 * nodes.bound[idx(share.node)]);
-                         free.segment<3>(Eigen::Index(3 * k)) = sum;
-                     });
-    }
-
-    FleshFactors factors(double dt) const
-    {
-        return {1.0 + dt * settings.alpha, dt * dt + dt * settings.beta, dt * dt};
-    }
-
-    void prepare(double dt)
-    {
-        if (dt == prepared_dt)
-            return;
-        double stiffest = 0.0; // z^2
-        for (const FleshMaterial& material : materials)
-            stiffest = std::max(stiffest, dt * dt * material.young /
-                                              (material.density * edge * edge));
-        preconditioner.emplace(lattice, nodes, forces.mean_blocks(), factors(dt),
-                               settings.has_levels && !regions && stiffest >= kHeavy);
-        cg = ConjugateGradients(Eigen::Index(3 * nodes.free.size()));
-        prepared_dt = dt;
-    }
-
-    static Vector3d displacement_of(const HeldPoint& point,
-                                    std::span<const Motion> motions)
-    {
-        return motions[idx(point.motion)](point.place) - point.place;
-    }
-
-    /// Changes of the held points' velocities, such that they end where they should.
-    void find_rows(const FleshState& state, double dt, std::span<const Motion> motions)
-    {
-        rows.resize(Eigen::Index(3 * points.size()));
-        for (std::size_t k = 0; k < points.size(); ++k)
-            rows.segment<3>(Eigen::Index(3 * k)) = (displacement_of(points[k], motions) -
-                                                    at_point(points[k].shares, state.u)) /
-                                                       dt -
-                                                   at_point(points[k].shares, velocity);
-    }
-
-    // To the velocities after the step.
-    FleshReport step_by_rounds(const FleshState& state, double dt,
-                               std::span<const Motion> motions,
-                               const FleshSurroundings& around);
-    FleshReport step_by_regions(const FleshState& state, double dt,
-                                std::span<const Motion> motions,
-                                const FleshSurroundings& around);
-
-    /// What is left of forces and inertia, times the step, at velocities \p v after it.
-    void impulse(const VectorXd& u, const VectorXd& v0, const VectorXd& v, double dt,
-                 std::span<const Motion> motions)
-    {
-        predicted = u + dt * v;
-        if (settings.law != FleshLaw::Linear)
-            forces.follow(predicted);
-        forces.forces(predicted, motions, force);
-        force += weight + loads;
-        if (settings.alpha > 0.0 || settings.beta > 0.0)
-        {
-            forces.multiply(v, {settings.alpha, settings.beta, 0.0}, image);
-            force -= image;
-        }
-        force *= dt;
-        change = v - v0;
-        if (!change.isZero(0.0))
-        {
-            forces.multiply(change, {1.0, 0.0, 0.0}, image);
-            force -= image;
-        }
-    }
-};
 
 namespace
 {
@@ -525,8 +341,7 @@ double Flesh::largest_miss(const FleshState& state, std::span<const Motion> moti
 
 std::size_t Flesh::num_inverted(const FleshState& state) const
 {
-    if (parts_->settings.law == FleshLaw::StVenantKirchhoff ||
-        parts_->settings.law == FleshLaw::NeoHookean)
+    if (parts_->is_of_large_strain())
         return parts_->forces.num_inverted(state.u);
     const std::vector<Matrix3d> F = deformations(state);
     return static_cast<std::size_t>(std::count_if(F.begin(), F.end(),
@@ -556,8 +371,7 @@ Eigen::MatrixXd Flesh::dense_matrix(double mass, double stiffness, double tube) 
 {
     Parts& p = *parts_;
     p.forces.stand_still();
-    if (p.settings.law == FleshLaw::StVenantKirchhoff ||
-        p.settings.law == FleshLaw::NeoHookean)
+    if (p.is_of_large_strain())
         p.forces.follow(p.all_nodes());
     const Eigen::Index size = p.weight.size();
     Eigen::MatrixXd out(size, size);

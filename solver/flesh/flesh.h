@@ -124,6 +124,7 @@ public:
     Eigen::MatrixXd dense_matrix(double mass, double stiffness, double tube) const;
 
 private:
+    friend class FleshStep;
     struct Parts;
     std::unique_ptr<Parts> parts_;
 };

@@ -49,6 +49,9 @@ public:
     void stand_still();
     /// Of the last follow().
     const std::vector<Eigen::Matrix3d>& frames() const { return frames_; }
+    /// Second derivatives of the parts, made positive; none without a law.
+    const std::vector<PartMatrix>& hessians() const { return hessians_; }
+    const std::vector<TubePart>& tubes() const { return tubes_; }
     /// F, the mean of each cell.
     void mean_deformations(const Eigen::VectorXd& u,
                            std::vector<Eigen::Matrix3d>& out) const;

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/flesh/flesh_parts.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr std::size_t kNodeGrain = 2048; ///< nodes
+
+/// Below this h^2 E / (density edge^2) the mass is most of the matrix, and its diagonal
+/// a better preconditioner than all levels [theory-skeleton 10].
+constexpr double kHeavy = 3.0;
+
+} // namespace
+
+Flesh::Parts::Parts(Lattice of, std::vector<FleshMaterial> of_what,
+                    std::vector<HeldPoint> held, std::vector<TubePart> of_tubes,
+                    FleshSettings how, std::vector<FleshRegionShares> of_regions)
+    : lattice(std::move(of)), materials(std::move(of_what)), points(std::move(held)),
+      nodes(bind_nodes(lattice.hanging, points)), settings(how),
+      forces(lattice, materials, of_tubes), free_shares(nodes, lattice.places.size())
+{
+    if (settings.law == FleshLaw::Regions)
+    {
+        tubes = std::move(of_tubes);
+        regions.emplace(lattice, nodes, materials, tubes, std::move(of_regions),
+                        settings.alpha, settings.beta);
+    }
+    Vector3d low = Vector3d::Constant(INFINITY), high = -low;
+    for (const Vector3d& x : lattice.places)
+    {
+        low = low.cwiseMin(x);
+        high = high.cwiseMax(x);
+    }
+    size = lattice.places.empty() ? 0.0 : (high - low).norm();
+    edge = size;
+    for (const LatticePart& part : lattice.parts)
+    {
+        const CornerNodes& corners = lattice.cells[idx(part.cell)];
+        edge = std::min(
+            edge,
+            (lattice.places[idx(corners[1])] - lattice.places[idx(corners[0])]).norm());
+    }
+    VectorXd g = all_nodes();
+    for (Eigen::Index n = 0; n < g.size(); n += 3)
+        g.segment<3>(n) = settings.gravity;
+    forces.multiply(g, {1.0, 0.0, 0.0}, weight);
+    loads = all_nodes();
+    if (settings.law == FleshLaw::StVenantKirchhoff)
+        forces.take_law(StrainLaw::StVenantKirchhoff);
+    if (settings.law == FleshLaw::NeoHookean)
+        forces.take_law(StrainLaw::NeoHookean);
+}
+
+void Flesh::Parts::expand(const VectorXd& free, const VectorXd* c, VectorXd& all) const
+{
+    all.resize(Eigen::Index(3 * lattice.places.size()));
+    parallel_for(nodes.free.size(), kNodeGrain,
+                 [&](std::size_t k) {
+                     all.segment<3>(3 * nodes.free[k]) =
+                         free.segment<3>(Eigen::Index(3 * k));
+                 });
+    parallel_for(nodes.bound.size(), kNodeGrain,
+                 [&](std::size_t k)
+                 {
+                     Vector3d sum = Vector3d::Zero();
+                     for (const NodeShare& share : nodes.by_free[k])
+                         sum += share.share * free.segment<3>(3 * share.node);
+                     if (c)
+                         for (const NodeShare& share : nodes.by_points[k])
+                             sum += share.share * c->segment<3>(3 * share.node);
+                     all.segment<3>(3 * nodes.bound[k]) = sum;
+                 });
+}
+void Flesh::Parts::reduce(const VectorXd& all, VectorXd& free) const
+{
+    free.resize(Eigen::Index(3 * nodes.free.size()));
+    parallel_for(nodes.free.size(), kNodeGrain,
+                 [&](std::size_t k)
+                 {
+                     Vector3d sum = all.segment<3>(3 * nodes.free[k]);
+                     for (const NodeShare& share : nodes.free_of[k])
+                         sum += share.share *
+                                all.segment<3>(3 * nodes.bound[idx(share.node)]);
+                     free.segment<3>(Eigen::Index(3 * k)) = sum;
+                 });
+}
+
+void Flesh::Parts::prepare(double dt)
+{
+    if (dt == prepared_dt)
+        return;
+    double stiffest = 0.0; // z^2
+    for (const FleshMaterial& material : materials)
+        stiffest = std::max(stiffest,
+                            dt * dt * material.young / (material.density * edge * edge));
+    preconditioner.emplace(lattice, nodes, forces.mean_blocks(), factors(dt),
+                           settings.has_levels && !regions && stiffest >= kHeavy);
+    cg = ConjugateGradients(Eigen::Index(3 * nodes.free.size()));
+    prepared_dt = dt;
+}
+
+void Flesh::Parts::find_rows(const FleshState& state, double dt,
+                             std::span<const Motion> motions)
+{
+    rows.resize(Eigen::Index(3 * points.size()));
+    for (std::size_t k = 0; k < points.size(); ++k)
+        rows.segment<3>(Eigen::Index(3 * k)) =
+            (displacement_of(points[k], motions) - at_point(points[k].shares, state.u)) /
+                dt -
+            at_point(points[k].shares, velocity);
+}
+
+void Flesh::Parts::impulse(const VectorXd& u, const VectorXd& v0, const VectorXd& v,
+                           double dt, std::span<const Motion> motions)
+{
+    predicted = u + dt * v;
+    if (settings.law != FleshLaw::Linear)
+        forces.follow(predicted);
+    forces.forces(predicted, motions, force);
+    force += weight + loads;
+    if (settings.alpha > 0.0 || settings.beta > 0.0)
+    {
+        forces.multiply(v, {settings.alpha, settings.beta, 0.0}, image);
+        force -= image;
+    }
+    force *= dt;
+    change = v - v0;
+    if (!change.isZero(0.0))
+    {
+        forces.multiply(change, {1.0, 0.0, 0.0}, image);
+        force -= image;
+    }
+}
+
+} // namespace cellwarp

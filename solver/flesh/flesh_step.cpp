@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// With the step h, displacements u0 and velocities v0 before it, and w = u - u0 - h v0:
+//   Phi(u) = w^T M w / 2 h^2 + (u - u0)^T C (u - u0) / 2 h + V(u) - f^T u,
+// whose minimum over the free nodes is the step of implicit Euler: its gradient is what
+// is left of forces and inertia, M (v - v0) / h + C v - (forces at u). V is the elastic
+// energy and that of the tubes. With cells' frames it is quadratic while the frames
+// stand: they are those of the predicted u, as in flesh.cpp, so that a step is the same
+// there and here. C = alpha M + beta K.
+#include "solver/flesh/flesh_step.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+#include "octree/base/index.h"
+#include "octree/base/parallel.h"
+#include "solver/flesh/flesh_parts.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr std::size_t kPartGrain = 64; ///< parts
+
+} // namespace
+
+FleshStep::FleshStep(Flesh& flesh) : parts_(*flesh.parts_)
+{
+    if (parts_.regions)
+        throw std::invalid_argument("blended regions are the minimum of nothing");
+    const Lattice& lattice = parts_.lattice;
+    for (const LatticePart& part : lattice.parts)
+    {
+        const PartPoints points = points_of(lattice, part);
+        const FleshMaterial& material = parts_.materials[idx(part.material)];
+        stiffness_.push_back(stiffness_of(points, material));
+        mass_.push_back(mass_of(points, material.density));
+        targets_.push_back(target_of(lattice.cells[idx(part.cell)]));
+    }
+    for (const TubePart& tube : parts_.forces.tubes())
+        targets_.push_back(target_of(lattice.cells[idx(tube.cell)]));
+    std::vector<std::pair<int, int>> pairs;
+    for (const PartTarget& target : targets_)
+        for (const int row : target.free)
+            for (const int column : target.free)
+                if (row > column)
+                    pairs.emplace_back(row, column);
+    std::sort(pairs.begin(), pairs.end());
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    matrix_ = BlockMatrix(std::vector<int>(num_free(), 3), std::move(pairs));
+    for (PartTarget& target : targets_)
+        for (const int row : target.free)
+            for (const int column : target.free)
+                target.blocks.push_back(row >= column ? matrix_.find(row, column) : -1);
+    if (num_free() > 0)
+        factor_ = std::make_unique<SparseCholesky>(matrix_);
+    diagonal_ = VectorXd::Zero(Eigen::Index(3 * num_free()));
+}
+
+std::size_t FleshStep::num_free() const
+{
+    return parts_.nodes.free.size();
+}
+
+FleshStep::PartTarget FleshStep::target_of(const CornerNodes& corners) const
+{
+    std::map<int, std::array<double, 8>> shares;
+    for (std::size_t a = 0; a < 8; ++a)
+        for (const NodeShare& share :
+             parts_.free_shares.of(std::array{NodeShare{corners[a], 1.0}}).free)
+            shares[share.node][a] += share.share;
+    PartTarget target;
+    for (const auto& [node, of_corners] : shares)
+    {
+        target.free.push_back(node);
+        target.shares.push_back(of_corners);
+    }
+    return target;
+}
+
+void FleshStep::begin(const FleshState& from, double dt, std::span<const Motion> motions,
+                      VectorXd& u)
+{
+    from_ = from;
+    dt_ = dt;
+    is_factorized_ = false;
+    motions_.assign(motions.begin(), motions.end());
+    VectorXd gamma(Eigen::Index(3 * parts_.points.size()));
+    for (std::size_t k = 0; k < parts_.points.size(); ++k)
+        gamma.segment<3>(Eigen::Index(3 * k)) =
+            Flesh::Parts::displacement_of(parts_.points[k], motions);
+    VectorXd free(Eigen::Index(3 * num_free()));
+    for (std::size_t k = 0; k < num_free(); ++k)
+    {
+        const Eigen::Index node = 3 * parts_.nodes.free[k];
+        free.segment<3>(Eigen::Index(3 * k)) =
+            from.u.segment<3>(node) + dt * from.v.segment<3>(node);
+    }
+    parts_.expand(free, &gamma, u);
+    if (parts_.settings.law == FleshLaw::Cells)
+        parts_.forces.follow(from.u + dt * from.v);
+}
+
+void FleshStep::move(const VectorXd& from, const VectorXd& step, double length,
+                     VectorXd& u) const
+{
+    parts_.expand(step, nullptr, all_);
+    u = from + length * all_;
+}
+
+double FleshStep::value(const VectorXd& u) const
+{
+    const FleshSettings& how = parts_.settings;
+    way_ = u - from_.u - dt_ * from_.v;
+    parts_.forces.multiply(way_, {1.0, 0.0, 0.0}, image_);
+    double value = way_.dot(image_) / (2.0 * dt_ * dt_);
+    if (how.alpha > 0.0 || how.beta > 0.0)
+    {
+        way_ = u - from_.u;
+        parts_.forces.multiply(way_, {how.alpha, how.beta, 0.0}, image_);
+        value += way_.dot(image_) / (2.0 * dt_);
+    }
+    return value + parts_.forces.elastic_energy(u) +
+           parts_.forces.tube_energy(u, motions_) - (parts_.weight + parts_.loads).dot(u);
+}
+
+double FleshStep::gradient(const VectorXd& u, VectorXd& out) const
+{
+    const FleshSettings& how = parts_.settings;
+    way_ = u - from_.u - dt_ * from_.v;
+    parts_.forces.multiply(way_, {1.0 / (dt_ * dt_), 0.0, 0.0}, all_);
+    double largest = all_.cwiseAbs().maxCoeff();
+    if (how.alpha > 0.0 || how.beta > 0.0)
+    {
+        way_ = u - from_.u;
+        parts_.forces.multiply(way_, {how.alpha / dt_, how.beta / dt_, 0.0}, image_);
+        all_ += image_;
+    }
+    parts_.forces.forces(u, motions_, image_);
+    largest = std::max(
+        {largest, image_.cwiseAbs().maxCoeff(), parts_.weight.cwiseAbs().maxCoeff()});
+    all_ -= image_ + parts_.weight + parts_.loads;
+    parts_.reduce(all_, out);
+    return largest;
+}
+
+/// Z^T A Z of a part, Z what its corners take of the free nodes.
+void FleshStep::add(const PartTarget& target, const PartMatrix& matrix)
+{
+    const std::size_t count = target.free.size();
+    for (std::size_t i = 0; i < count; ++i)
+    {
+        Eigen::Matrix<double, 3, 24> row = Eigen::Matrix<double, 3, 24>::Zero();
+        for (int a = 0; a < 8; ++a)
+            if (const double share = target.shares[i][idx(a)]; share != 0.0)
+                row += share * matrix.middleRows<3>(3 * a);
+        for (std::size_t j = 0; j < count; ++j)
+        {
+            const int block = target.blocks[count * i + j];
+            if (block < 0)
+                continue;
+            Matrix3d sum = Matrix3d::Zero();
+            for (int b = 0; b < 8; ++b)
+                if (const double share = target.shares[j][idx(b)]; share != 0.0)
+                    sum += share * row.middleCols<3>(3 * b);
+            matrix_.block(block) += sum;
+        }
+    }
+}
+
+bool FleshStep::factorize(const VectorXd& u)
+{
+    if (num_free() == 0)
+        return true;
+    const FleshSettings& how = parts_.settings;
+    const bool has_hessians = parts_.is_of_large_strain();
+    if (has_hessians)
+        parts_.forces.follow(u);
+    else if (std::exchange(is_factorized_, true))
+        return true; // of a quadratic function, in the same step
+    const double of_mass = 1.0 / (dt_ * dt_) + how.alpha / dt_,
+                 of_stiffness = 1.0 + how.beta / dt_;
+    std::vector<PartMatrix> matrices(stiffness_.size());
+    parallel_for(matrices.size(), kPartGrain,
+                 [&](std::size_t p)
+                 {
+                     PartMatrix& A = matrices[p];
+                     if (has_hessians)
+                         A = of_stiffness * parts_.forces.hessians()[p];
+                     else
+                     {
+                         const Matrix3d& R =
+                             parts_.forces.frames()[idx(parts_.lattice.parts[p].cell)];
+                         for (int a = 0; a < 8; ++a)
+                             for (int b = 0; b < 8; ++b)
+                                 A.block<3, 3>(3 * a, 3 * b) =
+                                     of_stiffness * R *
+                                     stiffness_[p].block<3, 3>(3 * a, 3 * b) *
+                                     R.transpose();
+                     }
+                     for (int a = 0; a < 8; ++a)
+                         for (int b = 0; b < 8; ++b)
+                             A.block<3, 3>(3 * a, 3 * b).diagonal().array() +=
+                                 of_mass * mass_[p](a, b);
+                 });
+    matrix_.set_zero();
+    for (std::size_t p = 0; p < matrices.size(); ++p)
+        add(targets_[p], matrices[p]);
+    const std::vector<TubePart>& tubes = parts_.forces.tubes();
+    for (std::size_t t = 0; t < tubes.size(); ++t)
+    {
+        PartMatrix A = PartMatrix::Zero();
+        for (int a = 0; a < 8; ++a)
+            for (int b = 0; b < 8; ++b)
+                A.block<3, 3>(3 * a, 3 * b).diagonal().array() =
+                    tubes[t].stiffness * tubes[t].overlap(a, b);
+        add(targets_[stiffness_.size() + t], A);
+    }
+    for (std::size_t k = 0; k < num_free(); ++k)
+        diagonal_.segment<3>(Eigen::Index(3 * k)) =
+            matrix_.diagonal(static_cast<int>(k)).diagonal();
+    const bool has_factor = factor_->factorize(matrix_);
+    is_factorized_ = is_factorized_ && has_factor;
+    return has_factor;
+}
+
+void FleshStep::solve(VectorXd& r) const
+{
+    if (num_free() == 0)
+        return;
+    factor_->solve(r, solved_);
+    r = solved_;
+}
+
+double FleshStep::turn(const VectorXd& step) const
+{
+    if (!parts_.is_of_large_strain())
+        return 0.0;
+    parts_.expand(step, nullptr, all_);
+    std::vector<Matrix3d> F;
+    parts_.forces.mean_deformations(all_, F);
+    double most = 0.0;
+    for (const Matrix3d& of : F)
+        most = std::max(most, (of - Matrix3d::Identity()).norm());
+    return most;
+}
+
+FleshState FleshStep::end(const VectorXd& u) const
+{
+    return {u, (u - from_.u) / dt_};
+}
+
+} // namespace cellwarp
