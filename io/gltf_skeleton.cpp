@@ -26,6 +26,7 @@
 #include "io/number.h"
 #include "io/skeleton_file.h"
 #include "io/text.h"
+#include "io/weight_file.h"
 
 namespace cellwarp
 {
@@ -38,6 +39,9 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using Json = GltfJson::Json;
+
+/// Of all samples together.
+constexpr std::size_t kMostWeights = 200'000'000;
 
 /// Scales that differ from 1 by less are rounding of floats.
 constexpr double kNoScale = 1e-3;
@@ -65,6 +69,34 @@ public:
             add_joint(node);
         add_ends();
         return std::move(out_);
+    }
+
+    /// Of the meshes' samples, in the order in which the geometry has them.
+    PaintedWeights read_weights()
+    {
+        if (json_.list("skins").empty())
+            json_.fail("skins", "there is no skin, and so no weights");
+        read_animation("");
+        find_joints();
+        name_joints();
+        std::map<std::size_t, std::size_t> column_of; // of a node
+        PaintedWeights out;
+        for (const std::size_t node : of_skin_)
+        {
+            column_of[node] = out.joints.size();
+            out.joints.push_back(names_[node]);
+        }
+        std::vector<std::size_t> rest(nodes_.roots().rbegin(), nodes_.roots().rend());
+        while (!rest.empty())
+        {
+            const std::size_t node = rest.back();
+            rest.pop_back();
+            const auto& children = nodes_.children(node);
+            rest.insert(rest.end(), children.rbegin(), children.rend());
+            if (nodes_[node].contains("mesh"))
+                add_weights(node, column_of, out);
+        }
+        return out;
     }
 
 private:
@@ -332,6 +364,74 @@ private:
         }
     }
 
+    // --- weights ----------------------------------------------------------------------
+    void add_weights(std::size_t node,
+                     const std::map<std::size_t, std::size_t>& column_of,
+                     PaintedWeights& out) const
+    {
+        const std::size_t mesh =
+            json_.index_of(nodes_[node]["mesh"], element("nodes", node) + ".mesh",
+                           "meshes", json_.list("meshes").size());
+        const Json* primitives = json_.find(json_.list("meshes")[mesh], "primitives");
+        const std::size_t width = out.joints.size();
+        std::set<std::size_t> known; // positions that primitives of the mesh share
+        for (std::size_t p = 0; primitives && p < primitives->size(); ++p)
+        {
+            const std::string where =
+                element("meshes", mesh) + ".primitives[" + std::to_string(p) + "]";
+            const Json* attributes = json_.find((*primitives)[p], "attributes");
+            if (!attributes || !attributes->is_object() ||
+                !attributes->contains("POSITION"))
+                json_.fail(where, "has no POSITION");
+            const std::size_t position =
+                json_.index_of((*attributes)["POSITION"], where + ": POSITION",
+                               "accessors", data_.accessors().size());
+            if (!known.insert(position).second)
+                continue;
+            const auto count =
+                static_cast<std::size_t>(data_.accessors()[position].count);
+            const std::size_t first = out.values.size();
+            if (width * count > kMostWeights - std::min(kMostWeights, first))
+                json_.fail(where, "its weights are more than " +
+                                      std::to_string(kMostWeights) + " numbers");
+            out.values.resize(first + width * count, 0.0);
+            if (!nodes_[node].contains("skin"))
+                continue; // its samples have none
+            const std::size_t skin =
+                json_.index_of(nodes_[node]["skin"], element("nodes", node) + ".skin",
+                               "skins", json_.list("skins").size());
+            const Json& joints = json_.list("skins")[skin]["joints"];
+            for (int set = 0;; ++set)
+            {
+                const std::string which = std::to_string(set);
+                const std::string of_joints = "JOINTS_" + which,
+                                  of_weights = "WEIGHTS_" + which;
+                if (!attributes->contains(of_joints) || !attributes->contains(of_weights))
+                    break;
+                const std::vector<double> number =
+                    numbers(*attributes, of_joints.c_str(), 4, where);
+                const std::vector<double> weight =
+                    numbers(*attributes, of_weights.c_str(), 4, where);
+                if (number.size() != 4 * count || weight.size() != 4 * count)
+                    json_.fail(where, "its attributes differ in count");
+                for (std::size_t k = 0; k < number.size(); ++k)
+                {
+                    if (weight[k] == 0.0)
+                        continue;
+                    if (!(weight[k] > 0.0))
+                        json_.fail(where + "." + of_weights, "holds a weight below 0");
+                    if (!(number[k] >= 0.0 && number[k] < double(joints.size())))
+                        json_.fail(where + "." + of_joints,
+                                   "names a joint that the skin has not");
+                    const std::size_t joint =
+                        joints[static_cast<std::size_t>(number[k])].get<std::size_t>();
+                    out.values[first + width * (k / 4) + column_of.at(joint)] +=
+                        weight[k];
+                }
+            }
+        }
+    }
+
     // --- their keys --------------------------------------------------------------------
     /// The rotation of a map, and its scale.
     std::pair<Quaterniond, double> parts(const Matrix3d& map, std::size_t node) const
@@ -517,6 +617,15 @@ SkeletonValues parse_gltf_skeleton(const std::string& path, std::string bytes,
     out.warnings.insert(out.warnings.begin(), file.geometry.warnings.begin(),
                         file.geometry.warnings.end());
     return out;
+}
+
+PaintedWeights parse_gltf_weights(const std::string& path, std::string bytes)
+{
+    GeometryFile file;
+    file.path = path;
+    file.bytes = std::move(bytes);
+    file.geometry.format = extension_of(path);
+    return SkeletonReader(file).read_weights();
 }
 
 } // namespace cellwarp

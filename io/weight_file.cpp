@@ -105,6 +105,9 @@ PaintedWeights parse_weights(const std::string& path, std::string_view text)
 
 PaintedWeights read_weights(const std::string& path)
 {
+    const std::string extension = extension_of(path);
+    if (extension == "gltf" || extension == "glb")
+        return parse_gltf_weights(path, read_file(path));
     return parse_weights(path, read_file(path));
 }
 

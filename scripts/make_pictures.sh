@@ -71,6 +71,7 @@ flesh spin 5 240x110 20
 flesh spin_free 5 240x110 20
 flesh press 6 200x300 70
 flesh detail 7 200x310 70 --cells
+flesh drag 5 200x300 70 --cells
 flesh rope 5 220x320 30
 flesh suture 5 240x200 30/40
 flesh flop 6 240x200 20

@@ -25,7 +25,9 @@ skeletons  an arm (two bones, bent by 90 and 120 degrees), and scenes with bones
 scan      a cloud with holes and noise, seen from three places; the creature bows
 flesh     scenes for simulate whose flesh follows a skeleton, into flesh/: limb (bones on the
           edges of a lattice that is drawn), elbow (120 degrees), walk, belly, tail, and spin
-          and spin_free (with and without the tube that holds flesh to its bone)
+          and spin_free (with and without the tube that holds flesh to its bone); joint_*
+          (by law), press, flop, pulled, detail and drag (cells that are halved), rope and
+          suture (with rods)
 carried   scenes for simulate whose rods carry a model, into rods/: tentacle, hung, stitch
 rods      scenes for simulate, into rods/: cantilever, cable, pendulum, ring, stick, six, free,
           four, short, bundle, hole, thread, lace, suture, slipknot, swing, net, necklace,
@@ -634,6 +636,14 @@ def flesh(folder):
                    [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
                    in_time(0.75, every=0.125), E=8e4, nu=0.45, across=28,
                    damping={"alpha": 1.0},
+                   held=[{"at": [0, 0.4, 0.38],
+                          "keys": [dict(time=t, translate=[0.2 * z, 0.3 * z, z])
+                                   for t, z in pulled]}])
+    # The same in large cells: the drag adds detail.
+    skeleton_scene(into, "drag", "belly.obj", body,
+                   [dict(time=0, joint="pelvis", rotate=[0, 0, 1, 0])],
+                   in_time(0.75, every=0.125), E=8e4, nu=0.45, across=14, max_depth=2,
+                   detail=0.01, damping={"alpha": 1.0},
                    held=[{"at": [0, 0.4, 0.38],
                           "keys": [dict(time=t, translate=[0.2 * z, 0.3 * z, z])
                                    for t, z in pulled]}])
