@@ -4,6 +4,7 @@
 // parabolas, which a stack builds in one sweep.
 #include "octree/distance_transform.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "octree/base/index.h"
@@ -25,20 +26,17 @@ struct LineScratch
     std::vector<std::int32_t> labels;
 };
 
-/// One line of \p count values, \p stride apart, in place, and of their labels if there
-/// are any.
-void transform_line(float* values, std::int32_t* labels, std::size_t stride, int count,
-                    LineScratch& scratch)
+/// One line of \p count values in place, and of their labels if there are any.
+void transform_line(float* values, std::int32_t* labels, int count, LineScratch& scratch)
 {
     auto& [f, from, site, known] = scratch;
-    f.resize(idx(count));
+    f.assign(values, values + count);
     site.resize(idx(count));
     from.resize(idx(count) + 1);
     int top = -1;
     for (int q = 0; q < count; ++q)
     {
         const std::size_t at = idx(q);
-        f[at] = values[at * stride];
         if (f[at] == kFar)
             continue;
         float start = -kFar;
@@ -60,9 +58,8 @@ void transform_line(float* values, std::int32_t* labels, std::size_t stride, int
     }
     if (top < 0)
         return;
-    known.clear();
-    for (std::size_t q = 0; labels && q < f.size(); ++q)
-        known.push_back(labels[q * stride]);
+    if (labels)
+        known.assign(labels, labels + count);
     int next = 0;
     for (int q = 0; q < count; ++q)
     {
@@ -70,10 +67,31 @@ void transform_line(float* values, std::int32_t* labels, std::size_t stride, int
             ++next;
         const int p = site[idx(next)];
         const float d = static_cast<float>(q - p);
-        values[idx(q) * stride] = d * d + f[idx(p)];
+        values[q] = d * d + f[idx(p)];
         if (labels)
-            labels[idx(q) * stride] = known[idx(p)];
+            labels[q] = known[idx(p)];
     }
+}
+
+/// Lines along one axis whose values stand apart in memory, \p beside of them side by
+/// side: they are taken over together, each into a row of its own, so that no line of
+/// the cache is fetched for one number.
+template <class Value>
+void gather(const Value* from, std::size_t stride, int count, std::size_t beside,
+            std::vector<Value>& rows)
+{
+    rows.resize(beside * idx(count));
+    for (std::size_t q = 0; q < idx(count); ++q)
+        for (std::size_t line = 0; line < beside; ++line)
+            rows[line * idx(count) + q] = from[q * stride + line];
+}
+template <class Value>
+void scatter(const std::vector<Value>& rows, std::size_t stride, int count,
+             std::size_t beside, Value* to)
+{
+    for (std::size_t q = 0; q < idx(count); ++q)
+        for (std::size_t line = 0; line < beside; ++line)
+            to[q * stride + line] = rows[line * idx(count) + q];
 }
 
 /// Along x, then y, then z.
@@ -82,22 +100,48 @@ void transform(std::vector<float>& d, std::int32_t* labels, const Eigen::Vector3
     const std::size_t nx = idx(counts.x());
     const std::size_t ny = idx(counts.y());
     const std::size_t nz = idx(counts.z());
-    const auto sweep = [&](std::size_t lines, std::size_t stride, int count, auto first)
+    parallel_ranges(ny * nz, 64,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        LineScratch scratch;
+                        for (std::size_t line = begin; line < end; ++line)
+                            transform_line(d.data() + line * nx,
+                                           labels ? labels + line * nx : nullptr,
+                                           counts.x(), scratch);
+                    });
+    // Lines side by side along x, in groups.
+    constexpr std::size_t kBeside = 32;
+    const std::size_t groups = (nx + kBeside - 1) / kBeside;
+    const auto sweep =
+        [&](std::size_t planes, std::size_t plane_stride, std::size_t stride, int count)
     {
-        parallel_ranges(lines, 64,
-                        [&](std::size_t begin, std::size_t end)
-                        {
-                            LineScratch scratch;
-                            for (std::size_t line = begin; line < end; ++line)
-                                transform_line(d.data() + first(line),
-                                               labels ? labels + first(line) : nullptr,
-                                               stride, count, scratch);
-                        });
+        parallel_ranges(
+            planes * groups, 4,
+            [&](std::size_t begin, std::size_t end)
+            {
+                LineScratch scratch;
+                std::vector<float> rows;
+                std::vector<std::int32_t> of_labels;
+                for (std::size_t group = begin; group < end; ++group)
+                {
+                    const std::size_t x = group % groups * kBeside;
+                    const std::size_t beside = std::min(kBeside, nx - x);
+                    const std::size_t first = group / groups * plane_stride + x;
+                    gather(d.data() + first, stride, count, beside, rows);
+                    if (labels)
+                        gather(labels + first, stride, count, beside, of_labels);
+                    for (std::size_t line = 0; line < beside; ++line)
+                        transform_line(&rows[line * idx(count)],
+                                       labels ? &of_labels[line * idx(count)] : nullptr,
+                                       count, scratch);
+                    scatter(rows, stride, count, beside, d.data() + first);
+                    if (labels)
+                        scatter(of_labels, stride, count, beside, labels + first);
+                }
+            });
     };
-    sweep(ny * nz, 1, counts.x(), [=](std::size_t line) { return line * nx; });
-    sweep(nx * nz, nx, counts.y(),
-          [=](std::size_t line) { return line / nx * nx * ny + line % nx; });
-    sweep(nx * ny, nx * ny, counts.z(), [=](std::size_t line) { return line; });
+    sweep(nz, nx * ny, nx, counts.y());
+    sweep(ny, nx, nx * ny, counts.z());
 }
 
 } // namespace

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "octree/base/union_find.h"
 #include "octree/distance_transform.h"
 
@@ -23,6 +24,8 @@ namespace cellwarp
 
 namespace
 {
+
+constexpr std::size_t kVoxelsAtOnce = 1 << 16; ///< of one thread
 
 /// An inside smaller than this share of the surface voxels is a pocket between
 /// marks, not an inside.
@@ -69,37 +72,51 @@ std::int8_t free_radius(float distance_squared, int most)
     return static_cast<std::int8_t>(std::min<float>(std::ceil(d) - 1.0f, most));
 }
 
-/// For every voxel the largest radius at which a flood from the first voxel, through
+/// Calls \p act with the voxels of the outermost layer.
+template <class Act>
+void for_outermost(const Eigen::Vector3i& counts, Act&& act)
+{
+    const std::size_t nx = idx(counts.x()), ny = idx(counts.y()), nz = idx(counts.z());
+    for (std::size_t k = 0; k < nz; ++k)
+        for (std::size_t j = 0; j < ny; ++j)
+        {
+            const bool is_row = k == 0 || k + 1 == nz || j == 0 || j + 1 == ny;
+            for (std::size_t i = 0; i < nx; i += is_row ? 1 : nx - 1)
+                act((k * ny + j) * nx + i);
+        }
+}
+
+/// For every voxel the largest radius at which a flood from the outermost layer, through
 /// faces of free voxels, reaches it; -1 if none does. One pass for all radii: widest
-/// paths, from the widest down.
-std::vector<std::int8_t> flooded(const std::vector<float>& distances, int most,
+/// paths, from the widest down. \p free: the radius of each voxel, which is \p most in
+/// the two outermost layers.
+std::vector<std::int8_t> flooded(const std::vector<std::int8_t>& free, int most,
                                  const Eigen::Vector3i& counts)
 {
-    std::vector<std::int8_t> reached(distances.size(), -1);
+    std::vector<std::int8_t> reached(free.size(), -1);
     const std::ptrdiff_t step[3] = {1, counts.x(),
                                     static_cast<std::ptrdiff_t>(counts.x()) * counts.y()};
     std::vector<std::vector<std::size_t>> stacks(idx(most) + 1);
-    reached[0] = static_cast<std::int8_t>(most);
-    stacks.back().push_back(0);
+    // The outermost layer is reached from the beginning, and ends the flood: inside of it
+    // every voxel has all of its neighbours.
+    for_outermost(counts, [&](std::size_t voxel)
+                  { reached[voxel] = static_cast<std::int8_t>(most); });
+    const std::size_t first = idx(step[0] + step[1] + step[2]);
+    reached[first] = static_cast<std::int8_t>(most);
+    stacks.back().push_back(first);
     for (int r = most; r >= 0; --r)
         while (!stacks[idx(r)].empty())
         {
             const std::size_t voxel = stacks[idx(r)].back();
             stacks[idx(r)].pop_back();
-            const std::size_t nx = idx(counts.x());
-            const std::size_t ny = idx(counts.y());
-            const std::size_t place[3] = {voxel % nx, voxel / nx % ny, voxel / nx / ny};
-            for (int axis = 0; axis < 3; ++axis)
-                for (const int direction : {-1, 1})
+            for (const std::ptrdiff_t along : step)
+                for (const std::ptrdiff_t way : {-along, along})
                 {
-                    if (place[axis] == (direction < 0 ? 0 : idx(counts[axis] - 1)))
-                        continue;
                     const std::size_t next =
-                        idx(static_cast<std::ptrdiff_t>(voxel) + direction * step[axis]);
+                        idx(static_cast<std::ptrdiff_t>(voxel) + way);
                     if (reached[next] >= 0)
                         continue;
-                    const int there =
-                        std::min<int>(r, free_radius(distances[next], most));
+                    const int there = std::min<int>(r, free[next]);
                     if (there < 0)
                         continue;
                     reached[next] = static_cast<std::int8_t>(there);
@@ -125,9 +142,12 @@ EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
     {
         const std::vector<float> distances =
             squared_distances(padded.marks, padded.counts);
-        reached = flooded(distances, most, padded.counts);
+        std::vector<std::int8_t> free(distances.size());
+        parallel_for(free.size(), kVoxelsAtOnce,
+                     [&](std::size_t i) { free[i] = free_radius(distances[i], most); });
+        reached = flooded(free, most, padded.counts);
         for (std::size_t i = 0; i < reached.size(); ++i)
-            for (int r = reached[i] + 1; r <= free_radius(distances[i], most); ++r)
+            for (int r = reached[i] + 1; r <= free[i]; ++r)
             {
                 const std::size_t at = idx(r);
                 ++inside[at];

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "octree/base/index.h"
+#include "octree/base/parallel.h"
 #include "octree/distance_transform.h"
 #include "octree/winding.h"
 #include "octree/wrap/wrap.h"
@@ -83,14 +84,24 @@ public:
     {
         const Shape wrap = alpha_wrap(points_, alpha, kOffset);
         const Flags inside = inside_by_winding(wrap, wrap.triangles, grid_);
-        Flags outside(size());
-        for (std::size_t i = 0; i < size(); ++i)
-            outside[i] = !inside[i];
-        const std::vector<float> depth = squared_distances(outside, counts());
-        constexpr float kDeep = static_cast<float>(kOffset * kOffset);
-        Flags deep(size());
-        for (std::size_t i = 0; i < size(); ++i)
-            deep[i] = depth[i] > kDeep;
+        // Farther than one voxel from the outside: neither a voxel nor one beside it is
+        // out. The wrap leaves the border's outermost voxels free.
+        static_assert(kOffset == 1.0);
+        Flags deep(size(), 0);
+        const std::size_t nx = idx(counts().x()), ny = idx(counts().y()),
+                          nz = idx(counts().z());
+        parallel_for(nz - 2,
+                     [&](std::size_t plane)
+                     {
+                         for (std::size_t j = 1; j + 1 < ny; ++j)
+                             for (std::size_t i = 1; i + 1 < nx; ++i)
+                             {
+                                 const std::size_t at = ((plane + 1) * ny + j) * nx + i;
+                                 deep[at] = inside[at] & inside[at - 1] & inside[at + 1] &
+                                            inside[at - nx] & inside[at + nx] &
+                                            inside[at - nx * ny] & inside[at + nx * ny];
+                             }
+                     });
         return deep;
     }
 
@@ -166,13 +177,23 @@ bool add_hollows(const Lattice& lattice, const Flags& enclosed, double radius,
         else
             continue;
         has_any = has_any || side[i] == Side::Hollow;
-        if (room[i] > 0)
-            push(i, num_levels - 1);
     }
     if (!has_any)
         return false;
     const std::size_t nx = idx(lattice.counts().x());
     const std::size_t stride[3] = {1, nx, nx * idx(lattice.counts().y())};
+    // The flood begins where a side has a neighbour that is nobody's yet.
+    const auto may_go_on = [&](std::size_t voxel)
+    {
+        for (const std::size_t step : stride)
+            for (const std::size_t next : {voxel - step, voxel + step})
+                if (next < side.size() && side[next] == Side::None)
+                    return true;
+        return false;
+    };
+    for (std::size_t i = 0; i < side.size(); ++i)
+        if (side[i] != Side::None && room[i] > 0 && may_go_on(i))
+            push(i, num_levels - 1);
     for (std::size_t at = stacks.size(); at-- > 0;)
         while (!stacks[at].empty())
         {
