@@ -93,10 +93,12 @@ Where PlyScanner::here(std::uint64_t start, const std::string& field) const
     return {file_, encoding_ == Encoding::Ascii ? lines_ : 0, place};
 }
 
-bool PlyScanner::is_corner_list(const std::string& element, const Property& property)
+int PlyScanner::role_of_list(const std::string& element, const Property& property)
 {
-    return element == "face" && property.is_list &&
-           (property.name == "vertex_indices" || property.name == "vertex_index");
+    if (!property.is_list ||
+        (property.name != "vertex_indices" && property.name != "vertex_index"))
+        return -1;
+    return element == "face" ? kCornerList : element == "tristrips" ? kStripList : -1;
 }
 
 void PlyScanner::header_line(std::string_view line)
@@ -168,7 +170,7 @@ void PlyScanner::header_line(std::string_view line)
                             "property " + in_quotes(property.name) + " stands twice");
         if (properties.size() == kMaxProperties)
             throw malformed(where, "more than 1024 properties in one element");
-        if (is_corner_list(elements_.back().name, property) && is_real(property.type))
+        if (role_of_list(elements_.back().name, property) >= 0 && is_real(property.type))
             throw malformed(where, "the indices of faces must be integers (got " +
                                        in_quotes(words[2]) + ")");
         properties.push_back(property);
@@ -234,8 +236,8 @@ void PlyScanner::assign_roles(Geometry& out)
                         property.role = role;
                         found[role] = true;
                     }
-            if (is_corner_list(element.name, property))
-                property.role = kCornerList;
+            if (const int role = role_of_list(element.name, property); role >= 0)
+                property.role = role;
         }
         if (encoding_ == Encoding::Ascii)
             element.min_bytes = 2 * element.properties.size();
@@ -305,7 +307,8 @@ void PlyScanner::assign_roles(Geometry& out)
     if (!has_vertex)
         throw malformed({file_, 0, "header"}, "no vertices (no element vertex)");
     for (const Element& element : elements_)
-        if (element.name != "vertex" && element.name != "face")
+        if (element.name != "vertex" && element.name != "face" &&
+            element.name != "tristrips")
             out.attributes.push_back("element " + element.name);
 }
 
@@ -316,14 +319,45 @@ void PlyScanner::check_face(std::uint64_t count, std::uint64_t start) const
                         "got " + std::to_string(count) + " corners, need 3 to 1000000");
 }
 
-void PlyScanner::add_corner(double index, std::uint64_t start, Geometry& out) const
+std::uint32_t PlyScanner::corner(double index, std::uint64_t start) const
 {
     if (!(index >= 0 && index < static_cast<double>(num_samples_)) ||
         index != std::floor(index))
         throw malformed(here(start, "vertex index"),
                         "is out of range (got " + shortest(index) + ", need 0 to " +
                             std::to_string(num_samples_ - 1) + ")");
-    out.corners.push_back(static_cast<std::uint32_t>(index));
+    return static_cast<std::uint32_t>(index);
+}
+
+void PlyScanner::add_to_strip(double index, std::uint64_t start, Strip& strip,
+                              Geometry& out) const
+{
+    if (index == -1.0)
+    {
+        strip = {};
+        return;
+    }
+    const std::uint32_t c = corner(index, start);
+    const auto [a, b] = strip.last;
+    // Corners that come twice lead from one strip to the next.
+    if (strip.length >= 2 && a != b && b != c && c != a)
+    {
+        const bool is_odd = strip.length % 2 == 1;
+        out.corners.insert(out.corners.end(), {is_odd ? b : a, is_odd ? a : b, c});
+        out.face_ends.push_back(out.corners.size());
+    }
+    strip.last[0] = b;
+    strip.last[1] = c;
+    ++strip.length;
+}
+
+void PlyScanner::add_corner(int role, double index, std::uint64_t start, Strip& strip,
+                            Geometry& out) const
+{
+    if (role == kCornerList)
+        out.corners.push_back(corner(index, start));
+    if (role == kStripList)
+        add_to_strip(index, start, strip, out);
 }
 
 void PlyScanner::keep(const Element& element, const Record& record, Geometry& out)
@@ -417,11 +451,11 @@ bool PlyScanner::ascii_record(const Element& element, std::string_view line,
                             "is no list length (got " + in_quotes(token.text) + ")");
         if (property.role == kCornerList)
             check_face(static_cast<std::uint64_t>(value), token.start);
+        Strip strip;
         for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(value); ++i)
         {
             const double item = number(property.name);
-            if (property.role == kCornerList)
-                add_corner(item, token.start, out);
+            add_corner(property.role, item, token.start, strip, out);
         }
         if (property.role == kCornerList)
             out.face_ends.push_back(out.corners.size());
@@ -469,14 +503,14 @@ bool PlyScanner::binary_record(const Element& element, std::string_view bytes,
                                 std::to_string(count) + " items)");
         if (bytes.size() - at < size)
             return false;
+        Strip strip;
+        for (std::uint64_t i = 0; property.role >= 0 && i < count; ++i)
+            add_corner(property.role,
+                       load_stored(bytes.data() + at + i * stored_size(property.type),
+                                   property.type, big),
+                       start + at, strip, out);
         if (property.role == kCornerList)
-        {
-            for (std::uint64_t i = 0; i < count; ++i)
-                add_corner(load_stored(bytes.data() + at + i * stored_size(property.type),
-                                       property.type, big),
-                           start + at, out);
             out.face_ends.push_back(out.corners.size());
-        }
         at += static_cast<std::size_t>(size);
     }
     if (element.name == "vertex")

@@ -65,7 +65,15 @@ private:
         std::uint64_t min_bytes = 0; ///< of a record
     };
     /// Roles: 0..2 position, 3..5 normal, 6..9 rotation, 10..12 colour.
-    static constexpr int kNormal = 3, kRotation = 6, kColour = 10, kCornerList = 13;
+    static constexpr int kNormal = 3, kRotation = 6, kColour = 10, kCornerList = 13,
+                         kStripList = 14;
+    /// Of a strip of triangles: each corner makes one with the two before it, every other
+    /// one of them turned over; -1 begins anew.
+    struct Strip
+    {
+        std::uint32_t last[2] = {};
+        std::uint64_t length = 0;
+    };
     /// What one record gave.
     struct Record
     {
@@ -73,8 +81,8 @@ private:
         std::uint64_t starts[kColour];
     };
 
-    /// Whether a property lists the corners of a face.
-    static bool is_corner_list(const std::string& element, const Property& property);
+    /// The role of a property that lists the corners of faces, or of strips; else -1.
+    static int role_of_list(const std::string& element, const Property& property);
     std::size_t header(std::string_view part);
     bool next_element();
     void header_line(std::string_view line);
@@ -86,8 +94,13 @@ private:
                        std::uint64_t start, std::size_t& length, Geometry& out);
     void keep(const Element& element, const Record& record, Geometry& out);
     void keep_rotation(const Record& record, Geometry& out);
+    void add_to_strip(double index, std::uint64_t start, Strip& strip,
+                      Geometry& out) const;
     void check_face(std::uint64_t count, std::uint64_t start) const;
-    void add_corner(double index, std::uint64_t start, Geometry& out) const;
+    std::uint32_t corner(double index, std::uint64_t start) const;
+    /// One of the corners of a face, or of a strip, by the role of the list.
+    void add_corner(int role, double index, std::uint64_t start, Strip& strip,
+                    Geometry& out) const;
     Where here(std::uint64_t start, const std::string& field = {}) const;
 
     std::string file_;

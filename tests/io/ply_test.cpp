@@ -103,6 +103,36 @@ TEST(Ply, reads_and_patches_both_binaries)
     }
 }
 
+TEST(Ply, strips_of_triangles_are_faces)
+{
+    const std::string vertices = "element vertex 5\n" + kXyz,
+                      strips =
+                          "element tristrips 1\nproperty list int int vertex_indices\n",
+                      places = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n2 1 0\n";
+    const auto text = [&](const std::string& list)
+    {
+        return "ply\nformat ascii 1.0\n" + vertices + strips + "end_header\n" + places +
+               list + "\n";
+    };
+    // A strip of three, whose second one is turned over; then one of one triangle; a
+    // corner that comes twice makes none.
+    const Geometry ascii = scanned(text("11 0 1 2 3 4 -1 2 1 3 3 -1"));
+    EXPECT_EQ(ascii.corners,
+              (std::vector<std::uint32_t>{0, 1, 2, 2, 1, 3, 2, 3, 4, 2, 1, 3}));
+    EXPECT_EQ(ascii.num_faces(), 4u);
+    EXPECT_TRUE(ascii.attributes.empty());
+    std::string bytes =
+        "ply\nformat binary_big_endian 1.0\n" + vertices + strips + "end_header\n";
+    for (const double v : {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0})
+        store(v, Scalar::Float32, true, bytes);
+    for (const double i : {6, 0, 1, 2, -1, 3, 4})
+        store(i, Scalar::Int32, true, bytes);
+    EXPECT_EQ(scanned(bytes).corners, (std::vector<std::uint32_t>{0, 1, 2}));
+    EXPECT_TRUE(contains(refused(text("3 0 1 5")),
+                         "x.ply:15: tristrips 0: vertex index: is out of range (got 5"));
+    EXPECT_TRUE(contains(refused(text("3 0 1 -2")), "is out of range (got -2"));
+}
+
 TEST(Ply, a_first_data_byte_that_is_a_line_end_is_data)
 {
     std::string bytes = binary(false);
