@@ -37,8 +37,10 @@ public:
 
     std::vector<std::string> warnings() const override
     {
-        std::vector<std::string> all = request_.warnings, more = simulation_.warnings();
-        all.insert(all.end(), more.begin(), more.end());
+        std::vector<std::string> all = request_.warnings;
+        for (const std::string& more : simulation_.warnings()) // both read some keys
+            if (std::find(all.begin(), all.end(), more) == all.end())
+                all.push_back(more);
         seen_.add_warnings(simulation_.flesh(), all);
         return all;
     }

@@ -302,15 +302,19 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
                                  [&](int cell, const Vector3d& x)
                                  { return cell_of(x) == cell; });
     body.held_points = held_points(model, lattice, cell_of);
+    const auto own = [&](HeldPoint& point, int follows)
+    {
+        body.own_motions.push_back({follows, point.shares, point.place});
+        point.motion =
+            static_cast<int>(body.first_own_motion() + body.own_motions.size() - 1);
+    };
     if (has_detail)
+    {
         for (std::size_t k = 0; k < points.size(); ++k)
-        {
-            HeldPoint& point = points[k];
-            const bool is_of_bone = k >= body.leaving.nodes.size();
-            body.own_motions.push_back(
-                {is_of_bone ? point.motion : -1, point.shares, point.place});
-            point.motion = static_cast<int>(body.first_own_motion() + k);
-        }
+            own(points[k], k < body.leaving.nodes.size() ? -1 : points[k].motion);
+        for (HeldPoint& point : body.held_points.whole)
+            own(point, point.motion);
+    }
     std::vector<TubePart> tubes;
     if (model.flesh().has_tube)
         tubes = tubes_of(

@@ -33,11 +33,11 @@ struct FleshBody
     /// Their motions come after those of the joints.
     HeldPoints held_points;
     /// With detail that comes and goes, points that may lie off what holds them, and come
-    /// to it: first nodes that leave, then points of bones. Each has a motion of its own,
-    /// after those of the held points.
+    /// to it: first nodes that leave, then points of bones, then held_points.whole. Each
+    /// has a motion of its own, after those of the held points.
     struct OwnMotion
     {
-        int follows = -1; ///< motion of a joint; -1: of a node that leaves
+        int follows = -1; ///< motion of a joint, or a hold; -1: of a node that leaves
         /// The point, by the nodes.
         NodeShares shares;
         Eigen::Vector3d place = Eigen::Vector3d::Zero();
@@ -50,6 +50,11 @@ struct FleshBody
     std::vector<Leaf> coarse_leaf;
     std::vector<std::string> warnings;
 
+    /// The own motion of a point that is held wholly.
+    std::size_t own_of_whole(std::size_t number) const
+    {
+        return own_motions.size() - held_points.whole.size() + number;
+    }
     std::size_t first_own_motion() const
     {
         return model->skeleton->size() + held_points.holds.size();

@@ -204,14 +204,24 @@ DetailChange change_detail(const FleshBody& body, const DetailLook& look,
     }
     const MaterialTest has_material = material_test(body.model->rest->material.grid);
     Octree next = octree;
-    if (!split.empty())
+    // The worst first, as far as there is room.
+    std::stable_sort(split.begin(), split.end(),
+                     [&](LeafNumber a, LeafNumber b)
+                     {
+                         return std::pair(is_wanted[idx(a)], error[idx(a)]) >
+                                std::pair(is_wanted[idx(b)], error[idx(b)]);
+                     });
+    for (std::size_t count = split.size(); count > 0; count /= 2)
     {
-        next = octree.split(split, has_material);
-        out.is_full = static_cast<std::int64_t>(next.leaves().size()) > look.most_cells;
-        if (out.is_full)
-            next = octree;
-        else
-            out.split = split.size();
+        Octree finer = octree.split(std::span(split).first(count), has_material);
+        if (static_cast<std::int64_t>(finer.leaves().size()) > look.most_cells)
+        {
+            out.is_full = true;
+            continue;
+        }
+        next = std::move(finer);
+        out.split = count;
+        break;
     }
     if (!left.empty())
     {

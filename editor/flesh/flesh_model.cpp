@@ -164,6 +164,9 @@ void take_rest_shape(FleshModel& model)
         for (const BoneBinding& bound : binding.bones)
             if (bound.name == model.skeleton->statement(idx(bone.line.motion)).name)
                 bone.radius = model.metre * bound.radius;
+    if (flesh.detail > 0.0 && model.cells.max_depth == 0)
+        model.warnings.push_back(at({model.scene.path, 0, "skeleton.detail"},
+                                    "needs a max_depth above 0: cells are never halved"));
     if (flesh.has_tube)
         model.tube_voxels =
             voxels_in_tubes(model.rest->material.grid, model.metre, model.bones);

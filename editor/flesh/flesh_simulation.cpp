@@ -62,6 +62,11 @@ FleshSimulation::FleshSimulation(std::shared_ptr<const Geometry> geometry,
         snapshot_.detail.fading.resize(body_.own_motions.size());
     }
     begin();
+    if (has_detail())
+    {
+        snapshot_.detail.now = motions_at(0);
+        snapshot_.detail.now.resize(body_.first_own_motion());
+    }
 }
 
 FleshSimulation::~FleshSimulation() = default;
@@ -143,10 +148,13 @@ std::vector<FleshObstacle> FleshSimulation::obstacles_at(double time) const
 std::vector<PulledPoint> FleshSimulation::pulled_at(double time, double share) const
 {
     std::vector<PulledPoint> pulled;
-    for (const auto& [rest, keys] : body_.held_points.guided)
+    for (const HeldPoints::Guided& guided : body_.held_points.guided)
     {
-        PulledPoint& point = pulled.emplace_back(rest);
-        point.goal = point.point.place + share * keys.at(time);
+        PulledPoint& point = pulled.emplace_back(guided.point);
+        point.goal = point.point.place + share * guided.keys.at(time);
+        if (has_detail() && guided.whole >= 0)
+            point.goal +=
+                snapshot_.detail.fading[body_.own_of_whole(idx(guided.whole))].at(time);
     }
     if (const std::optional<FleshPull>& pull = snapshot_.pull;
         pull && pull->sample < geometry_->samples.size() && pull->place.allFinite())
@@ -221,7 +229,7 @@ void FleshSimulation::begin()
         report.is_converged = report.is_converged && has_converged;
     }
     // What bends there gets its detail, and comes to rest with it.
-    for (int level = 0; has_detail() && level < model_->cells.max_depth; ++level)
+    for (int look = 0; has_detail() && look < 2 * model_->cells.max_depth + 2; ++look)
     {
         if (!look_for_detail())
             break;
@@ -261,6 +269,13 @@ void FleshSimulation::take_step(FleshState state, const FleshReport& report, dou
 {
     snapshot_.state = std::move(state);
     ++snapshot_.steps;
+    if (has_detail())
+    {
+        FleshDetail& detail = snapshot_.detail;
+        detail.before = std::move(detail.now);
+        detail.now = motions_at(snapshot_.steps);
+        detail.now.resize(body_.first_own_motion());
+    }
     since_.limited =
         aim_at(static_cast<double>(snapshot_.steps) * time_.dt, snapshot_.by_hand)
             .limited;
@@ -327,28 +342,41 @@ bool FleshSimulation::look_for_detail()
     // Points lie as far off as they did, and come to where they belong.
     FleshBody body = build_flesh(model_, *next.octree, *next.coarser);
     CarriedState carried = carried_to(body, body_, snapshot_.state);
-    const std::vector<Motion> motions = motions_now();
+    const double fade = static_cast<double>(look.steps_of_fade) * time_.dt;
     std::map<int, double> ends; // of nodes that leave already
-    for (std::size_t k = 0; k < body_.leaving.nodes.size(); ++k)
-        ends.emplace(body_.leaving.nodes[k].node, detail.fading[k].end);
+    double on_bones = now;      // when points of bones that are on their way get there
+    for (std::size_t k = 0; k < body_.own_motions.size(); ++k)
+        if (k < body_.leaving.nodes.size())
+            ends.emplace(body_.leaving.nodes[k].node, detail.fading[k].end);
+        else
+            on_bones = std::max(on_bones, detail.fading[k].end);
     next.fading.clear();
     for (std::size_t k = 0; k < body.own_motions.size(); ++k)
     {
         const FleshBody::OwnMotion& of = body.own_motions[k];
         Fading& fading = next.fading.emplace_back();
+        if (snapshot_.steps == 0)
+            continue; // it comes to rest there
         fading.begin = now;
-        fading.end = now + static_cast<double>(look.steps_of_fade) * time_.dt;
         fading.from = at_point(of.shares, carried.state.u);
+        fading.slope = at_point(of.shares, carried.state.v);
         if (of.follows >= 0)
         {
-            fading.from -= motions[idx(of.follows)](of.place) - of.place;
+            const Vector3d there = next.now[idx(of.follows)](of.place);
+            fading.from -= there - of.place;
+            fading.slope -= (there - next.before[idx(of.follows)](of.place)) / time_.dt;
+            // One change follows the other: what is on its way must get there.
+            fading.end =
+                on_bones > now ? std::max(on_bones, now + fade / 4.0) : now + fade;
             continue;
         }
-        fading.slope = at_point(of.shares, carried.state.v);
         const int old = carried.old_node[idx(body.leaving.nodes[k].node)];
-        if (const auto end = ends.find(old); end != ends.end() && end->second > now)
-            fading.end = end->second;
+        const auto end = ends.find(old);
+        fading.end = end != ends.end() && end->second > now ? end->second : now + fade;
     }
+    for (const std::string& warning : body.warnings)
+        if (std::find(warnings_.begin(), warnings_.end(), warning) == warnings_.end())
+            warnings_.push_back(warning);
     body.flesh->take_factors(*body_.flesh);
     snapshot_.state = std::move(carried.state);
     detail = std::move(next);
@@ -417,6 +445,16 @@ FleshFrame FleshSimulation::report()
     out.angular_momentum =
         to_model * (body_.flesh->angular_momentum(state) - origin.cross(momentum));
     out.miss = body_.flesh->largest_miss(state, motions);
+    // Points that are on their way are off their bones, which is where they should be.
+    const std::vector<int>& dropped = body_.flesh->nodes().dropped;
+    for (std::size_t k = body_.leaving.nodes.size(); k < body_.own_motions.size(); ++k)
+        if (!std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
+        {
+            const FleshBody::OwnMotion& of = body_.own_motions[k];
+            out.miss = std::max(out.miss, (at_point(of.shares, state.u) + of.place -
+                                           motions[idx(of.follows)](of.place))
+                                              .norm());
+        }
     out.largest_strain = body_.flesh->largest_strain(state);
     out.inverted = body_.flesh->num_inverted(state);
     return out;
@@ -654,19 +692,29 @@ std::vector<Vector3d> FleshSimulation::nodes() const
 
 std::vector<std::array<Vector3d, 8>> FleshSimulation::drawn_cells() const
 {
-    constexpr double kNextToNothing = 0.02; // of the cell
+    // Of the cell; and of its edge.
+    constexpr double kNextToNothing = 0.02, kLittle = 0.25, kSpike = 3.0;
     const std::vector<CornerNodes>& cells = body_.flesh->lattice().cells;
     const std::vector<Vector3d> places = nodes();
     std::vector<std::array<Vector3d, 8>> out;
     for (std::size_t c = 0; c < cells.size(); ++c)
     {
-        if (body_.octree)
-            if (const Cell& cell = body_.octree->cells.cells[c];
-                cell.volume < kNextToNothing * cell.edge * cell.edge * cell.edge)
-                continue;
-        std::array<Vector3d, 8>& corners = out.emplace_back();
+        std::array<Vector3d, 8> corners;
         for (std::size_t k = 0; k < 8; ++k)
             corners[k] = places[idx(cells[c][k])];
+        if (body_.octree)
+        {
+            const Cell& cell = body_.octree->cells.cells[c];
+            const double share = cell.volume / (cell.edge * cell.edge * cell.edge);
+            const double edge = model_->frame.length_to_model(cell.edge);
+            const bool is_spike = (corners[7] - corners[0]).norm() > kSpike * edge ||
+                                  (corners[6] - corners[1]).norm() > kSpike * edge ||
+                                  (corners[5] - corners[2]).norm() > kSpike * edge ||
+                                  (corners[4] - corners[3]).norm() > kSpike * edge;
+            if (share < kNextToNothing || (share < kLittle && is_spike))
+                continue;
+        }
+        out.push_back(corners);
     }
     return out;
 }

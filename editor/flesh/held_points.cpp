@@ -31,7 +31,7 @@ HeldPoints held_points(const FleshModel& model, const Lattice& lattice,
             PulledPoint guided;
             guided.point = {shares, x};
             guided.normal = model.direction_of(*told.normal);
-            out.guided.emplace_back(guided, model.keys_of(told.keys));
+            out.guided.push_back({guided, model.keys_of(told.keys)});
             continue;
         }
         out.whole.push_back(
@@ -47,7 +47,7 @@ void guide_what_is_not_bound(const FleshModel& model, const Flesh& flesh,
     const FreeShares shares(flesh.nodes(), flesh.lattice().places.size());
     const std::vector<int>& dropped = flesh.nodes().dropped;
     const std::size_t first = flesh.points().size() - held.whole.size();
-    std::vector<std::pair<PulledPoint, ShiftKeys>> as_rows;
+    std::vector<HeldPoints::Guided> as_rows;
     std::size_t whole = 0, guided = 0;
     for (const FleshHoldStatement& told : model.flesh().held)
     {
@@ -55,7 +55,7 @@ void guide_what_is_not_bound(const FleshModel& model, const Flesh& flesh,
         bool is_eliminated = false;
         std::size_t number = 0; // of the whole ones
         if (told.normal)
-            point = held.guided[guided++].first.point;
+            point = held.guided[guided++].point.point;
         else
         {
             number = whole++;
@@ -71,8 +71,13 @@ void guide_what_is_not_bound(const FleshModel& model, const Flesh& flesh,
                                   "lies where bones or other held points have the flesh "
                                   "already: it is ignored"));
         else if (!told.normal)
-            as_rows.emplace_back(PulledPoint{point, point.place, std::nullopt},
-                                 held.holds[number]);
+        {
+            HeldPoints::Guided& row = as_rows.emplace_back();
+            row.point.point = point;
+            row.point.goal = point.place;
+            row.keys = held.holds[number];
+            row.whole = static_cast<int>(number);
+        }
     }
     held.guided.insert(held.guided.end(), as_rows.begin(), as_rows.end());
 }

@@ -19,9 +19,14 @@ struct HeldPoints
     std::vector<ShiftKeys> holds;
     /// Those, in the order of the scene.
     std::vector<HeldPoint> whole;
-    /// Held along a normal alone, or wholly where no node can be solved for; and where
-    /// they are to go [m].
-    std::vector<std::pair<PulledPoint, ShiftKeys>> guided;
+    /// Held along a normal alone, or wholly where no node can be solved for.
+    struct Guided
+    {
+        PulledPoint point;
+        ShiftKeys keys; ///< where it is to go [m]
+        int whole = -1; ///< number of those that are held wholly
+    };
+    std::vector<Guided> guided;
     std::size_t num_whole_guided = 0;
 };
 

@@ -6,6 +6,7 @@
 
 #include "editor/flesh/drawn_flesh.h"
 #include "io/error.h"
+#include "io/number.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "octree/pieces.h"
@@ -31,6 +32,11 @@ void refuse_what_joints_cannot_hold(const SceneFile& scene)
                                "another law, or no joints");
     if (!flesh.contact.empty())
         refuse("skeleton.contact", "flesh that is joined to something touches nothing");
+    if (flesh.settles)
+        refuse("skeleton.settle", "what is joined to the flesh would stay behind");
+    if (!flesh.held.empty() && flesh.detail > 0.0)
+        refuse("skeleton.held", "points of flesh that is joined to something are held in "
+                                "cells that stay: not with detail");
 }
 
 } // namespace
@@ -93,7 +99,10 @@ private:
         const std::optional<Vector3d> local =
             cell < 0 ? std::nullopt : local_place(lattice, cell, x);
         if (!local || local->minCoeff() < -kBeside || local->maxCoeff() > 1.0 + kBeside)
-            throw malformed({path_, 0, where}, "a point of flesh lies outside of it");
+            throw malformed({path_, 0, where},
+                            "the point (" + shortest(at.x()) + ", " + shortest(at.y()) +
+                                ", " + shortest(at.z()) +
+                                ") of the flesh, in metres, lies outside of it");
         return {shares_at(lattice, cell, *local), x};
     }
 

@@ -86,7 +86,7 @@ TEST(SimulateJoined, check_tells_of_flesh_and_faults_end_with_3)
     const Files outside("0 0 5");
     const Result refused = run({"simulate", outside.scene, "--json"});
     EXPECT_EQ(refused.code, 3);
-    EXPECT_TRUE(contains(refused.err, "joints[0]: a point of flesh lies outside"));
+    EXPECT_TRUE(contains(refused.err, "joints[0]: the point (0, 0, 5) of the flesh"));
 }
 
 TEST(SimulateJoined, the_editor_plays_the_frames_of_simulate_to_the_bit)

@@ -31,6 +31,7 @@ struct Bending
                           {"time": 0.25, "joint": "knee", "rotate": [0, 0, 1, 40]},
                           {"time": 0.5, "joint": "knee", "rotate": [0, 0, 1, 0]})";
     std::string time = R"("duration": 1.5, "gravity": [0, 0, 0])";
+    std::string knee = "[2, 0, 0]", foot = "[3.98, 0, 0]";
 
     explicit Bending(const Shape& shape = support::box_shape({0, -0.5, -0.5},
                                                              {4, 0.5, 0.5}, 8))
@@ -42,9 +43,10 @@ struct Bending
         const SceneFile of = parse_scene(
             folder / "s.json", R"({"cellwarp": 1, "model": "shape.obj", "skeleton": {
                 "joints": [{"name": "root", "parent": null, "at": [0.02, 0, 0]},
-                           {"name": "knee", "parent": "root", "at": [2, 0, 0]},
-                           {"name": "foot", "parent": "knee", "at": [3.98, 0, 0]}], )" +
-                                   skeleton + R"(, "keys": [)" + keys +
+                           {"name": "knee", "parent": "root", "at": )" +
+                                   knee + R"(},
+                           {"name": "foot", "parent": "knee", "at": )" +
+                                   foot + R"(}], )" + skeleton + R"(, "keys": [)" + keys +
                                    R"(]}, "simulate": {)" + time + "}}");
         return std::make_unique<FleshSimulation>(
             std::make_shared<const Geometry>(read_geometry(of.model).geometry), of,
@@ -208,11 +210,16 @@ TEST(FleshDetail, what_was_idle_is_kept_where_it_bends_again)
     look.go_on(110.0);
     EXPECT_TRUE(look.body.leaving.nodes.empty());
     EXPECT_GE(look.detail.octree->leaves().size(), fine->leaves().size());
-    // Beyond the most cells nothing is split.
+    // There is room for some alone: the worst ones.
     Look full(*simulation);
-    const DetailChange change = full.change(1e-4, 36, 80);
+    const auto most = static_cast<std::int64_t>(full.detail.octree->leaves().size()) + 60;
+    const DetailChange change = full.change(1e-4, 36, most);
     EXPECT_TRUE(change.is_full);
-    EXPECT_EQ(full.detail.octree->leaves(),
+    EXPECT_GT(change.split, 0u);
+    EXPECT_LE(full.detail.octree->leaves().size(), std::size_t(most));
+    Look none(*simulation);
+    EXPECT_EQ(none.change(1e-4, 36, 1).split, 0u);
+    EXPECT_EQ(none.detail.octree->leaves(),
               simulation->snapshot().detail.octree->leaves());
 }
 
@@ -369,7 +376,7 @@ TEST(FleshDetail, is_where_something_touches_is_pulled_or_was_asked_for)
     EXPECT_EQ(level_at(*pulled, tip), 0);
 }
 
-TEST(FleshDetail, bones_and_held_points_stay_exact)
+TEST(FleshDetail, bones_and_held_points_hold_all_the_time)
 {
     Bending bar(support::l_prism());
     bar.skeleton = R"("E": 3e4, "across": 9, "max_depth": 2, "detail": 0.004,
@@ -380,10 +387,80 @@ TEST(FleshDetail, bones_and_held_points_stay_exact)
     while (simulation->steps_done() < simulation->num_steps())
     {
         simulation->step();
-        EXPECT_LT(simulation->report().miss, 1e-12);
+        // Off by what lies between the points of larger cells, for a little while.
+        EXPECT_LT(simulation->report().miss, 0.05);
         most = std::max(most, cells(*simulation));
     }
     EXPECT_GT(most, 100u);
+}
+
+TEST(FleshDetail, points_of_bones_come_to_them_though_cells_keep_changing)
+{
+    // Between its points a slanted bone is off: smaller cells bring more of it home.
+    Bending bar;
+    bar.knee = "[2, 0.2, 0.13]";
+    bar.foot = "[3.9, -0.3, -0.21]";
+    bar.skeleton = R"("E": 3e4, "across": 8, "max_depth": 2, "detail": 0.004,
+                      "damping": {"alpha": 8})";
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [0, 0, 1, 0]},
+                  {"time": 0.6, "joint": "knee", "rotate": [0, 0, 1, 60]})";
+    bar.time = R"("duration": 1.2, "gravity": [0, 0, 0])";
+    const auto simulation = bar.start();
+    double most = 0.0, last = 0.0;
+    std::size_t changes = 0;
+    while (simulation->steps_done() < simulation->num_steps())
+    {
+        const std::shared_ptr<const Octree> before = simulation->snapshot().detail.octree;
+        simulation->step();
+        changes += simulation->snapshot().detail.octree != before;
+        last = simulation->report().miss;
+        most = std::max(most, last);
+        // After a change a point goes on as fast as it was.
+        const FleshBody& body = simulation->body();
+        const FleshSimulation::Snapshot& now = simulation->snapshot();
+        for (std::size_t k = 0;
+             now.detail.octree != before && k < body.own_motions.size(); ++k)
+            if (const FleshBody::OwnMotion& of = body.own_motions[k]; of.follows >= 0)
+            {
+                const double h = 1e-6;
+                const double time = static_cast<double>(now.steps) / 120.0;
+                const Vector3d rate =
+                    (now.detail.fading[k].at(time + h) - now.detail.fading[k].at(time)) /
+                    h;
+                const Vector3d bone =
+                    120.0 * (now.detail.now[idx(of.follows)](of.place) -
+                             now.detail.before[idx(of.follows)](of.place));
+                EXPECT_LT((rate + bone - at_point(of.shares, now.state.v)).norm(), 1e-3);
+            }
+    }
+    EXPECT_GT(changes, 5u);
+    EXPECT_GT(most, 1e-3);
+    EXPECT_LT(last, 1e-8);
+}
+
+TEST(FleshDetail, a_first_pose_is_at_rest_with_its_detail)
+{
+    Bending bar;
+    bar.knee = "[2, 0.2, 0.13]";
+    bar.foot = "[3.9, -0.3, -0.21]";
+    bar.skeleton = R"("E": 3e4, "across": 8, "max_depth": 2, "detail": 0.004)";
+    bar.keys = R"({"time": 0, "joint": "knee", "rotate": [0, 0, 1, 50]})";
+    bar.time = R"("duration": 0.2, "gravity": [0, 0, 0])";
+    const auto simulation = bar.start();
+    const std::size_t first = cells(*simulation);
+    EXPECT_GT(first, 100u);
+    FleshFrame frame = simulation->report();
+    EXPECT_GT(frame.elastic, 10.0);
+    const double elastic = frame.elastic;
+    while (simulation->steps_done() < simulation->num_steps())
+    {
+        simulation->next_frame();
+        frame = simulation->report();
+        EXPECT_LT(frame.kinetic, 1e-6 * elastic);
+        EXPECT_LT(frame.miss, 1e-9);
+    }
+    EXPECT_NEAR(frame.elastic, elastic, 1e-4 * elastic);
+    EXPECT_EQ(cells(*simulation), first);
 }
 
 TEST(FleshDetail, regions_that_a_change_does_not_touch_keep_their_factor)

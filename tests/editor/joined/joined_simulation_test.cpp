@@ -237,7 +237,10 @@ TEST(JoinedSimulation, what_joints_cannot_hold_is_refused_by_its_key)
          "skeleton.contact: flesh that");
     told(R"(, "held": [{"at": [3, 0.1, 0.1], "normal": [0, 1, 0]}])", "",
          "skeleton.held: flesh that is joined");
-    told("", "flesh 4 3 0", "joints[0]: a point of flesh lies outside of it");
+    told(R"(, "detail": 0.01, "held": [{"at": [3, 0, 0]}])", "",
+         "skeleton.held: points of flesh that is joined");
+    told(R"(, "settle": true)", "", "skeleton.settle: what is joined to the flesh");
+    told("", "flesh 4 3 0", "joints[0]: the point (4, 3, 0) of the flesh");
     told("", "flesh 4 3", "joints[0].a: names no place");
     told("", "flesh 4 3 x", "joints[0].a: what follows");
     Scene frame;
