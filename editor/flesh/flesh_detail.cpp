@@ -194,9 +194,8 @@ DetailChange change_detail(const FleshBody& body, const DetailLook& look,
         if (const auto going = was_leaving.find(box_key(box)); going != was_leaving.end())
         {
             const FleshDetail::Family& old = detail.leaving[going->second];
-            const bool has_left =
-                look.step - old.since >= look.steps_of_fade &&
-                !is_on_its_way(body, detail, box, static_cast<double>(look.step));
+            const bool has_left = look.step - old.since >= look.steps_of_fade &&
+                                  !is_on_its_way(body, detail, box, look.time);
             (has_left ? left : leaving).push_back(old);
         }
         else if (look.step - one.since >= look.steps_of_fade)

@@ -57,7 +57,8 @@ struct DetailLook
     std::span<const double> errors;  ///< of the cells, as uneven_strains() has them [m]
     std::span<const char> is_wanted; ///< cells that are to be small anyway
     double threshold = 0.0;          ///< cells of larger errors are split [m]
-    std::int64_t step = 0;           ///< now
+    double time = 0.0;               ///< now, as `fading` has it [s]
+    std::int64_t step = 0;           ///< the same
     std::int64_t steps_of_fade = 1;
     std::int64_t most_cells = 0; ///< the octree is not split beyond
 };

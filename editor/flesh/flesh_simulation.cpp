@@ -298,34 +298,48 @@ void FleshSimulation::take_step(FleshState state, const FleshReport& report, dou
                                               : "iteration limit");
 }
 
+std::int64_t FleshSimulation::steps_of_fade() const
+{
+    return std::max<std::int64_t>(1, std::llround(kFade / time_.dt));
+}
+
+/// Cells that are to be small whatever their strain: where something touches, where a
+/// hand pulls, and where the scene says so.
+std::vector<char> FleshSimulation::wanted_cells() const
+{
+    std::vector<char> is_wanted(body_.octree->cells.size(), 0);
+    if (model_->fine)
+    {
+        const Octree& octree = *snapshot_.detail.octree;
+        std::vector<char> is_fine(octree.leaves().size(), 0);
+        for (const LeafNumber leaf : leaves_of_fine_regions(*model_, octree))
+            is_fine[idx(leaf)] = 1;
+        for (std::size_t c = 0; c < is_wanted.size(); ++c)
+            is_wanted[c] = is_fine[idx(body_.octree->cells.cells[c].leaf)];
+    }
+    const std::vector<FleshObstacle> obstacles =
+        obstacles_at(static_cast<double>(snapshot_.steps) * time_.dt);
+    for (const std::size_t sample : body_.flesh->touching(snapshot_.state, obstacles))
+        is_wanted[idx(body_.cell_of_sample[sample])] = 1;
+    if (snapshot_.pull && snapshot_.pull->sample < geometry_->samples.size())
+        is_wanted[idx(body_.cell_of_sample[snapshot_.pull->sample])] = 1;
+    return is_wanted;
+}
+
 /// Where it bends, touches or is pulled cells become smaller, elsewhere larger again.
 /// True: it has another lattice.
 bool FleshSimulation::look_for_detail()
 {
     const Clock::time_point start = Clock::now();
-    FleshDetail& detail = snapshot_.detail;
-    const double now = static_cast<double>(snapshot_.steps) * time_.dt;
-    std::vector<char> is_wanted(body_.octree->cells.size(), 0);
-    if (model_->fine)
-    {
-        std::vector<char> is_fine(detail.octree->leaves().size(), 0);
-        for (const LeafNumber leaf : leaves_of_fine_regions(*model_, *detail.octree))
-            is_fine[idx(leaf)] = 1;
-        for (std::size_t c = 0; c < is_wanted.size(); ++c)
-            is_wanted[c] = is_fine[idx(body_.octree->cells.cells[c].leaf)];
-    }
-    const std::vector<FleshObstacle> obstacles = obstacles_at(now);
-    for (const std::size_t sample : body_.flesh->touching(snapshot_.state, obstacles))
-        is_wanted[idx(body_.cell_of_sample[sample])] = 1;
-    if (snapshot_.pull && snapshot_.pull->sample < geometry_->samples.size())
-        is_wanted[idx(body_.cell_of_sample[snapshot_.pull->sample])] = 1;
     const std::vector<double> errors = uneven_strains(body_, snapshot_.state);
+    const std::vector<char> is_wanted = wanted_cells();
     DetailLook look{errors, is_wanted};
     look.threshold = model_->flesh().detail * model_->metre * model_->frame.diagonal();
+    look.time = static_cast<double>(snapshot_.steps) * time_.dt;
     look.step = snapshot_.steps;
-    look.steps_of_fade = std::max<std::int64_t>(1, std::llround(kFade / time_.dt));
+    look.steps_of_fade = steps_of_fade();
     look.most_cells = model_->cells.max_cells;
-    FleshDetail next = detail;
+    FleshDetail next = snapshot_.detail;
     const DetailChange change = change_detail(body_, look, next);
     since_.split += change.split;
     since_.merged += change.merged;
@@ -336,54 +350,66 @@ bool FleshSimulation::look_for_detail()
                                    std::to_string(model_->cells.max_cells)));
     if (!change.has_changed)
     {
-        detail = std::move(next);
+        snapshot_.detail = std::move(next);
         return false;
     }
-    // Points lie as far off as they did, and come to where they belong.
     FleshBody body = build_flesh(model_, *next.octree, *next.coarser);
     CarriedState carried = carried_to(body, body_, snapshot_.state);
-    const double fade = static_cast<double>(look.steps_of_fade) * time_.dt;
-    std::map<int, double> ends; // of nodes that leave already
-    double on_bones = now;      // when points of bones that are on their way get there
-    for (std::size_t k = 0; k < body_.own_motions.size(); ++k)
-        if (k < body_.leaving.nodes.size())
-            ends.emplace(body_.leaving.nodes[k].node, detail.fading[k].end);
-        else
-            on_bones = std::max(on_bones, detail.fading[k].end);
-    next.fading.clear();
-    for (std::size_t k = 0; k < body.own_motions.size(); ++k)
-    {
-        const FleshBody::OwnMotion& of = body.own_motions[k];
-        Fading& fading = next.fading.emplace_back();
-        if (snapshot_.steps == 0)
-            continue; // it comes to rest there
-        fading.begin = now;
-        fading.from = at_point(of.shares, carried.state.u);
-        fading.slope = at_point(of.shares, carried.state.v);
-        if (of.follows >= 0)
-        {
-            const Vector3d there = next.now[idx(of.follows)](of.place);
-            fading.from -= there - of.place;
-            fading.slope -= (there - next.before[idx(of.follows)](of.place)) / time_.dt;
-            // One change follows the other: what is on its way must get there.
-            fading.end =
-                on_bones > now ? std::max(on_bones, now + fade / 4.0) : now + fade;
-            continue;
-        }
-        const int old = carried.old_node[idx(body.leaving.nodes[k].node)];
-        const auto end = ends.find(old);
-        fading.end = end != ends.end() && end->second > now ? end->second : now + fade;
-    }
+    next.fading = fading_in(body, carried, next);
     for (const std::string& warning : body.warnings)
         if (std::find(warnings_.begin(), warnings_.end(), warning) == warnings_.end())
             warnings_.push_back(warning);
     body.flesh->take_factors(*body_.flesh);
     snapshot_.state = std::move(carried.state);
-    detail = std::move(next);
+    snapshot_.detail = std::move(next);
     body_ = std::move(body);
     take_lattice();
     since_.detail_ms += ms_since(start);
     return true;
+}
+
+/// Of the own motions of another lattice: points lie as far off as they do, go on as fast
+/// as they are, and come to where they belong.
+std::vector<Fading> FleshSimulation::fading_in(const FleshBody& body,
+                                               const CarriedState& carried,
+                                               const FleshDetail& next) const
+{
+    std::vector<Fading> out(body.own_motions.size());
+    if (snapshot_.steps == 0)
+        return out; // it comes to rest there
+    const double now = static_cast<double>(snapshot_.steps) * time_.dt;
+    const double fade = time_.dt * static_cast<double>(steps_of_fade());
+    std::map<int, double> ends; // of nodes that leave already
+    double on_bones = now;      // when points of bones that are on their way get there
+    for (std::size_t k = 0; k < body_.own_motions.size(); ++k)
+        if (const double end = snapshot_.detail.fading[k].end;
+            k < body_.leaving.nodes.size())
+            ends.emplace(body_.leaving.nodes[k].node, end);
+        else
+            on_bones = std::max(on_bones, end);
+    for (std::size_t k = 0; k < out.size(); ++k)
+    {
+        const FleshBody::OwnMotion& of = body.own_motions[k];
+        Fading& fading = out[k];
+        fading.begin = now;
+        fading.end = now + fade;
+        fading.from = at_point(of.shares, carried.state.u);
+        fading.slope = at_point(of.shares, carried.state.v);
+        if (of.follows < 0)
+        {
+            const auto old = ends.find(carried.old_node[idx(body.leaving.nodes[k].node)]);
+            if (old != ends.end() && old->second > now)
+                fading.end = old->second;
+            continue;
+        }
+        const Vector3d there = next.now[idx(of.follows)](of.place);
+        fading.from -= there - of.place;
+        fading.slope -= (there - next.before[idx(of.follows)](of.place)) / time_.dt;
+        // One change follows the other: what is on its way must get there.
+        if (on_bones > now)
+            fading.end = std::max(on_bones, now + fade / 4.0);
+    }
+    return out;
 }
 
 /// What was made for another lattice is made again.

@@ -137,6 +137,10 @@ private:
     FleshReport settle_at_first();
     bool has_detail() const { return snapshot_.detail.octree != nullptr; }
     bool look_for_detail();
+    std::vector<char> wanted_cells() const;
+    std::int64_t steps_of_fade() const;
+    std::vector<Fading> fading_in(const FleshBody& body, const CarriedState& carried,
+                                  const FleshDetail& next) const;
     void take_lattice();
     void stopped(const char* why);
     void fade_bones();

@@ -168,7 +168,14 @@ TEST(SkeletonScene, with_simulate_it_has_a_time_of_its_own)
     EXPECT_EQ(flesh.time->duration, 3.0);
     EXPECT_EQ(flesh.time->unit, 0.01);
     EXPECT_EQ(flesh.time->gravity[2], -9.81);
-    EXPECT_FALSE(parse_scene("s.json", scene + R"(, "rods": [{}]})").time);
+    EXPECT_FALSE(flesh.has_rods);
+    // Rods and nets of the scene share it.
+    for (const char* more : {R"(, "rods": [{}]})", R"(, "nets": [{}]})"})
+    {
+        const SceneFile both = parse_scene("s.json", scene + more);
+        EXPECT_TRUE(both.time);
+        EXPECT_TRUE(both.has_rods);
+    }
     EXPECT_FALSE(scene_of(kJoints).time);
 }
 

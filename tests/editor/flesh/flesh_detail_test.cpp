@@ -103,7 +103,8 @@ struct Look
     {
         const std::vector<double> errors = uneven_strains(body, state);
         const std::vector<char> is_wanted(errors.size(), 0);
-        return change_detail(body, {errors, is_wanted, threshold, step, 30, most},
+        const auto time = static_cast<double>(step); // steps of a second
+        return change_detail(body, {errors, is_wanted, threshold, time, step, 30, most},
                              detail);
     }
     /// To the lattice that is wanted now. Expects that samples stay where they are, and
