@@ -94,7 +94,7 @@ Moved moved_of(const CornerNodes& corners, const Vector3d& local, const FleshSta
     return out;
 }
 
-void set(FleshState& state, int node, const Moved& to)
+void set_node(FleshState& state, int node, const Moved& to)
 {
     state.u.segment<3>(3 * node) = to.u;
     state.v.segment<3>(3 * node) = to.v;
@@ -275,7 +275,7 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
             Vector3d local(k & 1, k >> 1 & 1, k >> 2 & 1);
             if (!is_same)
                 local = *local_place(old, cell, lattice.places[idx(node)]);
-            set(out.state, node, moved_of(corners, local, state));
+            set_node(out.state, node, moved_of(corners, local, state));
         }
     }
     // Corners of coarser cells that no cell has.
@@ -296,8 +296,8 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
                 const int was =
                     from.leaving.coarse_cells[idx(from.coarse_cell[idx(cell)])][k];
                 out.old_node[idx(node)] = was;
-                set(out.state, node,
-                    {state.u.segment<3>(3 * was), state.v.segment<3>(3 * was)});
+                set_node(out.state, node,
+                         {state.u.segment<3>(3 * was), state.v.segment<3>(3 * was)});
                 continue;
             }
             std::vector<int> nodes;
@@ -306,8 +306,8 @@ CarriedState carried_to(const FleshBody& to, const FleshBody& from,
                              lattice.cells[idx(part)].end());
             std::sort(nodes.begin(), nodes.end());
             nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-            set(out.state, node,
-                extrapolated(lattice, nodes, out.state, lattice.places[idx(node)]));
+            set_node(out.state, node,
+                     extrapolated(lattice, nodes, out.state, lattice.places[idx(node)]));
         }
     return out;
 }

@@ -47,7 +47,7 @@ void refuse_what_cannot_be(const SceneFile& scene)
         refuse("weights", "are painted on samples of an octree's lattice alone");
 }
 
-FleshSettings settings_of(const FleshModel& model, bool is_tight)
+FleshSettings flesh_settings(const FleshModel& model, bool is_tight)
 {
     const FleshStatement& flesh = model.flesh();
     FleshSettings out;
@@ -209,7 +209,7 @@ std::shared_ptr<const FleshModel> flesh_model(std::shared_ptr<const Geometry> ge
     model->frame = cells.frame ? given_frame(*cells.frame, cells.frame_file)
                                : automatic_frame(bounding_box(model->geometry->samples));
     model->metre = model->frame.length_to_model(1.0) * scene.time->unit;
-    model->settings = settings_of(*model, is_tight);
+    model->settings = flesh_settings(*model, is_tight);
     if (scene.time->viscosity > 0.0)
         model->warnings.push_back(at({scene.path, 0, "simulate.viscosity"},
                                      "is for rods, ignored: flesh has damping"));
