@@ -63,25 +63,25 @@ struct DetailLook
     std::int64_t most_cells = 0; ///< the octree is not split beyond
 };
 
-/// Splits, lets leave, and takes what has left. True: the octree or the coarser one has
-/// changed; `fading` is then still that of before. \p body: of \p detail.
 struct DetailChange
 {
-    bool has_changed = false;
+    bool has_changed = false;          ///< the octree, or the coarser one
     std::size_t split = 0, merged = 0; ///< leaves; boxes
     bool is_full = false;              ///< for want of most_cells something was not split
 };
+/// Splits, lets leave, and takes what has left. Where it has changed something `fading`
+/// is still that of before. \p body: of \p detail.
 DetailChange change_detail(const FleshBody& body, const DetailLook& look,
                            FleshDetail& detail);
 
-/// A state in another lattice of the same flesh: displacements and velocities stay as
-/// they are. Throws nothing; cells of \p to are cells of \p from, or of its coarser
-/// lattice, or parts of those.
+/// The state of flesh in another lattice.
 struct CarriedState
 {
     FleshState state;
     std::vector<int> old_node; ///< of each node the one that it was, or -1
 };
+/// Displacements and velocities stay as they are. Cells of \p to are cells of \p from, or
+/// of its coarser lattice, or parts of those.
 CarriedState carried_to(const FleshBody& to, const FleshBody& from,
                         const FleshState& state);
 
