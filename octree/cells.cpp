@@ -53,11 +53,11 @@ bool is_whole(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& piec
     for (int k = 0; k < block.width; ++k)
         for (int j = 0; j < block.width; ++j)
         {
-            const std::int32_t* row = &pieces.piece_of_voxel[grid.index(
-                block.first.x(), block.first.y() + j, block.first.z() + k)];
-            if (std::any_of(row, row + block.width,
-                            [&](std::int32_t other) { return other != piece; }))
-                return false;
+            const std::size_t row =
+                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
+            for (int i = 0; i < block.width; ++i)
+                if (pieces.piece_of_voxel[row + idx(i)] != piece)
+                    return false;
         }
     return true;
 }
@@ -172,8 +172,7 @@ Eigen::Matrix3d turning_of(const Face& face, const Cell& a, const Cell& b)
 /// Faces from the pieces of one leaf to those above it on each axis, without sheets.
 /// Crumbs have none: there would be faces of leaves that do not touch.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
-                             const Pieces& pieces,
-                             const std::vector<std::uint8_t>& is_sheet,
+                             const Pieces& pieces, const VoxelFlags& is_sheet,
                              std::size_t leaf_index)
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
@@ -333,7 +332,7 @@ void place_middles(const Pieces& pieces, const Sheets& sheets, std::vector<Cell>
 } // namespace
 
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                  const std::vector<std::uint8_t>& is_sheet, const Sheets& sheets)
+                  const VoxelFlags& is_sheet, const Sheets& sheets)
 {
     const std::size_t num_leaves = octree.leaves().size();
     Cells result;

@@ -73,8 +73,7 @@ struct Cells
 
 /// Without \p sheets all material is as thick as its voxels.
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                  const std::vector<std::uint8_t>& is_sheet = {},
-                  const Sheets& sheets = {});
+                  const VoxelFlags& is_sheet = {}, const Sheets& sheets = {});
 
 /// Number of the connected component of each cell (through the glue), numbered by
 /// their first cells.

@@ -5,9 +5,9 @@
 
 #include <cstdint>
 #include <functional>
-#include <vector>
 
 #include "octree/voxel_grid.h"
+#include "octree/voxel_values.h"
 
 namespace cellwarp
 {
@@ -16,19 +16,19 @@ namespace cellwarp
 struct EnclosedVoxels
 {
     double radius = -1.0; ///< of the openings that were closed [voxel]; -1: none enclosed
-    std::vector<std::uint8_t> is_inside; ///< of each voxel, marks among them
+    VoxelFlags is_inside; ///< of each voxel, marks among them
 };
 
 /// What \p marks (not 0) enclose once openings up to a radius are closed: the smallest
 /// radius, at most \p max_radius [voxel], that seals. Nothing on the outside is enclosed,
 /// and nothing but what \p may_fill accepts.
-EnclosedVoxels enclosed_voxels(const VoxelGrid& grid,
-                               const std::vector<std::uint8_t>& marks, int max_radius,
+EnclosedVoxels enclosed_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
+                               int max_radius,
                                const std::function<bool(std::size_t)>& may_fill);
 
 /// Adds to the material a ball of radius \p r [voxel] around each of \p marks: a sheet of
 /// points becomes connected. (A closing would take off again all that lies between.)
-void spread(VoxelGrid& grid, const std::vector<std::uint8_t>& marks, double r);
+void spread(VoxelGrid& grid, const VoxelFlags& marks, double r);
 
 /// Joins parts of the material that are at most \p reach voxels apart, nearest ones
 /// first, by the voxels in between. Samples of one surface may otherwise touch at

@@ -18,6 +18,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "octree/base/index.h"
@@ -48,30 +49,33 @@ constexpr double kCoarseRadius = 4.0, kCoarseRoom = 0.7;
 /// Free voxels around the grid: the wrap and what lies just outside of it fit in.
 constexpr int kBorder = 4;
 
-using Flags = std::vector<std::uint8_t>;
+using Flags = VoxelFlags;
 
 /// The marks of a grid with a border, one unit a voxel.
 class Lattice
 {
 public:
-    Lattice(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks)
-        : inner_(grid), grid_(shape_of(grid.counts())), marks_(grid_.size(), 0)
+    /// \p most: what is as far from all marks has room for every ball [voxel].
+    Lattice(const VoxelGrid& grid, const Flags& marks, double most)
+        : inner_(grid), grid_(shape_of(grid.counts())), marks_(grid_.size())
     {
-        for (std::size_t i = 0; i < inner_.size(); ++i)
-            if (marks[i])
-            {
-                marks_[of(i)] = 1;
-                points_.push_back((grid.coordinates(i).array() + kBorder).cast<double>() +
-                                  0.5);
-            }
-        room_ = squared_distances(marks_, grid_.counts());
+        for_each_set(marks,
+                     [&](std::size_t i)
+                     {
+                         marks_[of(i)] = 1;
+                         points_.push_back(
+                             (grid.coordinates(i).array() + kBorder).cast<double>() +
+                             0.5);
+                     });
+        room_.emplace(marks_, grid_.counts(), most);
     }
 
     const VoxelGrid& grid() const { return grid_; }
     const Eigen::Vector3i& counts() const { return grid_.counts(); }
     std::size_t size() const { return marks_.size(); }
-    /// Squared distance from the marks [voxel^2].
-    const std::vector<float>& room() const { return room_; }
+    /// Distances from the marks [voxel].
+    const NearDistances& room() const { return *room_; }
+    bool is_mark(std::size_t voxel) const { return marks_[voxel] != 0; }
 
     /// The place of a voxel of the inner grid.
     std::size_t of(std::size_t voxel) const
@@ -87,21 +91,16 @@ public:
         // Farther than one voxel from the outside: neither a voxel nor one beside it is
         // out. The wrap leaves the border's outermost voxels free.
         static_assert(kOffset == 1.0);
-        Flags deep(size(), 0);
-        const std::size_t nx = idx(counts().x()), ny = idx(counts().y()),
-                          nz = idx(counts().z());
-        parallel_for(nz - 2,
-                     [&](std::size_t plane)
-                     {
-                         for (std::size_t j = 1; j + 1 < ny; ++j)
-                             for (std::size_t i = 1; i + 1 < nx; ++i)
-                             {
-                                 const std::size_t at = ((plane + 1) * ny + j) * nx + i;
-                                 deep[at] = inside[at] & inside[at - 1] & inside[at + 1] &
-                                            inside[at - nx] & inside[at + nx] &
-                                            inside[at - nx * ny] & inside[at + nx * ny];
-                             }
-                     });
+        Flags deep(size());
+        const std::size_t nx = idx(counts().x()), plane = nx * idx(counts().y());
+        parallel_for_each_set(inside,
+                              [&](std::size_t at)
+                              {
+                                  if (inside[at - 1] && inside[at + 1] &&
+                                      inside[at - nx] && inside[at + nx] &&
+                                      inside[at - plane] && inside[at + plane])
+                                      deep[at] = 1;
+                              });
         return deep;
     }
 
@@ -118,98 +117,111 @@ private:
     const VoxelGrid& inner_;
     VoxelGrid grid_;
     Flags marks_;
-    std::vector<float> room_;
+    std::optional<NearDistances> room_;
     std::vector<Eigen::Vector3d> points_;
 };
-
-bool has_room(float room, double radius)
-{
-    return room > static_cast<float>(radius * radius);
-}
 
 /// Whether a hollow that \p widest encloses could be closed by \p radius and is not yet
 /// in \p hollow.
 bool is_any_left(const Lattice& lattice, const Flags& widest, const Flags& hollow,
                  double radius)
 {
-    for (std::size_t i = 0; i < widest.size(); ++i)
-        if (widest[i] && !hollow[i] && has_room(lattice.room()[i], kRoom * radius))
-            return true;
-    return false;
+    constexpr std::size_t kAtOnce = 1 << 16;
+    bool is_any = false;
+    for (std::size_t begin = 0; begin < widest.size() && !is_any; begin += kAtOnce)
+        for_each_set(widest, begin, std::min(widest.size(), begin + kAtOnce),
+                     [&](std::size_t i) {
+                         is_any = is_any || (!hollow[i] &&
+                                             lattice.room().is_beyond(i, kRoom * radius));
+                     });
+    return is_any;
 }
 
-/// Whose a free voxel is.
+/// Whose a voxel is while the wrap is shared out.
 enum class Side : std::uint8_t
 {
-    None,
+    Outside, ///< from the beginning
+    Nobody,  ///< enclosed, and not reached yet
     Hollow,
-    Outside
+    TakenByOutside,
+    Mark
 };
-
-/// The level of a voxel's room, for a flood from the roomiest places down.
-std::size_t level_of(float room, std::size_t num_levels)
-{
-    return std::min(static_cast<std::size_t>(2.0f * std::sqrt(room)), num_levels - 1);
-}
 
 /// Adds to \p hollow what of \p enclosed falls to places of enough room in it. Returns
 /// whether there was any.
 bool add_hollows(const Lattice& lattice, const Flags& enclosed, double radius,
                  Flags& hollow)
 {
-    const std::vector<float>& room = lattice.room();
-    std::vector<Side> side(hollow.size(), Side::None);
+    const NearDistances& room = lattice.room();
+    VoxelValues<Side> side(hollow.size());
+    // The level of a voxel's room, for a flood from the roomiest places down.
     const std::size_t num_levels = static_cast<std::size_t>(2.0 * kRoom * radius) + 1;
+    const auto level_of = [&](std::size_t voxel)
+    {
+        return room.is_far(voxel)
+                   ? num_levels - 1
+                   : std::min(
+                         static_cast<std::size_t>(
+                             2.0f * std::sqrt(static_cast<float>(room.squared(voxel)))),
+                         num_levels - 1);
+    };
     // Two of each level: the hollow goes first.
     std::vector<std::vector<std::size_t>> stacks(2 * num_levels);
     const auto push = [&](std::size_t voxel, std::size_t level)
     {
-        const std::size_t there = std::min(level, level_of(room[voxel], num_levels));
+        const std::size_t there = std::min(level, level_of(voxel));
         stacks[2 * there + (side[voxel] == Side::Hollow)].push_back(voxel);
     };
     bool has_any = false;
-    for (std::size_t i = 0; i < hollow.size(); ++i)
-    {
-        if (!enclosed[i])
-            side[i] = Side::Outside;
-        else if (!hollow[i] && has_room(room[i], kRoom * radius))
-            side[i] = Side::Hollow;
-        else
-            continue;
-        has_any = has_any || side[i] == Side::Hollow;
-    }
+    for_each_set(enclosed,
+                 [&](std::size_t i)
+                 {
+                     const bool is_hollow =
+                         !hollow[i] && room.is_beyond(i, kRoom * radius);
+                     side[i] = is_hollow            ? Side::Hollow
+                               : lattice.is_mark(i) ? Side::Mark
+                                                    : Side::Nobody;
+                     has_any = has_any || is_hollow;
+                 });
     if (!has_any)
         return false;
     const std::size_t nx = idx(lattice.counts().x());
     const std::size_t stride[3] = {1, nx, nx * idx(lattice.counts().y())};
-    // The flood begins where a side has a neighbour that is nobody's yet.
-    const auto may_go_on = [&](std::size_t voxel)
-    {
-        for (const std::size_t step : stride)
-            for (const std::size_t next : {voxel - step, voxel + step})
-                if (next < side.size() && side[next] == Side::None)
-                    return true;
-        return false;
-    };
-    for (std::size_t i = 0; i < side.size(); ++i)
-        if (side[i] != Side::None && room[i] > 0 && may_go_on(i))
-            push(i, num_levels - 1);
+    // The flood begins where a voxel that is nobody's yet has a neighbour that is
+    // somebody's. What is enclosed keeps away from the border of the lattice.
+    for_each_set(side,
+                 [&](std::size_t i)
+                 {
+                     if (side[i] != Side::Nobody)
+                         return;
+                     for (const std::size_t step : stride)
+                         for (const std::size_t next : {i - step, i + step})
+                             if (side[next] == Side::Hollow ||
+                                 (side[next] == Side::Outside && !lattice.is_mark(next)))
+                                 push(next, num_levels - 1);
+                 });
     for (std::size_t at = stacks.size(); at-- > 0;)
         while (!stacks[at].empty())
         {
             const std::size_t voxel = stacks[at].back();
             stacks[at].pop_back();
+            const Side taken =
+                side[voxel] == Side::Hollow ? Side::Hollow : Side::TakenByOutside;
             for (const std::size_t step : stride)
                 for (const std::size_t next : {voxel - step, voxel + step})
                     // Below the first voxel the subtraction wraps around.
-                    if (next < side.size() && side[next] == Side::None && room[next] > 0)
+                    if (next < side.size() && side[next] == Side::Nobody)
                     {
-                        side[next] = side[voxel];
+                        side[next] = taken;
                         push(next, at / 2);
                     }
         }
-    for (std::size_t i = 0; i < hollow.size(); ++i)
-        hollow[i] = hollow[i] || side[i] == Side::Hollow;
+    for_each_set(side,
+                 [&](std::size_t i)
+                 {
+                     if (side[i] == Side::Hollow)
+                         hollow[i] = 1;
+                 });
     return true;
 }
 
@@ -224,31 +236,28 @@ bool may_have_hollows(const VoxelGrid& grid, const Flags& marks, const Openings&
     shape.size = shape.coarsest.cast<double>();
     shape.voxels_per_leaf = 1;
     const VoxelGrid coarse(shape);
-    Flags coarse_marks(coarse.size(), 0);
-    for (std::size_t i = 0; i < marks.size(); ++i)
-        if (marks[i])
-            coarse_marks[coarse.index(grid.coordinates(i) / scale)] = 1;
-    const Lattice lattice(coarse, coarse_marks);
+    Flags coarse_marks(coarse.size());
+    for_each_set(marks, [&](std::size_t i)
+                 { coarse_marks[coarse.index(grid.coordinates(i) / scale)] = 1; });
+    const Lattice lattice(coarse, coarse_marks, kRoom * openings.widest / scale);
     return is_any_left(lattice, lattice.enclosed(openings.widest / scale),
-                       Flags(lattice.size(), 0),
-                       kCoarseRoom * openings.narrowest / scale);
+                       Flags(lattice.size()), kCoarseRoom * openings.narrowest / scale);
 }
 
 } // namespace
 
-EnclosedVoxels hollow_voxels(const VoxelGrid& grid,
-                             const std::vector<std::uint8_t>& marks,
+EnclosedVoxels hollow_voxels(const VoxelGrid& grid, const Flags& marks,
                              const Openings& openings,
                              const std::function<bool(std::size_t)>& may_fill)
 {
-    EnclosedVoxels found{-1.0, std::vector<std::uint8_t>(grid.size(), 0)};
+    EnclosedVoxels found{-1.0, Flags(grid.size())};
     if (!has_alpha_wrap())
         return found;
     if (!may_have_hollows(grid, marks, openings))
         return found;
-    const Lattice lattice(grid, marks);
+    const Lattice lattice(grid, marks, kRoom * openings.widest);
     const Flags widest = lattice.enclosed(openings.widest);
-    Flags hollow(lattice.size(), 0);
+    Flags hollow(lattice.size());
     double closed = -1.0;
     for (double radius = openings.narrowest;
          radius < openings.widest * kRadiusStep &&
@@ -263,12 +272,17 @@ EnclosedVoxels hollow_voxels(const VoxelGrid& grid,
     }
     if (closed < 0)
         return found;
-    for (std::size_t i = 0; i < grid.size(); ++i)
-        if (hollow[lattice.of(i)] && may_fill(i))
-        {
-            found.is_inside[i] = 1;
-            found.radius = closed;
-        }
+    for_each_set(hollow,
+                 [&](std::size_t at)
+                 {
+                     const Eigen::Vector3i place =
+                         lattice.grid().coordinates(at).array() - kBorder;
+                     const std::size_t i = grid.index(place);
+                     if (!grid.contains(place) || !may_fill(i))
+                         return;
+                     found.is_inside[i] = 1;
+                     found.radius = closed;
+                 });
     return found;
 }
 

@@ -25,8 +25,7 @@ struct Openings
 /// for a ball a quarter larger than that wrap's. Nothing on the outside, no mark, and
 /// only what \p may_fill accepts. The radius is that of the widest opening that was
 /// closed, or -1 if there is no hollow, or no wrap in this build.
-EnclosedVoxels hollow_voxels(const VoxelGrid& grid,
-                             const std::vector<std::uint8_t>& marks,
+EnclosedVoxels hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
                              const Openings& openings,
                              const std::function<bool(std::size_t)>& may_fill);
 

@@ -47,11 +47,14 @@ int max_seal_radius(const GridShape& grid_shape)
 }
 
 /// What is inside and not touched by the surface.
-std::vector<std::uint8_t> beyond_marks(std::vector<std::uint8_t> is_inside,
-                                       const std::vector<std::uint8_t>& marks)
+VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks)
 {
-    for (std::size_t i = 0; i < is_inside.size(); ++i)
-        is_inside[i] = is_inside[i] && !marks[i];
+    parallel_for_each_set(marks,
+                          [&](std::size_t i)
+                          {
+                              if (is_inside[i])
+                                  is_inside[i] = 0;
+                          });
     return is_inside;
 }
 
@@ -66,13 +69,12 @@ Openings wide_openings(const GridShape& grid_shape, double seal_radius, double m
 
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
 /// beside a closed body must hold together as well. Lengths in voxels.
-void spread_sheets(VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
-                   const std::vector<std::uint8_t>& inside, double reach, double r)
+void spread_sheets(VoxelGrid& grid, const VoxelFlags& marks, const VoxelFlags& inside,
+                   double reach, double r)
 {
-    const std::vector<float> distances = squared_distances(inside, grid.counts());
-    std::vector<std::uint8_t> sheet = marks;
-    for (std::size_t i = 0; i < sheet.size(); ++i)
-        sheet[i] = marks[i] && distances[i] > static_cast<float>(reach * reach);
+    VoxelFlags sheet(grid.size());
+    const NearDistances distances(inside, grid.counts(), reach);
+    parallel_for_each_set(marks, [&](std::size_t i) { sheet[i] = distances.is_far(i); });
     spread(grid, sheet, r);
 }
 
@@ -82,21 +84,20 @@ constexpr double kWall = 3.0;
 
 /// The voxels of material that are not \p inside, nor near enough to it to bound it;
 /// empty if there are none.
-std::vector<std::uint8_t>
-sheet_voxels(const VoxelGrid& grid, const std::vector<std::uint8_t>& inside, double reach)
+VoxelFlags sheet_voxels(const VoxelGrid& grid, const VoxelFlags& inside, double reach)
 {
-    const std::vector<float> distances = squared_distances(inside, grid.counts());
-    std::vector<std::uint8_t> is_sheet(grid.size());
+    const NearDistances distances(inside, grid.counts(), reach);
+    VoxelFlags is_sheet(grid.size());
     bool has_any = false;
-    for (std::size_t i = 0; i < is_sheet.size(); ++i)
-    {
-        is_sheet[i] =
-            grid.material()[i] && distances[i] > static_cast<float>(reach * reach);
-        has_any = has_any || is_sheet[i];
-    }
-    if (!has_any)
-        is_sheet.clear();
-    return is_sheet;
+    for_each_set(grid.material(),
+                 [&](std::size_t i)
+                 {
+                     if (!distances.is_far(i))
+                         return;
+                     is_sheet[i] = 1;
+                     has_any = true;
+                 });
+    return has_any ? std::move(is_sheet) : VoxelFlags();
 }
 
 } // namespace
@@ -132,9 +133,10 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
 
 double material_bytes(const GridShape& grid_shape)
 {
-    // The flood works on a grid with a border: marks, two bytes; distances, four, in a
-    // sweep each; the grid itself: marks, labels and distances. Hollows, with a narrower
-    // border and after the flood, take less.
+    // Where all of the box is near the surface; else what is far takes nothing. The flood
+    // works on a grid with a border: marks, a byte; distances, four; how free a voxel is
+    // and how far the flood comes, two; and voxels to go on from. The grid itself: marks,
+    // labels and distances. Hollows, after the flood, take less.
     const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
     const Eigen::Array3d inner =
         grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
@@ -146,21 +148,22 @@ namespace
 
 /// Of a soup or a cloud: what its marks enclose, and of the voxels that the surface only
 /// touches those beside it. Which side of the surface the others are on nobody knows.
-void add_touched_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
-                        std::vector<std::uint8_t>& is_inside)
+void add_touched_inside(const VoxelGrid& grid, const VoxelFlags& marks,
+                        VoxelFlags& is_inside)
 {
-    const std::vector<std::uint8_t> enclosed = beyond_marks(is_inside, marks);
-    for (std::size_t i = 0; i < enclosed.size(); ++i)
-    {
-        if (!marks[i])
-            continue;
-        is_inside[i] = 0;
-        const Eigen::Vector3i voxel = grid.coordinates(i);
-        for_each_voxel(
-            VoxelRange{voxel.array() - 1, voxel.array() + 1}.cut(grid.inside_box()),
-            [&](const Eigen::Vector3i& other)
-            { is_inside[i] |= enclosed[grid.index(other)]; });
-    }
+    const VoxelFlags enclosed = beyond_marks(is_inside, marks);
+    parallel_for_each_set(
+        marks,
+        [&](std::size_t i)
+        {
+            const Eigen::Vector3i voxel = grid.coordinates(i);
+            std::uint8_t is_beside = 0;
+            for_each_voxel(
+                VoxelRange{voxel.array() - 1, voxel.array() + 1}.cut(grid.inside_box()),
+                [&](const Eigen::Vector3i& other)
+                { is_beside |= enclosed[grid.index(other)]; });
+            is_inside[i] = is_beside;
+        });
 }
 
 /// Marks all that the samples touch where the material holds none of it: a speck in the
@@ -186,14 +189,14 @@ void hold_samples(const Shape& shape, VoxelGrid& grid)
 struct OpenInside
 {
     InsideMethod method = InsideMethod::None;
-    std::vector<std::uint8_t> is_inside; ///< of each voxel
+    VoxelFlags is_inside;       ///< of each voxel
     double flood_radius = -1.0; ///< at which the flood was kept out [voxel]; -1: at none
     double seal_radius = 0.0;   ///< of the widest opening that was closed [voxel]
 };
 
 /// \p votes: inside_votes() of a nearly closed surface, else empty.
-OpenInside open_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
-                       const std::vector<std::uint8_t>& votes)
+OpenInside open_inside(const VoxelGrid& grid, const VoxelFlags& marks,
+                       const VoxelFlags& votes)
 {
     const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };
     const GridShape& shape = grid.shape();
@@ -223,8 +226,7 @@ OpenInside open_inside(const VoxelGrid& grid, const std::vector<std::uint8_t>& m
 }
 
 /// Of a shape that encloses nothing: a cloud's points are spread to their spacing.
-void make_shell(const std::vector<std::uint8_t>& marks, int reach_of_samples,
-                Material& material)
+void make_shell(const VoxelFlags& marks, int reach_of_samples, Material& material)
 {
     if (reach_of_samples > 0)
     {
@@ -236,7 +238,7 @@ void make_shell(const std::vector<std::uint8_t>& marks, int reach_of_samples,
 }
 
 /// Joins what the samples leave apart, and tells the sheets from what bounds the inside.
-void join_open_parts(const OpenInside& found, const std::vector<std::uint8_t>& marks,
+void join_open_parts(const OpenInside& found, const VoxelFlags& marks,
                      int reach_of_samples, Material& material)
 {
     VoxelGrid& grid = material.grid;
@@ -253,7 +255,7 @@ void join_open_parts(const OpenInside& found, const std::vector<std::uint8_t>& m
     // How far the inside may be from the marks around it.
     const double away = found.method == InsideMethod::Wrap ? 1.0 : found.flood_radius;
     const double wall = std::max<double>(away, reach_of_samples) + 1.0;
-    const std::vector<std::uint8_t> inside = beyond_marks(found.is_inside, marks);
+    const VoxelFlags inside = beyond_marks(found.is_inside, marks);
     if (reach_of_samples > 0)
         spread_sheets(grid, marks, inside, wall, 0.5 * (reach_of_samples + 1));
     join_fragments(grid, reach);
@@ -266,7 +268,7 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
 {
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
-    const std::vector<std::uint8_t> marks = surface_marks(shape, grid);
+    const VoxelFlags marks = surface_marks(shape, grid);
     if (shape.triangles.empty())
         material.spacing = point_spacing(shape.samples);
     // How far apart neighbouring samples of a cloud are [voxel].
@@ -276,7 +278,7 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
                   static_cast<int>(std::ceil(material.spacing / grid_shape.voxel())), 1,
                   max_seal_radius(grid_shape))
             : 0;
-    const auto settle = [&](const std::vector<std::uint8_t>& is_inside)
+    const auto settle = [&](const VoxelFlags& is_inside)
     {
         settle_material(grid, marks, is_inside);
         hold_samples(shape, grid);
@@ -291,10 +293,9 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
             settle(inside_by_winding(shape, triangles, grid));
             return material;
         }
-        const OpenInside found =
-            open_inside(grid, marks,
-                        open < kNearlyClosed ? inside_votes(shape, triangles, grid)
-                                             : std::vector<std::uint8_t>());
+        const OpenInside found = open_inside(
+            grid, marks,
+            open < kNearlyClosed ? inside_votes(shape, triangles, grid) : VoxelFlags());
         if (found.method != InsideMethod::None)
         {
             settle(found.is_inside);
@@ -302,7 +303,7 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
             return material;
         }
     }
-    settle(std::vector<std::uint8_t>(grid.size(), 0));
+    settle(VoxelFlags(grid.size()));
     make_shell(marks, reach_of_samples, material);
     return material;
 }

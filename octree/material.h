@@ -55,7 +55,7 @@ struct Material
     double joins_below = 0.0;
     /// For every voxel whether it is the material of a sheet: of a surface that bounds no
     /// inside. Empty where there is no sheet.
-    std::vector<std::uint8_t> is_sheet = {};
+    VoxelFlags is_sheet = {};
 };
 
 /// The voxels of \p shape on the grid \p grid_shape. Every voxel into which a triangle or

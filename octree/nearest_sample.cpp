@@ -2,8 +2,8 @@
 #include "octree/nearest_sample.h"
 
 #include <cmath>
-#include <limits>
 #include <utility>
+#include <vector>
 
 namespace cellwarp
 {
@@ -22,12 +22,12 @@ constexpr double kSame = 7.0710678e-4;
 
 } // namespace
 
-std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
-                                           std::span<const Eigen::Vector3d> samples)
+VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
+                                            std::span<const Eigen::Vector3d> samples)
 {
-    std::vector<std::uint32_t> nearest(grid.size(), kNoSample);
-    std::vector<std::uint32_t> distance(grid.size(), // [kSame]
-                                        std::numeric_limits<std::uint32_t>::max());
+    VoxelNumbers<std::uint32_t> nearest(grid.size());
+    // [kSame]; without one, the largest number
+    VoxelNumbers<std::uint32_t> distance(grid.size());
     struct Entry
     {
         std::size_t voxel;
@@ -44,8 +44,8 @@ std::vector<std::uint32_t> nearest_samples(const VoxelGrid& grid,
         const std::uint32_t d = static_cast<std::uint32_t>(std::lround(length / kSame));
         if (std::pair(d, sample) >= std::pair(distance[voxel], nearest[voxel]))
             return;
-        distance[voxel] = d;
-        nearest[voxel] = sample;
+        distance.set(voxel, d);
+        nearest.set(voxel, sample);
         const std::size_t bucket = static_cast<std::size_t>(d * kSame / kStep);
         if (bucket >= buckets.size())
             buckets.resize(bucket + 1);

@@ -169,7 +169,7 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
 {
     const std::vector<Leaf>& leaves = octree.leaves();
     Pieces pieces;
-    pieces.piece_of_voxel.assign(grid.size(), -1);
+    pieces.piece_of_voxel = VoxelNumbers<std::int32_t>(grid.size());
     std::vector<std::vector<Run>> runs(leaves.size());
     parallel_for(leaves.size(), [&](std::size_t i)
                  { runs[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i])); });
@@ -192,9 +192,10 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
                          const std::vector<std::size_t> rows =
                              rows_of(grid, voxel_block(grid.shape(), leaves[i]));
                          for (const Run& run : runs[i])
-                             std::fill_n(
-                                 &pieces.piece_of_voxel[rows[idx(run.row)]] + run.begin,
-                                 run.end - run.begin, number_of(first[i] + run.piece));
+                             pieces.piece_of_voxel.fill(rows[idx(run.row)] +
+                                                            idx(run.begin),
+                                                        idx(run.end - run.begin),
+                                                        number_of(first[i] + run.piece));
                      });
     };
     write([](std::int32_t piece) { return piece; });
@@ -217,20 +218,6 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
         });
     pieces.leaf_of_piece = std::move(leaf_of_kept);
     return pieces;
-}
-
-std::int32_t piece_at(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
-                      const Eigen::Vector3d& x)
-{
-    std::int32_t piece = piece_of_voxel[grid.index(grid.locate(x))];
-    if (piece < 0)
-        for_each_voxel(grid.touched(x),
-                       [&](const Eigen::Vector3i& voxel)
-                       {
-                           if (piece < 0)
-                               piece = piece_of_voxel[grid.index(voxel)];
-                       });
-    return std::max(piece, -1);
 }
 
 } // namespace cellwarp

@@ -3,8 +3,8 @@
 // leaf, two where two fingers pass through the same box.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "octree/octree.h"
@@ -19,7 +19,7 @@ namespace cellwarp
 struct Pieces
 {
     std::vector<LeafNumber> leaf_of_piece;
-    std::vector<std::int32_t> piece_of_voxel; ///< -1 where there is no material
+    VoxelNumbers<std::int32_t> piece_of_voxel; ///< -1 where there is no material
     std::size_t size() const { return leaf_of_piece.size(); }
 };
 
@@ -28,7 +28,19 @@ Pieces find_pieces(const VoxelGrid& grid, const Octree& octree);
 /// The piece that holds a point: that of its voxel, or else the first of those that it
 /// touches; -1 if it touches no material. \p piece_of_voxel: negative where there is
 /// none.
-std::int32_t piece_at(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
-                      const Eigen::Vector3d& x);
+template <class PieceOfVoxel>
+std::int32_t piece_at(const VoxelGrid& grid, const PieceOfVoxel& piece_of_voxel,
+                      const Eigen::Vector3d& x)
+{
+    std::int32_t piece = piece_of_voxel[grid.index(grid.locate(x))];
+    if (piece < 0)
+        for_each_voxel(grid.touched(x),
+                       [&](const Eigen::Vector3i& voxel)
+                       {
+                           if (piece < 0)
+                               piece = piece_of_voxel[grid.index(voxel)];
+                       });
+    return std::max(piece, -1);
+}
 
 } // namespace cellwarp

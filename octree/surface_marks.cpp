@@ -47,8 +47,7 @@ class TriangleMarker
 {
 public:
     TriangleMarker(const VoxelGrid& grid, const VoxelLines& lines,
-                   const std::array<Eigen::Vector3d, 3>& corners,
-                   std::vector<std::uint8_t>& marks)
+                   const std::array<Eigen::Vector3d, 3>& corners, VoxelFlags& marks)
         : grid_(grid), lines_(lines), marks_(marks)
     {
         const Eigen::Vector3d edges[3] = {
@@ -162,7 +161,7 @@ private:
 
     const VoxelGrid& grid_;
     const VoxelLines& lines_;
-    std::vector<std::uint8_t>& marks_;
+    VoxelFlags& marks_;
     Eigen::Vector3d axes_[10];
     double low_[10], high_[10];
     Eigen::Vector3d box_low_, box_high_;
@@ -177,10 +176,10 @@ bool is_one_voxel(const VoxelRange& a, const VoxelRange& b, const VoxelRange& c)
 
 } // namespace
 
-std::vector<std::uint8_t> surface_marks(const Shape& shape, const VoxelGrid& grid)
+VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
 {
     constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
-    std::vector<std::uint8_t> marks(grid.size(), 0);
+    VoxelFlags marks(grid.size());
     const VoxelLines lines = lines_in_voxels(grid);
     parallel_ranges(shape.triangles.size(), 1024,
                     [&](std::size_t begin, std::size_t end)

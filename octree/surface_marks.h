@@ -27,6 +27,6 @@ struct SurfaceMark
 
 /// For every voxel the SurfaceMark bits of the triangles and of the samples that are in
 /// none. A sample reaches into every voxel that it touches.
-std::vector<std::uint8_t> surface_marks(const Shape& shape, const VoxelGrid& grid);
+VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid);
 
 } // namespace cellwarp

@@ -25,8 +25,8 @@ namespace
 {
 
 /// Whether some voxel across a side in which the surface lies is not \p material.
-bool bounds_nothing(const VoxelGrid& grid, const std::vector<std::uint8_t>& material,
-                    std::uint8_t mark, const Eigen::Vector3i& voxel)
+bool bounds_nothing(const VoxelGrid& grid, const VoxelFlags& material, std::uint8_t mark,
+                    const Eigen::Vector3i& voxel)
 {
     for (int axis = 0; axis < 3; ++axis)
         for (const bool is_upper : {false, true})
@@ -42,7 +42,7 @@ bool bounds_nothing(const VoxelGrid& grid, const std::vector<std::uint8_t>& mate
 }
 
 /// Number of parts, connected through sides, of the material in the 26 voxels around one.
-int parts_around(const VoxelGrid& grid, const std::vector<std::uint8_t>& material,
+int parts_around(const VoxelGrid& grid, const VoxelFlags& material,
                  const Eigen::Vector3i& voxel)
 {
     constexpr int kMiddle = 13;
@@ -81,31 +81,48 @@ int parts_around(const VoxelGrid& grid, const std::vector<std::uint8_t>& materia
 
 } // namespace
 
-void settle_material(VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
-                     const std::vector<std::uint8_t>& is_inside)
+void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
+                     const VoxelFlags& is_inside)
 {
-    std::vector<std::uint8_t>& material = grid.material();
-    std::fill(material.begin(), material.end(), std::uint8_t(0));
-    for_each_voxel(grid.inside_box(),
-                   [&](const Eigen::Vector3i& voxel)
-                   {
-                       const std::size_t i = grid.index(voxel);
-                       material[i] =
-                           is_inside[i] || (marks[i] & SurfaceMark::kPenetrated);
-                   });
+    VoxelFlags& material = grid.material();
+    material = VoxelFlags(grid.size());
+    const VoxelRange& box = grid.inside_box();
+    const std::size_t width = idx(box.last.x() - box.first.x() + 1);
+    for (int k = box.first.z(); k <= box.last.z(); ++k)
+        for (int j = box.first.y(); j <= box.last.y(); ++j)
+        {
+            const std::size_t row = grid.index(box.first.x(), j, k);
+            for_each_set(is_inside, row, row + width,
+                         [&](std::size_t voxel) { material[voxel] = 1; });
+            for_each_set(marks, row, row + width,
+                         [&](std::size_t voxel)
+                         {
+                             if (marks[voxel] & SurfaceMark::kPenetrated)
+                                 material[voxel] = 1;
+                         });
+        }
     // Adds what \p is_needed, asked for all that is only touched, finds in the material
     // as it is.
+    std::vector<std::size_t> touched;
+    for_each_set(marks,
+                 [&](std::size_t voxel)
+                 {
+                     if (!material[voxel])
+                         touched.push_back(voxel);
+                 });
     const auto add = [&](auto&& is_needed)
     {
-        std::vector<std::uint8_t> next = material;
-        parallel_ranges(material.size(), 65536,
-                        [&](std::size_t begin, std::size_t end)
-                        {
-                            for (std::size_t i = begin; i < end; ++i)
-                                if (marks[i] && !material[i])
-                                    next[i] = is_needed(i, grid.coordinates(i));
-                        });
-        material = std::move(next);
+        std::vector<char> is_added(touched.size(), 0);
+        parallel_for(touched.size(), kSmallBodies,
+                     [&](std::size_t i)
+                     {
+                         is_added[i] =
+                             !material[touched[i]] &&
+                             is_needed(touched[i], grid.coordinates(touched[i]));
+                     });
+        for (std::size_t i = 0; i < touched.size(); ++i)
+            if (is_added[i])
+                material[touched[i]] = 1;
     };
     add([&](std::size_t i, const Eigen::Vector3i& voxel)
         { return bounds_nothing(grid, material, marks[i], voxel); });

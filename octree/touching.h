@@ -13,7 +13,7 @@ namespace cellwarp
 /// Sets the material of \p grid, given the SurfaceMark bits of every voxel and whether it
 /// is inside. What the surface reaches into and what is inside is material. A voxel that
 /// the surface only touches is so where nothing else would hold the surface together.
-void settle_material(VoxelGrid& grid, const std::vector<std::uint8_t>& marks,
-                     const std::vector<std::uint8_t>& is_inside);
+void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
+                     const VoxelFlags& is_inside);
 
 } // namespace cellwarp

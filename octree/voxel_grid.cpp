@@ -88,7 +88,7 @@ VoxelGrid::VoxelGrid(const GridShape& shape)
         std::fill(lines.begin(), lines.begin() + first + 1, 0.0);
         std::fill(lines.begin() + last + 1, lines.end(), size);
     }
-    material_.assign(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()), 0);
+    material_ = VoxelFlags(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()));
 }
 
 Eigen::Vector3i VoxelGrid::coordinates(std::size_t index) const

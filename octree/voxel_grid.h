@@ -4,12 +4,12 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "octree/base/index.h"
+#include "octree/voxel_values.h"
 
 namespace cellwarp
 {
@@ -121,8 +121,8 @@ public:
     }
     Eigen::Vector3d centre(const Eigen::Vector3i& v) const;
 
-    std::vector<std::uint8_t>& material() { return material_; }
-    const std::vector<std::uint8_t>& material() const { return material_; }
+    VoxelFlags& material() { return material_; }
+    const VoxelFlags& material() const { return material_; }
 
 private:
     GridShape shape_;
@@ -130,7 +130,7 @@ private:
     Eigen::Vector3d corner_;
     VoxelRange inside_box_;
     std::array<std::vector<double>, 3> lines_;
-    std::vector<std::uint8_t> material_;
+    VoxelFlags material_;
 };
 
 } // namespace cellwarp

@@ -314,26 +314,29 @@ double open_edge_share(const std::vector<Triangle>& triangles)
     return static_cast<double>(open) / static_cast<double>(total);
 }
 
-std::vector<std::uint8_t> inside_by_winding(const Shape& shape,
-                                            const std::vector<Triangle>& triangles,
-                                            const VoxelGrid& grid)
+VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
+                             const VoxelGrid& grid)
 {
-    std::vector<std::uint8_t> is_inside(grid.size(), 0);
+    VoxelFlags is_inside(grid.size());
     walk_columns(crossings(shape, triangles, grid, 2), grid, 2,
                  [&](std::size_t voxel, int below, int)
-                 { is_inside[voxel] = below != 0; });
+                 {
+                     if (below != 0)
+                         is_inside[voxel] = 1;
+                 });
     return is_inside;
 }
 
-std::vector<std::uint8_t> inside_votes(const Shape& shape,
-                                       const std::vector<Triangle>& triangles,
-                                       const VoxelGrid& grid)
+VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangles,
+                        const VoxelGrid& grid)
 {
-    std::vector<std::uint8_t> votes(grid.size(), 0);
+    VoxelFlags votes(grid.size());
     for (int axis = 0; axis < 3; ++axis)
         walk_columns(crossings(shape, triangles, grid, axis), grid, axis,
                      [&](std::size_t voxel, int below, int above)
                      {
+                         if (below == 0 && above == 0)
+                             return;
                          votes[voxel] = static_cast<std::uint8_t>(
                              votes[voxel] + (below != 0) + (above != 0));
                      });

@@ -20,13 +20,11 @@ std::vector<Triangle> bounding_triangles(const Shape& shape);
 double open_edge_share(const std::vector<Triangle>& triangles);
 
 /// Of each voxel whether a closed surface winds around its middle.
-std::vector<std::uint8_t> inside_by_winding(const Shape& shape,
-                                            const std::vector<Triangle>& triangles,
-                                            const VoxelGrid& grid);
+VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
+                             const VoxelGrid& grid);
 
 /// How many of the six axis rays of each voxel say that it is inside.
-std::vector<std::uint8_t> inside_votes(const Shape& shape,
-                                       const std::vector<Triangle>& triangles,
-                                       const VoxelGrid& grid);
+VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangles,
+                        const VoxelGrid& grid);
 
 } // namespace cellwarp

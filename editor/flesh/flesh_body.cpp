@@ -215,15 +215,16 @@ Octree first_octree(const FleshModel& model)
 std::vector<int> cells_around(const Body& cells, const Body& others)
 {
     std::vector<int> around(cells.cells.size(), -1);
-    const std::vector<std::int32_t>& of_voxel = cells.pieces.piece_of_voxel;
     const VoxelGrid& grid = cells.rest->material.grid;
-    for (std::size_t voxel = 0; voxel < of_voxel.size(); ++voxel)
-        if (const int cell = of_voxel[voxel];
-            cell >= 0 && around[idx(cell)] < 0 &&
-            is_in(voxel_block(grid.shape(),
-                              cells.octree[cells.cells.cells[idx(cell)].leaf]),
-                  grid.coordinates(voxel))) // no crumb of elsewhere
-            around[idx(cell)] = others.pieces.piece_of_voxel[voxel];
+    cells.pieces.piece_of_voxel.for_each(
+        [&](std::size_t voxel, int cell)
+        {
+            if (around[idx(cell)] < 0 &&
+                is_in(voxel_block(grid.shape(),
+                                  cells.octree[cells.cells.cells[idx(cell)].leaf]),
+                      grid.coordinates(voxel))) // no crumb of elsewhere
+                around[idx(cell)] = others.pieces.piece_of_voxel[voxel];
+        });
     return around;
 }
 
@@ -253,7 +254,7 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
     const bool leaves = coarser.leaves() != octree.leaves();
     body.octree = std::make_shared<const Body>(cut(model.rest, octree));
     const Body& cells = *body.octree;
-    const std::vector<std::int32_t>& pieces = cells.pieces.piece_of_voxel;
+    const VoxelNumbers<std::int32_t>& pieces = cells.pieces.piece_of_voxel;
     const VoxelGrid& grid = model.rest->material.grid;
     Lattice lattice = octree_lattice(cells.octree, cells.cells, model.metre);
     if (model.materials.size() > 1)

@@ -48,7 +48,7 @@ public:
     explicit Distances(const Material& material)
         : grid_(material.grid), is_solid_(material.method != InsideMethod::None)
     {
-        std::vector<std::uint8_t> marks = grid_.material();
+        std::vector<std::uint8_t> marks(grid_.material().begin(), grid_.material().end());
         if (is_solid_)
             for (std::uint8_t& mark : marks)
                 mark = !mark;

@@ -16,10 +16,10 @@ constexpr std::size_t kMostCheckpoints = 16;
 /// The newest ones, which are never thinned out.
 constexpr std::size_t kNewest = 6;
 
-template <class Item>
-std::size_t bytes_of(const std::vector<Item>& items)
+template <class Items>
+std::size_t bytes_of(const Items& items)
 {
-    return items.size() * sizeof(Item);
+    return items.size() * sizeof(typename Items::value_type);
 }
 
 std::size_t bytes_of(const Octree& octree)

@@ -50,8 +50,10 @@ void store_material(const CellSystem& system, StoredField& out)
     out.edge = shape.edge;
     out.max_depth = shape.max_depth;
     out.voxels_per_leaf = shape.voxels_per_leaf;
-    for (const std::int32_t piece : system.body().pieces.piece_of_voxel)
+    const VoxelNumbers<std::int32_t>& pieces = system.body().pieces.piece_of_voxel;
+    for (std::size_t voxel = 0; voxel < pieces.size(); ++voxel)
     {
+        const std::int32_t piece = pieces[voxel];
         if (out.run_pieces.empty() || out.run_pieces.back() != piece)
         {
             out.run_pieces.push_back(piece);

@@ -215,12 +215,14 @@ void RegionSet::find_voxels()
     }
     if (!has_lists)
         return;
-    const std::vector<std::uint32_t> nearest = nearest_samples(grid, shape_->samples);
+    const VoxelNumbers<std::uint32_t> nearest = nearest_samples(grid, shape_->samples);
     std::vector<std::vector<std::uint32_t>> more(size());
-    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
-        if (grid.material()[voxel] && nearest[voxel] != kNoSample)
-            for (const std::uint32_t r : regions_of_sample[nearest[voxel]])
+    nearest.for_each(
+        [&](std::size_t voxel, std::uint32_t sample)
+        {
+            for (const std::uint32_t r : regions_of_sample[sample])
                 more[r].push_back(static_cast<std::uint32_t>(voxel));
+        });
     for (std::size_t r = 0; r < size(); ++r)
     {
         std::vector<std::uint32_t> both;

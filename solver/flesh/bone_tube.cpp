@@ -104,7 +104,7 @@ std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, dou
 }
 
 std::vector<std::vector<MaterialPoint>>
-points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+points_in_tubes(const VoxelGrid& grid, const VoxelNumbers<std::int32_t>& piece_of_voxel,
                 const Lattice& lattice, double unit,
                 std::span<const std::vector<std::size_t>> voxels)
 {

@@ -47,7 +47,7 @@ std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, dou
 
 /// The same as points of the cells that hold them, of \p piece_of_voxel.
 std::vector<std::vector<MaterialPoint>>
-points_in_tubes(const VoxelGrid& grid, std::span<const std::int32_t> piece_of_voxel,
+points_in_tubes(const VoxelGrid& grid, const VoxelNumbers<std::int32_t>& piece_of_voxel,
                 const Lattice& lattice, double unit,
                 std::span<const std::vector<std::size_t>> voxels);
 

@@ -171,19 +171,18 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
         Matrix3d second = Matrix3d::Zero();
     };
     std::map<std::pair<int, int>, Sums> all;
-    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+    const auto add = [&](std::size_t voxel, int cell)
     {
-        const int cell = pieces.piece_of_voxel[voxel];
         const Vector3i v = grid.coordinates(voxel);
         const Vector3d size =
             unit *
             Vector3d(grid.extent(0, v.x()), grid.extent(1, v.y()), grid.extent(2, v.z()));
         const double volume = size.prod();
-        if (cell < 0 || !(volume > 0.0))
-            continue;
+        if (!(volume > 0.0))
+            return;
         const Leaf& leaf = octree[pieces.leaf_of_piece[idx(cell)]];
         if (!is_in(voxel_block(grid.shape(), leaf), v))
-            continue; // a crumb belongs to a cell elsewhere
+            return; // a crumb belongs to a cell elsewhere
         const Vector3d x = unit * grid.centre(v);
         const auto [found, is_new] = all.try_emplace({cell, material[voxel]});
         Sums& sums = found->second;
@@ -193,7 +192,8 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
         sums.first += volume * (x - sums.from);
         sums.second += volume * (x - sums.from) * (x - sums.from).transpose();
         sums.second.diagonal() += volume / 12.0 * size.cwiseAbs2();
-    }
+    };
+    pieces.piece_of_voxel.for_each(add);
     std::vector<LatticePart> parts;
     for (auto& [key, sums] : all)
     {

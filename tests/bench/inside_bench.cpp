@@ -163,7 +163,7 @@ std::vector<Case> cases()
     return all;
 }
 
-using Flags = std::vector<std::uint8_t>;
+using Flags = VoxelFlags;
 
 std::size_t count(const Flags& flags)
 {
@@ -222,12 +222,12 @@ void measure(Case& c)
     const double diagonal = size.norm() / shape.voxel(); // [voxel]
     const VoxelGrid grid(shape);
     const Flags marks = surface_marks(c.open, grid);
-    Flags truth(grid.size(), 0);
+    Flags truth(grid.size());
     if (!c.closed.samples.empty())
         truth = both(both(marks, surface_marks(c.closed, grid)),
                      inside_by_winding(c.closed, bounding_triangles(c.closed), grid));
     const std::vector<Triangle> triangles = bounding_triangles(c.open);
-    std::vector<std::uint8_t> votes;
+    Flags votes;
     if (open_edge_share(triangles) < kNearlyClosed)
         votes = inside_votes(c.open, triangles, grid);
     const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };

@@ -208,7 +208,7 @@ TEST(NearestSamples, are_measured_through_the_material)
         box_shape({0, 0, 0}, {0.4, 1, 1}));
     const Built body = built(u, 8, 0, Fill::Solid, 0.05);
     const std::vector<Eigen::Vector3d> samples = {{4, 0.2, 0.5}, {0, 1, 0.5}};
-    const std::vector<std::uint32_t> nearest =
+    const VoxelNumbers<std::uint32_t> nearest =
         nearest_samples(body.material.grid, samples);
     const VoxelGrid& grid = body.material.grid;
     EXPECT_EQ(nearest[grid.index(grid.locate({3.9, 0.2, 0.5}))], 0u);

@@ -49,8 +49,7 @@ Difference difference(Shape open, Shape closed)
 {
     const Vector3d size = support::to_origin({&open, &closed});
     const GridShape shape = grid_shape(size, 16, 0, kVoxel * size.norm());
-    const std::vector<std::uint8_t> truth =
-        find_material(closed, shape, Fill::Solid).grid.material();
+    const VoxelFlags truth = find_material(closed, shape, Fill::Solid).grid.material();
     const Material material = find_material(open, shape, Fill::Solid);
     Difference result;
     result.method = material.method;

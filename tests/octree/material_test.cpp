@@ -90,7 +90,7 @@ TEST(Material, overlapping_parts_are_inside_and_a_void_is_not)
 TEST(Material, flaws_of_a_mesh_do_not_change_it)
 {
     const Shape clean = box_shape({0, 0, 0}, {1, 1, 1});
-    const std::vector<std::uint8_t> wanted = found(clean).grid.material();
+    const VoxelFlags wanted = found(clean).grid.material();
     Shape soup; // unshared corners, shuffled
     for (const Triangle& t : clean.triangles)
         for (const std::uint32_t i : t)
@@ -110,7 +110,7 @@ TEST(Material, flaws_of_a_mesh_do_not_change_it)
 TEST(Material, faces_of_both_directions_are_a_flaw_or_a_wall)
 {
     const Shape clean = box_shape({0, 0, 0}, {1, 1, 1});
-    const std::vector<std::uint8_t> wanted = found(clean).grid.material();
+    const VoxelFlags wanted = found(clean).grid.material();
     for (const std::size_t count : {clean.triangles.size(), clean.triangles.size() / 3})
     {
         Shape two_sided = clean;

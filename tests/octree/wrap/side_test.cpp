@@ -88,8 +88,7 @@ TEST(Side, no_column_beside_a_vertex_leaks)
     {
         const Shape shape = double_cone(rng, 1.5, 0.5, 3 + static_cast<int>(rng() % 9));
         const VoxelGrid grid(unit);
-        const std::vector<std::uint8_t> is_inside =
-            inside_by_winding(shape, shape.triangles, grid);
+        const VoxelFlags is_inside = inside_by_winding(shape, shape.triangles, grid);
         // Below and above all of it.
         for (const int k : {0, 1, 2, 8, 9})
             leaks += is_inside[grid.index(1, 0, k)];

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/flood.h"
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+using Eigen::Vector3i;
+
+namespace
+{
+
+GridShape cube_of(int side)
+{
+    GridShape shape;
+    shape.coarsest = Vector3i::Constant(side);
+    shape.size = shape.coarsest.cast<double>();
+    shape.voxels_per_leaf = 1;
+    return shape;
+}
+
+double squared(const Vector3i& a)
+{
+    return a.cast<double>().squaredNorm();
+}
+
+/// What marks enclose at one radius, as flood.cpp says it, without any short cut: on a
+/// grid with a border, distances by looking at all marks and at all of the outside.
+struct SlowFlood
+{
+    Vector3i counts;
+    int border;
+    std::vector<Vector3i> marks;
+
+    SlowFlood(const VoxelGrid& grid, const VoxelFlags& of_grid, int most)
+        : counts(grid.counts().array() + 2 * (most + 2)), border(most + 2)
+    {
+        for (std::size_t i = 0; i < grid.size(); ++i)
+            if (of_grid[i])
+                marks.push_back(grid.coordinates(i).array() + border);
+    }
+    std::size_t at(const Vector3i& v) const
+    {
+        return (idx(v.z()) * idx(counts.y()) + idx(v.y())) * idx(counts.x()) + idx(v.x());
+    }
+    std::vector<Vector3i> places() const
+    {
+        std::vector<Vector3i> all;
+        for_each_voxel({Vector3i::Zero(), counts.array() - 1},
+                       [&](const Vector3i& v) { all.push_back(v); });
+        return all;
+    }
+    std::vector<char> outside(int radius) const
+    {
+        const VoxelRange all{Vector3i::Zero(), counts.array() - 1};
+        std::vector<char> is_closed(idx(counts.prod()), 0), is_out(is_closed.size(), 0);
+        for (const Vector3i& mark : marks)
+            for_each_voxel(
+                VoxelRange{mark.array() - radius, mark.array() + radius}.cut(all),
+                [&](const Vector3i& v)
+                {
+                    if (squared(v - mark) <= radius * radius)
+                        is_closed[at(v)] = 1;
+                });
+        std::vector<Vector3i> stack = {Vector3i::Zero()};
+        is_out[0] = 1;
+        while (!stack.empty())
+        {
+            const Vector3i v = stack.back();
+            stack.pop_back();
+            for (int axis = 0; axis < 3; ++axis)
+                for (const int step : {-1, 1})
+                {
+                    Vector3i next = v;
+                    next[axis] += step;
+                    if (!all.contains(next) || is_closed[at(next)] || is_out[at(next)])
+                        continue;
+                    is_out[at(next)] = 1;
+                    stack.push_back(next);
+                }
+        }
+        return is_out;
+    }
+    /// Whether a voxel is farther than \p radius from the outside.
+    bool is_inside(const std::vector<char>& is_out, const Vector3i& v, int radius) const
+    {
+        bool is_deep = true;
+        for_each_voxel(VoxelRange{v.array() - radius, v.array() + radius}.cut(
+                           {Vector3i::Zero(), counts.array() - 1}),
+                       [&](const Vector3i& other)
+                       {
+                           if (is_out[at(other)] && squared(v - other) <= radius * radius)
+                               is_deep = false;
+                       });
+        return is_deep;
+    }
+};
+
+/// The surface of a ball with holes: a mark is missing with the given chance.
+VoxelFlags holed_ball(const VoxelGrid& grid, const Vector3i& centre, double radius,
+                      double missing, unsigned seed)
+{
+    std::mt19937 rng(seed);
+    std::uniform_real_distribution<double> chance(0.0, 1.0);
+    VoxelFlags marks(grid.size());
+    for (std::size_t i = 0; i < grid.size(); ++i)
+        if (std::abs(std::sqrt(squared(grid.coordinates(i) - centre)) - radius) < 0.6 &&
+            chance(rng) >= missing)
+            marks[i] = 1;
+    return marks;
+}
+
+} // namespace
+
+TEST(Flood, finds_what_the_definition_says)
+{
+    int num_found = 0;
+    for (const double missing : {0.0, 0.1, 0.4, 0.7, 0.9})
+        for (const unsigned seed : {1u, 2u})
+        {
+            const VoxelGrid grid(cube_of(41));
+            const VoxelFlags marks =
+                holed_ball(grid, Vector3i(19, 22, 20), 17.0, missing, seed);
+            constexpr int kMost = 3;
+            const EnclosedVoxels found =
+                enclosed_voxels(grid, marks, kMost, [](std::size_t) { return true; });
+            if (found.radius < 0)
+                continue;
+            ++num_found;
+            const int radius = static_cast<int>(found.radius);
+            const SlowFlood slow(grid, marks, kMost);
+            const std::vector<char> is_out = slow.outside(radius);
+            for (std::size_t i = 0; i < grid.size(); ++i)
+                ASSERT_EQ(found.is_inside[i] != 0,
+                          slow.is_inside(
+                              is_out, grid.coordinates(i).array() + slow.border, radius))
+                    << missing << " " << seed << " " << grid.coordinates(i).transpose();
+        }
+    EXPECT_GE(num_found, 6);
+}
+
+TEST(Flood, takes_the_smallest_radius_that_seals)
+{
+    const VoxelGrid grid(cube_of(41));
+    for (const int width : {0, 2, 4, 6})
+    {
+        // A hollow cube with a square hole in one side.
+        VoxelFlags marks(grid.size());
+        for_each_voxel({Vector3i::Constant(5), Vector3i::Constant(35)},
+                       [&](const Vector3i& v)
+                       {
+                           const bool is_wall =
+                               (v.array() == 5).any() || (v.array() == 35).any();
+                           const bool is_hole = v.z() == 35 && v.x() >= 18 &&
+                                                v.x() < 18 + width && v.y() >= 18 &&
+                                                v.y() < 18 + width;
+                           marks[grid.index(v)] = is_wall && !is_hole;
+                       });
+        const EnclosedVoxels found =
+            enclosed_voxels(grid, marks, 5, [](std::size_t) { return true; });
+        // The middles of a hole of an even width are width / 2 from the nearest marks.
+        EXPECT_EQ(found.radius, width / 2) << width;
+        std::size_t count = 0;
+        for_each_set(found.is_inside, [&](std::size_t) { ++count; });
+        EXPECT_GE(count, 29u * 29u * 29u) << width;
+    }
+}
+
+TEST(Flood, a_few_marks_in_a_large_box_enclose_nothing)
+{
+    const VoxelGrid grid(cube_of(200));
+    VoxelFlags marks(grid.size());
+    marks[grid.index(3, 3, 3)] = marks[grid.index(150, 20, 199)] = 1;
+    const EnclosedVoxels found =
+        enclosed_voxels(grid, marks, 8, [](std::size_t) { return true; });
+    EXPECT_LT(found.radius, 0);
+}
+
+} // namespace cellwarp
