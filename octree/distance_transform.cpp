@@ -283,9 +283,9 @@ void transform_all(std::vector<float>& d, std::int32_t* labels,
 bool row_of(const VoxelFlags& flags, std::size_t line, std::size_t nx, float set,
             float other, std::vector<float>& row)
 {
-    const std::span<const std::uint8_t> of_line = flags.part(line * nx, (line + 1) * nx);
-    if (flags.is_zero(of_line))
+    if (flags.is_zero(line * nx, (line + 1) * nx))
         return false;
+    const std::span<const std::uint8_t> of_line = flags.part(line * nx, (line + 1) * nx);
     row.resize(nx);
     std::transform(of_line.begin(), of_line.end(), row.begin(),
                    [&](std::uint8_t flag) { return flag ? set : other; });
@@ -301,7 +301,7 @@ float limit_of(double reach)
 
 } // namespace
 
-std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
+std::vector<float> squared_distances(const VoxelFlags& marks,
                                      const Eigen::Vector3i& counts)
 {
     std::vector<float> d(marks.size());

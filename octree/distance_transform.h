@@ -17,7 +17,7 @@ namespace cellwarp
 /// Squared distance of every voxel to the nearest one that is not 0 in \p marks,
 /// in voxels; infinity if there is none. Separable lower envelopes of parabolas,
 /// linear in the number of voxels. x runs fastest.
-std::vector<float> squared_distances(const std::vector<std::uint8_t>& marks,
+std::vector<float> squared_distances(const VoxelFlags& marks,
                                      const Eigen::Vector3i& counts);
 
 /// Squared distances up to a reach [voxel]. Only what is near takes time and memory.
@@ -56,7 +56,7 @@ public:
     {
         const std::size_t begin = line * nx_ + x;
         return !is_near_[line * nx_groups() + x / kGroup] ||
-               codes_.is_zero(codes_.part(begin, begin + count));
+               codes_.is_zero(begin, begin + count);
     }
 
 private:

@@ -70,7 +70,6 @@ public:
         room_.emplace(marks_, grid_.counts(), most);
     }
 
-    const VoxelGrid& grid() const { return grid_; }
     const Eigen::Vector3i& counts() const { return grid_.counts(); }
     std::size_t size() const { return marks_.size(); }
     /// Distances from the marks [voxel].
@@ -81,6 +80,12 @@ public:
     std::size_t of(std::size_t voxel) const
     {
         return grid_.index((inner_.coordinates(voxel).array() + kBorder).matrix().eval());
+    }
+
+    /// The other way; outside of the inner grid where \p place is in the border.
+    Eigen::Vector3i in_inner_grid(std::size_t place) const
+    {
+        return grid_.coordinates(place).array() - kBorder;
     }
 
     /// What lies inside a wrap, its offset taken off.
@@ -275,8 +280,7 @@ EnclosedVoxels hollow_voxels(const VoxelGrid& grid, const Flags& marks,
     for_each_set(hollow,
                  [&](std::size_t at)
                  {
-                     const Eigen::Vector3i place =
-                         lattice.grid().coordinates(at).array() - kBorder;
+                     const Eigen::Vector3i place = lattice.in_inner_grid(at);
                      const std::size_t i = grid.index(place);
                      if (!grid.contains(place) || !may_fill(i))
                          return;

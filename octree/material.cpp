@@ -9,6 +9,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/distance_transform.h"
 #include "octree/flood.h"
+#include "octree/fragments.h"
 #include "octree/hollows.h"
 #include "octree/surface_marks.h"
 #include "octree/touching.h"

@@ -43,10 +43,10 @@ public:
     {
         for (std::size_t begin = 0; begin < size_; begin += kPart)
         {
-            const std::span<const Value> part =
-                other.part(begin, std::min(size_, begin + kPart));
-            if (!is_zero(part))
-                std::copy(part.begin(), part.end(), values_.get() + begin);
+            const std::size_t end = std::min(size_, begin + kPart);
+            if (!other.is_zero(begin, end))
+                std::copy(other.begin() + begin, other.begin() + end,
+                          values_.get() + begin);
         }
     }
     VoxelValues(VoxelValues&& other) noexcept { swap(other); }
@@ -74,8 +74,10 @@ public:
         return std::equal(begin(), end(), other.begin(), other.end());
     }
 
-    static bool is_zero(std::span<const Value> values)
+    /// Whether all of [begin, end) are.
+    bool is_zero(std::size_t begin, std::size_t end) const
     {
+        const std::span<const Value> values = part(begin, end);
         const char* const bytes = reinterpret_cast<const char*>(values.data());
         const std::size_t count = values.size_bytes();
         std::uint64_t any = 0;
@@ -152,7 +154,7 @@ void for_each_set(const VoxelValues<Value>& values, std::size_t begin, std::size
     for (std::size_t at = begin; at < end; at += kAtOnce)
     {
         const std::size_t next = std::min(end, at + kAtOnce);
-        if (values.is_zero(values.part(at, next)))
+        if (values.is_zero(at, next))
             continue;
         for (std::size_t i = at; i < next; ++i)
             if (values[i] != Value{})

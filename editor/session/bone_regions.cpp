@@ -48,10 +48,10 @@ public:
     explicit Distances(const Material& material)
         : grid_(material.grid), is_solid_(material.method != InsideMethod::None)
     {
-        std::vector<std::uint8_t> marks(grid_.material().begin(), grid_.material().end());
+        VoxelFlags marks = grid_.material();
         if (is_solid_)
-            for (std::uint8_t& mark : marks)
-                mark = !mark;
+            for (std::size_t voxel = 0; voxel < marks.size(); ++voxel)
+                marks[voxel] = !marks[voxel];
         squared_ = squared_distances(marks, grid_.counts());
     }
     bool is_solid() const { return is_solid_; }

@@ -307,9 +307,9 @@ TEST(DistanceTransform, is_exact)
 {
     std::mt19937 rng(7);
     const Eigen::Vector3i counts(9, 7, 5);
-    std::vector<std::uint8_t> marks(9 * 7 * 5);
-    for (std::uint8_t& m : marks)
-        m = rng() % 20 == 0;
+    VoxelFlags marks(9 * 7 * 5);
+    for (std::size_t i = 0; i < marks.size(); ++i)
+        marks[i] = rng() % 20 == 0;
     const std::vector<float> d = squared_distances(marks, counts);
     const auto place = [&](std::size_t i)
     {
@@ -324,8 +324,7 @@ TEST(DistanceTransform, is_exact)
                 least = std::min(least, (place(i) - place(j)).squaredNorm());
         EXPECT_EQ(d[i], static_cast<float>(least));
     }
-    const std::vector<float> none =
-        squared_distances(std::vector<std::uint8_t>(8, 0), {2, 2, 2});
+    const std::vector<float> none = squared_distances(VoxelFlags(8), {2, 2, 2});
     EXPECT_TRUE(std::isinf(none[3]));
 }
 
