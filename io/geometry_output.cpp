@@ -40,9 +40,21 @@ void check_companion(const std::string& path, const std::string& output,
 
 } // namespace
 
-void check_output_format(const std::string& output, const std::string& format)
+void check_output_format(const std::string& output, const std::string& format,
+                         Conversion conversion)
 {
     const std::string extension = extension_of(output);
+    if (conversion == Conversion::Yes)
+    {
+        const bool is_own = extension == format && is_geometry_format(format);
+        if (!is_own && !is_converted_format(extension))
+            throw Error(Fault::Usage,
+                        at({output, 0, ""}, "cannot be converted to (got " +
+                                                in_quotes("." + extension) +
+                                                ", need .obj, .ply, .off, .stl or "
+                                                ".xyz)"));
+        return;
+    }
     const std::string got = " (got " + in_quotes("." + extension) + ", need .";
     if (!is_geometry_format(format) && !is_plain_format(extension))
         throw Error(Fault::Usage,
@@ -51,9 +63,18 @@ void check_output_format(const std::string& output, const std::string& format)
                                             "plain mesh" +
                                             got + "obj or .ply)"));
     if (is_geometry_format(format) && extension != format)
-        throw Error(Fault::Usage,
-                    at({output, 0, ""},
-                       "the output has the model's format" + got + format + ")"));
+        throw Error(
+            Fault::Usage,
+            at({output, 0, ""}, "the output has the model's format" + got + format +
+                                    (conversion == Conversion::IfAsked
+                                         ? "; --convert writes plain geometry of another)"
+                                         : ")")));
+}
+
+bool is_written_plain(const std::string& output, const std::string& format)
+{
+    return !is_geometry_format(format) ||
+           (output != "-" && extension_of(output) != format);
 }
 
 void check_geometry_output(const std::string& output, const GeometryFile& model,
@@ -63,7 +84,7 @@ void check_geometry_output(const std::string& output, const GeometryFile& model,
     if (output == "-" && !is_geometry_format(format))
         throw Error(Fault::Usage,
                     "-o -: a ." + format + " can only be read; name an .obj or .ply");
-    if (!model.gltf)
+    if (!model.gltf || is_written_plain(output, format))
         return;
     for (const std::string& path : companion_paths(*model.gltf, output))
     {
@@ -78,7 +99,7 @@ void check_geometry_output(const std::string& output, const GeometryFile& model,
 std::size_t write_geometry(const std::string& output, const GeometryFile& model,
                            const DeformedSamples& patch, Overwrite overwrite)
 {
-    if (!is_geometry_format(model.geometry.format))
+    if (is_written_plain(output, model.geometry.format))
     {
         write_file(output, plain_mesh_bytes(model.geometry, patch, extension_of(output)),
                    overwrite);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A model with a deformation in place, as files: the model's own format, patched, or
-// one of two others where that can only be read.
+// plain geometry of another where that can only be read, or another is asked for.
 #pragma once
 
 #include <cstddef>
@@ -12,8 +12,21 @@
 namespace cellwarp
 {
 
+/// Whether a model may be written in another format than its own, as plain geometry.
+enum class Conversion
+{
+    Never,
+    IfAsked, ///< with --convert, which is not there
+    Yes
+};
+
 /// Throws Fault::Usage unless a model of \p format may be written under this name.
-void check_output_format(const std::string& output, const std::string& format);
+void check_output_format(const std::string& output, const std::string& format,
+                         Conversion conversion = Conversion::Never);
+
+/// Whether write_geometry() writes it anew: it can only be read, or the name asks for
+/// another format.
+bool is_written_plain(const std::string& output, const std::string& format);
 
 /// Throws what write_geometry() would throw, before any work is done for it; also for
 /// files that it writes beside \p output.

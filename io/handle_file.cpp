@@ -314,7 +314,11 @@ Operation parse_operation(Statement& words)
         if (!words.is_done() && words.peek() == "about")
         {
             words.word("about");
-            operation.about = words.vector("about");
+            operation.is_about_border = !words.is_done() && words.peek() == "border";
+            if (operation.is_about_border)
+                words.word("about");
+            else
+                operation.about = words.vector("about");
         }
     }
     else if (kind == "matrix")
@@ -457,7 +461,7 @@ void check_operation(const Operation& operation, bool is_first, Role role,
     {
         if (is_of_rod || kind == Kind::Matrix)
             words.fail(region, "a joint takes rotate or to; a root translate as well");
-        if (kind == Kind::Rotate && operation.about)
+        if (kind == Kind::Rotate && (operation.about || operation.is_about_border))
             words.fail(region, "a joint turns about itself: leave out 'about'");
     }
     else if (place.kind != MovePlace::Kind::Whole)

@@ -110,7 +110,7 @@ struct Operation
     enum class Kind
     {
         Translate, ///< vector
-        Rotate,    ///< vector: axis, degrees, about
+        Rotate,    ///< vector: axis, degrees, about or is_about_border
         Matrix,    ///< matrix
         To,        ///< vector: where the pin, the point of a rod, or the joint goes
         Turn,      ///< degrees, about the tangent of a rod
@@ -119,7 +119,8 @@ struct Operation
     Kind kind = Kind::Translate;
     Eigen::Vector3d vector = Eigen::Vector3d::Zero();
     double degrees = 0.0;
-    std::optional<Eigen::Vector3d> about;
+    std::optional<Eigen::Vector3d> about; ///< none: the centre of the region's box
+    bool is_about_border = false; ///< the centroid of the glue around the region instead
     /// Of Kind::Matrix alone: an edit session holds thousands of the other kinds.
     std::shared_ptr<const Eigen::Matrix4d> matrix;
 };

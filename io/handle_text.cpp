@@ -268,6 +268,11 @@ private:
                 word("about");
                 vector(*operation.about);
             }
+            if (operation.is_about_border)
+            {
+                word("about");
+                word("border");
+            }
             break;
         case Operation::Kind::Matrix:
             word("matrix");

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/plain_mesh.h"
 
+#include <cassert>
 #include <utility>
 #include <vector>
+
+#include <Eigen/Geometry>
 
 #include "io/number.h"
 #include "io/stored_number.h"
@@ -27,6 +30,15 @@ std::vector<Eigen::Vector3d> normals_of(const Geometry& geometry,
     return normals;
 }
 
+void add_numbers(std::string& text, const Eigen::Vector3d& v, const char* before)
+{
+    for (int k = 0; k < 3; ++k)
+    {
+        text += k == 0 ? before : " ";
+        text += shortest(v[k]);
+    }
+}
+
 std::string obj_bytes(const Geometry& geometry, const DeformedSamples& patch,
                       const std::vector<Eigen::Vector3d>& normals)
 {
@@ -37,8 +49,7 @@ std::string obj_bytes(const Geometry& geometry, const DeformedSamples& patch,
         for (const Eigen::Vector3d& v : vectors)
         {
             text += word;
-            for (int k = 0; k < 3; ++k)
-                text += " " + shortest(v[k]);
+            add_numbers(text, v, " ");
             text += "\n";
         }
     };
@@ -92,6 +103,68 @@ std::string ply_bytes(const Geometry& geometry, const DeformedSamples& patch,
     return bytes;
 }
 
+std::string off_bytes(const Geometry& geometry, const DeformedSamples& patch)
+{
+    std::string text = "OFF\n" + std::to_string(patch.samples.size()) + " " +
+                       std::to_string(geometry.num_faces()) + " 0\n";
+    for (const Eigen::Vector3d& x : patch.samples)
+    {
+        add_numbers(text, x, "");
+        text += "\n";
+    }
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        text += std::to_string(corners.size());
+        for (const std::uint32_t corner : corners)
+            text += " " + std::to_string(corner);
+        text += "\n";
+    }
+    return text;
+}
+
+std::string stl_bytes(const Geometry& geometry, const DeformedSamples& patch)
+{
+    constexpr std::size_t kHeader = 80;
+    std::string bytes = "binary STL";
+    bytes.resize(kHeader, ' ');
+    store(static_cast<double>(geometry.num_triangles()), Scalar::UInt32, false, bytes);
+    const auto add = [&](const Eigen::Vector3d& v)
+    {
+        for (int k = 0; k < 3; ++k)
+            store(v[k], Scalar::Float32, false, bytes);
+    };
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        for (std::size_t k = 2; k < corners.size(); ++k)
+        {
+            const Eigen::Vector3d& a = patch.samples[corners[0]];
+            const Eigen::Vector3d& b = patch.samples[corners[k - 1]];
+            const Eigen::Vector3d& c = patch.samples[corners[k]];
+            add((b - a).cross(c - a).stableNormalized());
+            for (const Eigen::Vector3d& corner : {a, b, c})
+                add(corner);
+            store(0.0, Scalar::UInt16, false, bytes);
+        }
+    }
+    return bytes;
+}
+
+std::string xyz_bytes(const DeformedSamples& patch,
+                      const std::vector<Eigen::Vector3d>& normals)
+{
+    std::string text;
+    for (std::size_t i = 0; i < patch.samples.size(); ++i)
+    {
+        add_numbers(text, patch.samples[i], "");
+        if (!normals.empty())
+            add_numbers(text, normals[i], " ");
+        text += "\n";
+    }
+    return text;
+}
+
 } // namespace
 
 bool is_plain_format(std::string_view extension)
@@ -99,12 +172,24 @@ bool is_plain_format(std::string_view extension)
     return extension == "obj" || extension == "ply";
 }
 
+bool is_converted_format(std::string_view extension)
+{
+    return is_plain_format(extension) || extension == "off" || extension == "stl" ||
+           extension == "xyz";
+}
+
 std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension)
 {
+    assert(is_converted_format(extension));
+    if (extension == "off")
+        return off_bytes(geometry, patch);
+    if (extension == "stl")
+        return stl_bytes(geometry, patch);
     const std::vector<Eigen::Vector3d> normals = normals_of(geometry, patch);
-    return extension == "obj" ? obj_bytes(geometry, patch, normals)
-                              : ply_bytes(geometry, patch, normals);
+    return extension == "obj"   ? obj_bytes(geometry, patch, normals)
+           : extension == "xyz" ? xyz_bytes(patch, normals)
+                                : ply_bytes(geometry, patch, normals);
 }
 
 } // namespace cellwarp

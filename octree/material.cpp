@@ -265,7 +265,8 @@ void join_open_parts(const OpenInside& found, const VoxelFlags& marks,
 
 } // namespace
 
-Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill)
+Material find_material(const Shape& shape, const BoundingSurface& surface,
+                       const GridShape& grid_shape, Fill fill)
 {
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
@@ -286,17 +287,17 @@ Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fil
     };
     if (fill == Fill::Solid)
     {
-        const std::vector<Triangle> triangles = bounding_triangles(shape);
-        const double open = open_edge_share(triangles);
-        if (open == 0.0)
+        if (surface.open_edges == 0.0)
         {
             material.method = InsideMethod::Winding;
-            settle(inside_by_winding(shape, triangles, grid));
+            settle(inside_by_winding(shape, surface.triangles, grid));
             return material;
         }
-        const OpenInside found = open_inside(
-            grid, marks,
-            open < kNearlyClosed ? inside_votes(shape, triangles, grid) : VoxelFlags());
+        const OpenInside found =
+            open_inside(grid, marks,
+                        surface.open_edges < kNearlyClosed
+                            ? inside_votes(shape, surface.triangles, grid)
+                            : VoxelFlags());
         if (found.method != InsideMethod::None)
         {
             settle(found.is_inside);

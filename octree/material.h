@@ -3,27 +3,18 @@
 // encloses it. Any samples will do: closed meshes, soups, clouds.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "octree/bounding_surface.h"
+#include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
 namespace cellwarp
 {
-
-using Triangle = std::array<std::uint32_t, 3>;
-
-/// A shape as samples; triangles index them. Samples in no triangle count as
-/// points.
-struct Shape
-{
-    std::vector<Eigen::Vector3d> samples;
-    std::vector<Triangle> triangles;
-};
 
 enum class Fill
 {
@@ -63,7 +54,9 @@ struct Material
 /// together (settle_material()), and
 /// for Fill::Solid the inside; if nothing is enclosed, the result is a shell.
 /// Memory: see material_bytes().
-Material find_material(const Shape& shape, const GridShape& grid_shape, Fill fill);
+/// \p surface: of \p shape.
+Material find_material(const Shape& shape, const BoundingSurface& surface,
+                       const GridShape& grid_shape, Fill fill);
 
 /// What find_material() takes at the most while it runs [byte].
 double material_bytes(const GridShape& grid_shape);

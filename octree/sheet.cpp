@@ -351,7 +351,8 @@ void add_points(const Shape& shape, const Material& material, SheetCutter& cutte
 
 } // namespace
 
-Sheets find_sheets(const Shape& shape, const Material& material, double thickness)
+Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
+                   const Material& material, double thickness)
 {
     Sheets sheets;
     sheets.thickness = thickness;
@@ -360,7 +361,7 @@ Sheets find_sheets(const Shape& shape, const Material& material, double thicknes
     SheetCutter cutter(material, sheets);
     if (shape.triangles.empty())
         add_points(shape, material, cutter);
-    for (const Triangle& t : bounding_triangles(shape))
+    for (const Triangle& t : surface.triangles)
         cutter.add({material.grid.to_voxels(shape.samples[t[0]]),
                     material.grid.to_voxels(shape.samples[t[1]]),
                     material.grid.to_voxels(shape.samples[t[2]])},

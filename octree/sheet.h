@@ -46,6 +46,8 @@ struct Sheets
 /// The sheets of \p material, found from \p shape. Triangles count once, however often
 /// they are there; a cloud is what squares in the tangent planes of its points cover.
 /// Nothing where material.is_sheet is empty.
-Sheets find_sheets(const Shape& shape, const Material& material, double thickness);
+/// \p surface: of \p shape.
+Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
+                   const Material& material, double thickness);
 
 } // namespace cellwarp

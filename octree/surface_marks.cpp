@@ -4,6 +4,8 @@
 // with the box's, and the box's own. A box that is a little larger than the voxel tells
 // whether the triangle touches it, one a little smaller whether it reaches into it, and
 // one that is a thin slab around a side of it whether part of the triangle lies there.
+// A small triangle in a row of voxels, which touches none of the planes beside the row,
+// needs no such test: how far it reaches along the row tells all.
 // Nothing depends on which of two neighbours is the upper one: the marks of a mirror
 // image are the mirror image of the marks.
 #include "octree/surface_marks.h"
@@ -50,6 +52,32 @@ public:
                    const std::array<Eigen::Vector3d, 3>& corners, VoxelFlags& marks)
         : grid_(grid), lines_(lines), marks_(marks)
     {
+        box_low_ = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
+        box_high_ = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2]);
+        VoxelRange range;
+        for (int k = 0; k < 3; ++k)
+        {
+            const double first = grid.inside_box().first[k],
+                         last = grid.inside_box().last[k];
+            range.first[k] = static_cast<int>(
+                std::clamp(std::floor(box_low_[k] - kTouch), first, last));
+            range.last[k] = static_cast<int>(
+                std::clamp(std::floor(box_high_[k] + kTouch), first, last));
+        }
+        if (mark_row(range))
+            return;
+        find_axes(corners);
+        visit(range);
+    }
+
+private:
+    struct Box
+    {
+        Eigen::Vector3d low, high;
+    };
+
+    void find_axes(const std::array<Eigen::Vector3d, 3>& corners)
+    {
         const Eigen::Vector3d edges[3] = {
             corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]};
         axes_[0] = edges[0].cross(edges[1]);
@@ -66,26 +94,7 @@ public:
                 high_[s] = std::max(high_[s], axes_[s].dot(corner));
             }
         }
-        box_low_ = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
-        box_high_ = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2]);
-        VoxelRange range;
-        for (int k = 0; k < 3; ++k)
-        {
-            const double first = grid.inside_box().first[k],
-                         last = grid.inside_box().last[k];
-            range.first[k] = static_cast<int>(
-                std::clamp(std::floor(box_low_[k] - kTouch), first, last));
-            range.last[k] = static_cast<int>(
-                std::clamp(std::floor(box_high_[k] + kTouch), first, last));
-        }
-        visit(range);
     }
-
-private:
-    struct Box
-    {
-        Eigen::Vector3d low, high;
-    };
 
     Box box_of(const VoxelRange& range) const
     {
@@ -136,6 +145,46 @@ private:
         return sides;
     }
 
+    /// Of a triangle that lies in one row of voxels and off its sides; else false.
+    bool mark_row(const VoxelRange& range)
+    {
+        int along = 0;
+        (range.last - range.first).maxCoeff(&along);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            if (axis == along)
+                continue;
+            const std::vector<double>& lines = lines_[idx(axis)];
+            if (range.first[axis] != range.last[axis] ||
+                box_low_[axis] <= lines[idx(range.first[axis])] + 2.0 * kTouch ||
+                box_high_[axis] >= lines[idx(range.first[axis]) + 1] - 2.0 * kTouch)
+                return false;
+        }
+        const std::vector<double>& lines = lines_[idx(along)];
+        const double low = box_low_[along], high = box_high_[along];
+        const auto reaches = [&](double from, double to)
+        { return low <= to && high >= from; };
+        Eigen::Vector3i voxel = range.first;
+        for (; voxel[along] <= range.last[along]; ++voxel[along])
+        {
+            const double begin = lines[idx(voxel[along])];
+            const double end = lines[idx(voxel[along]) + 1];
+            if (!reaches(begin - kTouch, end + kTouch))
+                continue;
+            std::uint8_t mark = SurfaceMark::kTouched;
+            if (reaches(begin + kTouch, end - kTouch))
+                mark |= SurfaceMark::kPenetrated;
+            for (const bool is_upper : {false, true})
+            {
+                const double plane = is_upper ? end : begin;
+                if (low >= plane - 2.0 * kTouch && high <= plane + 2.0 * kTouch)
+                    mark |= SurfaceMark::side(along, is_upper);
+            }
+            add_mark(marks_[grid_.index(voxel)], mark);
+        }
+        return true;
+    }
+
     void visit(const VoxelRange& range)
     {
         const Box box = box_of(range);
@@ -167,11 +216,23 @@ private:
     Eigen::Vector3d box_low_, box_high_;
 };
 
-/// Whether a block is one voxel, which a triangle with these corners then penetrates.
-bool is_one_voxel(const VoxelRange& a, const VoxelRange& b, const VoxelRange& c)
+/// In place of the number of a voxel: there are several.
+constexpr std::size_t kSeveral = ~std::size_t{0};
+
+/// Of each sample the voxel that it touches, if it is the only one.
+std::vector<std::size_t> only_voxels(const std::vector<Eigen::Vector3d>& samples,
+                                     const VoxelGrid& grid)
 {
-    return a.first == a.last && a.first == b.first && a.first == b.last &&
-           a.first == c.first && a.first == c.last;
+    constexpr std::size_t kSamplesAtOnce = 4096; // of one thread
+    std::vector<std::size_t> voxels(samples.size());
+    parallel_for(samples.size(), kSamplesAtOnce,
+                 [&](std::size_t i)
+                 {
+                     const VoxelRange touched = grid.touched(samples[i]);
+                     voxels[i] = touched.first == touched.last ? grid.index(touched.first)
+                                                               : kSeveral;
+                 });
+    return voxels;
 }
 
 } // namespace
@@ -181,27 +242,25 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
     constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
     VoxelFlags marks(grid.size());
     const VoxelLines lines = lines_in_voxels(grid);
-    parallel_ranges(shape.triangles.size(), 1024,
-                    [&](std::size_t begin, std::size_t end)
-                    {
-                        for (std::size_t t = begin; t < end; ++t)
-                        {
-                            const Triangle& triangle = shape.triangles[t];
-                            const Eigen::Vector3d& a = shape.samples[triangle[0]];
-                            const Eigen::Vector3d& b = shape.samples[triangle[1]];
-                            const Eigen::Vector3d& c = shape.samples[triangle[2]];
-                            // Most triangles of a fine mesh lie in the voxel of their
-                            // corners.
-                            const VoxelRange of_a = grid.touched(a);
-                            if (is_one_voxel(of_a, grid.touched(b), grid.touched(c)))
-                                add_mark(marks[grid.index(of_a.first)], kInside);
-                            else
-                                TriangleMarker(grid, lines,
-                                               {grid.to_voxels(a), grid.to_voxels(b),
-                                                grid.to_voxels(c)},
-                                               marks);
-                        }
-                    });
+    std::vector<std::size_t> voxels;
+    if (!shape.triangles.empty())
+        voxels = only_voxels(shape.samples, grid);
+    constexpr std::size_t kTrianglesAtOnce = 1024; // of one thread
+    parallel_for(shape.triangles.size(), kTrianglesAtOnce,
+                 [&](std::size_t t)
+                 {
+                     const auto& [a, b, c] = shape.triangles[t];
+                     // Most triangles of a fine mesh lie in the voxel of their corners.
+                     const std::size_t voxel = voxels[a];
+                     if (voxel != kSeveral && voxel == voxels[b] && voxel == voxels[c])
+                         add_mark(marks[voxel], kInside);
+                     else
+                         TriangleMarker(grid, lines,
+                                        {grid.to_voxels(shape.samples[a]),
+                                         grid.to_voxels(shape.samples[b]),
+                                         grid.to_voxels(shape.samples[c])},
+                                        marks);
+                 });
     std::vector<bool> is_used(shape.samples.size(), false);
     for (const Triangle& triangle : shape.triangles)
         for (const std::uint32_t sample : triangle)

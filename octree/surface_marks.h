@@ -5,7 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "octree/material.h"
+#include "octree/shape.h"
+#include "octree/voxel_grid.h"
 
 namespace cellwarp
 {

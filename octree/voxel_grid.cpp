@@ -104,20 +104,31 @@ Eigen::Vector3d VoxelGrid::to_voxels(const Eigen::Vector3d& x) const
     return (x - corner_) / shape_.voxel();
 }
 
-Eigen::Vector3i VoxelGrid::locate(const Eigen::Vector3d& x) const
+namespace
 {
-    const Eigen::Array3d u = to_voxels(x).array().floor();
+
+/// The voxel of \p box that holds a place, or the nearest one [voxel].
+Eigen::Vector3i voxel_at(const Eigen::Array3d& place, const VoxelRange& box)
+{
     // As numbers: they may be too large for an int.
-    return u.max(inside_box_.first.cast<double>().array())
-        .min(inside_box_.last.cast<double>().array())
+    return place.floor()
+        .max(box.first.cast<double>().array())
+        .min(box.last.cast<double>().array())
         .cast<int>()
         .matrix();
 }
 
+} // namespace
+
+Eigen::Vector3i VoxelGrid::locate(const Eigen::Vector3d& x) const
+{
+    return voxel_at(to_voxels(x).array(), inside_box_);
+}
+
 VoxelRange VoxelGrid::touched(const Eigen::Vector3d& x) const
 {
-    const Eigen::Vector3d slack = Eigen::Vector3d::Constant(kTouch * shape_.voxel());
-    return {locate(x - slack), locate(x + slack)};
+    const Eigen::Array3d place = to_voxels(x).array();
+    return {voxel_at(place - kTouch, inside_box_), voxel_at(place + kTouch, inside_box_)};
 }
 
 Eigen::Vector3d VoxelGrid::centre(const Eigen::Vector3i& v) const

@@ -5,21 +5,14 @@
 #include <cstdint>
 #include <vector>
 
-#include "octree/material.h"
+#include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
 namespace cellwarp
 {
 
-/// The triangles that bound something: coincident corners joined, degenerate ones
-/// and repeated copies dropped.
-std::vector<Triangle> bounding_triangles(const Shape& shape);
-
-/// The share of edges that lack their opposite; 0: closed and oriented, 1: no
-/// triangle. \p triangles from bounding_triangles().
-double open_edge_share(const std::vector<Triangle>& triangles);
-
-/// Of each voxel whether a closed surface winds around its middle.
+/// Of each voxel whether a closed surface winds around its middle. \p triangles: of a
+/// BoundingSurface.
 VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
                              const VoxelGrid& grid);
 

@@ -84,7 +84,8 @@ LIBRARIES = {
                   "editor/window", "tests"},
     "gtest/": {"tests"},
     "benchmark/": {"tests/bench"},
-    "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_tree.cpp",
+    "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_pair.cpp",
+              "octree/wrap/triangle_tree.cpp",
               "octree/wrap/skeleton_main.cpp",
               "tests/bench/arap_peer.cpp", "tests/bench/skinning_peer.cpp",
               "tests/bench/tet_fill.cpp"},
@@ -106,6 +107,7 @@ OPTIONAL = {"solver/flesh": {"editor/flesh", "editor/cli/flesh_in_time.cpp", "so
             "editor/picture": {"editor/cli/features.cpp", "editor/cli/render.cpp"},
             "io/import": {"io/geometry_file.cpp"},
             "octree/wrap": {"octree/hollows.cpp", "octree/winding.cpp", "octree/curve_graph.h", "octree/curve_graph.cpp",
+                            "octree/self_intersections.cpp",
                             "solver/contact/obstacle.cpp"}}
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]', re.M)

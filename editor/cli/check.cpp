@@ -9,8 +9,10 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
+#include "editor/session/body.h"
 #include "io/geometry_file.h"
 #include "io/time_settings.h"
+#include "octree/self_intersections.h"
 
 namespace cellwarp
 {
@@ -43,6 +45,11 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::size_t cells = system ? system->body().cells.size() : 0;
     const std::size_t regions = system ? system->regions().size() : 0;
     const std::size_t samples = session.geometry().samples.size();
+    const std::vector<Eigen::Vector3d>& rest = geometry->samples;
+    const std::vector<Triangle> triangles = triangles_of(*geometry);
+    std::optional<SelfIntersections> intersections;
+    if (!triangles.empty())
+        intersections = self_intersections(triangles, rest, rest);
     std::string text;
     if (common.is_json)
         text = Json{{"model", request.model},
@@ -50,6 +57,8 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                     {"cells", cells},
                     {"regions", regions},
                     {"frames", num_frames},
+                    {"self_intersections",
+                     intersections ? Json{{"rest", intersections->all}} : Json()},
                     {"rods", rods_json(session.rods())},
                     {"skeleton", skeleton_json(session)},
                     {"flesh", flesh ? flesh->json : Json()},
@@ -59,6 +68,10 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     else
         text = fmt::format("{}: {} samples, {} cells, {} regions, {} frames: in order\n",
                            flags.model, samples, cells, regions, num_frames) +
+               (intersections && intersections->all > 0
+                    ? fmt::format("{} pairs of triangles intersect at rest\n",
+                                  intersections->all)
+                    : "") +
                rods_text(session.rods()) + skeleton_text(session) +
                (flesh ? flesh->text : "");
     write_file("-", text, Overwrite::Yes);

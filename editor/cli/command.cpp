@@ -83,6 +83,7 @@ void SessionFlags::add_to(CLI::App& app)
         ->required();
     add_columns(app, columns);
     app.add_option("--handles", handles, "handle file: regions and frames");
+    script.add_to(app);
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
     app.add_flag("--preview", is_preview,
@@ -149,7 +150,8 @@ void add_columns(CLI::App& app, std::string& columns)
 
 bool SessionFlags::has_session() const
 {
-    return extension_of(model) == "json" || !handles.empty() || !sel.empty();
+    return extension_of(model) == "json" || !handles.empty() || !sel.empty() ||
+           script.is_given();
 }
 
 SessionRequest read_request(const SessionFlags& flags, bool in_time)
@@ -174,12 +176,23 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
         throw Error(Fault::Usage, "--sel and --def go together");
     if (!flags.sel.empty() && !flags.handles.empty())
         throw Error(Fault::Usage, "--handles and --sel with --def exclude each other");
+    if (flags.script.is_given() && !(flags.handles.empty() && flags.sel.empty()))
+        throw Error(Fault::Usage, "--fix, --handle and --move say what --handles, or "
+                                  "--sel with --def, say: they exclude each other");
+    if (flags.script.is_lost())
+        throw Error(Fault::Usage, "--relative goes with --fix, --handle and --move");
+    if (flags.script.is_given() && scene.skeleton)
+        throw Error(Fault::Usage, "--fix, --handle and --move do not know the skeleton "
+                                  "of a scene: write a handle file");
     const std::string handles = flags.handles.empty() ? scene.handles : flags.handles;
-    if (!flags.sel.empty())
+    if (flags.script.is_given())
+        request.handles = flags.script.handles();
+    else if (!flags.sel.empty())
         request.handles = read_survey_pair(flags.sel, flags.def);
     else
         request.handles = script_of(scene, handles, request.warnings);
-    if (is_scene && request.handles && !handles.empty() && handles == scene.handles)
+    if (is_scene && request.handles && !flags.script.is_given() && !handles.empty() &&
+        handles == scene.handles)
         if (const auto parted = parted_save(scene, *request.handles))
             request.warnings.push_back(*parted);
 

@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "editor/cli/flag_script.h"
 #include "editor/session/session.h"
 #include "io/bytes.h"
 #include "io/scene_file.h"
@@ -40,6 +41,7 @@ struct SessionFlags
     std::string model;
     std::string columns;
     std::string handles, sel, def;
+    FlagScript script;
     SceneSettings settings;
     std::optional<double> time;
     std::optional<std::int64_t> max_iterations;

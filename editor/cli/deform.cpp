@@ -10,6 +10,7 @@
 #include "editor/cli/output_name.h"
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
+#include "editor/session/body.h"
 #include "editor/session/peak_memory.h"
 #include "io/animation_file.h"
 #include "io/error.h"
@@ -19,6 +20,7 @@
 #include "io/text.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
+#include "octree/self_intersections.h"
 
 namespace cellwarp
 {
@@ -30,6 +32,12 @@ struct DeformFlags
 {
     SessionFlags session;
     std::string output, field;
+    bool converts = false;
+
+    Conversion conversion() const
+    {
+        return converts ? Conversion::Yes : Conversion::IfAsked;
+    }
 };
 
 std::vector<std::int64_t> frame_numbers(const HandleFile& handles)
@@ -73,10 +81,11 @@ bool is_animation(const OutputName& name, const std::string& model,
 }
 
 /// Refuses what cannot be written before any work is done.
-void check_outputs(const OutputName& name, const std::string& output,
+void check_outputs(const OutputName& name, const DeformFlags& flags,
                    const std::string& model, const HandleFile& handles,
                    const CommonFlags& common)
 {
+    const std::string& output = flags.output;
     const std::vector<std::int64_t> frames = frame_numbers(handles);
     if (is_animation(name, model, handles))
     {
@@ -92,7 +101,7 @@ void check_outputs(const OutputName& name, const std::string& output,
     if (!name.has_frame())
         check_output(output, common.overwrite());
     if (output != "-")
-        check_output_format(name.of(0), extension_of(model));
+        check_output_format(name.of(0), extension_of(model), flags.conversion());
     if (name.has_frame())
         for (const std::int64_t frame : frames)
             check_output(name.of(frame), common.overwrite());
@@ -114,13 +123,13 @@ void check_field_output(const std::string& path, const std::vector<std::int64_t>
 
 /// What only the model tells.
 void check_model_outputs(const OutputName& name, const GeometryFile& model,
-                         const std::vector<std::int64_t>& frames,
+                         const std::vector<std::int64_t>& frames, Conversion conversion,
                          const CommonFlags& common)
 {
     if (name.of(0) != "-")
-        check_output_format(name.of(0), model.geometry.format);
+        check_output_format(name.of(0), model.geometry.format, conversion);
     if (!frames.empty() && !model.geometry.not_writable.empty() &&
-        is_geometry_format(model.geometry.format))
+        !is_written_plain(name.of(0), model.geometry.format))
         throw malformed({model.path, 0, ""},
                         "cannot be written: " + model.geometry.not_writable);
     if (!name.has_frame())
@@ -186,8 +195,30 @@ Json volume_json(const std::optional<Volume>& volume)
 /// Milliseconds of the stages of the whole run.
 struct RunTimes
 {
-    double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0;
+    double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0,
+           intersections = 0.0;
 };
+
+/// Where the surface passes through itself after the last frame, beside the model at
+/// rest; with a warning of what is new.
+Json intersections_json(const Session& session, bool counts_rest,
+                        std::vector<std::string>& warnings)
+{
+    const Geometry& geometry = session.geometry();
+    const std::vector<Triangle> triangles = triangles_of(geometry);
+    if (triangles.empty())
+        return nullptr;
+    const std::optional<SelfIntersections> now =
+        self_intersections(triangles, session.deformed().samples, geometry.samples);
+    if (now && now->fresh > 0)
+        warnings.push_back(fmt::format("{} pairs of triangles intersect that do not at "
+                                       "rest: parts pass through each other",
+                                       now->fresh));
+    const std::optional<SelfIntersections> rest =
+        counts_rest ? self_intersections(triangles, geometry.samples, geometry.samples)
+                    : std::nullopt;
+    return now && rest ? Json{{"rest", rest->all}, {"new", now->fresh}} : Json(nullptr);
+}
 
 /// How far samples of a region may end from where its motion puts them [diagonal].
 constexpr double kResidual = 1e-9;
@@ -229,7 +260,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (!request.handles)
         request.handles.emplace();
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
-    check_outputs(name, flags.output, request.model, *request.handles, common);
+    check_outputs(name, flags, request.model, *request.handles, common);
     if (!flags.field.empty())
         check_field_output(flags.field, frames, common);
     request.settings.keeps_fields = !flags.field.empty();
@@ -248,7 +279,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         animation.emplace(flags.output, common.overwrite(), model->geometry,
                           frame_times(*request.handles));
     else
-        check_model_outputs(name, *model, frames, common);
+        check_model_outputs(name, *model, frames, flags.conversion(), common);
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
@@ -295,6 +326,9 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     const bool is_converged = sum_frames(session, ms, warnings);
     warnings.insert(warnings.begin(), session.warnings().begin(),
                     session.warnings().end());
+    const Clock::time_point intersections_start = Clock::now();
+    const Json intersections = intersections_json(session, common.is_json, warnings);
+    ms.intersections = ms_since(intersections_start);
     print_warnings(warnings, common);
     if (common.is_json)
     {
@@ -310,9 +344,11 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         json["rods"] = rods_json(session.rods());
         json["skeleton"] = skeleton_json(session);
         json["volume"] = volume_json(session.volume());
-        json["ms"] = {{"load", ms.load},   {"cells", ms.cells},
-                      {"solve", ms.solve}, {"field", ms.field},
-                      {"write", ms.write}, {"total", ms_since(start)}};
+        json["self_intersections"] = intersections;
+        json["ms"] = {{"load", ms.load},         {"cells", ms.cells},
+                      {"solve", ms.solve},       {"field", ms.field},
+                      {"write", ms.write},       {"intersections", ms.intersections},
+                      {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
         json["unused"] = unused_parts(session.parts());
         json["warnings"] = warnings;
@@ -342,6 +378,9 @@ void add_deform(CLI::App& app, CommonFlags& common, int& exit_code)
             "moves: .glb (of another format, or of a skinned one that joints pose), "
             ".pc2, .mdd")
         ->required();
+    command->add_flag("--convert", flags->converts,
+                      "the result may have another format than the model: plain geometry "
+                      "as .obj, .ply, .off, .stl or .xyz");
     command->add_option("--save-field", flags->field,
                         "keeps the deformation (of all commits and the last frame) as "
                         "FILE.cwf, for cellwarp apply");

@@ -17,7 +17,8 @@ namespace
 
 /// Why a region that is told by places cannot be changed yet.
 constexpr const char* kNoRest =
-    " lies on a shape that is not there yet: wait for the result of what comes before it";
+    " lies on a shape that is not there yet (wait for the result of what comes before "
+    "it), or turns about its border (undo that move to place it by hand)";
 
 /// Whether samples can be of one such region alone.
 bool prescribes(Role role)

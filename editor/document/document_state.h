@@ -122,7 +122,8 @@ struct Document::State
         if (!last)
             return;
         region.placement = placement_of(*last, region, on);
-        region.knows_placement = on.is_known || is_placed_anywhere(*last, on);
+        region.knows_placement =
+            !turns_about_border(*last) && (on.is_known || is_placed_anywhere(*last, on));
     }
 
     /// Of the stages that have none yet: so an edit costs the same after thousands of

@@ -27,7 +27,10 @@ bool is_plain(const std::vector<Operation>& operations)
 {
     using Kind = Operation::Kind;
     const auto is = [&](std::size_t k, Kind kind)
-    { return operations[k].kind == kind && !operations[k].about; };
+    {
+        return operations[k].kind == kind && !operations[k].about &&
+               !operations[k].is_about_border;
+    };
     return (operations.size() == 1 && (is(0, Kind::Translate) || is(0, Kind::Rotate))) ||
            (operations.size() == 2 && is(0, Kind::Rotate) && is(1, Kind::Translate));
 }
@@ -160,14 +163,20 @@ Placement placement_of(const Move& move, const EditedRegion& region,
     const WorkFrame& frame = ground.units.frame;
     const Eigen::Vector3d centre = frame.to_work(region.centre);
     std::vector<std::string> warnings;
-    const std::vector<Step> steps =
-        steps_of(move, ground.units, centre, centre, ground.file.path, warnings);
+    const std::vector<Step> steps = steps_of(move, ground.units, {centre, centre, centre},
+                                             ground.file.path, warnings);
     return placement_by(motion_of(steps), centre, frame);
 }
 
 bool is_placed_anywhere(const Move& move, const RegionGround& ground)
 {
     return is_plain(move.operations) && !ground.units.is_relative;
+}
+
+bool turns_about_border(const Move& move)
+{
+    return std::any_of(move.operations.begin(), move.operations.end(),
+                       [](const Operation& o) { return o.is_about_border; });
 }
 
 std::vector<EditedPoint> points_of(const EditedRegion& region,

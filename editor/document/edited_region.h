@@ -145,6 +145,8 @@ Placement placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground);
 /// Whether that is the same on any rest shape.
 bool is_placed_anywhere(const Move& move, const RegionGround& ground);
+/// Whether it turns where the region's glue is, which the cells alone tell.
+bool turns_about_border(const Move& move);
 
 /// What the moves of its points, of the frames so far, make of a rod or curve.
 std::vector<EditedPoint> points_of(const EditedRegion& region,

@@ -452,7 +452,9 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
         return refuse(in_quotes(region) + " is " + role_name(found->role) +
                       ": only handles and pins move");
     if (!found->knows_samples || !found->knows_placement)
-        return refuse(in_quotes(region) + " lies on a shape that is not there yet");
+        return refuse(
+            in_quotes(region) +
+            " lies on a shape that is not there yet, or turns about its border");
     const bool is_ready = s.prepared && s.fits(*s.prepared);
     if (const SolveStatus status = s.worker.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)

@@ -80,14 +80,15 @@ bool has_more_leaves(const VoxelGrid& grid, const GridShape& shape, std::size_t 
 }
 
 /// Volume of material tells how many cells a grid has before it is built.
-int automatic_across(const Shape& shape, const Eigen::Vector3d& size, Fill fill,
-                     double max_voxel)
+int automatic_across(const Shape& shape, const BoundingSurface& surface,
+                     const Eigen::Vector3d& size, Fill fill, double max_voxel)
 {
     const double longest = size.maxCoeff();
     if (!(longest > 0))
         return 1;
     const Material probe = find_material(
-        shape, grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
+        shape, surface,
+        grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
     for (const int across : kCandidates)
         if (!has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
             return across;
@@ -131,9 +132,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                 throw malformed({settings.frame_file, 0, "cells.frame"},
                                 "does not hold sample " + std::to_string(i));
         }
+    const BoundingSurface surface = bounding_surface(shape);
     const double max_voxel = settings.gap / kVoxelsPerGap * frame.diagonal();
     const int across = settings.across > 0 ? settings.across
-                                           : automatic_across(shape, frame.size,
+                                           : automatic_across(shape, surface, frame.size,
                                                               settings.fill, max_voxel);
     const GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
     const double bytes_of_samples = kBytesPerSample * static_cast<double>(samples.size());
@@ -157,7 +159,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                         settings.max_memory > 0 ? in_bytes(settings.max_memory) : "none",
                         way));
     }
-    Material material = find_material(shape, grid, settings.fill);
+    Material material = find_material(shape, surface, grid, settings.fill);
     std::vector<std::string> warnings;
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None)
         warnings.push_back("nothing is enclosed: the shape is treated as a shell");
@@ -173,7 +175,8 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g})",
             joined, settings.gap));
-    Sheets sheets = find_sheets(shape, material, settings.thickness * frame.diagonal());
+    Sheets sheets =
+        find_sheets(shape, surface, material, settings.thickness * frame.diagonal());
     return std::make_shared<const RestShape>(
         RestShape{frame, std::move(shape.samples), std::move(material), std::move(sheets),
                   across, std::move(warnings)});

@@ -643,6 +643,26 @@ SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
     return report;
 }
 
+std::vector<Eigen::Vector3d> CellSystem::region_borders() const
+{
+    std::vector<double> areas(regions_->size(), 0.0);
+    std::vector<Eigen::Vector3d> sums(regions_->size(), Eigen::Vector3d::Zero());
+    for (const Face& face : body_->cells.faces)
+    {
+        const int a = region_of_cell_[idx(face.a)], b = region_of_cell_[idx(face.b)];
+        if ((a < 0) == (b < 0))
+            continue;
+        const std::size_t region = idx(std::max(a, b));
+        areas[region] += face.area;
+        sums[region] += face.area * face.centre;
+    }
+    std::vector<Eigen::Vector3d> borders;
+    for (std::size_t r = 0; r < areas.size(); ++r)
+        borders.push_back(areas[r] > 0 ? Eigen::Vector3d(sums[r] / areas[r])
+                                       : regions_->centre(r));
+    return borders;
+}
+
 double CellSystem::largest_gap() const
 {
     const std::vector<double> gaps = pair_gaps(body_->cells, glue_, poses_);

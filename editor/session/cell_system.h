@@ -118,6 +118,9 @@ public:
     /// From here on a solve depends on state() alone, not on the way to it.
     void forget_way() { minimizer_->forget(poses_, false); }
 
+    /// Of each region the centroid of the glue between its cells and free ones; its
+    /// centre where there is none [work].
+    std::vector<Eigen::Vector3d> region_borders() const;
     /// Of the glue, and of the rods that push back.
     double energy() const;
     /// Between glued cells [diagonal].

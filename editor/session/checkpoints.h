@@ -35,7 +35,10 @@ struct StageStart
     std::shared_ptr<const StageRest> rest;
     std::shared_ptr<const RegionSet> regions;
     Units units;
-    CellRefiner refiner;          ///< that has made its first cells
+    CellRefiner refiner; ///< that has made its first cells
+    /// CellSystem::region_borders() of the first cells: what moves mean does not change
+    /// with refinement.
+    std::vector<Eigen::Vector3d> borders = {};
     SkeletonBinding binding = {}; ///< of its skeleton, if it has one
 };
 

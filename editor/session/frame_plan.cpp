@@ -51,6 +51,25 @@ void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions
     }
 }
 
+/// A rotation whose axis passes the border farther off than this gets a warning
+/// [diagonal], and one by less than this none [degree].
+constexpr double kFarFromBorder = 0.1, kSmallTurn = 15.0;
+
+/// How far from a region's border an axis passes that a move turns it about for want of
+/// another centre than its box's: so far aside the border is swung; 0: there is none.
+/// \p steps: of the move.
+double off_border(const Move& move, std::span<const Step> steps,
+                  const Eigen::Vector3d& border)
+{
+    double off = 0.0;
+    for (std::size_t k = 0; k < steps.size(); ++k)
+        if (const Operation& o = move.operations[k]; o.kind == Operation::Kind::Rotate &&
+                                                     !o.about && !o.is_about_border &&
+                                                     std::abs(o.degrees) >= kSmallTurn)
+            off = std::max(off, steps[k].vector.cross(border - steps[k].about).norm());
+    return off;
+}
+
 /// The point of a rod or curve that a move is about.
 std::size_t point_of(const Move& move, const SplineHandle& spline,
                      const std::string& file)
@@ -224,7 +243,8 @@ std::vector<Motion> FramePlan::motions(double t) const
 }
 
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
-                     const Units& units, const RestShape& rest, const std::string& file,
+                     std::span<const Eigen::Vector3d> borders, const Units& units,
+                     const RestShape& rest, const std::string& file,
                      std::span<const std::shared_ptr<const SplineState>> led,
                      StageAims& all_aims, std::vector<std::string>& warnings)
 {
@@ -268,7 +288,17 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                 "'to' needs a pin of one place; this one has " +
                                     std::to_string(regions[r].samples.size()) +
                                     " samples, use translate");
-            next = steps_of(move, units, regions.centre(r), box.low, file, warnings);
+            next = steps_of(move, units, {regions.centre(r), borders[r], box.low}, file,
+                            warnings);
+            const double off = off_border(move, next, borders[r]);
+            const bool is_first = aims[r].steps.empty();
+            if (is_first && !regions[r].is_rod() && off > kFarFromBorder * diagonal)
+                warnings.push_back(
+                    at({file, move.line, move.region},
+                       fmt::format("frame {}: turns about the middle of its box, {:.2g} "
+                                   "of the diagonal off where it is attached ('about "
+                                   "border' turns it there)",
+                                   frame.number, off / diagonal)));
         }
         const HandleTrajectory& path = plan.paths.emplace_back(aims[r].steps, next);
         aims[r].steps = std::move(next);

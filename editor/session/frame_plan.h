@@ -63,10 +63,12 @@ void hold_point(const Move& move, const SplineHandle& spline, const Units& units
 StageAims rest_aims(const RegionSet& regions);
 
 /// The way from where \p aims have the regions; they are those of the frame afterwards.
-/// \p led: of the rods that are led, in their order; empty: they stay. \p file names
-/// the handle file. Throws Fault::Malformed.
+/// \p borders: of the regions, where 'about border' turns [work]. \p led: of the rods
+/// that are led, in their order; empty: they stay. \p file names the handle file. Throws
+/// Fault::Malformed.
 FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
-                     const Units& units, const RestShape& rest, const std::string& file,
+                     std::span<const Eigen::Vector3d> borders, const Units& units,
+                     const RestShape& rest, const std::string& file,
                      std::span<const std::shared_ptr<const SplineState>> led,
                      StageAims& aims, std::vector<std::string>& warnings);
 

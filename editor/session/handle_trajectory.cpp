@@ -136,8 +136,7 @@ Eigen::Vector3d Units::vector(const Eigen::Vector3d& given) const
         is_relative ? Eigen::Vector3d(given.cwiseProduct(box.size())) : given);
 }
 
-std::vector<Step> steps_of(const Move& move, const Units& units,
-                           const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
+std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGround& ground,
                            const std::string& file, std::vector<std::string>& warnings)
 {
     std::vector<Step> steps;
@@ -150,7 +149,7 @@ std::vector<Step> steps_of(const Move& move, const Units& units,
             step.vector = units.vector(operation.vector);
             break;
         case Operation::Kind::To:
-            step.vector = units.point(operation.vector) - place;
+            step.vector = units.point(operation.vector) - ground.place;
             break;
         case Operation::Kind::Turn: // of the points of rods: frame_plan.cpp
         case Operation::Kind::Tangent:
@@ -162,7 +161,9 @@ std::vector<Step> steps_of(const Move& move, const Units& units,
             const Eigen::Vector3d axis = (operation.vector / largest).normalized();
             step.vector = units.frame.axes * axis;
             step.angle = operation.degrees * std::numbers::pi / 180.0;
-            step.about = operation.about ? units.point(*operation.about) : centre;
+            step.about = operation.about             ? units.point(*operation.about)
+                         : operation.is_about_border ? ground.border
+                                                     : ground.centre;
             break;
         }
         case Operation::Kind::Matrix:

@@ -45,12 +45,18 @@ struct Step
     Motion motion; ///< of a Screw
 };
 
-/// Operations in the order written, in work coordinates. \p centre: default centre
-/// of rotations; \p place: where a pin rests. A matrix that is no rigid motion to
-/// 1e-4 is Fault::Malformed; one that is off by more than 1e-6 is mended and gives
-/// a warning.
-std::vector<Step> steps_of(const Move& move, const Units& units,
-                           const Eigen::Vector3d& centre, const Eigen::Vector3d& place,
+/// What the moves of a region refer to, at rest [work].
+struct MoveGround
+{
+    Eigen::Vector3d centre; ///< of its samples' box: the default centre of rotations
+    Eigen::Vector3d border; ///< where 'about border' turns
+    Eigen::Vector3d place;  ///< of a pin
+};
+
+/// Operations in the order written, in work coordinates. A matrix that is no rigid motion
+/// to 1e-4 is Fault::Malformed; one that is off by more than 1e-6 is mended and gives a
+/// warning.
+std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGround& ground,
                            const std::string& file, std::vector<std::string>& warnings);
 
 /// What a frame is gone in: parts of at most this turn [rad], and this way of what is to

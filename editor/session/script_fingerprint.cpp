@@ -119,7 +119,8 @@ void add(Fingerprint& fingerprint, const FrameStatement& frame)
             fingerprint.add(number_of(operation.kind));
             fingerprint.add(operation.vector);
             fingerprint.add(operation.degrees);
-            fingerprint.add(std::uint64_t(operation.about.has_value()));
+            fingerprint.add(std::uint64_t(operation.about.has_value()) +
+                            2 * operation.is_about_border);
             if (operation.about)
                 fingerprint.add(*operation.about);
             if (operation.matrix)

@@ -159,10 +159,14 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     for (std::string& warning : binding_warnings(binding, handles_.path))
         warnings_.push_back(std::move(warning));
     const auto start = std::make_shared<StageStart>(
-        StageStart{rest_, regions, units,
+        StageStart{rest_,
+                   regions,
+                   units,
                    CellRefiner(rest_->shape, regions, settings_.cells, system_settings()),
+                   {},
                    std::move(binding)});
     CellSystem system = start->refiner.first();
+    start->borders = system.region_borders();
     for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
     warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
@@ -294,8 +298,9 @@ FramePlan Session::plan(const FrameStatement& frame,
                         StageAims& aims, std::vector<std::string>& warnings) const
 {
     const CellSystem& system = state_->system;
-    return plan_frame(frame, system.regions(), state_->start->units, system.rest(),
-                      handles_.path, led, aims, warnings);
+    return plan_frame(frame, system.regions(), state_->start->borders,
+                      state_->start->units, system.rest(), handles_.path, led, aims,
+                      warnings);
 }
 
 /// All frames of the stage that are left, so that a wrong one fails before the next is

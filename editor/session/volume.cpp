@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/volume.h"
 
-#include <algorithm>
 #include <cstdint>
 #include <span>
-#include <utility>
 
 #include <Eigen/Geometry>
+
+#include "octree/base/edges.h"
 
 namespace cellwarp
 {
@@ -37,24 +37,23 @@ bool is_closed(const Geometry& geometry)
 {
     if (geometry.num_faces() == 0)
         return false;
-    std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
-    edges.reserve(geometry.corners.size());
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    const auto each_pass = [&](const auto& pass)
     {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        for (std::size_t k = 0; k < corners.size(); ++k)
-            edges.emplace_back(corners[k], corners[(k + 1) % corners.size()]);
-    }
-    std::sort(edges.begin(), edges.end());
-    if (std::adjacent_find(edges.begin(), edges.end()) != edges.end())
-        return false;
-    return std::all_of(edges.begin(), edges.end(),
-                       [&](const auto& edge)
-                       {
-                           return edge.first != edge.second &&
-                                  std::binary_search(edges.begin(), edges.end(),
-                                                     std::pair(edge.second, edge.first));
-                       });
+        for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+        {
+            const std::span<const std::uint32_t> corners = geometry.face(f);
+            for (std::size_t k = 0; k < corners.size(); ++k)
+                pass(corners[k], corners[(k + 1) % corners.size()]);
+        }
+    };
+    bool all_match = true;
+    for_each_edge(geometry.samples.size(), each_pass,
+                  [&](const Edge& edge)
+                  {
+                      all_match = all_match && edge.low != edge.high &&
+                                  edge.forward == 1 && edge.backward == 1;
+                  });
+    return all_match;
 }
 
 } // namespace

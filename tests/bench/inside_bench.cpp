@@ -69,7 +69,7 @@ Shape loaded(const std::string& path)
 Shape with_lids(const Shape& shape)
 {
     Shape closed = shape;
-    closed.triangles = bounding_triangles(shape);
+    closed.triangles = bounding_surface(shape).triangles;
     std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
     for (const Triangle& t : closed.triangles)
         for (std::size_t k = 0; k < 3; ++k)
@@ -121,7 +121,7 @@ std::vector<Case> cases()
     const Shape creature = loaded(samples + "creature.obj");
     all.push_back({"scan", loaded(samples + "scan.xyz"), creature});
     Shape knot = loaded(samples + "soup.stl");
-    knot.triangles = bounding_triangles(knot);
+    knot.triangles = bounding_surface(knot).triangles;
     all.push_back({"soup, a third of its triangles", soup_of(knot, 0.33), knot});
     all.push_back({"soup, half of its triangles, a bite",
                    with_hole(soup_of(knot, 0.5), knot.samples[0], 0.5), knot});
@@ -224,12 +224,13 @@ void measure(Case& c)
     const Flags marks = surface_marks(c.open, grid);
     Flags truth(grid.size());
     if (!c.closed.samples.empty())
-        truth = both(both(marks, surface_marks(c.closed, grid)),
-                     inside_by_winding(c.closed, bounding_triangles(c.closed), grid));
-    const std::vector<Triangle> triangles = bounding_triangles(c.open);
+        truth =
+            both(both(marks, surface_marks(c.closed, grid)),
+                 inside_by_winding(c.closed, bounding_surface(c.closed).triangles, grid));
+    const BoundingSurface surface = bounding_surface(c.open);
     Flags votes;
-    if (open_edge_share(triangles) < kNearlyClosed)
-        votes = inside_votes(c.open, triangles, grid);
+    if (surface.open_edges < kNearlyClosed)
+        votes = inside_votes(c.open, surface.triangles, grid);
     const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };
     const int most = static_cast<int>(kLargestSeal * diagonal);
     const Finding flood =

@@ -144,8 +144,9 @@ Plan plan_of(const Problem& problem, const FrameStatement& frame,
         std::vector<Step> next = steps[r];
         if (const auto found = moves.find((*problem.regions)[r].name);
             found != moves.end())
-            next = steps_of(*found->second, problem.units, box.centre(), box.low,
-                            problem.handles.path, warnings);
+            next = steps_of(*found->second, problem.units,
+                            {box.centre(), box.centre(), box.low}, problem.handles.path,
+                            warnings);
         const HandleTrajectory& path = plan.paths.emplace_back(steps[r], next);
         steps[r] = std::move(next);
         plan.parts = std::max(plan.parts, path.num_parts(box.low, box.high,

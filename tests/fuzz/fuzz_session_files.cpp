@@ -36,6 +36,7 @@ void require_same(const Move& a, const Move& b)
         const Operation &x = a.operations[k], &y = b.operations[k];
         require(x.kind == y.kind && same_bits(x.vector, y.vector));
         require(std::memcmp(&x.degrees, &y.degrees, sizeof x.degrees) == 0);
+        require(x.is_about_border == y.is_about_border);
         require(x.about.has_value() == y.about.has_value());
         require(!x.about || same_bits(*x.about, *y.about));
         require(!x.matrix == !y.matrix);

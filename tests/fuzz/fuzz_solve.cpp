@@ -165,7 +165,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const GridShape grid = grid_shape(box, across, depth, 0.12);
     if (num_voxels(grid) > 20000)
         return 0;
-    const Material material = find_material(samples, grid, fill);
+    const Material material =
+        find_material(samples, bounding_surface(samples), grid, fill);
     const MaterialTest has_material = material_test(material.grid);
     Octree octree(grid, has_material);
     std::vector<LeafNumber> some;

@@ -55,6 +55,17 @@ TEST(HandleFile, reads_every_statement)
     EXPECT_EQ((*file.stages[1].frames[0].moves[0].operations[0].matrix)(1, 3), 0.2);
 }
 
+TEST(HandleFile, reads_a_rotation_about_the_border_of_its_region)
+{
+    const HandleFile file =
+        parse_handles("h", "cellwarp-handles 1\nhandle head all\nframe 1\n"
+                           "move head rotate 0 1 0 45 about border translate 0 1 0\n");
+    const Operation& turn = file.stages[0].frames[0].moves[0].operations[0];
+    EXPECT_TRUE(turn.is_about_border);
+    EXPECT_FALSE(turn.about);
+    EXPECT_EQ(file.stages[0].frames[0].moves[0].operations.size(), 2u);
+}
+
 TEST(HandleFile, names_line_and_field_of_what_is_wrong)
 {
     EXPECT_TRUE(contains(refused(""), "empty"));

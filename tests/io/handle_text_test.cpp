@@ -278,6 +278,8 @@ Operation any_operation(std::mt19937& rng, bool is_pin, bool is_first)
         operation.degrees = any_number(rng);
         if (rng() % 2)
             operation.about = any_vector(rng);
+        else
+            operation.is_about_border = rng() % 2 == 0;
     }
     else
     {

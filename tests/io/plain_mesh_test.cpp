@@ -47,6 +47,34 @@ TEST(PlainMesh, what_is_written_reads_back)
     }
 }
 
+TEST(PlainMesh, other_formats_keep_what_they_can_hold)
+{
+    const Geometry geometry = model();
+    DeformedSamples patch{geometry.samples, geometry.directions};
+    patch.samples[2] = {1, 1.0 / 3, 1e-30};
+    const auto read = [&](const std::string& extension)
+    {
+        EXPECT_TRUE(is_converted_format(extension));
+        return scan_geometry("x." + extension,
+                             plain_mesh_bytes(geometry, patch, extension))
+            .geometry;
+    };
+    const Geometry off = read("off");
+    EXPECT_EQ(off.samples, patch.samples);
+    EXPECT_EQ(off.corners, geometry.corners);
+    EXPECT_EQ(off.face_ends, geometry.face_ends);
+    const Geometry xyz = read("xyz");
+    EXPECT_EQ(xyz.samples, patch.samples);
+    EXPECT_EQ(xyz.num_faces(), 0u);
+    const Geometry stl = read("stl");
+    ASSERT_EQ(stl.samples.size(), 9u);
+    const std::uint32_t fan[] = {0, 1, 2, 0, 2, 3, 0, 4, 1};
+    for (std::size_t k = 0; k < 9; ++k)
+        EXPECT_EQ(stl.samples[k],
+                  Eigen::Vector3d(patch.samples[fan[k]].cast<float>().cast<double>()));
+    EXPECT_FALSE(is_converted_format("glb"));
+}
+
 TEST(PlainMesh, groups_of_faces_keep_their_names)
 {
     Geometry geometry = model();

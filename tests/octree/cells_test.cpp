@@ -179,7 +179,8 @@ TEST(Cells, neighbours_of_different_size_share_their_true_area)
 {
     const Shape shape = box_shape({0, 0, 0}, {2, 1, 1});
     const GridShape grid = grid_shape({2, 1, 1}, 2, 1, 0.0);
-    const Material material = find_material(shape, grid, Fill::Solid);
+    const Material material =
+        find_material(shape, bounding_surface(shape), grid, Fill::Solid);
     const MaterialTest test = material_test(material.grid);
     const Octree octree = Octree(grid, test).split(std::vector{LeafNumber{0}}, test);
     const Cells cells =

@@ -33,8 +33,8 @@ const Vector3d kTop(0, 0.8, 0); ///< where a pot has its lid
 Material found(Shape shape, double voxel = kVoxel)
 {
     const Vector3d size = support::to_origin({&shape});
-    return find_material(shape, grid_shape(size, 16, 0, voxel * size.norm()),
-                         Fill::Solid);
+    return find_material(shape, bounding_surface(shape),
+                         grid_shape(size, 16, 0, voxel * size.norm()), Fill::Solid);
 }
 
 /// How many voxels more and fewer than the closed original an opened shape has [its
@@ -49,8 +49,11 @@ Difference difference(Shape open, Shape closed)
 {
     const Vector3d size = support::to_origin({&open, &closed});
     const GridShape shape = grid_shape(size, 16, 0, kVoxel * size.norm());
-    const VoxelFlags truth = find_material(closed, shape, Fill::Solid).grid.material();
-    const Material material = find_material(open, shape, Fill::Solid);
+    const VoxelFlags truth =
+        find_material(closed, bounding_surface(closed), shape, Fill::Solid)
+            .grid.material();
+    const Material material =
+        find_material(open, bounding_surface(open), shape, Fill::Solid);
     Difference result;
     result.method = material.method;
     const double all = static_cast<double>(std::count(truth.begin(), truth.end(), 1));
@@ -170,7 +173,8 @@ TEST(Hollows, a_groove_is_outside_though_gaps_lead_to_it)
     const Vector3d size = support::to_origin({&moved});
     const Vector3d shift = moved.samples[0] - open.samples[0];
     const Material material =
-        find_material(moved, grid_shape(size, 16, 0, kVoxel * size.norm()), Fill::Solid);
+        find_material(moved, bounding_surface(moved),
+                      grid_shape(size, 16, 0, kVoxel * size.norm()), Fill::Solid);
     const VoxelGrid& grid = material.grid;
     // Within the handle's ring.
     EXPECT_FALSE(

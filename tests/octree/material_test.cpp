@@ -47,7 +47,8 @@ Material found(const Shape& shape, Fill fill = Fill::Solid, double voxel = 0.02)
     Eigen::Vector3d high = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& x : shape.samples)
         high = high.cwiseMax(x);
-    return find_material(shape, grid_shape(high, 8, 0, voxel), fill);
+    return find_material(shape, bounding_surface(shape), grid_shape(high, 8, 0, voxel),
+                         fill);
 }
 
 bool holds(const Material& material, const Eigen::Vector3d& x)
@@ -194,7 +195,7 @@ TEST(Material, a_tilted_sheet_of_points_encloses_nothing)
         for (Eigen::Vector3d& x : sheet.samples)
             x -= low;
         const Material material = find_material(
-            sheet,
+            sheet, bounding_surface(sheet),
             grid_shape(high - low, 24, 0, 0.008 / std::sqrt(6.0) * (high - low).norm()),
             Fill::Solid);
         EXPECT_EQ(material.method, InsideMethod::None);
@@ -217,7 +218,8 @@ TEST(Material, an_open_sheet_beside_a_closed_body_holds_together)
         shape.samples.emplace_back(support::random_number(rng, 1.99, 4.0),
                                    support::random_number(rng, 0.5, 1.5), 1.0);
     const GridShape grid = grid_shape({4, 2, 2}, 16, 0, 0.0165);
-    const Material material = find_material(shape, grid, Fill::Solid);
+    const Material material =
+        find_material(shape, bounding_surface(shape), grid, Fill::Solid);
     EXPECT_EQ(material.method, kWideOpenings);
     // No layer on the ball; the wing as thick as its points are apart.
     EXPECT_NEAR(volume(material.grid), 4.0 / 3.0 * std::numbers::pi, 0.35);
@@ -286,7 +288,8 @@ TEST(Material, a_triangle_marks_all_that_it_crosses)
                                     Eigen::Vector3d::Constant(0.5));
         shape.triangles.push_back({0, 1, 2});
         const Material material =
-            find_material(shape, grid_shape({1, 1, 1}, 4, 0, 0.05), Fill::Shell);
+            find_material(shape, bounding_surface(shape),
+                          grid_shape({1, 1, 1}, 4, 0, 0.05), Fill::Shell);
         for (const Eigen::Vector3d& x : support::random_points(shape, 5000, 6))
             ASSERT_TRUE(holds(material, x));
         const double area = (shape.samples[1] - shape.samples[0])

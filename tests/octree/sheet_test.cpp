@@ -47,8 +47,8 @@ Cut cut(const Shape& shape, int across, int depth = 0, double max_voxel = 0.0)
     for (const Eigen::Vector3d& x : shape.samples)
         high = high.cwiseMax(x);
     const GridShape grid = grid_shape(high, across, depth, max_voxel);
-    Material material = find_material(shape, grid, Fill::Shell);
-    Sheets sheets = find_sheets(shape, material, kThickness);
+    Material material = find_material(shape, bounding_surface(shape), grid, Fill::Shell);
+    Sheets sheets = find_sheets(shape, bounding_surface(shape), material, kThickness);
     const MaterialTest test = material_test(material.grid);
     const Octree octree = Octree(grid, test).split_all(depth, test);
     Cells cells = build_cells(material.grid, octree, find_pieces(material.grid, octree),
@@ -164,16 +164,16 @@ TEST(Sheet, of_a_triangle_that_is_there_twice_counts_once)
 TEST(Sheet, is_not_what_bounds_an_inside)
 {
     const Shape box = support::box_shape({0, 0, 0}, {1, 1, 1}, 4);
-    const Material closed =
-        find_material(box, grid_shape({1, 1, 1}, 8, 0, 0.03), Fill::Solid);
+    const Material closed = find_material(box, bounding_surface(box),
+                                          grid_shape({1, 1, 1}, 8, 0, 0.03), Fill::Solid);
     EXPECT_TRUE(closed.is_sheet.empty());
     // Beside an open sheet only that is one.
     Shape both = support::sheet_shape(3.0, 1.0, 24);
     for (Eigen::Vector3d& x : both.samples)
         x += Eigen::Vector3d(0, 2, 0.513);
     both = support::joined(box, both);
-    const Material material =
-        find_material(both, grid_shape({3, 3, 1}, 24, 0, 0.03), Fill::Solid);
+    const Material material = find_material(
+        both, bounding_surface(both), grid_shape({3, 3, 1}, 24, 0, 0.03), Fill::Solid);
     ASSERT_FALSE(material.is_sheet.empty());
     const VoxelGrid& grid = material.grid;
     std::size_t sheets = 0;

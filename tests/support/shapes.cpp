@@ -237,11 +237,12 @@ Built built_in(const Shape& shape, int across, int depth, Fill fill, double max_
     for (const Eigen::Vector3d& x : shape.samples)
         high = high.cwiseMax(x);
     const GridShape grid = grid_shape(high, across, depth, max_voxel);
-    Material material = find_material(shape, grid, fill);
+    Material material = find_material(shape, bounding_surface(shape), grid, fill);
     const MaterialTest test = material_test(material.grid);
     Octree octree = divided(Octree(grid, test), test);
     Pieces pieces = find_pieces(material.grid, octree);
-    const Sheets sheets = find_sheets(shape, material, kThickness * high.norm());
+    const Sheets sheets =
+        find_sheets(shape, bounding_surface(shape), material, kThickness * high.norm());
     Cells cells = build_cells(material.grid, octree, pieces, material.is_sheet, sheets);
     return {std::move(material), std::move(octree), std::move(pieces), std::move(cells)};
 }

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 #include "tests/support/program.h"
@@ -53,6 +54,81 @@ TEST(Cli, deform_writes_the_last_frame_or_one_a_frame)
     EXPECT_EQ(bytes_of(files.folder / "g-12.obj"), last);
 }
 
+TEST(Cli, regions_and_moves_may_be_flags)
+{
+    const Files files;
+    const auto deform = [&](std::vector<std::string> more)
+    {
+        std::vector<std::string> arguments = {"deform", files.model, "--across",   "12",
+                                              "-o",     files.out,   "--overwrite"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return run(arguments);
+    };
+    const std::string handles = files.folder / "same.handles";
+    write_file(handles,
+               "cellwarp-handles 1\nunits relative\nfixed fixed box 0 0 0 1 1 0.1\n"
+               "fixed fixed box 0 0 0.1 1 1 0.15\nhandle head box 0 0 0.9 1 1 1\n"
+               "frame 1\nmove head rotate 1 0 0 20 translate 0 0.1 0\n",
+               Overwrite::Yes);
+    ASSERT_EQ(deform({"--handles", handles}).code, 0);
+    const std::string expected = bytes_of(files.out);
+    const Result result =
+        deform({"--fix", "box 0 0 0 1 1 0.1", "--fix", "box 0 0 0.1 1 1 0.15", "--handle",
+                "head box 0 0 0.9 1 1 1", "--move",
+                "head rotate 1 0 0 20 translate 0 0.1 0", "--relative"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    EXPECT_EQ(bytes_of(files.out), expected);
+
+    const auto refused = [&](std::vector<std::string> more)
+    {
+        const Result wrong = deform(std::move(more));
+        EXPECT_EQ(wrong.code, 2) << wrong.err;
+        return wrong.err;
+    };
+    EXPECT_TRUE(contains(refused({"--handles", handles, "--fix", "all"}), "--handles"));
+    EXPECT_TRUE(
+        contains(refused({"--fix", "box 0 0 0 1 1"}), "--fix: box number 6: is missing"));
+    EXPECT_TRUE(contains(refused({"--fix", "all", "--handle", "head"}), "--handle: "));
+    EXPECT_TRUE(contains(refused({"--fix", "all", "--move", "tail translate 0 0 1"}),
+                         "--move: "));
+    EXPECT_TRUE(contains(refused({"--handles", handles, "--relative"}), "--relative"));
+    EXPECT_TRUE(contains(refused({"--fix", "all\nframe 1"}), "--fix: "));
+}
+
+TEST(Cli, converts_where_that_is_asked_for)
+{
+    const Files files;
+    const auto to = [&](const std::string& name, const std::string& flag)
+    {
+        std::vector<std::string> arguments = {
+            "deform",   files.model, "--handles", files.handles,
+            "--across", "12",        "-o",        files.folder / name};
+        if (!flag.empty())
+            arguments.push_back(flag);
+        return run(arguments);
+    };
+    EXPECT_EQ(files.deform().code, 0);
+    const Geometry own = read_geometry(files.out).geometry;
+    const Result refused = to("x.ply", "");
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_TRUE(contains(refused.err, "--convert"));
+    for (const char* name : {"x.ply", "x.off", "x.xyz", "x.stl"})
+    {
+        EXPECT_EQ(to(name, "--convert").code, 0) << name;
+        const Geometry other = read_geometry(files.folder / name).geometry;
+        if (std::string(name) != "x.stl")
+            EXPECT_EQ(other.samples, own.samples) << name;
+        else
+            EXPECT_EQ(other.num_triangles(), own.num_triangles());
+    }
+    const Result unknown = to("x.usd", "--convert");
+    EXPECT_EQ(unknown.code, 2);
+    EXPECT_TRUE(contains(unknown.err, ".stl"));
+    // Its own format is patched as ever.
+    EXPECT_EQ(to("y.obj", "--convert").code, 0);
+    EXPECT_EQ(bytes_of(files.folder / "y.obj"), bytes_of(files.out));
+}
+
 TEST(Cli, json_has_every_key)
 {
     const Files files;
@@ -61,7 +137,8 @@ TEST(Cli, json_has_every_key)
     const nlohmann::json json = nlohmann::json::parse(result.out);
     for (const char* key :
          {"model", "samples", "faces", "cells", "free_cells", "depth", "cells_per_depth",
-          "frames", "field", "volume", "ms", "peak_rss_mb", "unused", "warnings"})
+          "frames", "field", "volume", "self_intersections", "ms", "peak_rss_mb",
+          "unused", "warnings"})
         EXPECT_TRUE(json.contains(key)) << key;
     ASSERT_EQ(json["frames"].size(), 2u);
     for (const char* key : {"frame", "iterations", "energy_before", "energy_after",

@@ -30,8 +30,8 @@ std::vector<Step> steps(const std::string& operations, const Units& units = plai
     const HandleFile file = parse_handles(
         "h", "cellwarp-handles 1\nhandle h all\nframe 1\nmove h " + operations + "\n");
     std::vector<std::string> warnings;
-    return steps_of(file.stages[0].frames[0].moves[0], units, {0.5, 0.5, 0.5}, {0, 0, 0},
-                    "h", warnings);
+    return steps_of(file.stages[0].frames[0].moves[0], units,
+                    {{0.5, 0.5, 0.5}, {0.25, 0.5, 0.5}, {0, 0, 0}}, "h", warnings);
 }
 
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -125,8 +125,8 @@ TEST(HandleTrajectory, only_rigid_matrices_are_taken)
         parse_handles("h", "cellwarp-handles 1\nhandle h all\nframe 1\nmove h "
                            "matrix 1.00001 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n");
     const std::vector<Step> nearly =
-        steps_of(file.stages[0].frames[0].moves[0], plain_units(), {0, 0, 0}, {0, 0, 0},
-                 "h", warnings);
+        steps_of(file.stages[0].frames[0].moves[0], plain_units(),
+                 {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}, "h", warnings);
     EXPECT_EQ(warnings.size(), 1u);
     EXPECT_LT((nearly[0].motion.R - Eigen::Matrix3d::Identity()).norm(), 1e-12);
 }

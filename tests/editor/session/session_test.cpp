@@ -527,6 +527,52 @@ TEST(Session, a_wound_handle_differs_from_an_unwound_one)
     EXPECT_LT(largest_difference(rest.deformed().samples, survey_bar(6).samples), 1e-12);
 }
 
+TEST(Session, a_handle_turns_about_the_glue_around_it)
+{
+    const auto bend = [&](const std::string& about)
+    {
+        return played(model(survey_bar(6)),
+                      kBarEnds + "frame 1\nmove head rotate 1 0 0 40" + about + "\n",
+                      settings(16));
+    };
+    const Session session = bend(" about border");
+    // The head holds a layer of cells: they end in the plane z = 3.75 that cuts the bar.
+    const std::vector<Eigen::Vector3d> borders = session.system()->region_borders();
+    const Eigen::Vector3d border = session.system()->rest().frame.to_model(borders[1]);
+    EXPECT_LT((border - Eigen::Vector3d(0, 0, 3.75)).norm(), 1e-9);
+    const Session given = bend(" about 0 0 3.75");
+    EXPECT_LT(largest_difference(session.deformed().samples, given.deformed().samples),
+              1e-6);
+    EXPECT_GT(largest_difference(session.deformed().samples, bend("").deformed().samples),
+              0.05);
+}
+
+TEST(Session, a_handle_without_glue_turns_about_the_middle_of_its_box)
+{
+    const Shape two = support::joined(support::box_shape({0, 0, 0}, {1, 1, 1}),
+                                      support::box_shape({3, 0, 0}, {4, 1, 1}));
+    const std::string regions = "fixed foot box -1 -1 -1 1 1 1\n"
+                                "handle head box 3 0 0 4 1 1\n"
+                                "frame 1\nmove head rotate 0 0 1 40";
+    EXPECT_EQ(
+        played(model(two), regions + " about border\n", settings(16)).deformed().samples,
+        played(model(two), regions + "\n", settings(16)).deformed().samples);
+}
+
+TEST(Session, warns_of_a_turn_far_from_where_the_handle_is_attached)
+{
+    const std::string half = "fixed foot box -1 -1 -1 1 1 0.2500001\n"
+                             "handle head box -1 -1 2 1 1 5\nframe 1\nmove head ";
+    const auto warnings = [&](const std::string& move)
+    { return played(model(survey_bar(6)), half + move + "\n", settings(16)).warnings(); };
+    ASSERT_EQ(warnings("rotate 1 0 0 40").size(), 1u);
+    EXPECT_TRUE(contains(warnings("rotate 1 0 0 40")[0], "about border"));
+    EXPECT_TRUE(warnings("rotate 1 0 0 40 about border").empty());
+    EXPECT_TRUE(warnings("rotate 1 0 0 40 about 0 0 2").empty());
+    EXPECT_TRUE(warnings("rotate 1 0 0 5").empty());
+    EXPECT_TRUE(warnings("rotate 0 0 1 40").empty()); // its axis passes the border
+}
+
 TEST(Session, frames_start_from_the_last_solution_and_come_back)
 {
     const Session session =

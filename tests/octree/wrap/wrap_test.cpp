@@ -34,7 +34,7 @@ TEST(AlphaWrap, is_closed_and_holds_all_points_at_its_offset)
         support::level_set([](const Eigen::Vector3d& x) { return x.norm() - 1.0; },
                            {-1.2, -1.2, -1.2}, {1.2, 1.2, 1.2}, 0.1);
     const Shape wrap = alpha_wrap(ball.samples, 0.3, 0.05);
-    EXPECT_EQ(open_edge_share(wrap.triangles), 0.0);
+    EXPECT_EQ(bounding_surface(wrap).open_edges, 0.0);
     // Between the ball and the ball of its offset, but for the flat of its triangles.
     EXPECT_GT(volume(wrap), 0.97 * 4.0 / 3.0 * std::numbers::pi);
     EXPECT_LT(volume(wrap), 4.0 / 3.0 * std::numbers::pi * 1.05 * 1.05 * 1.05);

@@ -67,10 +67,12 @@ HeldBody sheet()
     for (Eigen::Vector3d& x : shape.samples)
         x = R * x + Eigen::Vector3d(0.2, 0.0, 1.0);
     const GridShape grid = grid_shape({2, 2, 2}, 4, 0, 0.0);
-    const Material material = find_material(shape, grid, Fill::Shell);
+    const Material material =
+        find_material(shape, bounding_surface(shape), grid, Fill::Shell);
     const Octree octree(grid, material_test(material.grid));
-    HeldBody body(build_cells(material.grid, octree, find_pieces(material.grid, octree),
-                              material.is_sheet, find_sheets(shape, material, 0.02)));
+    HeldBody body(build_cells(
+        material.grid, octree, find_pieces(material.grid, octree), material.is_sheet,
+        find_sheets(shape, bounding_surface(shape), material, 0.02)));
     body.prescribe([](const Cell& cell) { return cell.centre.x() < 0.6; });
     return body;
 }

@@ -82,7 +82,8 @@ Cells cells_of_three_sizes()
 {
     const Shape shape = support::box_shape({0, 0, 0}, {6, 6, 6});
     const GridShape grid = grid_shape({6, 6, 6}, 6, 2, 0.0);
-    const Material material = find_material(shape, grid, Fill::Solid);
+    const Material material =
+        find_material(shape, bounding_surface(shape), grid, Fill::Solid);
     const MaterialTest test = material_test(material.grid);
     Octree octree(grid, test);
     for (const int level : {0, 1})

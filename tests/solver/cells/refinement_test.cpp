@@ -45,7 +45,7 @@ struct Block
     Block(const Shape& shape, const Eigen::Vector3d& size, int across, int depth,
           double max_voxel = 0.0)
         : grid(grid_shape(size, across, depth, max_voxel)),
-          material(find_material(shape, grid, Fill::Solid))
+          material(find_material(shape, bounding_surface(shape), grid, Fill::Solid))
     {
     }
     Block(const Block&) = delete;

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/bounding_surface.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <numeric>
+#include <utility>
+
+#include "octree/base/edges.h"
+#include "octree/base/hash.h"
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+/// A triangle with its smallest corner first, the orientation kept.
+Triangle canonical(Triangle t)
+{
+    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+    return t;
+}
+
+/// A canonical triangle and its copies of either direction are one face.
+bool is_one_face(const Triangle& a, const Triangle& b)
+{
+    return a == b || a == Triangle{b[0], b[2], b[1]};
+}
+
+double open_edge_share(const std::vector<Triangle>& triangles, std::size_t num_samples)
+{
+    if (triangles.empty())
+        return 1.0;
+    const auto each_pass = [&](const auto& pass)
+    {
+        for (const Triangle& t : triangles)
+            for (std::size_t k = 0; k < 3; ++k)
+                pass(t[k], t[(k + 1) % 3]);
+    };
+    std::size_t open = 0, total = 0;
+    for_each_edge(num_samples, each_pass,
+                  [&](const Edge& edge)
+                  {
+                      open += edge.forward != edge.backward;
+                      ++total;
+                  });
+    return static_cast<double>(open) / static_cast<double>(total);
+}
+
+/// The triangles that are left where corners are joined, by their smallest corner; those
+/// of one face follow each other in the order of \p shape.
+std::vector<Triangle> by_faces(const Shape& shape)
+{
+    const std::vector<std::uint32_t> joined = joined_samples(shape.samples);
+    const auto each_triangle = [&](const auto& visit)
+    {
+        for (const Triangle& t : shape.triangles)
+        {
+            const Triangle j = {joined[t[0]], joined[t[1]], joined[t[2]]};
+            if (j[0] != j[1] && j[1] != j[2] && j[2] != j[0])
+                visit(canonical(j));
+        }
+    };
+    std::vector<std::size_t> end(shape.samples.size() + 1, 0);
+    each_triangle([&](const Triangle& t) { ++end[t[0] + 1]; });
+    std::partial_sum(end.begin(), end.end(), end.begin());
+    std::vector<Triangle> sorted(end.back());
+    each_triangle([&](const Triangle& t) { sorted[end[t[0]]++] = t; });
+    constexpr std::size_t kCornersAtOnce = 4096; // of one thread
+    parallel_for(shape.samples.size(), kCornersAtOnce,
+                 [&](std::size_t corner)
+                 {
+                     const auto at = [&](std::size_t i)
+                     { return sorted.begin() + static_cast<std::ptrdiff_t>(i); };
+                     std::stable_sort(
+                         at(corner == 0 ? 0 : end[corner - 1]), at(end[corner]),
+                         [](const Triangle& a, const Triangle& b)
+                         { return std::minmax(a[1], a[2]) < std::minmax(b[1], b[2]); });
+                 });
+    return sorted;
+}
+
+} // namespace
+
+std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples)
+{
+    constexpr std::uint32_t none = ~std::uint32_t{0};
+    std::vector<std::uint32_t> joined(samples.size());
+    // Open addressing, at most half full: a place goes behind those that have its slot.
+    std::vector<std::uint32_t> first_at(std::bit_ceil(2 * samples.size() + 1), none);
+    for (std::uint32_t i = 0; i < samples.size(); ++i)
+        for (std::size_t slot = hash_of(samples[i]);; ++slot)
+        {
+            std::uint32_t& first = first_at[slot & (first_at.size() - 1)];
+            if (first == none)
+                first = i;
+            if (first == i || samples[first] == samples[i])
+            {
+                joined[i] = first;
+                break;
+            }
+        }
+    return joined;
+}
+
+BoundingSurface bounding_surface(const Shape& shape)
+{
+    const std::vector<Triangle> sorted = by_faces(shape);
+    // Of a face that is there in both directions either the second is a flaw, or both
+    // are the wall between two bodies that touch: what leaves fewer edges open.
+    std::vector<Triangle> first_kept;
+    std::vector<std::size_t> walls; // in first_kept
+    first_kept.reserve(sorted.size());
+    for (std::size_t i = 0; i < sorted.size();)
+    {
+        const Triangle& first = sorted[i];
+        bool has_both = false;
+        for (; i < sorted.size() && is_one_face(sorted[i], first); ++i)
+            has_both = has_both || sorted[i] != first;
+        if (has_both)
+            walls.push_back(first_kept.size());
+        first_kept.push_back(first);
+    }
+    BoundingSurface surface{std::move(first_kept), 1.0};
+    std::vector<Triangle>& triangles = surface.triangles;
+    surface.open_edges = open_edge_share(triangles, shape.samples.size());
+    if (!walls.empty())
+    {
+        std::vector<Triangle> without;
+        without.reserve(triangles.size() - walls.size());
+        auto wall = walls.begin();
+        for (std::size_t t = 0; t < triangles.size(); ++t)
+            if (wall != walls.end() && *wall == t)
+                ++wall;
+            else
+                without.push_back(triangles[t]);
+        const double open = open_edge_share(without, shape.samples.size());
+        if (!(surface.open_edges < open))
+            surface = {std::move(without), open};
+    }
+    for (auto begin = triangles.begin(); begin != triangles.end();)
+    {
+        const auto end =
+            std::find_if(begin, triangles.end(),
+                         [&](const Triangle& t) { return t[0] != (*begin)[0]; });
+        std::sort(begin, end);
+        begin = end;
+    }
+    return surface;
+}
+
+} // namespace cellwarp

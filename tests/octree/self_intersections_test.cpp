@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/self_intersections.h"
+
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "octree/base/parallel.h"
+#include "octree/wrap/triangle_pair.h"
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Corners = std::array<Eigen::Vector3d, 3>;
+
+std::int64_t count_of(const Shape& shape)
+{
+    return self_intersections(shape.triangles, shape.samples, shape.samples)->all;
+}
+
+/// By looking at every pair.
+std::int64_t count_by_pairs(const Shape& shape)
+{
+    std::int64_t count = 0;
+    for (std::size_t i = 0; i < shape.triangles.size(); ++i)
+        for (std::size_t j = 0; j < i; ++j)
+        {
+            const auto corners = [&](std::size_t t)
+            {
+                const Triangle& of = shape.triangles[t];
+                return Corners{shape.samples[of[0]], shape.samples[of[1]],
+                               shape.samples[of[2]]};
+            };
+            count += triangles_meet(corners(i), corners(j), 0);
+        }
+    return count;
+}
+
+const Corners kTriangle = {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(2, 0, 0),
+                           Eigen::Vector3d(0, 2, 0)};
+
+} // namespace
+
+TEST(SelfIntersections, of_closed_bodies_are_none)
+{
+    for (const Shape& shape :
+         {support::l_prism(), support::comb(), support::steps(),
+          support::sheet_shape(3, 1), support::box_shape({0, 0, 0}, {1, 2, 3}, 7)})
+    {
+        EXPECT_EQ(count_of(shape), 0);
+        Shape turned = shape;
+        const Eigen::AngleAxisd turn(0.7, Eigen::Vector3d(1, 2, 3).normalized());
+        for (Eigen::Vector3d& x : turned.samples)
+            x = turn * x;
+        EXPECT_EQ(count_of(turned), 0);
+        Shape mirrored = shape;
+        for (Eigen::Vector3d& x : mirrored.samples)
+            x.x() = -x.x();
+        EXPECT_EQ(count_of(mirrored), 0);
+    }
+}
+
+TEST(SelfIntersections, of_a_soup_are_those_of_all_its_pairs)
+{
+    std::mt19937 rng(7);
+    for (const double size : {0.02, 0.1, 0.5})
+    {
+        Shape soup;
+        for (std::uint32_t t = 0; t < 300; ++t)
+        {
+            const Eigen::Vector3d middle = support::random_vector(rng, 1.0);
+            for (int k = 0; k < 3; ++k)
+                soup.samples.push_back(middle + size * support::random_vector(rng, 1.0));
+            soup.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+        }
+        const std::int64_t expected = count_by_pairs(soup);
+        EXPECT_GT(expected, size > 0.4 ? 100 : size > 0.05 ? 0 : -1);
+        EXPECT_EQ(count_of(soup), expected) << size;
+        const ThreadLimit one(1);
+        EXPECT_EQ(count_of(soup), expected);
+    }
+}
+
+TEST(SelfIntersections, tell_those_of_rest_from_new_ones)
+{
+    // Two boxes overlap, a third comes.
+    Shape shape =
+        support::joined(support::box_shape({0, 0, 0}, {1, 1, 1}, 3),
+                        support::box_shape({0.53, 0.2, 0.21}, {1.5, 0.7, 0.75}, 3));
+    const std::int64_t at_rest = count_of(shape);
+    EXPECT_GT(at_rest, 10);
+    const std::size_t first = shape.samples.size();
+    shape = support::joined(shape, support::box_shape({0, 0, 5}, {1, 1, 6}, 3));
+    EXPECT_EQ(count_of(shape), at_rest);
+    std::vector<Eigen::Vector3d> moved = shape.samples;
+    for (std::size_t i = first; i < moved.size(); ++i)
+        moved[i] += Eigen::Vector3d(-0.31, 0.33, -4.57);
+    const SelfIntersections now =
+        *self_intersections(shape.triangles, moved, shape.samples);
+    EXPECT_GT(now.fresh, 10);
+    EXPECT_EQ(now.all, at_rest + now.fresh);
+    const SelfIntersections apart =
+        *self_intersections(shape.triangles, shape.samples, moved);
+    EXPECT_EQ(apart.all, at_rest);
+    EXPECT_EQ(apart.fresh, 0);
+}
+
+TEST(SelfIntersections, of_neighbours_are_what_they_share_beyond_corner_and_edge)
+{
+    const auto [a, b, c] = kTriangle;
+    const auto beside = [&](const Eigen::Vector3d& third) {
+        return triangles_meet({a, b, c}, {a, b, third}, 2);
+    };
+    EXPECT_FALSE(beside({0, -1, 0}));
+    EXPECT_FALSE(beside({0, 1, 1e-300}));
+    EXPECT_TRUE(beside({0, 1, 0})); // folded onto it
+    const auto at_corner = [&](const Eigen::Vector3d& s, const Eigen::Vector3d& t) {
+        return triangles_meet({a, b, c}, {a, s, t}, 1);
+    };
+    EXPECT_FALSE(at_corner({-1, 0, 0}, {0, -1, 0}));
+    EXPECT_FALSE(at_corner({1, 1, 1}, {1, 1, 2}));
+    EXPECT_TRUE(at_corner({0.5, 0.5, 1}, {0.5, 0.5, -1})); // its edge passes through
+    EXPECT_TRUE(at_corner({3, 3, 1}, {3, 3, -1}));         // the other's edge does
+    EXPECT_TRUE(at_corner({0.5, 0.1, 0}, {0.1, 0.5, 0}));  // inside it
+    EXPECT_TRUE(triangles_meet(kTriangle, kTriangle, 3));
+    // Corners at one place are one, whatever their numbers.
+    Shape soup;
+    soup.samples = {a, b, c, b, a, Eigen::Vector3d(0, -1, 0.5)};
+    soup.triangles = {{0, 1, 2}, {3, 4, 5}};
+    EXPECT_EQ(count_of(soup), 0);
+}
+
+TEST(SelfIntersections, leave_out_triangles_without_area)
+{
+    Shape shape;
+    shape.samples = {kTriangle[0],   kTriangle[1],  kTriangle[2],
+                     {0.5, 0.5, -1}, {0.5, 0.5, 1}, {0.5, 0.5, 0}};
+    shape.triangles = {{0, 1, 2}, {3, 4, 5}, {3, 4, 4}, {5, 5, 5}};
+    EXPECT_EQ(count_of(shape), 0);
+    shape.triangles.clear();
+    EXPECT_EQ(count_of(shape), 0);
+}
+
+TEST(SelfIntersections, are_not_counted_where_all_triangles_lie_in_one_place)
+{
+    Shape heap;
+    std::mt19937 rng(5);
+    for (std::uint32_t t = 0; t < 3000; ++t)
+    {
+        for (int k = 0; k < 3; ++k)
+            heap.samples.push_back(support::random_vector(rng, 1.0));
+        heap.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+    }
+    EXPECT_FALSE(self_intersections(heap.triangles, heap.samples, heap.samples));
+}
+
+} // namespace cellwarp
