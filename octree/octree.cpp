@@ -5,33 +5,10 @@
 #include <numeric>
 
 #include "octree/base/index.h"
+#include "octree/base/morton.h"
 
 namespace cellwarp
 {
-
-namespace
-{
-
-/// The bits of a 21-bit number spread three apart.
-std::uint64_t spread(std::uint64_t x)
-{
-    x &= 0x1fffff;
-    x = (x | x << 32) & 0x1f00000000ffff;
-    x = (x | x << 16) & 0x1f0000ff0000ff;
-    x = (x | x << 8) & 0x100f00f00f00f00f;
-    x = (x | x << 4) & 0x10c30c30c30c30c3;
-    x = (x | x << 2) & 0x1249249249249249;
-    return x;
-}
-
-std::uint64_t morton(const Eigen::Vector3i& v)
-{
-    return spread(static_cast<std::uint64_t>(v.x())) |
-           spread(static_cast<std::uint64_t>(v.y())) << 1 |
-           spread(static_cast<std::uint64_t>(v.z())) << 2;
-}
-
-} // namespace
 
 Octree::Octree(const GridShape& shape, const MaterialTest& has_material)
     : counts_(shape.coarsest * shape.leaves_per_coarsest()), max_depth_(shape.max_depth)

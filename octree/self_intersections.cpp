@@ -13,6 +13,7 @@
 #include <Eigen/Geometry>
 
 #include "octree/base/index.h"
+#include "octree/base/morton.h"
 #include "octree/base/parallel.h"
 #include "octree/bounding_surface.h"
 #include "octree/wrap/triangle_pair.h"
@@ -55,14 +56,8 @@ float rounded_up(double x)
     return -rounded_down(-x);
 }
 
-/// Spreads ten bits to every third.
-std::uint64_t spread_bits(std::uint64_t bits)
-{
-    bits = (bits | bits << 16) & 0x30000ff;
-    bits = (bits | bits << 8) & 0x300f00f;
-    bits = (bits | bits << 4) & 0x30c30c3;
-    return (bits | bits << 2) & 0x9249249;
-}
+/// Boxes of the curve along each axis.
+constexpr double kBoxes = 1024.0;
 
 class PairCounter
 {
@@ -128,12 +123,9 @@ private:
                      {
                          const Eigen::Array3d share =
                              (middle(triangles_[t]) - corner_).array() / size;
-                         std::uint64_t key = 0;
-                         for (int axis = 0; axis < 3; ++axis)
-                             key |= spread_bits(static_cast<std::uint64_t>(
-                                        std::clamp(1024.0 * share[axis], 0.0, 1023.0)))
-                                    << axis;
-                         keys[t] = key << 32 | t;
+                         const Eigen::Vector3i box_of_curve =
+                             (kBoxes * share).max(0.0).min(kBoxes - 1).cast<int>();
+                         keys[t] = morton(box_of_curve) << 32 | t;
                      });
         std::sort(keys.begin(), keys.end());
         for (std::size_t k = 0; k < keys.size(); ++k)

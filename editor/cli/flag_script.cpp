@@ -3,13 +3,9 @@
 // told of its flag.
 #include "editor/cli/flag_script.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 
 #include "io/error.h"
-#include "io/number.h"
-#include "io/text.h"
 
 namespace cellwarp
 {
