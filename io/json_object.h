@@ -91,6 +91,15 @@ public:
                           shortest(allowed.low) + " to " + shortest(allowed.high));
         out = value->get<double>();
     }
+    void read(const std::string& key, YesOrNo, std::optional<bool>& out)
+    {
+        const Json* value = find(key);
+        if (!value)
+            return;
+        if (!value->is_boolean())
+            fail(key, "got " + value->dump().substr(0, 40) + ", need true or false");
+        out = value->get<bool>();
+    }
     std::array<double, 3> vector(const std::string& key, const Json& value) const
     {
         std::array<double, 3> out{};

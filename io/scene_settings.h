@@ -19,6 +19,7 @@ struct SceneSettings
         std::optional<std::string> fill;
         std::optional<std::int64_t> across, max_depth;
         std::optional<double> threshold, gap, thickness;
+        std::optional<bool> join, flat;
         std::optional<std::int64_t> max_cells;
         bool operator==(const Cells&) const = default;
     };
@@ -52,6 +53,10 @@ struct OneOf
     }
 };
 
+struct YesOrNo
+{
+};
+
 /// Calls visit(section, key, allowed, value...) for every setting, with its value in each
 /// of \p settings. The section is "" for those that stand in none.
 template <class Visit, class... Settings>
@@ -66,6 +71,8 @@ void visit_settings(Visit&& visit, Settings&... settings)
     visit("cells", "threshold", Real{0.0, 1e300}, settings.cells.threshold...);
     visit("cells", "gap", Real{1e-6, 1.0}, settings.cells.gap...);
     visit("cells", "thickness", Real{1e-6, 1.0}, settings.cells.thickness...);
+    visit("cells", "join", YesOrNo{}, settings.cells.join...);
+    visit("cells", "flat", YesOrNo{}, settings.cells.flat...);
     visit("cells", "max_cells", Whole{1, std::int64_t(1) << 31},
           settings.cells.max_cells...);
     visit("field", "drag", OneOf{{"blend", "closest4"}}, settings.field.drag...);

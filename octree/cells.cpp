@@ -198,6 +198,7 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 const int a = pieces.piece_of_voxel[low];
                 const int b = pieces.piece_of_voxel[high];
                 if (a < 0 || b < 0 || a == b ||
+                    grid.material()[low] != grid.material()[high] ||
                     !is_at_home(grid, octree, pieces, below, a) ||
                     !is_at_home(grid, octree, pieces, above, b))
                     continue;

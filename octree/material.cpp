@@ -132,16 +132,21 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
     return distances[distances.size() / 2];
 }
 
-double material_bytes(const GridShape& grid_shape)
+double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
+                      Fill fill)
 {
-    // Where all of the box is near the surface; else what is far takes nothing. The flood
-    // works on a grid with a border: marks, a byte; distances, four; how free a voxel is
-    // and how far the flood comes, two; and voxels to go on from. The grid itself: marks,
-    // labels and distances. Hollows, after the flood, take less.
+    // Where all of the box is near the surface; else what is far takes nothing. The grid
+    // itself: marks, labels and distances. The flood, which open surfaces need, works on
+    // a grid with a border: marks, a byte; distances, four; how free a voxel is and how
+    // far the flood comes, two; and voxels to go on from. Hollows, after the flood, take
+    // less.
+    const double own = 20.0 * num_voxels(grid_shape);
+    if (fill == Fill::Shell || surface.open_edges == 0.0)
+        return own;
     const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
     const Eigen::Array3d inner =
         grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
-    return 12.0 * (inner + border).prod() + 20.0 * inner.prod();
+    return own + 12.0 * (inner + border).prod();
 }
 
 namespace

@@ -59,7 +59,8 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
                        const GridShape& grid_shape, Fill fill);
 
 /// What find_material() takes at the most while it runs [byte].
-double material_bytes(const GridShape& grid_shape);
+double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
+                      Fill fill);
 
 /// Typical distance of neighbouring points, coincident ones not counted; 0 if
 /// there are fewer than two places.

@@ -23,7 +23,8 @@ constexpr double kSame = 7.0710678e-4;
 } // namespace
 
 VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
-                                            std::span<const Eigen::Vector3d> samples)
+                                            std::span<const Eigen::Vector3d> samples,
+                                            std::span<const std::size_t> voxel_of_sample)
 {
     VoxelNumbers<std::uint32_t> nearest(grid.size());
     // [kSame]; without one, the largest number
@@ -51,13 +52,24 @@ VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
             buckets.resize(bucket + 1);
         buckets[bucket].push_back({voxel, sample, d});
     };
+    const VoxelFlags& material = grid.material();
     for (std::size_t i = 0; i < samples.size(); ++i)
+    {
+        const std::uint32_t sample = static_cast<std::uint32_t>(i);
+        bool is_in_its_own = false; // material
         for_each_voxel(grid.touched(samples[i]),
                        [&](const Eigen::Vector3i& voxel)
                        {
-                           if (grid.material()[grid.index(voxel)])
-                               offer(voxel, static_cast<std::uint32_t>(i));
+                           const std::uint8_t there = material[grid.index(voxel)];
+                           if (there == 0 || (!voxel_of_sample.empty() &&
+                                              there != material[voxel_of_sample[i]]))
+                               return;
+                           offer(voxel, sample);
+                           is_in_its_own = true;
                        });
+        if (!is_in_its_own && !voxel_of_sample.empty())
+            offer(grid.coordinates(voxel_of_sample[i]), sample);
+    }
     for (std::size_t bucket = 0; bucket < buckets.size(); ++bucket)
         for (std::size_t next = 0; next < buckets[bucket].size(); ++next)
         {
@@ -71,7 +83,8 @@ VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
                 {
                     Eigen::Vector3i other = place;
                     other[axis] += step;
-                    if (grid.contains(other) && grid.material()[grid.index(other)])
+                    if (grid.contains(other) &&
+                        material[grid.index(other)] == material[entry.voxel])
                         offer(other, entry.sample);
                 }
         }

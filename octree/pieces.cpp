@@ -27,14 +27,16 @@ std::vector<std::size_t> rows_of(const VoxelGrid& grid, const VoxelBlock& block)
     return rows;
 }
 
-/// Voxels of material that follow each other in a row of a leaf, and their piece.
+/// Voxels of one material that follow each other in a row of a leaf, and their piece.
 struct Run
 {
-    int row = 0, begin = 0, end = 0, piece = 0;
+    int row = 0, begin = 0, end = 0;
+    std::uint8_t material = 0;
+    int piece = 0;
 };
 
-/// The runs of one leaf. Those of neighbouring rows that overlap are of one piece; pieces
-/// are numbered from 0 in the order of their first voxels.
+/// The runs of one leaf. Those of one material in neighbouring rows that overlap are of
+/// one piece; pieces are numbered from 0 in the order of their first voxels.
 std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
 {
     const std::vector<std::size_t> rows = rows_of(grid, block);
@@ -44,14 +46,15 @@ std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
     {
         first_run.push_back(runs.size());
         const std::uint8_t* const material = &grid.material()[rows[row]];
-        for (int x = 0; x < block.width; ++x)
-            if (material[x] != 0)
-            {
-                const int begin = x;
-                while (x < block.width && material[x] != 0)
-                    ++x;
-                runs.push_back({static_cast<int>(row), begin, x});
-            }
+        for (int x = 0; x < block.width;)
+        {
+            const int begin = x;
+            const std::uint8_t own = material[x];
+            while (x < block.width && material[x] == own)
+                ++x;
+            if (own != 0)
+                runs.push_back({static_cast<int>(row), begin, x, own});
+        }
     }
     first_run.push_back(runs.size());
     UnionFind joined(runs.size());
@@ -60,7 +63,8 @@ std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
         std::size_t a = first_run[row], b = first_run[other];
         while (a < first_run[row + 1] && b < first_run[other + 1])
         {
-            if (runs[a].begin < runs[b].end && runs[b].begin < runs[a].end)
+            if (runs[a].begin < runs[b].end && runs[b].begin < runs[a].end &&
+                runs[a].material == runs[b].material)
                 joined.join(static_cast<int>(a), static_cast<int>(b));
             ++(runs[a].end < runs[b].end ? a : b);
         }
@@ -121,7 +125,9 @@ touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
                 if (!grid.contains(next))
                     continue;
                 const std::int32_t other = piece_at(next);
-                if (other >= 0 && other != piece && !is_crumb[idx(other)])
+                if (other >= 0 && other != piece && !is_crumb[idx(other)] &&
+                    grid.material()[grid.index(next)] ==
+                        grid.material()[grid.index(voxel)])
                     touches[piece].insert(other);
             }
     };

@@ -121,6 +121,8 @@ public:
     }
     Eigen::Vector3d centre(const Eigen::Vector3i& v) const;
 
+    /// Of every voxel 0, or the number of its material: where two that touch differ in
+    /// it, nothing holds them together. 1 where nothing is apart.
     VoxelFlags& material() { return material_; }
     const VoxelFlags& material() const { return material_; }
 

@@ -43,6 +43,12 @@ posed batten last "--view 90 0"
     -o "$folder/spine.png" --overwrite
 "$cellwarp" render "$here/samples/ring.json" --strip=3 --size 320x280 --view 20 30 \
     -o "$folder/ring.png" --overwrite
+# Flat.
+"$cellwarp" render "$here/samples/figure.json" --strip=3 --size 260x300 --view 0 0 \
+    -o "$folder/figure.png" --overwrite
+# Posed by a pin of many samples.
+"$cellwarp" render "$here/samples/pull.json" --strip=3 --size 320x260 --view 0 10 \
+    -o "$folder/pull.png" --overwrite
 # Posed by skeletons.
 "$cellwarp" render "$here/samples/arm.json" --strip=3 --cells --size 320x280 --view 0 10 \
     -o "$folder/arm.png" --overwrite

@@ -14,6 +14,7 @@ cloud     points with colours on a torus, no faces; one side is turned and lifte
 hand      five fingers 1 % of the diagonal apart; three are bent
 coil      a spring whose turns are 1 % apart; it is pulled up and tilted
 chain     links that do not touch; one is bent
+figure    a flat drawing that waves; nothing of it leaves its plane
 soup      thousands of loose triangles in random order; a knot is pulled open
 hose      a straight hose; a rod in it goes through eight points
 ring      a ring that slides along a bent bar by three of its points
@@ -21,7 +22,8 @@ posed     scenes of the creature with rods: spine (bent and twisted), tail (curl
           and of the bar: batten (a stiff rod that pushes back)
 skeletons  an arm (two bones, bent by 90 and 120 degrees), and scenes with bones: walk (the
           creature, by keys), fingers (the hand), wave (the creature, by a BVH file that is
-          made here as well), reach (the creature's hands and feet go to places)
+          made here as well), reach (the creature's hands and feet go to places); pull (the arm
+          without bones, by a hand that finds its turn)
 scan      a cloud with holes and noise, seen from three places; the creature bows
 flesh     scenes for simulate whose flesh follows a skeleton, into flesh/: limb (bones on the
           edges of a lattice that is drawn), elbow (120 degrees), walk, belly, tail, and spin
@@ -453,6 +455,18 @@ def skeletons(folder):
                    [dict(time=0, joint="elbow", rotate=[0, 0, 1, 90]),
                     dict(time=1, joint="elbow", rotate=[0, 0, 1, 120])],
                    limits={"elbow": {"hinge": [0, 0, 1], "twist": [0, 150]}})
+    # The same arm without bones: two stiff parts and a hand that is pulled.
+    scene(folder, "pull", "arm.obj", """cellwarp-handles 1
+# Two stiff parts and a hand that is pulled: an elbow finds its angle, the hand its turn.
+fixed shoulder halfspace -1 0 0  -0.3
+stiff upper capsule 0.3 0 0  0.65 0 0  0.3  1000
+stiff lower capsule 1.7 0 0  2.6 0 0  0.3  1000
+pin   hand  halfspace 1 0 0  2.35
+frame 1
+move hand translate -0.35 0.85 0
+frame 2
+move hand translate -0.9 1.2 0
+""")
     skeleton_scene(folder, "walk", "creature.obj", CREATURE_BONES, walk_keys(),
                    interpolation="squad")
     fingers = [("wrist", None, (0, 0.02, 0)), ("palm", "wrist", (0, 0.45, 0))]
@@ -1091,6 +1105,63 @@ move left  rotate 1 0 0 40  translate -1.0 0.7 0
 """, ',\n  "cells": {"across": 40}')
 
 
+def figure(folder):
+    """Quads around the points of a grid that lie inside; at the rim their corners are
+    where the outline passes."""
+    parts = [((0, 1.72), (0, 1.74), 0.21, 0.21), ((0, 1.6), (0, 1.4), 0.08, 0.09),
+             ((0, 1.22), (0, 0.85), 0.23, 0.18), ((-0.08, 0.8), (0.08, 0.8), 0.17, 0.17)]
+    for s in (-1, 1):
+        parts += [((0.12 * s, 1.33), (0.46 * s, 1.08), 0.10, 0.08),
+                  ((0.46 * s, 1.08), (0.70 * s, 0.72), 0.08, 0.06),
+                  ((0.70 * s, 0.72), (0.75 * s, 0.63), 0.08, 0.07),
+                  ((0.11 * s, 0.75), (0.20 * s, 0.05), 0.12, 0.08),
+                  ((0.20 * s, 0.05), (0.33 * s, 0.03), 0.07, 0.05)]
+
+    def value(x, y):
+        return smooth_union([capsule((x, y, 0.0), a + (0.0,), b + (0.0,), ra, rb)
+                             for a, b, ra, rb in parts], 0.025)
+
+    h, low, counts = 0.03, (-0.99, -0.12), (66, 72)
+    at = [[value(low[0] + h * i, low[1] + h * j) for j in range(counts[1] + 1)]
+          for i in range(counts[0] + 1)]
+    points, number, faces = [], {}, []
+
+    def corner(i, j):
+        if (i, j) not in number:
+            crossings = []
+            for (a, b), (c, d) in (((0, 0), (1, 0)), ((0, 1), (1, 1)), ((0, 0), (0, 1)),
+                                   ((1, 0), (1, 1))):
+                u, v = at[i + a][j + b], at[i + c][j + d]
+                if (u < 0) != (v < 0):
+                    t = u / (u - v)
+                    crossings.append((a + t * (c - a), b + t * (d - b)))
+            x, y = (0.5, 0.5) if not crossings else [
+                sum(p[k] for p in crossings) / len(crossings) for k in (0, 1)]
+            number[i, j] = len(points)
+            points.append((low[0] + h * (i + x), low[1] + h * (j + y), 0.0))
+        return number[i, j]
+
+    for i in range(1, counts[0]):
+        for j in range(1, counts[1]):
+            if at[i][j] < 0:
+                faces.append([corner(i - 1, j - 1), corner(i, j - 1), corner(i, j),
+                              corner(i - 1, j)])
+    write(folder, "figure.obj", obj(points, faces, "a flat figure, quads"))
+    scene(folder, "figure", "figure.obj", """cellwarp-handles 1
+# The feet stand, one arm is raised and waves, the head looks after it.
+fixed  left   box -0.5 -0.2 -1  -0.1 0.12 1
+fixed  right  box  0.1 -0.2 -1   0.5 0.12 1
+handle hand   sphere 0.74 0.65 0  0.13
+handle head   sphere 0 1.74 0  0.19
+frame 1
+move hand rotate 0 0 1 115 about 0.2 1.3 0
+move head rotate 0 0 1 8 about 0 1.5 0
+frame 2
+move hand rotate 0 0 1 85 about 0.2 1.3 0
+move head rotate 0 0 1 -6 about 0 1.5 0
+""", ',\n  "cells": {"flat": true}')
+
+
 def scan(folder):
     """What a scanner sees of the creature from three places: lines of points, noise,
     and holes where nothing is seen."""
@@ -1592,7 +1663,7 @@ def main():
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
-    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, soup, scan,
+    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, figure, soup, scan,
                  hose, ring, posed, skeletons, flesh, rods, carried):
         if not wanted or make.__name__ in wanted:
             make(folder)

@@ -50,6 +50,9 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     std::optional<SelfIntersections> intersections;
     if (!triangles.empty())
         intersections = self_intersections(triangles, rest, rest);
+    std::optional<Parts> parts;
+    if (system && !triangles.empty())
+        parts = system->rest().parts;
     std::string text;
     if (common.is_json)
         text = Json{{"model", request.model},
@@ -59,6 +62,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                     {"frames", num_frames},
                     {"self_intersections",
                      intersections ? Json{{"rest", intersections->all}} : Json()},
+                    {"parts", parts_json(parts)},
                     {"rods", rods_json(session.rods())},
                     {"skeleton", skeleton_json(session)},
                     {"flesh", flesh ? flesh->json : Json()},
@@ -72,7 +76,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                     ? fmt::format("{} pairs of triangles intersect at rest\n",
                                   intersections->all)
                     : "") +
-               rods_text(session.rods()) + skeleton_text(session) +
+               parts_text(parts) + rods_text(session.rods()) + skeleton_text(session) +
                (flesh ? flesh->text : "");
     write_file("-", text, Overwrite::Yes);
     return 0;

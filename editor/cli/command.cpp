@@ -64,6 +64,8 @@ void check_flag(const std::string& flag, const std::string& given, const OneOf& 
                                           fmt::join(allowed.words, " or ")));
 }
 
+void check_flag(const std::string&, bool, YesOrNo) {}
+
 /// "--max-depth" of "max_depth".
 std::string flag_of(std::string key)
 {
@@ -113,6 +115,15 @@ void SessionFlags::add_to(CLI::App& app)
         fmt::format("of shells and open sheets, of the diagonal; solids ignore "
                     "it (default {})",
                     defaults.cells.thickness));
+    app.add_flag_function(
+        "--join", [this](std::int64_t) { settings.cells.join = true; },
+        "closed parts of a mesh that touch or overlap at rest are one material (default: "
+        "each is its own)");
+    app.add_flag_function(
+        "--flat", [this](std::int64_t) { settings.cells.flat = true; },
+        "all samples lie in a plane and all moves keep it: cells have three unknowns, "
+        "and "
+        "nothing leaves the plane");
     app.add_option("--max-cells", settings.cells.max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
     app.add_option("--energy", settings.energy,

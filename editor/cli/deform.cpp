@@ -250,6 +250,28 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
     return is_converged;
 }
 
+/// What has been done, for people.
+std::string closing_line(const std::string& output, const Session& session,
+                         double seconds, bool is_converged, std::size_t num_warnings)
+{
+    std::string line = output == "-" ? "done" : output;
+    if (session.system())
+        line += fmt::format(": {} cells", session.system()->body().cells.size());
+    line += fmt::format(", {:.2f} s", seconds);
+    if (const std::optional<Volume> volume = session.volume();
+        volume && volume->before != 0.0)
+        line += fmt::format(", volume {:+.2f} %",
+                            100.0 * (volume->after / volume->before - 1.0));
+    if (!session.frames().empty())
+        for (const PinReport& pin : session.frames().back().pins)
+            line += fmt::format(", {} turned by {:.1f}°", pin.name, pin.degrees);
+    if (!is_converged)
+        line += ", not converged";
+    if (num_warnings > 0)
+        line += fmt::format(", {} warning{}", num_warnings, num_warnings > 1 ? "s" : "");
+    return line + "\n";
+}
+
 int run(const DeformFlags& flags, const CommonFlags& common)
 {
     const Clock::time_point start = Clock::now();
@@ -354,6 +376,9 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }
+    else if (!common.is_quiet)
+        say(closing_line(flags.output, session, 1e-3 * ms_since(start), is_converged,
+                         warnings.size()));
     return is_converged ? 0 : 7;
 }
 

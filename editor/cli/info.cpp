@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/session_json.h"
 #include "editor/session/scene_script.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -20,7 +21,7 @@ namespace cellwarp
 namespace
 {
 
-Json describe(const GeometryFile& file)
+Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
 {
     const Geometry& geometry = file.geometry;
     const ModelBox box = bounding_box(geometry.samples);
@@ -33,6 +34,7 @@ Json describe(const GeometryFile& file)
                    {box.high.x(), box.high.y(), box.high.z()}};
     json["attributes"] = geometry.attributes;
     json["writable"] = geometry.not_writable.empty();
+    json["parts"] = parts_json(parts);
     return json;
 }
 
@@ -173,10 +175,12 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             const GeometryFile file =
                 read_geometry(scene ? scene->model : path, {flags.columns});
             print_warnings(file.geometry.warnings, common);
-            all.push_back(describe(file));
+            const std::optional<Parts> parts = parts_of(file.geometry);
+            all.push_back(describe(file, parts));
             if (scene)
                 all.back().update(scene->json);
-            text += as_text(all.back()) + (scene ? text_of(*scene) : "");
+            text +=
+                as_text(all.back()) + parts_text(parts) + (scene ? text_of(*scene) : "");
             if (!file.geometry.not_writable.empty())
                 text += "              " + file.geometry.not_writable + "\n";
         }

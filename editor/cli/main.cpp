@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <csignal>
 #include <new>
+#include <numeric>
 #include <optional>
 #include <sstream>
 #include <system_error>
@@ -17,6 +18,7 @@
 #include "editor/session/memory_guard.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "io/text.h"
 #include "octree/base/parallel.h"
 
 namespace
@@ -59,6 +61,50 @@ bool has_subcommand(const CLI::App& app, const std::string& name)
     return std::any_of(all.begin(), all.end(),
                        [&](const CLI::App* command)
                        { return command->get_name() == name; });
+}
+
+/// By how many letters two words differ: put in, left out or changed.
+std::size_t letters_between(const std::string& a, const std::string& b)
+{
+    std::vector<std::size_t> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), std::size_t(0));
+    for (std::size_t i = 0; i < a.size(); ++i)
+    {
+        std::size_t diagonal = row[0];
+        row[0] = i + 1;
+        for (std::size_t j = 0; j < b.size(); ++j)
+        {
+            const std::size_t changed = diagonal + (a[i] != b[j]);
+            diagonal = row[j + 1];
+            row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, changed});
+        }
+    }
+    return row.back();
+}
+
+/// " (did you mean ...?)" for an argument that no command has; empty: nothing is near it.
+std::string near_argument(const CLI::App& app, const std::string& given)
+{
+    constexpr std::size_t kMostLetters = 3;
+    if (extension_of(given) == "handles" && !given.starts_with("-"))
+        return " (did you mean --handles " + given + "?)";
+    const std::string name = given.substr(0, given.find('='));
+    std::size_t least = std::min(kMostLetters, name.size() / 2) + 1;
+    std::string nearest;
+    for (const CLI::App* of :
+         {static_cast<const CLI::App*>(&app),
+          static_cast<const CLI::App*>(
+              app.get_subcommands().empty() ? nullptr : app.get_subcommands()[0])})
+        for (const CLI::Option* option :
+             of ? of->get_options() : std::vector<const CLI::Option*>())
+            for (const std::string& word : option->get_lnames())
+                if (const std::size_t letters = letters_between(name, "--" + word);
+                    letters < least)
+                {
+                    least = letters;
+                    nearest = "--" + word;
+                }
+    return nearest.empty() ? "" : " (did you mean " + nearest + "?)";
 }
 
 int run(int argc, char** argv)
@@ -105,7 +151,11 @@ int run(int argc, char** argv)
             write_file("-", text.str(), Overwrite::No);
             return 0;
         }
-        say(fmt::format("error: {}\n", error.what()));
+        std::string near;
+        if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError))
+            for (const std::string& given : app.remaining(true))
+                near += near_argument(app, given);
+        say(fmt::format("error: {}{}\n", error.what(), near));
         return static_cast<int>(Fault::Usage);
     }
     return exit_code;

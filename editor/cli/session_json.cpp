@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/cli/session_json.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 namespace cellwarp
@@ -66,8 +68,53 @@ std::string skeleton_text(const Session& session)
     return text;
 }
 
+Json parts_json(const std::optional<Parts>& parts)
+{
+    if (!parts)
+        return nullptr;
+    Json each = Json::array(), touching = Json::array();
+    for (const Parts::Part& part : parts->parts)
+        each.push_back(
+            {{"first_sample", part.first_sample}, {"samples", part.num_samples}});
+    for (const auto& [a, b] : parts->touching)
+        touching.push_back({a, b});
+    return {{"count", parts->count()}, {"each", each}, {"touching", touching}};
+}
+
+std::string parts_text(const std::optional<Parts>& parts)
+{
+    constexpr std::size_t kMostTold = 6;
+    if (!parts || parts->count() < 2)
+        return {};
+    std::string text = fmt::format("  {} parts", parts->count());
+    for (std::size_t k = 0; k < std::min(kMostTold, parts->count()); ++k)
+        text +=
+            fmt::format("{} {} (sample {} and {} more)", k == 0 ? ":" : ",", k,
+                        parts->parts[k].first_sample, parts->parts[k].num_samples - 1);
+    text += parts->count() > kMostTold ? ", ...\n" : "\n";
+    if (parts->touching.empty())
+        return text + "  none of them touch\n";
+    text += "  of these touch";
+    for (std::size_t k = 0; k < std::min(kMostTold, parts->touching.size()); ++k)
+        text += fmt::format("{} {} and {}", k == 0 ? "" : ",", parts->touching[k].first,
+                            parts->touching[k].second);
+    return text + (parts->touching.size() > kMostTold
+                       ? fmt::format(", ... ({} pairs)\n", parts->touching.size())
+                       : "\n");
+}
+
 Json frame_json(const FrameReport& report)
 {
+    Json pins = Json::array();
+    for (const PinReport& pin : report.pins)
+    {
+        Json matrix = Json::array(); // row-major, as in handle files
+        for (int row = 0; row < 4; ++row)
+            for (int column = 0; column < 4; ++column)
+                matrix.push_back(pin.motion(row, column));
+        pins.push_back(
+            {{"name", pin.name}, {"degrees", pin.degrees}, {"matrix", matrix}});
+    }
     return {{"frame", report.frame},
             {"iterations", report.solve.iterations},
             {"energy_before", report.solve.energy_before},
@@ -76,6 +123,8 @@ Json frame_json(const FrameReport& report)
             {"stop", stop_name(report.solve.stop)},
             {"handle_residual", report.handle_residual},
             {"max_pair_gap", report.max_pair_gap},
+            {"largest_rise", report.largest_rise},
+            {"pins", pins},
             {"second_start", second_start_name(report.second_start)},
             {"steps", report.steps},
             {"cells", report.cells},

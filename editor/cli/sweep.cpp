@@ -10,11 +10,15 @@
 #include <fmt/ranges.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/in_time.h"
 #include "editor/cli/machine.h"
+#include "editor/cli/stability.h"
 #include "editor/cli/sweep_page.h"
 #include "editor/cli/sweep_report.h"
 #include "io/error.h"
 #include "io/number.h"
+#include "io/text.h"
+#include "io/time_settings.h"
 
 namespace cellwarp
 {
@@ -31,6 +35,9 @@ struct SweepFlags
     std::optional<std::string> against;
     std::int64_t runs = SweepSettings().runs;
     bool has_no_pictures = false, takes_back = false;
+    bool is_stability = false;
+    std::int64_t long_steps = 1000000;
+    std::string only;
 };
 
 /// Most runs of a case, and most iterations that can be asked for.
@@ -141,8 +148,9 @@ SweepSettings sweep_settings(const SweepFlags& flags, const SessionSettings& ses
 class ReportFolder
 {
 public:
-    /// Throws what writing into it would throw, before any work is done.
-    ReportFolder(const std::string& path, Overwrite overwrite)
+    /// Throws what writing \p names into it would throw, before any work is done.
+    ReportFolder(const std::string& path, const std::vector<std::string>& names,
+                 Overwrite overwrite)
         : path_(path), overwrite_(overwrite)
     {
         if (path == "-")
@@ -151,7 +159,7 @@ public:
             path_.pop_back();
         std::error_code ignored;
         if (fs::is_directory(path_, ignored))
-            for (const char* name : {"report.json", "report.csv", "report.html"})
+            for (const std::string& name : names)
                 check_output(place_of(name), overwrite);
         else if (fs::exists(path_, ignored))
             throw Error(Fault::File, path_ + ": is a file, need a folder");
@@ -233,13 +241,112 @@ void show(Progress& progress, const SweepProgress& now)
                   fmt::format("run {}/{}: {}", now.run, now.num_runs, case_name(now.of)));
 }
 
+/// The scenes that ship with the program: beside the build folder, where it is installed,
+/// or where the user stands.
+std::vector<std::string> shipped_scenes()
+{
+    std::error_code ignored;
+    const fs::path program = fs::read_symlink("/proc/self/exe", ignored).parent_path();
+    for (const fs::path& folder :
+         {program / "../samples", program / "../share/cellwarp/samples",
+          fs::path("samples")})
+    {
+        std::vector<std::string> scenes;
+        for (const fs::path& part : {folder, folder / "rods", folder / "flesh"})
+            for (const fs::directory_entry& file : fs::directory_iterator(part, ignored))
+                if (file.path().extension() == ".json")
+                    scenes.push_back(file.path().lexically_normal().string());
+        std::sort(scenes.begin(), scenes.end());
+        if (!scenes.empty())
+            return scenes;
+    }
+    throw Error(Fault::File, "the sample scenes are not where they ship: name a scene");
+}
+
+/// A scene of a user, or of the program.
+StabilityCase case_of(const std::string& scene)
+{
+    StabilityCase of;
+    of.group = "scenes";
+    of.name = fs::path(scene).stem().string();
+    of.path = scene;
+    of.is_in_time = time_scene_of(scene) != TimeScene::None;
+    return of;
+}
+
+/// Runs scenes, and what is made at the ends of all ranges, which is written into the
+/// folder "scenes".
+int run_stability(const SweepFlags& flags, const CommonFlags& common)
+{
+    if (flags.session.has_session() ? extension_of(flags.session.model) != "json"
+                                    : !flags.session.model.empty())
+        throw Error(Fault::Usage, "--stability runs scenes: name one, or none for all "
+                                  "that ship");
+    const ReportFolder folder(flags.output, {"stability.json", "stability.html"},
+                              common.overwrite());
+    std::vector<StabilityCase> cases;
+    for (const std::string& scene : flags.session.model.empty()
+                                        ? shipped_scenes()
+                                        : std::vector{flags.session.model})
+        cases.push_back(case_of(scene));
+    const std::vector<ExtremeScene> extremes = extreme_scenes(flags.long_steps);
+    folder.make();
+    const ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
+    scenes.make();
+    for (const ExtremeScene& extreme : extremes)
+    {
+        for (const SceneText& file : extreme.files)
+            scenes.write(file.name, file.text);
+        scenes.write(extreme.name + ".json", extreme.scene);
+        cases.push_back({extreme.group, extreme.name,
+                         scenes.place_of(extreme.name + ".json"), extreme.is_in_time,
+                         extreme.same_as, extreme.scale, extreme.offset,
+                         extreme.is_left_alone});
+    }
+    std::erase_if(cases,
+                  [&](const StabilityCase& of)
+                  {
+                      return of.group.find(flags.only) == std::string::npos &&
+                             of.name.find(flags.only) == std::string::npos;
+                  });
+    if (cases.empty())
+        throw Error(Fault::Usage, "--only: no case has " + in_quotes(flags.only));
+    Progress progress(common);
+    const std::vector<StabilityRow> rows = run_stability(
+        cases,
+        [&](std::size_t k)
+        {
+            progress.show(static_cast<double>(k) / static_cast<double>(cases.size()),
+                          fmt::format("{}/{}: {}", k + 1, cases.size(), cases[k].name));
+        });
+    progress.end();
+    const std::string json = stability_json(rows).dump(2) + "\n";
+    folder.write("stability.json", json);
+    folder.write("stability.html", stability_page(rows));
+    write_file("-",
+               common.is_json
+                   ? json
+                   : fmt::format("{}\n{}\n", fmt::join(stability_sentences(rows), "\n"),
+                                 folder.place_of("stability.html")),
+               Overwrite::Yes);
+    return std::any_of(rows.begin(), rows.end(),
+                       [](const StabilityRow& row) { return !row.faults.empty(); })
+               ? 7
+               : 0;
+}
+
 int run(SweepFlags flags, const CommonFlags& common)
 {
+    if (flags.is_stability)
+        return run_stability(flags, common);
+    if (flags.session.model.empty())
+        throw Error(Fault::Usage, "MODEL is required");
     // A scene's max_depth is for editing; that of the reference is this command's.
     if (!flags.session.settings.cells.max_depth)
         flags.session.settings.cells.max_depth = SweepSettings().max_depth;
     SessionRequest request = read_request(flags.session);
-    const ReportFolder folder(flags.output, common.overwrite());
+    const ReportFolder folder(flags.output, {"report.json", "report.csv", "report.html"},
+                              common.overwrite());
     SweepReport report;
     report.scene = flags.session.model;
     report.model = request.model;
@@ -291,6 +398,7 @@ void adapt_session_flags(CLI::App& command, SessionFlags& session)
     session.add_to(command);
     for (const char* name : {"--threshold", "--preview"})
         command.remove_option(command.get_option(name));
+    command.get_option("MODEL")->required(false);
     command.get_option("--max-depth")
         ->description(fmt::format(
             "of the reference and the finest uniform cells; each level takes some eight "
@@ -352,6 +460,21 @@ void add_sweep(CLI::App& app, CommonFlags& common, int& exit_code)
                       "thresholds, the session with each of them taken back alone, and "
                       "with all (--energy botsch07), in uniform and adaptive cells "
                       "(column without)");
+    command->add_flag("--stability", flags->is_stability,
+                      "the extremes instead: the scene, or all that ship, and scenes at "
+                      "the ends of stiffness, rotation, distance, scale, size and step, "
+                      "which are left in the folder scenes; each twice, with what a "
+                      "stable method keeps. Writes stability.json and stability.html; "
+                      "exit code 7: a case ends otherwise than documented, or misses a "
+                      "gate");
+    command
+        ->add_option("--long-steps", flags->long_steps,
+                     fmt::format("of --stability: steps of its longest runs in time "
+                                 "(default {})",
+                                 flags->long_steps))
+        ->check(CLI::Range(std::int64_t(100), std::int64_t(100000000)));
+    command->add_option("--only", flags->only,
+                        "of --stability: cases whose group or name has this in it");
     command->add_flag("--no-pictures", flags->has_no_pictures,
                       "no pictures in report.html");
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });

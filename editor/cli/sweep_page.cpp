@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/cli/page.h"
 #include "editor/cli/plot.h"
 #include "io/base64.h"
 
@@ -25,32 +26,6 @@ constexpr const char* kPalette[] = {"#3b7dd8", "#e0842c", "#2f9e6e", "#a663c7",
                                     "#c94f5d", "#8a8f3a", "#3aa6b9", "#8b6b56"};
 /// Errors smaller than the smallest honest one by this are drawn at the plot's border.
 constexpr double kBelowFloor = 100.0;
-
-constexpr const char* kStyle = R"(
-:root { color-scheme: light dark; --line: #d9dce1; --soft: #5b6470; --page: #fff;
-  --ink: #1c2026; --head: #f3f4f6; }
-@media (prefers-color-scheme: dark) { :root { --line: #3a4048; --soft: #a3abb6;
-  --page: #16191d; --ink: #e6e8eb; --head: #22262c; } }
-@media print { :root { color-scheme: light; --line: #ccc; --soft: #444; --page: #fff;
-  --ink: #000; --head: #eee; } figure, tr { break-inside: avoid; } }
-body { margin: 0 auto; padding: 1.5rem; max-width: 1560px; background: var(--page);
-  color: var(--ink); line-height: 1.45;
-  font-family: system-ui, 'Segoe UI', 'Noto Sans', sans-serif; }
-h1 { font-size: 1.5rem; margin: 0 0 .25rem; overflow-wrap: anywhere; }
-h2 { font-size: 1.1rem; margin: 2rem 0 .5rem; }
-p, li { max-width: 62rem; } .soft { color: var(--soft); font-size: .9rem; }
-figure { margin: 0; } figcaption { color: var(--soft); font-size: .9rem; }
-img { max-width: 100%; height: auto; border-radius: 6px; background: #fff; }
-.plots { display: grid; gap: 1.5rem;
-  grid-template-columns: repeat(auto-fit, minmax(min(560px, 100%), 1fr)); }
-svg { width: 100%; height: auto; display: block; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .25rem .6rem; text-align: right; white-space: nowrap;
-  border-bottom: 1px solid var(--line); }
-th { background: var(--head); } .word { text-align: left; }
-tr.begins td { border-top: 2px solid var(--soft); }
-)";
 
 std::string with_commas(std::size_t number)
 {
@@ -408,18 +383,13 @@ std::string conditions(const SweepReport& report)
 
 std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
 {
-    const std::string scene = in_markup(report.scene);
     const SweepRow& reference = report.result.rows.front();
     std::string page = fmt::format(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-        "<title>{0}: error against run "
-        "time</title>\n<style>{1}</style>\n</head>\n<body>\n"
-        "<h1>{0}</h1>\n<p class=\"soft\">{2}: {3} samples, {4} faces. Reference: {5} "
-        "uniform cells at depth {6}, {7}, gradient {8:.1e}.</p>\n",
-        scene, kStyle, in_markup(report.model), with_commas(report.result.num_samples),
-        with_commas(report.result.num_faces), with_commas(reference.cells),
-        reference.of.depth, stop_name(reference.stop),
+        "<h1>{0}</h1>\n<p class=\"soft\">{1}: {2} samples, {3} faces. Reference: {4} "
+        "uniform cells at depth {5}, {6}, gradient {7:.1e}.</p>\n",
+        in_markup(report.scene), in_markup(report.model),
+        with_commas(report.result.num_samples), with_commas(report.result.num_faces),
+        with_commas(reference.cells), reference.of.depth, stop_name(reference.stop),
         reference.frames.back().solve.gradient);
     page += listed(sweep_sentences(report));
     page += pictures_part(pictures);
@@ -430,7 +400,7 @@ std::string sweep_page(const SweepReport& report, const SweepPictures& pictures)
     page += conditions(report);
     if (!report.result.warnings.empty())
         page += "<h2>Warnings</h2>\n" + listed(report.result.warnings);
-    return page + "</body>\n</html>\n";
+    return html_page(report.scene + ": error against run time", page);
 }
 
 } // namespace cellwarp

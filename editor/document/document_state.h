@@ -12,13 +12,13 @@
 
 #include "editor/document/document.h"
 #include "editor/document/journal_header.h"
-#include "editor/session/coincident_samples.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/skeleton_handle.h"
 #include "io/error.h"
 #include "io/journal.h"
 #include "io/number.h"
 #include "octree/base/index.h"
+#include "octree/coincident_samples.h"
 
 namespace cellwarp
 {
@@ -97,7 +97,7 @@ struct Document::State
             units.frame = automatic_frame(units.box);
         if (!coincident || coincident_of != &samples)
         {
-            coincident.emplace(samples, units.box);
+            coincident.emplace(samples, kCoincident * units.box.size().norm());
             coincident_of = &samples;
         }
         return {model->geometry, samples,     units,

@@ -10,12 +10,12 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
 #include "editor/session/skeleton_handle.h"
 #include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
+#include "octree/coincident_samples.h"
 
 namespace cellwarp
 {

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/session/flat.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
@@ -95,6 +96,34 @@ int automatic_across(const Shape& shape, const BoundingSurface& surface,
     return std::end(kCandidates)[-1];
 }
 
+/// The axes and the box of the octree: along the plane of what is to be flat.
+WorkFrame frame_of(const std::vector<Eigen::Vector3d>& samples,
+                   const std::optional<Eigen::Vector3d>& normal,
+                   const CellSettings& settings)
+{
+    if (settings.is_flat && !normal)
+        throw malformed({settings.frame_file, 0, "cells.flat"},
+                        "the samples lie in no plane (to 1e-9 of the diagonal)");
+    if (settings.frame)
+        return given_frame(*settings.frame, settings.frame_file);
+    if (settings.is_flat && normal->cwiseAbs().maxCoeff() < 1.0)
+        return frame_along_plane(samples, *normal);
+    return automatic_frame(bounding_box(samples));
+}
+
+/// The axis of the frame that is across the plane of a flat shape.
+int axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal,
+                const CellSettings& settings)
+{
+    int axis = 0;
+    const Eigen::Vector3d in_frame = frame.axes * normal;
+    in_frame.cwiseAbs().maxCoeff(&axis);
+    if (!((in_frame - in_frame[axis] * Eigen::Vector3d::Unit(axis)).norm() <= kInPlane))
+        throw malformed({settings.frame_file, 0, "cells.frame.axes"},
+                        "none of them is across the plane of the samples (cells.flat)");
+    return axis;
+}
+
 } // namespace
 
 std::vector<Triangle> triangles_of(const Geometry& geometry)
@@ -114,9 +143,16 @@ std::shared_ptr<const RestShape>
 build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
                  const CellSettings& settings)
 {
-    const WorkFrame frame = settings.frame
-                                ? given_frame(*settings.frame, settings.frame_file)
-                                : automatic_frame(bounding_box(samples));
+    const std::optional<Eigen::Vector3d> normal = plane_normal(samples);
+    WorkFrame frame = frame_of(samples, normal, settings);
+    const int flat_axis = settings.is_flat ? axis_across(frame, *normal, settings) : -1;
+    if (flat_axis >= 0)
+    {
+        // The plane is where that axis begins.
+        const Eigen::Vector3d axis = frame.axes.row(flat_axis);
+        frame.origin += axis.dot(samples.front() - frame.origin) * axis;
+        frame.size[flat_axis] = 0.0;
+    }
     Shape shape;
     shape.triangles = triangles_of(geometry);
     shape.samples.resize(samples.size());
@@ -137,15 +173,25 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     const int across = settings.across > 0 ? settings.across
                                            : automatic_across(shape, surface, frame.size,
                                                               settings.fill, max_voxel);
-    const GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
+    GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
+    if (flat_axis >= 0 && frame.size.maxCoeff() > 0.0)
+    {
+        // In the middle of a layer of voxels the plane is in one layer of cells, of
+        // whatever size.
+        Eigen::Vector3d size = frame.size;
+        size[flat_axis] = grid.voxel();
+        grid = grid_shape(size, across, settings.max_depth, max_voxel);
+    }
     const double bytes_of_samples = kBytesPerSample * static_cast<double>(samples.size());
-    const double bytes = material_bytes(grid) + bytes_of_samples;
+    const double bytes = material_bytes(surface, grid, settings.fill) + bytes_of_samples;
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
         num_voxels(grid) > 4e9)
     {
         const double coarser =
             material_bytes(
-                grid_shape(frame.size, across, settings.max_depth, 2.0 * max_voxel)) +
+                surface,
+                grid_shape(frame.size, across, settings.max_depth, 2.0 * max_voxel),
+                settings.fill) +
             bytes_of_samples;
         const std::string way =
             coarser < 0.9 * bytes
@@ -159,9 +205,14 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                         settings.max_memory > 0 ? in_bytes(settings.max_memory) : "none",
                         way));
     }
-    Material material = find_material(shape, surface, grid, settings.fill);
+    Parts parts;
+    Material material =
+        settings.joins_parts
+            ? find_material(shape, surface, grid, settings.fill)
+            : material_of_parts(shape, surface, grid, settings.fill, parts);
     std::vector<std::string> warnings;
-    if (settings.fill == Fill::Solid && material.method == InsideMethod::None)
+    if (settings.fill == Fill::Solid && material.method == InsideMethod::None &&
+        flat_axis < 0)
         warnings.push_back("nothing is enclosed: the shape is treated as a shell");
     const double opening = 2.0 * material.seal_radius / frame.diagonal();
     if (opening > kWideOpening)
@@ -175,11 +226,30 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g})",
             joined, settings.gap));
+    if (!parts.touching.empty())
+        warnings.push_back(fmt::format(
+            "{} of {} closed parts of the mesh touch another one and are not glued to "
+            "it (--join glues them)",
+            parts.num_touching(), parts.count()));
     Sheets sheets =
         find_sheets(shape, surface, material, settings.thickness * frame.diagonal());
-    return std::make_shared<const RestShape>(
-        RestShape{frame, std::move(shape.samples), std::move(material), std::move(sheets),
-                  across, std::move(warnings)});
+    return std::make_shared<const RestShape>(RestShape{
+        frame, std::move(shape.samples), std::move(material), std::move(parts),
+        std::move(sheets), across,
+        normal ? std::optional<Eigen::Vector3d>(frame.axes * *normal) : std::nullopt,
+        flat_axis, std::move(warnings)});
+}
+
+std::optional<Parts> parts_of(const Geometry& geometry)
+{
+    if (geometry.num_faces() == 0)
+        return std::nullopt;
+    Shape shape;
+    shape.samples = geometry.samples;
+    shape.triangles = triangles_of(geometry);
+    if (!may_have_parts(shape, bounding_surface(shape)))
+        return Parts{{{0, geometry.samples.size()}}, {}, {}};
+    return build_rest_shape(geometry, geometry.samples, CellSettings())->parts;
 }
 
 Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& settings)
@@ -225,10 +295,14 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
     Cells cells =
         build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets);
     std::vector<int> cell_of_sample(rest->samples.size());
+    const std::vector<std::size_t>& voxels = rest->parts.voxel_of_sample;
     parallel_for(cell_of_sample.size(), kSamplesAtOnce,
-                 [&](std::size_t i) {
+                 [&](std::size_t i)
+                 {
                      cell_of_sample[i] =
-                         piece_at(grid, pieces.piece_of_voxel, rest->samples[i]);
+                         voxels.empty()
+                             ? piece_at(grid, pieces.piece_of_voxel, rest->samples[i])
+                             : pieces.piece_of_voxel[voxels[i]];
                  });
     return {std::move(rest),  std::move(octree),         std::move(pieces),
             std::move(cells), std::move(cell_of_sample), {}};

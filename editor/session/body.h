@@ -18,6 +18,7 @@
 #include "octree/cells.h"
 #include "octree/material.h"
 #include "octree/octree.h"
+#include "octree/parts.h"
 #include "octree/pieces.h"
 #include "octree/sheet.h"
 
@@ -43,8 +44,10 @@ struct CellSettings
     double threshold = INFINITY;
     /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.
     std::function<std::vector<double>(const CellSystem&)> errors = {};
-    double gap = 0.008;      ///< [diagonal] parts farther apart are never glued
-    double thickness = 0.01; ///< [diagonal] of sheets: of what bounds no inside
+    double gap = 0.008;       ///< [diagonal] parts farther apart are never glued
+    double thickness = 0.01;  ///< [diagonal] of sheets: of what bounds no inside
+    bool is_flat = false;     ///< all stays in the plane that the samples lie in
+    bool joins_parts = false; ///< closed parts that touch or overlap are one material
     std::int64_t max_cells = 200000;
     double max_memory = 0.0;       ///< [byte], 0: no limit
     std::optional<FrameBox> frame; ///< default: the model's bounding box
@@ -57,8 +60,12 @@ struct RestShape
     WorkFrame frame;
     std::vector<Eigen::Vector3d> samples; ///< rest places [work]
     Material material;
+    Parts parts; ///< of the material; one where parts are joined
     Sheets sheets;
     int across = 0; ///< coarsest cells along the longest side
+    /// Across the plane that the samples lie in [work]; nothing: they lie in none.
+    std::optional<Eigen::Vector3d> normal;
+    int flat_axis = -1; ///< that is kept across the plane; -1: none is
     std::vector<std::string> warnings;
 };
 
@@ -74,10 +81,14 @@ struct Body
 };
 
 /// The material of \p samples (rest places [model unit], in the order of \p geometry,
-/// which gives the faces). Throws Fault::Budget when the voxels are over max_memory.
+/// which gives the faces). Throws Fault::Budget when the voxels are over max_memory,
+/// Fault::Malformed where they are to be flat and are not.
 std::shared_ptr<const RestShape>
 build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
                  const CellSettings& settings);
+
+/// The parts of a mesh, as build_rest_shape() finds them by default; without faces none.
+std::optional<Parts> parts_of(const Geometry& geometry);
 
 /// The coarsest cells, split down to min_depth as far as max_cells allows. Throws
 /// Fault::Budget when the coarsest grid alone has more.

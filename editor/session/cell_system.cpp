@@ -61,7 +61,7 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());
-    last_motions_ = motions_;
+    last_motions_ = found_motions_ = motions_;
 
     hold_cells();
     place_stations();
@@ -80,8 +80,12 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
             pushing_ = made.get();
             return made;
         };
-    minimizer_.emplace(cells, glue_, constraints_, components, departures.rigid_steps,
-                       make_rods);
+    std::vector<int> leaders;
+    for (const Constraint& constraint : constraints_)
+        leaders.push_back(constraint.leader);
+    minimizer_.emplace(cells,
+                       groups_.empty() ? glue_ : with_groups(glue_, cells, leaders),
+                       constraints_, components, departures.rigid_steps, make_rods);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     guess_.emplace(cells, glue_, constraints_, driving(),
@@ -111,8 +115,56 @@ void CellSystem::hold_cells()
         constraints_[c].held_rest = body_->cells.cells[c].centre;
     }
     hold_pins();
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+        if ((*regions_)[r].turns_freely())
+            hold_group(r);
     for (Constraint& constraint : constraints_)
+    {
         constraint.held_now = constraint.held_rest;
+        constraint.flat_axis = rest().flat_axis;
+    }
+}
+
+/// The cells of a pin of several places: one body that turns about their centroid.
+void CellSystem::hold_group(std::size_t region)
+{
+    Group group{region, {}};
+    for (std::size_t c = 0; c < region_of_cell_.size(); ++c)
+        if (region_of_cell_[c] == static_cast<int>(region))
+            group.cells.push_back(static_cast<int>(c));
+    if (group.cells.empty())
+        return; // of a component without material
+    const std::vector<std::uint32_t>& samples = (*regions_)[region].samples;
+    Eigen::Vector3d held = Eigen::Vector3d::Zero();
+    for (const std::uint32_t i : samples)
+        held += (rest().samples[i] - regions_->centre(region)) /
+                static_cast<double>(samples.size());
+    for (const int cell : group.cells)
+    {
+        Constraint& constraint = constraints_[idx(cell)];
+        constraint.hold = Hold::Grouped;
+        constraint.held_rest = regions_->centre(region) + held;
+        constraint.leader = group.cells.front();
+    }
+    groups_.push_back(std::move(group));
+}
+
+/// Takes what pins of several places have turned by from their leaders to all their
+/// cells.
+void CellSystem::settle_groups()
+{
+    found_motions_ = motions_;
+    for (const Group& group : groups_)
+    {
+        const std::size_t leader = idx(group.cells.front());
+        const Eigen::Matrix3d& R = poses_[leader].R;
+        Motion& found = found_motions_[group.region];
+        found.R = R;
+        if (!R.isIdentity(0))
+            found.t = constraints_[leader].held_now - R * constraints_[leader].held_rest;
+        for (const int cell : group.cells)
+            poses_[idx(cell)] = carried(found, body_->cells.cells[idx(cell)].centre);
+    }
 }
 
 /// About one a cell along each rod.
@@ -348,7 +400,7 @@ double CellSystem::energy() const
 Motion CellSystem::motion_at(std::size_t region, const Eigen::Vector3d& x) const
 {
     if (!(*regions_)[region].is_rod())
-        return motions_[region];
+        return found_motions_[region];
     return motions_[region] *
            splines_[region]->carry((*regions_)[region].spline->nearest(x));
 }
@@ -362,7 +414,7 @@ void CellSystem::hold_pins()
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
         const Region& region = (*regions_)[r];
-        if (region.role != Role::Pin || region.samples.empty())
+        if (!region.is_pin_of_one_place())
             continue;
         std::map<int, std::pair<Eigen::Vector3d, int>> sums;
         for (const std::uint32_t i : region.samples)
@@ -409,7 +461,9 @@ void CellSystem::warn_of_components()
                 "a component of {} cells is held by {} alone: {} of its rotations are "
                 "free and are kept as they are",
                 part.component.cells.size(),
-                part.component.free_rotations == 3 ? "one pin" : "pins in a line",
+                part.component.free_rotations == 3 || rest().flat_axis >= 0
+                    ? "one pin"
+                    : "pins in a line",
                 part.component.free_rotations));
 }
 
@@ -443,7 +497,7 @@ void CellSystem::place_fades()
                 is_taken[i] = true;
         for (std::size_t c = 0; c < constraints_.size(); ++c)
             if (region_of_cell_[c] == static_cast<int>(r) && region.moves_as_one() &&
-                constraints_[c].hold == Hold::Prescribed)
+                constraints_[c].is_of_rigid_region())
                 for (const Eigen::Vector3d& point : borders[c])
                     further.push_back({point, static_cast<int>(c)});
         fade.emplace(body_->cells, samples, further);
@@ -481,6 +535,8 @@ void CellSystem::set_state(std::span<const Pose> poses, const CellSystem& other)
 {
     on_guide_ = other.on_guide_;
     std::copy(poses.begin(), poses.end(), poses_.begin());
+    for (const Group& group : groups_)
+        poses_[idx(group.cells.front())].R = other.found_motions_[group.region].R;
     move_regions(other.motions_, other.splines_, other.way_left_);
     settle_regions();
 }
@@ -491,6 +547,7 @@ void CellSystem::set_state(const CellSystemState& state)
     move_regions(state.motions, state.splines, state.way_left);
     settle_regions();
     poses_ = state.poses; // also of pinned cells, whose places would be found anew
+    settle_groups();
     minimizer_->forget(poses_, state.is_refreshed);
 }
 
@@ -519,13 +576,14 @@ void CellSystem::move_regions(std::span<const Motion> motions,
         if (constraint.hold == Hold::Prescribed)
             poses_[c] = (*regions_)[idx(owner)].is_rod() ? pose_on_rod(c)
                                                          : carried(motion, centre);
-        else if (constraint.hold == Hold::Pinned)
+        else if (constraint.hold == Hold::Pinned || constraint.hold == Hold::Grouped)
         {
             constraint.held_now = constraint.held_rest + motion.t;
             poses_[c] = held_at_pin(poses_[c], constraint, centre);
         }
     }
     hold_guided();
+    settle_groups();
     minimizer_->set_held_points(constraints_);
     place_pushing_rods();
 }
@@ -582,10 +640,12 @@ void CellSystem::carry_others()
             if (rigid)
                 pose = {rigid->R * pose.R, (*rigid)(pose.p)};
             if (constraints_[c].hold == Hold::Pinned ||
-                constraints_[c].hold == Hold::Sliding)
+                constraints_[c].hold == Hold::Sliding ||
+                constraints_[c].hold == Hold::Grouped)
                 pose = held_at_pin(pose, constraints_[c], body_->cells.cells[c].centre);
         }
     }
+    settle_groups();
 }
 
 Residual CellSystem::residual()
@@ -640,6 +700,7 @@ SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
         on_guide_[guided.region] = constraint.s;
         motions_[guided.region].t = constraint.held_now - constraint.held_rest;
     }
+    settle_groups();
     return report;
 }
 

@@ -30,7 +30,7 @@ struct CellSystemSettings
 struct CellSystemState
 {
     std::vector<Pose> poses;
-    std::vector<Motion> motions; ///< of the regions
+    std::vector<Motion> motions; ///< of the regions, without what pins have turned
     /// Of the regions: where rods and curves are; null for others.
     std::vector<std::shared_ptr<const SplineState>> splines;
     std::vector<double> on_guide; ///< of the regions: parameter of a pin on its curve
@@ -61,7 +61,8 @@ public:
     const std::vector<RegionShares>& shares() const { return shares_; }
     const Glue& glue() const { return glue_; }
     const std::vector<Pose>& poses() const { return poses_; }
-    const std::vector<Motion>& motions() const { return motions_; } ///< of the regions
+    /// Of the regions: as they are moved, and as pins of several places have turned.
+    const std::vector<Motion>& motions() const { return found_motions_; }
     /// Of the regions: where rods and curves are, before their motions; null for others.
     const std::vector<std::shared_ptr<const SplineState>>& splines() const
     {
@@ -80,6 +81,7 @@ public:
     }
 
     /// Moves the cells of the regions, one motion a region, from rest. The others stay.
+    /// Of a pin the motion tells where its place or the centroid of its samples goes.
     /// \p splines: one a region, to which rods and curves bend before; empty: as they
     /// are. Pins on curves go where those lead them, whatever their motions say;
     /// \p way_left: what part of the way from their rest to the curve they have not gone.
@@ -164,6 +166,12 @@ private:
         Motion motion_;
         Eigen::Vector3d off_ = Eigen::Vector3d::Zero(); ///< of all places
     };
+    /// The cells of a pin that is one rigid body.
+    struct Group
+    {
+        std::size_t region;
+        std::vector<int> cells; ///< the first leads
+    };
     /// A pin on a curve.
     struct Guided
     {
@@ -174,6 +182,8 @@ private:
     };
 
     void hold_cells();
+    void hold_group(std::size_t region);
+    void settle_groups();
     void place_stations();
     void place_guided();
     void settle_regions();
@@ -210,9 +220,11 @@ private:
     std::vector<Station> stations_; ///< of all rods
     std::vector<std::size_t> first_station_; ///< regions + 1 offsets into stations
     std::vector<Guided> guided_;
+    std::vector<Group> groups_;
     // State.
     std::vector<Pose> poses_;
-    std::vector<Motion> motions_, last_motions_; ///< a region
+    std::vector<Motion> motions_, last_motions_; ///< a region, as it is moved
+    std::vector<Motion> found_motions_;          ///< a region, as it has turned too
     std::vector<std::shared_ptr<const SplineState>> splines_, last_splines_;
     std::vector<Motion> station_motions_, last_station_motions_;
     std::vector<double> on_guide_; ///< a region; empty: none

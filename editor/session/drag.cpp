@@ -19,10 +19,10 @@ Drag::Drag(CellSystem system, const DragSettings& settings,
             continue; // exact samples of rods are so on release
         FadedRegion& region = faded.emplace_back();
         region.fade = system_->fade(r);
-        region.may_turn = system_->regions()[r].role == Role::Pin;
+        region.may_turn = system_->regions()[r].is_pin_of_one_place();
         for (std::size_t c = 0; c < system_->region_of_cell().size(); ++c)
             if (system_->region_of_cell()[c] == static_cast<int>(r) &&
-                system_->constraints()[c].hold == Hold::Prescribed)
+                system_->constraints()[c].is_of_rigid_region())
                 region.cells.push_back(static_cast<int>(c));
         faded_regions_.push_back(r);
     }

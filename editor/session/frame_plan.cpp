@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/session/flat.h"
 #include "io/error.h"
 #include "octree/base/index.h"
 
@@ -36,6 +37,14 @@ void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions
                     {file, regions[pin].guide->line, regions[pin].name},
                     fmt::format("stays on a curve, but {} holds its sample {}",
                                 regions[overlap.a + overlap.b - pin].name,
+                                overlap.sample));
+        for (const std::size_t pin : {overlap.a, overlap.b})
+            if (regions[pin].turns_freely())
+                throw malformed(
+                    {file, regions[pin].line, regions[pin].name},
+                    fmt::format("turns as it likes, but {} (line {}) holds its sample {}",
+                                regions[overlap.a + overlap.b - pin].name,
+                                regions[overlap.a + overlap.b - pin].line,
                                 overlap.sample));
         const Eigen::Vector3d& x = rest.samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
@@ -136,6 +145,20 @@ void warn_of_joints(const SkeletonHandle& skeleton, const SkeletonAim& aim,
                    fmt::format("frame {}: ends {:.3g} of the diagonal from its place, "
                                "which is out of reach",
                                frame.number, hold.miss / diagonal)));
+}
+
+} // namespace
+
+namespace
+{
+
+/// Of the move of a region; of the frame where it has none.
+std::int64_t line_of(const FrameStatement& frame, const std::string& region)
+{
+    for (const Move& move : frame.moves)
+        if (move.region == region)
+            return move.line;
+    return frame.line;
 }
 
 } // namespace
@@ -273,6 +296,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
     }
     std::vector<Motion> motions;
     std::size_t next_led = 0;
+    bool has_led = false;
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
         const ModelBox& box = regions.box(r);
@@ -283,7 +307,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             const bool is_placed = std::any_of(
                 move.operations.begin(), move.operations.end(),
                 [](const Operation& o) { return o.kind == Operation::Kind::To; });
-            if (is_placed && box.size().norm() > 1e-9 * diagonal)
+            if (is_placed && regions[r].turns_freely())
                 throw malformed({file, move.line, move.region},
                                 "'to' needs a pin of one place; this one has " +
                                     std::to_string(regions[r].samples.size()) +
@@ -316,6 +340,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                 num_parts_of(from, to, std::min(diagonal, spline->rest()->length())));
         }
         std::shared_ptr<const SplineState>& to_led = plan.led.emplace_back();
+        has_led |= regions[r].is_led();
         if (regions[r].is_led() && next_led < led.size())
         {
             const SplineHandle& rod = *regions[r].spline;
@@ -327,6 +352,15 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                               std::min(diagonal, rod.rest()->length())));
         }
         motions.push_back(path.at(1.0));
+        if (rest.flat_axis >= 0)
+            for (const double t : {0.25, 0.5, 1.0})
+                if (!keeps_plane(path.at(t), Eigen::Vector3d::Unit(rest.flat_axis),
+                                 box.centre(), diagonal))
+                    throw malformed(
+                        {file, line_of(frame, regions[r].name), regions[r].name},
+                        fmt::format("frame {}: leaves the plane of the model, "
+                                    "which cells.flat keeps",
+                                    frame.number));
         plan.joint_of_region.push_back(
             regions[r].bone ? static_cast<int>(regions[r].bone->joint) : -1);
         if (regions[r].guide && !aims[r].is_on_guide)
@@ -349,6 +383,9 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                            frame.number, regions[r].name, kExtremeMove));
     }
     check_overlaps(motions, regions, rest, file, frame.line);
+    if (frame.moves.empty() && !skeleton && !has_led && plan.stands())
+        warnings.push_back(at({file, frame.line, ""},
+                              fmt::format("frame {}: moves nothing", frame.number)));
     return plan;
 }
 

@@ -3,6 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
 
 #include "solver/minimize/newton.h"
 
@@ -21,6 +25,14 @@ enum class SecondStart
 /// "none", "dropped" or "taken".
 const char* second_start_name(SecondStart start);
 
+/// Where a pin of several places has gone: all of its samples by this one motion.
+struct PinReport
+{
+    std::string name;
+    Eigen::Matrix4d motion; ///< rigid, as in handle files [model unit]
+    double degrees = 0.0;   ///< by which it has turned
+};
+
 /// What one frame took and reached. Lengths are relative to the diagonal.
 struct FrameReport
 {
@@ -33,6 +45,9 @@ struct FrameReport
     int cells_at_limit = 0; ///< above the threshold, but at the deepest level
     double handle_residual = 0.0;
     double max_pair_gap = 0.0;
+    /// Of the energy, by one step of the solver, relative to where that solve began.
+    double largest_rise = 0.0;
+    std::vector<PinReport> pins;
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
 };
 

@@ -70,6 +70,7 @@ struct FrameSolver::Way
     bool stays_stable = false;   ///< else turns were lost
     /// Of the regions' chains: where they would be had no solve changed them.
     Eigen::Matrix3Xd turns;
+    double largest_rise = 0.0; ///< see FrameReport
     int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
     int iterations_before = 0; ///< of an earlier way of the same frame
     SolveReport total;
@@ -101,12 +102,18 @@ void FrameSolver::solve_on(Way& way, bool is_last)
     if (settings_.time_budget > 0)
         options.time_budget =
             std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(way.start));
-    if (settings_.watch)
-        options.watch = [&, done](int iteration, double gradient, double energy)
-        {
+    double first = -1.0, last = 0.0; // energies
+    options.watch = [&, done](int iteration, double gradient, double energy)
+    {
+        if (iteration == 0 || !(first > 0.0))
+            first = energy;
+        else
+            way.largest_rise = std::max(way.largest_rise, (energy - last) / first);
+        last = energy;
+        if (settings_.watch)
             settings_.watch({frames_done_, frame_, way.part, way.parts, done + iteration,
                              gradient, energy});
-        };
+    };
     // On the way the places that hold a rod come nearer to each other than at either end.
     // Soft rods would fold there: only where the way ends do they push back.
     SolveReport solve = system_.solve(options, way.part < way.parts);
@@ -310,6 +317,7 @@ void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
     second.gradient_scale = way.gradient_scale;
     second.iterations_before = way.total.iterations;
     travel(second, report.steps, true);
+    report.largest_rise = std::max(report.largest_rise, second.largest_rise);
     const bool is_lower = second.total.stop == Stop::Converged &&
                           system_.energy() < (1.0 - kSameEnergy) * energy;
     report.second_start = is_lower ? SecondStart::Taken : SecondStart::Dropped;
@@ -355,6 +363,7 @@ void FrameSolver::solve(FrameReport& report)
     }
     is_left_wound_ = way.stays_stable;
     report.solve = way.total;
+    report.largest_rise = std::max(report.largest_rise, way.largest_rise);
     report.solve.energy_before = way.energy_before;
 }
 

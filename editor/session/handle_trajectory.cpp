@@ -9,6 +9,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <fmt/format.h>
 
 #include "io/error.h"
 #include "io/number.h"
@@ -106,12 +107,12 @@ Motion rigid_motion(const Operation& operation, const Units& units, const Where&
         throw malformed(where, std::string(determinant < 0    ? "is a mirror, "
                                            : determinant == 0 ? "is singular, "
                                                               : "is no rotation, ") +
-                                   "need a rigid motion (determinant " +
-                                   shortest(determinant) + ", distance from a rotation " +
-                                   shortest(distance) + ")");
+                                   fmt::format("need a rigid motion (determinant "
+                                               "{:.4g}, distance from a rotation {:.4g})",
+                                               determinant, distance));
     if (distance > 1e-6)
         warnings.push_back(
-            at(where, "was re-orthonormalised (off by " + shortest(distance) + ")"));
+            at(where, fmt::format("was re-orthonormalised (off by {:.4g})", distance)));
     if (distance > 1e-15)
         R = nearest;
     const Eigen::Vector3d t = operation.matrix->topRightCorner<3, 1>();

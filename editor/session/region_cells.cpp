@@ -321,9 +321,9 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
     const auto holder = [&](int cell)
     {
         const int region = region_of_cell[idx(cell)];
-        // Pins and rods hold cells one by one: they end where the cells do.
+        // Pins of one place and rods hold cells one by one: they end where the cells do.
         return region >= 0 && regions[idx(region)].moves_as_one() &&
-                       regions[idx(region)].role != Role::Pin
+                       !regions[idx(region)].is_pin_of_one_place()
                    ? region
                    : -1;
     };

@@ -7,6 +7,8 @@
 #include <optional>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "editor/session/spline_region.h"
 #include "io/error.h"
 #include "io/number.h"
@@ -84,9 +86,6 @@ RegionShape shape_of(const Selector& selector, const Units& units)
                 [](const Eigen::Vector3d&) { return 0.0; }};
     }
 }
-
-/// Samples that are no farther apart are at one place [diagonal].
-constexpr double kOnePlace = 1e-9;
 
 /// The samples that a list selector names, without what coincides with them.
 std::vector<std::uint32_t> listed_samples(const RegionStatement& statement,
@@ -185,9 +184,9 @@ std::string nearest_sample_note(const Region& region,
                 least = d;
                 nearest = i;
             }
-    return region.shapes.empty() ? " (it lists no sample)"
-                                 : " (the nearest sample, " + std::to_string(nearest) +
-                                       ", is " + shortest(least) + " away)";
+    return region.shapes.empty()
+               ? " (it lists no sample)"
+               : fmt::format(" (the nearest sample, {}, is {:.4g} away)", nearest, least);
 }
 
 namespace
@@ -210,12 +209,19 @@ void find_samples(const std::vector<Eigen::Vector3d>& samples, const ModelBox& b
                 region.samples.push_back(static_cast<std::uint32_t>(i));
     }
     region.centre = centre_of(region, samples, box);
+    region.is_at_one_place =
+        !region.samples.empty() &&
+        std::all_of(region.samples.begin(), region.samples.end(),
+                    [&](std::uint32_t i)
+                    {
+                        return (samples[i] - samples[region.samples.front()]).norm() <=
+                               kCoincident * box.size().norm();
+                    });
 }
 
 } // namespace
 
-void put_on_guides(std::span<const OnStatement> statements,
-                   const std::vector<Eigen::Vector3d>& samples, const std::string& file,
+void put_on_guides(std::span<const OnStatement> statements, const std::string& file,
                    std::vector<Region>& regions)
 {
     const auto named = [&](const std::string& name)
@@ -223,21 +229,17 @@ void put_on_guides(std::span<const OnStatement> statements,
         return std::find_if(regions.begin(), regions.end(),
                             [&](const Region& region) { return region.name == name; });
     };
-    const double diagonal = samples.empty() ? 0.0 : bounding_box(samples).size().norm();
     for (const OnStatement& on : statements)
     {
         const auto pin = named(on.pin), guide = named(on.guide);
         if (pin == regions.end() || guide == regions.end())
             continue; // the file is not whole: it was refused
-        for (const std::uint32_t i : pin->samples)
-            if ((samples[i] - samples[pin->samples.front()]).norm() >
-                kOnePlace * diagonal)
-                throw malformed({file, on.line, on.pin},
-                                "'on' needs a pin of one place; this one has " +
-                                    std::to_string(pin->samples.size()) + " samples");
-        if (pin->samples.empty())
+        if (!pin->is_at_one_place)
             throw malformed({file, on.line, on.pin},
-                            "'on' needs a pin of one place; this one has no sample");
+                            "'on' needs a pin of one place; this one has " +
+                                (pin->samples.empty()
+                                     ? std::string("no sample")
+                                     : std::to_string(pin->samples.size()) + " samples"));
         if (guide->spline && guide->spline->stiffness() > 0.0)
             throw malformed({file, on.line, on.pin},
                             guide->name + " pushes back: no pin stays on such a rod "
@@ -309,7 +311,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
     const auto coincident = [&]() -> const CoincidentSamples&
     {
         if (!known_coincident && !own_coincident)
-            own_coincident.emplace(samples, units.box);
+            own_coincident.emplace(samples, kCoincident * units.box.size().norm());
         return known_coincident ? *known_coincident : *own_coincident;
     };
     for (Region& region : regions)

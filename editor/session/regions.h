@@ -14,12 +14,12 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/coincident_samples.h"
 #include "editor/session/handle_trajectory.h"
 #include "editor/session/led_rod.h"
 #include "editor/session/spline_handle.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
+#include "octree/coincident_samples.h"
 
 namespace cellwarp
 {
@@ -42,6 +42,7 @@ struct Region
     double factor = 1.0;                ///< of a stiff region
     std::int64_t line = 0;              ///< of its first statement
     std::vector<std::uint32_t> samples; ///< sorted
+    bool is_at_one_place = false;       ///< it has samples, and they are
     /// About which it turns where a move does not say: the centre of the box of its rest
     /// samples; of one without samples, of its shapes as far as they are in the model's
     /// box [model unit].
@@ -75,6 +76,9 @@ struct Region
     bool is_rod() const { return role == Role::Rod; }
     /// Its cells' places are given, or a point of each.
     bool prescribes() const { return role != Role::Stiff && role != Role::Curve; }
+    /// It has one rigid motion, of which its moves tell where its centroid goes.
+    bool turns_freely() const { return role == Role::Pin && !is_at_one_place; }
+    bool is_pin_of_one_place() const { return role == Role::Pin && is_at_one_place; }
     /// By one motion of all.
     bool moves_as_one() const { return prescribes() && role != Role::Rod; }
     bool holds(const Eigen::Vector3d& model_point) const;
@@ -95,8 +99,7 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
 
 /// Puts pins on curves and rods. Throws Fault::Malformed for a pin that is not of one
 /// place.
-void put_on_guides(std::span<const OnStatement> statements,
-                   const std::vector<Eigen::Vector3d>& samples, const std::string& file,
+void put_on_guides(std::span<const OnStatement> statements, const std::string& file,
                    std::vector<Region>& regions);
 
 /// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <cassert>
+#include <numbers>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/session/apply_field.h"
 #include "editor/session/deformation.h"
+#include "editor/session/flat.h"
 #include "editor/session/frame_solver.h"
 #include "io/error.h"
 #include "io/number.h"
@@ -26,6 +28,49 @@ namespace
 
 /// More cells at the depth limit than this get a warning [cells].
 constexpr double kManyAtLimit = 0.02;
+
+/// Of regions that hold too little, or too much, for anything to bend.
+std::vector<std::string> holding_warnings(const CellSystem& system,
+                                          const std::string& file)
+{
+    if (system.regions().skeleton())
+        return {};
+    std::vector<const Region*> holding;
+    for (const Region& region : system.regions().regions())
+        if (region.prescribes())
+            holding.push_back(&region);
+    if (holding.size() == 1 && holding[0]->role == Role::Handle)
+        return {at({file, holding[0]->line, holding[0]->name},
+                   "nothing else is held: all that hangs together with it moves along as "
+                   "a whole")};
+    const bool has_free_cells = std::any_of(
+        system.constraints().begin(), system.constraints().end(),
+        [](const Constraint& constraint)
+        { return constraint.hold == Hold::Free || constraint.hold == Hold::Idle; });
+    if (holding.size() > 1 && !has_free_cells)
+        return {"the regions hold all cells: nothing between them is left to follow "
+                "(smaller regions, or smaller cells by --across, leave something)"};
+    return {};
+}
+
+/// Of the pins of several places.
+std::vector<PinReport> pin_reports(const CellSystem& system)
+{
+    std::vector<PinReport> pins;
+    for (std::size_t r = 0; r < system.regions().size(); ++r)
+    {
+        if (!system.regions()[r].turns_freely())
+            continue;
+        const Motion motion = system.rest().frame.motion_to_model(system.motions()[r]);
+        PinReport& pin = pins.emplace_back();
+        pin.name = system.regions()[r].name;
+        pin.motion.setIdentity();
+        pin.motion.topLeftCorner<3, 3>() = motion.R;
+        pin.motion.topRightCorner<3, 1>() = motion.t;
+        pin.degrees = rotation_vector(motion.R).norm() * 180.0 / std::numbers::pi;
+    }
+    return pins;
+}
 
 } // namespace
 
@@ -137,7 +182,14 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     const Stage& stage = handles_.stages[stage_];
     std::vector<Region> resolved = resolve_regions(
         stage.regions, *geometry_, samples, units, handles_, nullptr, settings_.led_rods);
-    put_on_guides(stage.ons, samples, handles_.path, resolved);
+    if (shape.flat_axis >= 0)
+        for (const Region& region : resolved)
+            if (region.spline)
+                throw malformed(
+                    {handles_.path, region.line, region.name},
+                    "a flat model (cells.flat) has regions alone, no rods and "
+                    "curves");
+    put_on_guides(stage.ons, handles_.path, resolved);
     std::shared_ptr<const SkeletonHandle> skeleton;
     SkeletonBinding binding;
     if (!stage.joints.empty())
@@ -170,6 +222,8 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     for (std::string& warning : start->refiner.take_warnings())
         warnings_.push_back(std::move(warning));
     warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
+    for (std::string& warning : holding_warnings(system, handles_.path))
+        warnings_.push_back(std::move(warning));
     for (const Region& region : regions->regions())
         parts_.rods += region.spline != nullptr;
     state_ = std::make_unique<StageState>(start, std::move(system));
@@ -310,8 +364,18 @@ void Session::check_frames()
     std::vector<std::string> of_frames;
     StageAims aims = state_->aims;
     const std::vector<FrameStatement>& frames = handles_.stages[stage_].frames;
+    const RestShape& rest = *rest_->shape;
+    bool is_flat = rest.normal && rest.flat_axis < 0 && frame_ < frames.size();
     for (std::size_t f = frame_; f < frames.size(); ++f)
-        plan(frames[f], {}, aims, of_frames);
+    {
+        const FramePlan planned = plan(frames[f], {}, aims, of_frames);
+        for (const Motion& motion : planned.motions(1.0))
+            is_flat = is_flat && keeps_plane(motion, *rest.normal, rest.samples.front(),
+                                             rest.frame.diagonal());
+    }
+    if (is_flat && rest.frame.diagonal() > 0.0)
+        of_frames.push_back("the model is flat, and so are its moves, but nothing keeps "
+                            "it in its plane (--flat does)");
     if (!settings_.keeps_checkpoints)
         warnings_.insert(warnings_.end(), of_frames.begin(), of_frames.end());
 }
@@ -526,6 +590,7 @@ void Session::solve_frame(FrameReport& report)
     report.cells = s.system.body().cells.size();
     parts_.refinement += report.refinements;
     report.max_pair_gap = s.system.largest_gap();
+    report.pins = pin_reports(s.system);
 }
 
 /// Of the last frame.
@@ -539,7 +604,7 @@ std::vector<MovedRegion> Session::moved_regions() const
             MovedRegion& region = moved.emplace_back();
             region.fade = fade;
             region.motion = s.system.motions()[r];
-            region.may_turn = s.system.regions()[r].role == Role::Pin;
+            region.may_turn = s.system.regions()[r].is_pin_of_one_place();
             region.bends = s.system.regions()[r].is_rod();
             if (region.bends)
                 for (const Eigen::Vector3d& x : fade->nodes())
@@ -591,6 +656,9 @@ bool Session::move_samples(FrameReport& report)
          {use_samples_, moved.directions},
          {geometry_->tangent_samples, moved.tangents},
          {geometry_->rotation_samples, moved.rotations}});
+    if (s.system.rest().flat_axis >= 0)
+        keep_in_plane(frame.axes.row(s.system.rest().flat_axis), rest_->samples.samples,
+                      moved.samples);
     deformed_ = std::move(moved);
     parts_.normals += !rest_->samples.directions.empty() ||
                       !rest_->samples.tangents.empty() ||

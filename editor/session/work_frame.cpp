@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <cstdlib>
 
+#include <fmt/format.h>
+
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
@@ -69,6 +71,14 @@ Eigen::Matrix3d WorkFrame::rotation_to_work(const Eigen::Matrix3d& R) const
     return axes * R * axes.transpose();
 }
 
+Motion WorkFrame::motion_to_model(const Motion& motion) const
+{
+    const Eigen::Matrix3d R = axes.isIdentity(0)
+                                  ? motion.R
+                                  : Eigen::Matrix3d(axes.transpose() * motion.R * axes);
+    return {R, origin - R * origin + vector_to_model(motion.t)};
+}
+
 ModelBox bounding_box(std::span<const Eigen::Vector3d> samples)
 {
     ModelBox box{samples.front(), samples.front()};
@@ -100,8 +110,9 @@ WorkFrame given_frame(const FrameBox& box, const std::string& file)
     const double distance = (frame.axes - nearest).norm();
     if (!(distance <= 1e-4))
         throw malformed({file, 0, "cells.frame.axes"},
-                        "are no right-handed unit vectors at right angles (off by " +
-                            shortest(distance) + ")");
+                        fmt::format("are no right-handed unit vectors at right angles "
+                                    "(off by {:.4g})",
+                                    distance));
     if (distance > 1e-15)
         frame.axes = nearest;
     const Eigen::Vector3d size(box.size[0], box.size[1], box.size[2]);

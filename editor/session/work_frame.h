@@ -30,6 +30,8 @@ struct WorkFrame
     double length_to_model(double length) const;
     /// A rotation given in model axes.
     Eigen::Matrix3d rotation_to_work(const Eigen::Matrix3d& R) const;
+    /// A motion of the work's space, of the model's [model unit].
+    Motion motion_to_model(const Motion& motion) const;
 };
 
 struct ModelBox

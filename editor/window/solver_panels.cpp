@@ -278,6 +278,22 @@ void show_cells_panel(EditorApp& app, PanelState& state)
     constexpr std::array<Choice, 3> kFills = {
         {{nullptr, "Solid (default)"}, {"solid", "Solid"}, {"shell", "Shell"}}};
     is_done |= show_choice("Fill", settings.cells.fill, kFills);
+    if (bool joins = settings.cells.join.value_or(false);
+        ImGui::Checkbox("Join parts that touch", &joins))
+    {
+        settings.cells.join = joins ? std::optional(true) : std::nullopt;
+        is_done = true;
+    }
+    tip("Closed parts of a mesh that touch or overlap at rest are one material; else "
+        "each "
+        "is its own");
+    if (bool is_flat = settings.cells.flat.value_or(false);
+        ImGui::Checkbox("Flat", &is_flat))
+    {
+        settings.cells.flat = is_flat ? std::optional(true) : std::nullopt;
+        is_done = true;
+    }
+    tip("All samples lie in a plane, and nothing leaves it");
     ImGui::EndDisabled();
     state.types_settings = is_typing;
     if (is_done)

@@ -15,16 +15,33 @@
 //      = p + v + 1/2 omega x (omega x q) + 1/2 kappa d^2 + ...,  kappa = P'' / |P'|^2,
 // so the second derivatives have, beside those of twists, f . kappa of (d, d) and
 // -1/2 tau x f of (omega, d), f the derivative by p. [theory-rods (38)]
+// A flat cell turns about one axis n of its own, which is also the world's, and shifts
+// across it: of omega only the part along n is unknown, of v only what is across it.
 #include "solver/cells/cell_state.h"
 
 #include <algorithm>
 #include <cmath>
+
+#include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
 namespace cellwarp
 {
+
+namespace
+{
+
+/// Takes away what rounding has turned or shifted out of the plane.
+void flatten(Pose& pose, int axis, double height)
+{
+    pose.R.row(axis) = Eigen::RowVector3d::Unit(axis);
+    pose.R.col(axis) = Eigen::Vector3d::Unit(axis);
+    pose.p[axis] = height;
+}
+
+} // namespace
 
 CellState::CellState(const Cells& cells, std::span<const Constraint> constraints,
                      bool has_rigid_steps, UnknownPlace begin)
@@ -38,20 +55,26 @@ CellState::CellState(const Cells& cells, std::span<const Constraint> constraints
         poses_.push_back({Eigen::Matrix3d::Identity(), centres_[i]});
         const Hold hold = constraints_[i].hold;
         const bool is_unknown =
-            hold == Hold::Free || hold == Hold::Pinned || hold == Hold::Sliding;
+            hold == Hold::Free || hold == Hold::Pinned || hold == Hold::Sliding ||
+            (hold == Hold::Grouped && constraints_[i].leader == static_cast<int>(i));
         unknown_of_cell_.push_back(is_unknown
                                        ? static_cast<UnknownCell>(num_unknown_cells())
                                        : UnknownCell::None);
         if (!is_unknown)
             continue;
         cell_of_unknown_.push_back(static_cast<int>(i));
-        sizes_.push_back(hold == Hold::Free ? 6 : hold == Hold::Pinned ? 3 : 4);
+        const bool is_flat = constraints_[i].flat_axis >= 0;
+        const int turns = is_flat ? 1 : 3;
+        sizes_.push_back(hold == Hold::Free      ? turns + (is_flat ? 2 : 3)
+                         : hold == Hold::Sliding ? turns + 1
+                                                 : turns);
         first_.push_back(next);
         next += sizes_.back();
         constraints_[i].held_now = constraints_[i].held_rest;
     }
     base_ = poses_;
-    if (std::find(sizes_.begin(), sizes_.end(), 4) != sizes_.end())
+    if (std::any_of(constraints_.begin(), constraints_.end(),
+                    [](const Constraint& c) { return c.hold == Hold::Sliding; }))
     {
         along_.assign(sizes_.size(), Eigen::Vector3d::UnitX());
         bend_.assign(sizes_.size(), Eigen::Vector3d::Zero());
@@ -101,7 +124,7 @@ void CellState::set_held_points(std::span<const Constraint> constraints)
         constraints_[i].s = constraints[i].s;
     }
     for (std::size_t u = 0; u < along_.size(); ++u)
-        if (sizes_[u] == 4)
+        if (is_sliding(UnknownCell(u)))
         {
             find_rail(UnknownCell(u));
             base_s_[u] = constraints_[idx(cell_of_unknown_[u])].s;
@@ -113,16 +136,21 @@ CellState::Basis CellState::basis(UnknownCell unknown) const
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
+    const int axis = flat_axis(unknown), turns = num_turns(unknown);
     Basis basis = Basis::Zero(6, sizes_[idx(unknown)]);
-    basis.topLeftCorner<3, 3>() = R;
+    for (int k = 0; k < turns; ++k)
+        basis.col(k).head<3>() = R.col(axis < 0 ? k : axis);
     if (is_pinned(unknown) || is_sliding(unknown))
     {
-        basis.bottomLeftCorner<3, 3>() = -cross_matrix(arm_of_pin(cell)) * R;
+        const Eigen::Vector3d arm = arm_of_pin(cell);
+        for (int k = 0; k < turns; ++k)
+            basis.col(k).tail<3>() = basis.col(k).head<3>().cross(arm);
         if (is_sliding(unknown))
-            basis.bottomRightCorner<3, 1>() = along(unknown);
+            basis.col(turns).tail<3>() = along(unknown);
     }
     else
-        basis.bottomRightCorner<3, 3>() = R;
+        for (int k = turns; k < basis.cols(); ++k)
+            basis.col(k).tail<3>() = R.col(axis < 0 ? k - 3 : (axis + k) % 3);
     return basis;
 }
 
@@ -135,21 +163,37 @@ void CellState::move(const Eigen::VectorXd& step, double length)
             const std::size_t cell = idx(cell_of_unknown_[u]);
             const Eigen::Matrix3d& R = base_[cell].R;
             const double* const x = step.data() + first_[u];
+            const Hold hold = constraints_[cell].hold;
+            const int axis = constraints_[cell].flat_axis;
             Twist twist = Twist::Zero();
-            twist.head<3>() = length * (R * Eigen::Map<const Eigen::Vector3d>(x));
-            if (sizes_[u] == 6)
-                twist.tail<3>() = length * (R * Eigen::Map<const Eigen::Vector3d>(x + 3));
+            if (axis < 0)
+            {
+                twist.head<3>() = length * (R * Eigen::Map<const Eigen::Vector3d>(x));
+                if (hold == Hold::Free)
+                    twist.tail<3>() =
+                        length * (R * Eigen::Map<const Eigen::Vector3d>(x + 3));
+            }
+            else
+            {
+                twist[axis] = length * x[0];
+                if (hold == Hold::Free)
+                    twist.tail<3>() = length * (x[1] * R.col((axis + 1) % 3) +
+                                                x[2] * R.col((axis + 2) % 3));
+            }
             poses_[cell] = has_rigid_steps_ ? moved(base_[cell], twist)
                                             : shape_matched(base_[cell], twist);
-            if (sizes_[u] == 4 && constraints_[cell].rail)
+            if (axis >= 0)
+                flatten(poses_[cell], axis, base_[cell].p[axis]);
+            if (hold == Hold::Sliding && constraints_[cell].rail)
             {
                 const Rail& rail = *constraints_[cell].rail;
-                const double s = base_s_[u] + length * x[3] / base_speed_[u];
+                const double s =
+                    base_s_[u] + length * x[axis < 0 ? 3 : 1] / base_speed_[u];
                 constraints_[cell].s =
                     rail.is_closed() ? s : std::clamp(s, rail.begin(), rail.end());
                 find_rail(UnknownCell(u));
             }
-            if (sizes_[u] != 6)
+            if (hold != Hold::Free)
                 poses_[cell] =
                     held_at_pin(poses_[cell], constraints_[cell], centres_[cell]);
         });
@@ -175,8 +219,12 @@ std::vector<UnknownBody> unknown_bodies(const CellState& state,
         const Pose& pose = state.pose(cell);
         UnknownBody& body = bodies.emplace_back();
         body.block = state.block(u);
-        body.turns = 3;
-        body.turn = pose.R;
+        const int axis = state.flat_axis(u);
+        body.turns = state.num_turns(u);
+        if (axis < 0)
+            body.turn = pose.R;
+        else
+            body.turn.col(0) = pose.R.col(axis);
         body.centre = pose.p;
         body.grid = places[idx(cell)];
         if (state.is_sliding(u))
@@ -185,10 +233,18 @@ std::vector<UnknownBody> unknown_bodies(const CellState& state,
             body.shift.col(0) = state.along(u);
             body.centre = state.constraint(cell).held_now;
         }
-        else if (!state.is_pinned(u))
+        else if (state.constraint(cell).hold == Hold::Grouped)
+            body.centre = state.constraint(cell).held_now;
+        else if (!state.is_pinned(u) && axis < 0)
         {
             body.shifts = 3;
             body.shift = pose.R;
+        }
+        else if (!state.is_pinned(u))
+        {
+            body.shifts = 2;
+            for (int k = 0; k < 2; ++k)
+                body.shift.col(k) = pose.R.col((axis + k + 1) % 3);
         }
     }
     return bodies;

@@ -24,8 +24,9 @@ enum class UnknownCell : int
 };
 
 /// The poses of all cells, of which the free, the pinned and the sliding ones are
-/// unknown: blocks of 6, of 3 and of 4, in the order of the cells. cell_state.cpp says
-/// what the unknowns are. Nothing is allocated after construction.
+/// unknown: blocks of 6, of 3 and of 4 (flat ones: of 3, of 1 and of 2), in the order of
+/// the cells. Of a group the leader is, as if it were pinned; the others are not moved.
+/// cell_state.cpp says what the unknowns are. Nothing is allocated after construction.
 class CellState final : public State
 {
 public:
@@ -69,8 +70,23 @@ public:
         return own >= 0 && idx(own) < num_unknown_cells() ? UnknownCell{own}
                                                           : UnknownCell::None;
     }
-    bool is_pinned(UnknownCell unknown) const { return sizes_[idx(unknown)] == 3; }
-    bool is_sliding(UnknownCell unknown) const { return sizes_[idx(unknown)] == 4; }
+    /// Or the leader of a group.
+    bool is_pinned(UnknownCell unknown) const
+    {
+        const Hold hold = hold_of(unknown);
+        return hold == Hold::Pinned || hold == Hold::Grouped;
+    }
+    bool is_sliding(UnknownCell unknown) const
+    {
+        return hold_of(unknown) == Hold::Sliding;
+    }
+    /// Across the plane that it stays in; -1: it moves in space.
+    int flat_axis(UnknownCell unknown) const
+    {
+        return constraints_[idx(cell_of_unknown(unknown))].flat_axis;
+    }
+    /// Of its unknowns those that turn it, which come first.
+    int num_turns(UnknownCell unknown) const { return flat_axis(unknown) < 0 ? 3 : 1; }
     /// Of a sliding cell: the direction of its curve, and the change of that along it
     /// [1 / length].
     const Eigen::Vector3d& along(UnknownCell unknown) const
@@ -95,6 +111,10 @@ public:
     void settle() override;
 
 private:
+    Hold hold_of(UnknownCell unknown) const
+    {
+        return constraints_[idx(cell_of_unknown(unknown))].hold;
+    }
     void find_rail(UnknownCell unknown);
 
     /// From the held point of a pinned or sliding cell to its centre, now.
@@ -121,14 +141,21 @@ inline Twist CellState::world(UnknownCell unknown, const double* x) const
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
+    const int axis = flat_axis(unknown);
     Twist twist;
-    twist.head<3>() = R * Eigen::Map<const Eigen::Vector3d>(x);
+    if (axis < 0)
+        twist.head<3>() = R * Eigen::Map<const Eigen::Vector3d>(x);
+    else
+        twist.head<3>() = x[0] * R.col(axis);
     if (is_pinned(unknown))
         twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell));
     else if (is_sliding(unknown))
-        twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell)) + x[3] * along(unknown);
-    else
+        twist.tail<3>() = twist.head<3>().cross(arm_of_pin(cell)) +
+                          x[num_turns(unknown)] * along(unknown);
+    else if (axis < 0)
         twist.tail<3>() = R * Eigen::Map<const Eigen::Vector3d>(x + 3);
+    else
+        twist.tail<3>() = x[1] * R.col((axis + 1) % 3) + x[2] * R.col((axis + 2) % 3);
     return twist;
 }
 
@@ -136,17 +163,28 @@ inline void CellState::add_body(UnknownCell unknown, const Twist& twist, double*
 {
     const int cell = cell_of_unknown(unknown);
     const Eigen::Matrix3d& R = pose(cell).R;
+    const int axis = flat_axis(unknown);
     if (is_pinned(unknown) || is_sliding(unknown))
     {
-        Eigen::Map<Eigen::Vector3d>(y) +=
-            R.transpose() * (twist.head<3>() + arm_of_pin(cell).cross(twist.tail<3>()));
+        const Eigen::Vector3d turn =
+            twist.head<3>() + arm_of_pin(cell).cross(twist.tail<3>());
+        if (axis < 0)
+            Eigen::Map<Eigen::Vector3d>(y) += R.transpose() * turn;
+        else
+            y[0] += R.col(axis).dot(turn);
         if (is_sliding(unknown))
-            y[3] += along(unknown).dot(twist.tail<3>());
+            y[num_turns(unknown)] += along(unknown).dot(twist.tail<3>());
     }
-    else
+    else if (axis < 0)
     {
         Eigen::Map<Eigen::Vector3d>(y).noalias() += R.transpose() * twist.head<3>();
         Eigen::Map<Eigen::Vector3d>(y + 3).noalias() += R.transpose() * twist.tail<3>();
+    }
+    else
+    {
+        y[0] += R.col(axis).dot(twist.head<3>());
+        y[1] += R.col((axis + 1) % 3).dot(twist.tail<3>());
+        y[2] += R.col((axis + 2) % 3).dot(twist.tail<3>());
     }
 }
 

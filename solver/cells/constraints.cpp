@@ -2,6 +2,7 @@
 #include "solver/cells/constraints.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include <Eigen/Geometry>
 
@@ -37,12 +38,43 @@ int rotations_about(const std::vector<Eigen::Vector3d>& points)
     return 1;
 }
 
+/// Of each cell the number of its component, in the order of their first cells.
+std::vector<int> numbers_of_components(const Cells& cells,
+                                       const std::vector<Constraint>& constraints)
+{
+    std::vector<int> number = connected_components(cells);
+    std::vector<int> joined(number.size()); // to one with a lower number, or itself
+    std::iota(joined.begin(), joined.end(), 0);
+    const auto root = [&](int component)
+    {
+        while (joined[idx(component)] != component)
+            component = joined[idx(component)];
+        return component;
+    };
+    for (std::size_t i = 0; i < number.size(); ++i)
+        if (constraints[i].hold == Hold::Grouped)
+        {
+            const int a = root(number[i]), b = root(number[idx(constraints[i].leader)]);
+            joined[idx(std::max(a, b))] = std::min(a, b);
+        }
+    int count = 0;
+    std::vector<int> renumbered(number.size(), -1);
+    for (int& component : number)
+    {
+        int& now = renumbered[idx(root(component))];
+        if (now < 0)
+            now = count++;
+        component = now;
+    }
+    return number;
+}
+
 } // namespace
 
 std::vector<Component> find_components(const Cells& cells,
                                        std::vector<Constraint>& constraints)
 {
-    const std::vector<int> number = connected_components(cells);
+    const std::vector<int> number = numbers_of_components(cells, constraints);
     std::vector<Component> components;
     for (std::size_t i = 0; i < number.size(); ++i)
     {
@@ -58,7 +90,8 @@ std::vector<Component> find_components(const Cells& cells,
         {
             const Constraint& constraint = constraints[idx(cell)];
             has_prescribed |= constraint.hold == Hold::Prescribed;
-            if (constraint.hold == Hold::Pinned || constraint.hold == Hold::Sliding)
+            if (constraint.hold == Hold::Pinned || constraint.hold == Hold::Sliding ||
+                constraint.hold == Hold::Grouped)
                 pins.push_back(constraint.held_rest);
         }
         component.is_held = has_prescribed || !pins.empty();
@@ -66,7 +99,12 @@ std::vector<Component> find_components(const Cells& cells,
             for (const int cell : component.cells)
                 constraints[idx(cell)].hold = Hold::Idle;
         else if (!has_prescribed)
+        {
             component.free_rotations = rotations_about(pins);
+            // In a plane it turns about one place, and not about a line.
+            if (constraints[idx(component.cells.front())].flat_axis >= 0)
+                component.free_rotations = component.free_rotations == 3;
+        }
     }
     return components;
 }

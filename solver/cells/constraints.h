@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which cells may move, and how: free, prescribed, pinned at a point, or idle in a
-// component that nothing holds.
+// Which cells may move, and how: free, prescribed, pinned at a point, grouped to one body
+// that is, or idle in a component that nothing holds.
 #pragma once
 
 #include <span>
@@ -20,6 +20,7 @@ enum class Hold
     Prescribed, ///< its pose is given
     Pinned,     ///< one of its points is given, it turns about it
     Sliding,    ///< one of its points stays on a curve, it turns about it
+    Grouped,    ///< with others it is one rigid body, which turns about a given point
     Idle        ///< no region holds its component: it stays at rest
 };
 
@@ -44,25 +45,37 @@ public:
 struct Constraint
 {
     Hold hold = Hold::Free;
-    Eigen::Vector3d held_rest = Eigen::Vector3d::Zero(); ///< of a pinned or sliding cell
+    /// Of a pinned or sliding cell, or of the body of a grouped one.
+    Eigen::Vector3d held_rest = Eigen::Vector3d::Zero();
     Eigen::Vector3d held_now = Eigen::Vector3d::Zero();
     const Rail* rail = nullptr; ///< of a sliding cell: held_now is its place at s
     double s = 0.0;
+    int leader = -1; ///< of a grouped cell: the one of its group that stands for all
+    /// Of a flat cell: across its plane. It turns about this axis alone, and stays in the
+    /// plane.
+    int flat_axis = -1;
+
+    /// Whether it is a part of something rigid that is larger: a region.
+    bool is_of_rigid_region() const
+    {
+        return hold == Hold::Prescribed || hold == Hold::Grouped;
+    }
 };
 
 /// A connected component of the glue.
 struct Component
 {
     std::vector<int> cells;
-    bool is_held = false;   ///< by a prescribed, pinned or sliding cell
+    bool is_held = false;   ///< by a cell that is neither free nor idle
     int free_rotations = 0; ///< of the whole component: 3 about one pin, 1 about an axis
 };
 
-/// The components, by first cell; sets Hold::Idle in the ones that nothing holds.
+/// The components, by first cell, a group joining those that its cells are in; sets
+/// Hold::Idle in the ones that nothing holds.
 std::vector<Component> find_components(const Cells& cells,
                                        std::vector<Constraint>& constraints);
 
-/// Moves a pinned or sliding cell so that its held point is where it must be.
+/// Moves a cell that turns about a held point so that this is where it must be.
 Pose held_at_pin(const Pose& pose, const Constraint& pin, const Eigen::Vector3d& centre);
 
 } // namespace cellwarp

@@ -88,6 +88,7 @@
 #include "solver/cells/glue.h"
 
 #include <cmath>
+#include <numeric>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -272,11 +273,49 @@ std::vector<TakenOver> taken_over(const Cells& cells, const Glue& glue,
 
 } // namespace
 
+void Glue::list_faces_of_cells(std::size_t num_cells)
+{
+    first_face.assign(num_cells + 1, 0);
+    for (const GlueFace& face : faces)
+    {
+        ++first_face[idx(face.a) + 1];
+        ++first_face[idx(face.b) + 1];
+    }
+    std::partial_sum(first_face.begin(), first_face.end(), first_face.begin());
+    faces_of_cell.resize(2 * faces.size());
+    std::vector<int> next(first_face.begin(), first_face.end() - 1);
+    for (std::size_t f = 0; f < faces.size(); ++f)
+        for (const int cell : {faces[f].a, faces[f].b})
+            faces_of_cell[idx(next[idx(cell)]++)] = static_cast<int>(f);
+}
+
+Glue with_groups(const Glue& glue, const Cells& cells, std::span<const int> leaders)
+{
+    // A cell's reach begins at its own centroid, the leader's at the leader's.
+    const auto to_leader = [&](int& cell, Eigen::Vector3d& reach)
+    {
+        const int leader = leaders[idx(cell)];
+        if (leader < 0)
+            return;
+        reach += cells.cells[idx(cell)].centre - cells.cells[idx(leader)].centre;
+        cell = leader;
+    };
+    Glue grouped;
+    for (GlueFace face : glue.faces)
+    {
+        to_leader(face.a, face.reach_a);
+        to_leader(face.b, face.reach_b);
+        if (face.a != face.b)
+            grouped.faces.push_back(face);
+    }
+    grouped.list_faces_of_cells(cells.size());
+    return grouped;
+}
+
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders, const Departures& departures)
 {
     Glue glue;
-    std::vector<std::vector<int>> of_cell(cells.size());
     glue.faces.resize(cells.faces.size());
     for (std::size_t f = 0; f < cells.faces.size(); ++f)
     {
@@ -284,15 +323,8 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         glue.faces[f].a = face.a;
         glue.faces[f].b = face.b;
         glue.faces[f].length = face.distance;
-        of_cell[idx(face.a)].push_back(static_cast<int>(f));
-        of_cell[idx(face.b)].push_back(static_cast<int>(f));
     }
-    glue.first_face.push_back(0);
-    for (const std::vector<int>& faces : of_cell)
-    {
-        glue.faces_of_cell.insert(glue.faces_of_cell.end(), faces.begin(), faces.end());
-        glue.first_face.push_back(static_cast<int>(glue.faces_of_cell.size()));
-    }
+    glue.list_faces_of_cells(cells.size());
     std::vector<bool> is_border(cells.faces.size(), false);
     std::vector<const BorderGlue*> border_of(cells.faces.size(), nullptr);
     for (const BorderGlue& border : borders)

@@ -36,6 +36,9 @@ struct Glue
     std::vector<GlueFace> faces;
     std::vector<int> first_face; ///< cells + 1 offsets into faces_of_cell
     std::vector<int> faces_of_cell;
+
+    /// Fills these two lists from the faces.
+    void list_faces_of_cells(std::size_t num_cells);
 };
 
 /// A face whose glue does not stretch from anchor to anchor, because one of its cells is
@@ -53,6 +56,10 @@ struct BorderGlue
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders = {},
                 const Departures& departures = {});
+
+/// The same glue where groups of cells are one rigid body each: a group's faces are its
+/// leader's, and those within it are gone. \p leaders: of each cell; -1: it is in none.
+Glue with_groups(const Glue& glue, const Cells& cells, std::span<const int> leaders);
 
 /// E_ij of one face: w_ij times the mean of |T_i - T_j|^2 over the cross-section of the
 /// material, of which glue.cpp says what counts [length^3]. Zero if and only if both

@@ -47,14 +47,19 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
     std::sort(faces.begin(), faces.end());
     for (const auto& [pair, face] : faces)
     {
-        pairs_.push_back(pair);
-        face_of_pair_.push_back(face);
+        if (pairs_.empty() || pairs_.back() != pair)
+        {
+            pairs_.push_back(pair);
+            first_of_pair_.push_back(static_cast<int>(faces_of_pair_.size()));
+        }
+        faces_of_pair_.push_back(face);
     }
+    first_of_pair_.push_back(static_cast<int>(faces_of_pair_.size()));
     diagonals_.resize(unknowns);
     proximal_.assign(unknowns, 0.0);
-    const std::span<const int> sizes = state.block_sizes();
-    if (std::find(sizes.begin(), sizes.end(), 4) != sizes.end())
-        sliding_.resize(unknowns);
+    for (const UnknownCell unknown : state.unknown_cells())
+        if (state.is_sliding(unknown))
+            sliding_.resize(unknowns);
     couplings_.resize(glue_.faces.size());
     face_values_.resize(glue_.faces.size());
     face_gradients_.resize(glue_.faces.size());
@@ -108,10 +113,11 @@ void GlueTerm::add_gradient(Eigen::VectorXd& out) const
                          sum += face_gradients_[idx(f)].segment<6>(
                              glue_.faces[idx(f)].a == cell ? 0 : 6);
                      double* const own = out.data() + state_.first(unknown);
-                     const double before = state_.is_sliding(unknown) ? own[3] : 0.0;
+                     const int slide = state_.num_turns(unknown);
+                     const double before = state_.is_sliding(unknown) ? own[slide] : 0.0;
                      state_.add_body(unknown, sum, own);
                      if (is_stopped(unknown, sum))
-                         own[3] = before;
+                         own[slide] = before;
                  });
 }
 
@@ -223,7 +229,8 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                      const double* const own = x.data() + state_.first(unknown);
                      twist = state_.world(unknown, own);
                      if (state_.is_sliding(unknown) && sliding_[idx(unknown)].is_stopped)
-                         twist.tail<3>() -= own[3] * state_.along(unknown);
+                         twist.tail<3>() -=
+                             own[state_.num_turns(unknown)] * state_.along(unknown);
                  });
     parallel_for(diagonals_.size(), kSmallBodies,
                  [&](std::size_t u)
@@ -250,14 +257,18 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                          return;
                      }
                      const Sliding& sliding = sliding_[u];
-                     const double before = y_block[3];
+                     const int slide = state_.num_turns(unknown);
+                     const double before = y_block[slide];
                      state_.add_body(unknown, sum, y_block);
                      if (sliding.is_stopped)
-                         y_block[3] = before;
-                     Eigen::Map<Eigen::Vector3d>(y_block) += x_block[3] * sliding.turn;
-                     y_block[3] +=
-                         sliding.stiffness * x_block[3] +
-                         sliding.turn.dot(Eigen::Map<const Eigen::Vector3d>(x_block));
+                         y_block[slide] = before;
+                     y_block[slide] += sliding.stiffness * x_block[slide];
+                     for (int k = 0; k < slide; ++k)
+                     {
+                         const double turn = turn_of_slide(unknown, k);
+                         y_block[k] += turn * x_block[slide];
+                         y_block[slide] += turn * x_block[k];
+                     }
                  });
 }
 
@@ -265,7 +276,7 @@ CellState::Basis GlueTerm::basis(UnknownCell unknown) const
 {
     CellState::Basis basis = state_.basis(unknown);
     if (state_.is_sliding(unknown) && sliding_[idx(unknown)].is_stopped)
-        basis.col(3).setZero();
+        basis.col(state_.num_turns(unknown)).setZero();
     return basis;
 }
 
@@ -281,9 +292,13 @@ void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) co
     out.diagonal().array() += proximal_[u];
     if (!state_.is_sliding(unknown))
         return;
-    out(3, 3) += sliding_[u].stiffness;
-    out.block<3, 1>(0, 3) += sliding_[u].turn;
-    out.block<1, 3>(3, 0) += sliding_[u].turn.transpose();
+    const int slide = state_.num_turns(unknown);
+    out(slide, slide) += sliding_[u].stiffness;
+    for (int k = 0; k < slide; ++k)
+    {
+        out(k, slide) += turn_of_slide(unknown, k);
+        out(slide, k) += turn_of_slide(unknown, k);
+    }
 }
 
 void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
@@ -291,10 +306,16 @@ void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
     const std::size_t p = idx(pair);
     const UnknownCell row = state_.unknown_of_block(pairs_[p].first);
     const UnknownCell column = state_.unknown_of_block(pairs_[p].second);
-    const std::size_t f = idx(face_of_pair_[p]);
-    Eigen::Matrix<double, 6, 6> H = couplings_[f].matrix();
-    if (glue_.faces[f].a != state_.cell_of_unknown(row))
-        H.transposeInPlace();
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    for (int k = first_of_pair_[p]; k < first_of_pair_[p + 1]; ++k)
+    {
+        const std::size_t f = idx(faces_of_pair_[idx(k)]);
+        const Eigen::Matrix<double, 6, 6> of_face = couplings_[f].matrix();
+        if (glue_.faces[f].a == state_.cell_of_unknown(row))
+            H += of_face;
+        else
+            H += of_face.transpose();
+    }
     const CellState::Basis image = H * basis(column);
     out.noalias() += basis(row).transpose().lazyProduct(image);
 }

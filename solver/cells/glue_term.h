@@ -51,7 +51,8 @@ private:
     Glue glue_;
     std::vector<bool> turns_freely_; ///< unknown cells that a proximal term holds
     std::vector<std::pair<int, int>> pairs_;
-    std::vector<int> face_of_pair_;
+    /// Faces of the k-th pair are those from first_of_pair_[k] on.
+    std::vector<int> first_of_pair_, faces_of_pair_;
     // Of the last linearise(): world axes, one an unknown cell and one a face.
     std::vector<Eigen::Matrix<double, 6, 6>> diagonals_;
     std::vector<GlueCoupling> couplings_;
@@ -64,6 +65,12 @@ private:
         Eigen::Vector3d turn = Eigen::Vector3d::Zero(); ///< of its way and its turn
     };
     std::vector<Sliding> sliding_; ///< a cell that is unknown; empty: none slides
+    /// Its turn's part in the k-th of the unknowns that turn the cell.
+    double turn_of_slide(UnknownCell unknown, int k) const
+    {
+        const int axis = state_.flat_axis(unknown);
+        return sliding_[idx(unknown)].turn[axis < 0 ? k : axis];
+    }
     // Scratch.
     mutable std::vector<double> face_values_;
     mutable std::vector<Eigen::Matrix<double, 12, 1>> face_gradients_;

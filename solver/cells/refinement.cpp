@@ -35,7 +35,7 @@ constexpr double kHalfWay = 0.25;
 
 bool is_rigid(const Constraint& constraint)
 {
-    return constraint.hold == Hold::Prescribed || constraint.hold == Hold::Idle;
+    return constraint.is_of_rigid_region() || constraint.hold == Hold::Idle;
 }
 
 /// From a cell over one of its faces: to where, and what is there.
@@ -61,7 +61,7 @@ View view_of(const Cells& cells, const GlueFace& glue, const Face& face,
     View view;
     view.other = static_cast<int>(other);
     view.step = to.anchor - from.anchor;
-    if (constraints[other].hold == Hold::Prescribed)
+    if (constraints[other].is_of_rigid_region())
     {
         view.step.setZero();
         view.step[face.axis] = is_a ? glue.length : -glue.length;

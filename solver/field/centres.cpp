@@ -140,8 +140,8 @@ border_points(const Cells& cells, std::span<const Constraint> constraints)
         largest = std::max(largest, cell.edge);
     for (const Face& face : cells.faces)
     {
-        const bool a_is_held = constraints[idx(face.a)].hold == Hold::Prescribed;
-        const bool b_is_held = constraints[idx(face.b)].hold == Hold::Prescribed;
+        const bool a_is_held = constraints[idx(face.a)].is_of_rigid_region();
+        const bool b_is_held = constraints[idx(face.b)].is_of_rigid_region();
         if (a_is_held == b_is_held)
             continue;
         const std::size_t held = idx(a_is_held ? face.a : face.b);
@@ -183,7 +183,7 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> const
     // Next to prescribed cells the surface is not free.
     for (const Face& face : cells.faces)
         for (const auto& [one, other] : {std::pair(face.a, face.b), {face.b, face.a}})
-            if (constraints[idx(other)].hold == Hold::Prescribed)
+            if (constraints[idx(other)].is_of_rigid_region())
                 open[idx(one)].setZero();
     parallel_for(cells.size(),
                  [&](std::size_t i)
@@ -195,7 +195,7 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> const
 
 bool CentreChoice::has_corners(std::size_t cell) const
 {
-    return constraints_[cell].hold == Hold::Prescribed && is_full(cells_.cells[cell]);
+    return constraints_[cell].is_of_rigid_region() && is_full(cells_.cells[cell]);
 }
 
 RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
@@ -226,7 +226,7 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
         add(i, cell.anchor);
         for (const Eigen::Vector3d& side : sides_[i])
             add(i, side);
-        if (constraints_[i].hold != Hold::Prescribed)
+        if (!constraints_[i].is_of_rigid_region())
             continue;
         // Its corners, and more where free cells meet it: there the strain is largest,
         // and what an RBF misses between corners would be left to the fade.

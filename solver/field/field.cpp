@@ -390,77 +390,119 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
     if (regions.empty())
         return Field(cells_, std::move(parts));
     const Field without(cells_, parts);
+    // Cells that are held at a point follow nobody.
     std::vector<std::vector<bool>> follows;
-    for (MovedRegion& region : regions)
-    {
-        if (stop.stop_requested())
-            return std::nullopt;
-        follows.push_back(region.bends ? std::vector<bool>(cells_.size(), false)
-                                       : followers_of(region.motion, parts));
-        find_misses(without, follows.back(), region);
-    }
+    for (const MovedRegion& region : regions)
+        follows.push_back(region.bends || region.may_turn
+                              ? std::vector<bool>(cells_.size(), false)
+                              : followers_of(region.motion, parts));
+    find_misses(without, follows, regions);
+    if (stop.stop_requested())
+        return std::nullopt;
+    std::vector<int> regions_near(cells_.size(), 0); // of each cell
+    for (const MovedRegion& region : regions)
+        for (const int cell : region.fade->near_cells())
+            ++regions_near[idx(cell)];
     for (std::size_t r = 0; r < regions.size(); ++r)
-        find_deep_cells(follows[r], regions, r);
+        find_deep_cells(follows[r], regions_near, regions[r]);
     parts.regions = std::move(regions);
     return Field(cells_, std::move(parts));
 }
 
-void FieldFitter::find_misses(const Field& field, const std::vector<bool>& follows,
-                              MovedRegion& region) const
+void FieldFitter::find_misses(const Field& field,
+                              std::span<const std::vector<bool>> follows,
+                              std::span<MovedRegion> regions) const
 {
-    const std::vector<Eigen::Vector3d>& nodes = region.fade->nodes();
-    const std::vector<int>& own = region.fade->node_cells();
-    const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-    region.misses.assign(nodes.size(), FieldValue{});
     const ClosestCells closest(cells_);
-    // Most nodes lie deep in their region, and nothing is missed.
-    std::vector<char> is_missed(nodes.size(), false);
-    parallel_ranges(nodes.size(), 256,
-                    [&](std::size_t begin, std::size_t end)
-                    {
-                        std::vector<Influence> influences;
-                        for (std::size_t i = begin; i < end; ++i)
-                        {
-                            closest.influences(nodes[i], own[i], influences);
-                            is_missed[i] =
-                                std::any_of(influences.begin(), influences.end(),
-                                            [&](const Influence& influence)
-                                            { return !follows[idx(influence.cell)]; });
-                        }
-                    });
-    std::vector<std::size_t> missed;
+    struct Missed
+    {
+        std::size_t region, node;
+    };
+    std::vector<Missed> missed;
     std::vector<Eigen::Vector3d> places;
     std::vector<int> cells;
-    for (std::size_t i = 0; i < nodes.size(); ++i)
-        if (is_missed[i])
-        {
-            missed.push_back(i);
-            places.push_back(nodes[i]);
-            cells.push_back(own[i]);
-        }
+    for (std::size_t r = 0; r < regions.size(); ++r)
+    {
+        const std::vector<Eigen::Vector3d>& nodes = regions[r].fade->nodes();
+        const std::vector<int>& own = regions[r].fade->node_cells();
+        regions[r].misses.assign(nodes.size(), FieldValue{});
+        // Most nodes lie deep in their region, and nothing is missed.
+        std::vector<char> is_missed(nodes.size(), false);
+        parallel_ranges(nodes.size(), 256,
+                        [&](std::size_t begin, std::size_t end)
+                        {
+                            std::vector<Influence> influences;
+                            for (std::size_t i = begin; i < end; ++i)
+                            {
+                                closest.influences(nodes[i], own[i], influences);
+                                is_missed[i] = std::any_of(
+                                    influences.begin(), influences.end(),
+                                    [&](const Influence& influence)
+                                    { return !follows[r][idx(influence.cell)]; });
+                            }
+                        });
+        for (std::size_t i = 0; i < nodes.size(); ++i)
+            if (is_missed[i])
+            {
+                missed.push_back({r, i});
+                places.push_back(nodes[i]);
+                cells.push_back(own[i]);
+            }
+    }
     const std::vector<FieldValue> found = field.values(places, cells);
     for (std::size_t k = 0; k < missed.size(); ++k)
     {
-        FieldValue& miss = region.misses[missed[k]];
-        if (region.bends)
-        {
-            const Motion& own_motion = region.node_motions[missed[k]];
-            miss.displacement = (own_motion.R - Eigen::Matrix3d::Identity()) * places[k] +
-                                own_motion.t - found[k].displacement;
-            continue;
-        }
-        miss.displacement = turn * places[k] + region.motion.t - found[k].displacement;
-        if (!region.may_turn)
+        MovedRegion& region = regions[missed[k].region];
+        FieldValue& miss = region.misses[missed[k].node];
+        const Motion& motion =
+            region.bends ? region.node_motions[missed[k].node] : region.motion;
+        const Eigen::Matrix3d turn = motion.R - Eigen::Matrix3d::Identity();
+        miss.displacement = turn * places[k] + motion.t - found[k].displacement;
+        if (!region.bends && !region.may_turn)
             miss.gradient = turn - found[k].gradient;
     }
 }
 
+/// \p regions_near: how many reach each cell.
 void FieldFitter::find_deep_cells(const std::vector<bool>& follows,
-                                  std::span<MovedRegion> regions,
-                                  std::size_t region) const
+                                  std::span<const int> regions_near,
+                                  MovedRegion& own) const
 {
-    MovedRegion& own = regions[region];
     own.deep_cells.clear();
+    std::vector<int> deep;
+    std::vector<bool> is_deep(follows.size(), false);
+    const std::vector<int>& near = own.fade->near_cells();
+    for (std::size_t i = 0; i < follows.size(); ++i)
+    {
+        if (!follows[i])
+            continue;
+        const bool is_near =
+            std::binary_search(near.begin(), near.end(), static_cast<int>(i));
+        if (regions_near[i] - is_near > 0)
+            continue;
+        deep.push_back(static_cast<int>(i));
+        is_deep[i] = true;
+    }
+    // Cells all around which, as far as they may count in the box, follow the region and
+    // are out of reach of others.
+    for (int ring = 0; ring < kRingsThatCount; ++ring)
+    {
+        std::vector<int> left;
+        for (const int cell : deep)
+        {
+            const std::span<const int> around = cells_.neighbours_of(cell);
+            if (std::all_of(around.begin(), around.end(),
+                            [&](int other) { return is_deep[idx(other)]; }))
+                left.push_back(cell);
+        }
+        for (const int cell : deep)
+            is_deep[idx(cell)] = false;
+        for (const int cell : left)
+            is_deep[idx(cell)] = true;
+        deep = std::move(left);
+    }
+    if (deep.empty())
+        return;
     std::vector<Eigen::Vector3d> missed;
     for (std::size_t i = 0; i < own.misses.size(); ++i)
         if (!own.misses[i].displacement.isZero(0) || !own.misses[i].gradient.isZero(0))
@@ -468,28 +510,12 @@ void FieldFitter::find_deep_cells(const std::vector<bool>& follows,
     std::optional<PointTree> tree;
     if (!missed.empty())
         tree.emplace(missed);
-    // Cells all around which, as far as they may count in the box, follow the region and
-    // are out of reach of others.
-    std::vector<bool> is_deep = follows;
-    for (std::size_t r = 0; r < regions.size(); ++r)
-        if (r != region)
-            for (const int cell : regions[r].fade->near_cells())
-                is_deep[idx(cell)] = false;
-    for (int ring = 0; ring < kRingsThatCount; ++ring)
+    for (const int i : deep)
     {
-        const std::vector<bool> before = is_deep;
-        for (const Face& face : cells_.faces)
-            if (!before[idx(face.a)] || !before[idx(face.b)])
-                is_deep[idx(face.a)] = is_deep[idx(face.b)] = false;
-    }
-    for (std::size_t i = 0; i < follows.size(); ++i)
-    {
-        if (!is_deep[i] || own.may_turn)
-            continue;
-        const Cell& cell = cells_.cells[i];
+        const Cell& cell = cells_.cells[idx(i)];
         const double reach = own.fade->reach_of_average(cell.box_centre, cell.edge);
         if (!tree || std::sqrt(tree->nearest(cell.box_centre).distance_squared) > reach)
-            own.deep_cells.push_back(static_cast<int>(i));
+            own.deep_cells.push_back(i);
     }
 }
 
@@ -502,7 +528,7 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
     for (std::size_t i = 0; i < constraints_.size(); ++i)
     {
         const Pose wanted = carried(motion, cells_.cells[i].centre);
-        follows[i] = constraints_[i].hold == Hold::Prescribed &&
+        follows[i] = constraints_[i].is_of_rigid_region() &&
                      field.poses[i].p == wanted.p && field.poses[i].R == wanted.R;
     }
     if (!field.local)

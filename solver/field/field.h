@@ -143,10 +143,10 @@ private:
     /// For each cell whether all that \p field takes into account in its material moves
     /// by \p motion, and the field therefore too, up to rounding.
     std::vector<bool> followers_of(const Motion& motion, const FieldParts& field) const;
-    void find_misses(const Field& field, const std::vector<bool>& follows,
-                     MovedRegion& region) const;
-    void find_deep_cells(const std::vector<bool>& follows, std::span<MovedRegion> regions,
-                         std::size_t region) const;
+    void find_misses(const Field& field, std::span<const std::vector<bool>> follows,
+                     std::span<MovedRegion> regions) const;
+    void find_deep_cells(const std::vector<bool>& follows,
+                         std::span<const int> regions_near, MovedRegion& own) const;
 
     FieldKind kind_;
     const Cells& cells_;

@@ -55,6 +55,19 @@ struct HeldBody
     {
         constraints[cell] = {Hold::Pinned, point, point};
     }
+    /// Makes cells one rigid body, the first the leader, that turns about a point; once
+    /// all else is held.
+    void group(const std::vector<std::size_t>& members, const Eigen::Vector3d& point)
+    {
+        std::vector<int> leaders(cells.size(), -1);
+        for (const std::size_t cell : members)
+        {
+            leaders[cell] = static_cast<int>(members.front());
+            constraints[cell] = {Hold::Grouped, point, point,
+                                 nullptr,       0.0,   leaders[cell]};
+        }
+        glue = with_groups(glue, cells, leaders);
+    }
     /// Lets the cell slide along a curve at one of its points.
     void slide(std::size_t cell, const Eigen::Vector3d& point, const Rail& rail, double s)
     {

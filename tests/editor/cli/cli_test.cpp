@@ -36,6 +36,106 @@ TEST(Cli, help_and_version_are_there)
     EXPECT_TRUE(contains(run({"--version"}).out, "cellwarp 0."));
 }
 
+TEST(Cli, arguments_that_are_nearly_right_are_told_what_was_meant)
+{
+    const Files files;
+    EXPECT_TRUE(contains(run({"deform", files.model, files.handles, "-o", files.out}).err,
+                         "did you mean --handles " + files.handles + "?"));
+    const Result typed =
+        run({"deform", files.model, "--handels", files.handles, "-o", files.out});
+    EXPECT_EQ(typed.code, 2);
+    EXPECT_TRUE(contains(typed.err, "did you mean --handles?"));
+    EXPECT_TRUE(contains(run({"deform", files.model, "--overwite", "-o", files.out}).err,
+                         "did you mean --overwrite?"));
+    EXPECT_FALSE(contains(run({"deform", files.model, "--xyzzy", "-o", files.out}).err,
+                          "did you mean"));
+}
+
+TEST(Cli, deform_says_in_one_line_what_it_has_done)
+{
+    const Files files;
+    const Result result = run({"deform", files.model, "--handles", files.handles,
+                               "--across", "12", "-o", files.out});
+    EXPECT_TRUE(contains(result.err, files.out + ": "));
+    EXPECT_TRUE(contains(result.err, " cells, "));
+    EXPECT_TRUE(contains(result.err, " s, volume "));
+    EXPECT_EQ(result.out, "");
+    for (const char* flag : {"--quiet", "--json"})
+        EXPECT_FALSE(
+            contains(run({"deform", files.model, "--handles", files.handles, "--across",
+                          "12", "-o", files.out, "--overwrite", flag})
+                         .err,
+                     " cells, "));
+}
+
+TEST(Cli, regions_that_hold_too_little_or_too_much_are_warnings)
+{
+    const Files files;
+    const auto said = [&](const std::string& statements)
+    {
+        files.folder.write("w.handles", "cellwarp-handles 1\n" + statements);
+        return run({"deform", files.model, "--handles", files.folder / "w.handles",
+                    "--across", "12", "-o", files.out, "--overwrite"})
+            .err;
+    };
+    EXPECT_TRUE(contains(said("handle top halfspace 0 0 1 1\nframe 1\nmove top "
+                              "translate 0 0 1\n"),
+                         "w.handles:2: top: nothing else is held"));
+    EXPECT_TRUE(
+        contains(said("handle top halfspace 0 0 1 2.01\nfixed foot halfspace 0 0 -1 -2\n"
+                      "frame 1\nmove top translate 0 0 1\n"),
+                 "the regions hold all cells"));
+    EXPECT_TRUE(
+        contains(said("fixed foot halfspace 0 0 -1 -0.3\nhandle top halfspace 0 0 "
+                      "1 1\nframe 1\nmove top translate 0 0 1\nframe 2\n"),
+                 "frame 2: moves nothing"));
+}
+
+TEST(Cli, check_and_info_tell_of_parts_and_join_glues_them)
+{
+    const Files files;
+    const Shape two =
+        support::joined(support::box_shape({0, 0, 0}, {1, 1, 2}, 4),
+                        support::box_shape({0.2, 0.1, 2}, {0.9, 0.8, 3}, 3));
+    const std::string model = files.folder.write("two.obj", support::obj_text(two));
+    const std::string handles = files.folder.write(
+        "two.handles", "cellwarp-handles 1\nfixed foot halfspace 0 0 -1 -0.3\nframe 1\n");
+    const auto json = [](const Result& result)
+    { return nlohmann::json::parse(result.out); };
+    const nlohmann::json told = json(run({"info", model, "--json"}));
+    EXPECT_EQ(told["parts"]["count"], 2);
+    EXPECT_EQ(told["parts"]["touching"], nlohmann::json::parse("[[0,1]]"));
+    EXPECT_TRUE(contains(run({"info", model}).out, "of these touch 0 and 1"));
+    const nlohmann::json checked =
+        json(run({"check", model, "--handles", handles, "--json"}));
+    EXPECT_EQ(checked["parts"], told["parts"]);
+    const nlohmann::json joined =
+        json(run({"check", model, "--handles", handles, "--json", "--join"}));
+    EXPECT_EQ(joined["parts"]["touching"].size(), 0u);
+    EXPECT_LT(joined["warnings"].size(), checked["warnings"].size());
+}
+
+TEST(Cli, flat_models_stay_in_their_plane)
+{
+    const Files files;
+    const std::string model =
+        files.folder.write("flat.obj", support::obj_text(support::sheet_shape(3, 1, 6)));
+    const auto ended = [&](const std::string& move, const std::string& of)
+    {
+        const std::string handles = files.folder.write(
+            "flat.handles", "cellwarp-handles 1\nfixed foot box -1 -1 -1 0.3 2 1\nhandle "
+                            "hand box 2.7 -1 -1 4 2 1\nframe 1\nmove hand " +
+                                move + "\n");
+        return run({"deform", of, "--handles", handles, "--across", "12", "--flat", "-o",
+                    files.out, "--overwrite"});
+    };
+    EXPECT_EQ(ended("rotate 0 0 1 60", model).code, 0);
+    for (const Eigen::Vector3d& x : read_geometry(files.out).geometry.samples)
+        EXPECT_EQ(x.z(), 0.0);
+    EXPECT_EQ(ended("rotate 0 1 0 60", model).code, 3);
+    EXPECT_EQ(ended("rotate 0 0 1 60", files.model).code, 3);
+}
+
 TEST(Cli, deform_writes_the_last_frame_or_one_a_frame)
 {
     const Files files;

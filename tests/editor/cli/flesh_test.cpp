@@ -245,4 +245,21 @@ TEST(SimulateFlesh, far_and_fast_keys_end_in_a_documented_state)
         }
 }
 
+TEST(SimulateFlesh, extreme_flesh_ends_in_a_documented_state)
+{
+    const support::Folder folder;
+    for (const std::string only : {"flesh-nu0.4999", "flesh-E"})
+    {
+        const support::Result result = support::run(
+            {"sweep", support::samples_folder() + "/block.json", "--stability", "-o",
+             folder / only, "--only", only, "--long-steps", "500", "--json"});
+        ASSERT_EQ(result.code, 0) << result.err << result.out;
+        for (const nlohmann::json& row : nlohmann::json::parse(result.out)["cases"])
+        {
+            EXPECT_EQ(row["outcome"], "converged");
+            EXPECT_LT(row["constraint"], 1e-6);
+        }
+    }
+}
+
 } // namespace cellwarp

@@ -165,4 +165,21 @@ TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
     }
 }
 
+TEST(SimulateCommand, extreme_rods_end_in_a_documented_state)
+{
+    const support::Folder folder;
+    for (const std::string only : {"rod-E1e9", "sliding"})
+    {
+        const support::Result result = support::run(
+            {"sweep", support::samples_folder() + "/block.json", "--stability", "-o",
+             folder / only, "--only", only, "--long-steps", "500", "--json"});
+        ASSERT_EQ(result.code, 0) << result.err << result.out;
+        for (const nlohmann::json& row : nlohmann::json::parse(result.out)["cases"])
+        {
+            EXPECT_EQ(row["outcome"], "converged");
+            EXPECT_LT(row["constraint"], 1e-6);
+        }
+    }
+}
+
 } // namespace cellwarp

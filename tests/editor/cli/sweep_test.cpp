@@ -314,6 +314,39 @@ TEST(SweepCommand, the_page_stands_alone_and_has_every_plot)
     EXPECT_FALSE(contains(page, "nan") || contains(page, "{}"));
 }
 
+TEST(SweepCommand, stability_runs_extremes_and_leaves_their_scenes)
+{
+    const support::Folder folder;
+    const std::string reports = folder / "stability";
+    const std::string scene = support::samples_folder() + "/block.json";
+    const Result result =
+        run({"sweep", scene, "--stability", "-o", reports, "--only", "scale", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    EXPECT_EQ(json, nlohmann::json::parse(bytes_of(reports + "/stability.json")));
+    EXPECT_EQ(json["faulty"], 0);
+    EXPECT_EQ(json["cases"].size(), 5u);
+    for (const nlohmann::json& row : json["cases"])
+    {
+        EXPECT_EQ(row["outcome"], "converged");
+        EXPECT_EQ(row["same_bits"], true);
+        EXPECT_LE(row["energy_rise"], 1e-12);
+        EXPECT_LE(row["handle_residual"], 1e-9);
+        EXPECT_LE(row["orthonormality"], 1e-12);
+        // Each of them is a scene that any command takes.
+        EXPECT_EQ(run({"check", row["scene"].get<std::string>()}).code, 0);
+    }
+    EXPECT_TRUE(contains(bytes_of(reports + "/stability.html"), "scale-1e-30"));
+    EXPECT_EQ(run({"sweep", scene, "--stability", "-o", reports, "--only", "scale"}).code,
+              4); // it is there
+    EXPECT_EQ(
+        run({"sweep", scene, "--stability", "-o", folder / "x", "--only", "nothing"})
+            .code,
+        2);
+    EXPECT_EQ(run({"sweep", "bar.obj", "--stability", "-o", folder / "x"}).code, 2);
+    EXPECT_EQ(run({"sweep", "-o", folder / "x"}).code, 2);
+}
+
 TEST(SweepCommand, clusters_of_other_sizes_are_interpolators)
 {
     const Files files;

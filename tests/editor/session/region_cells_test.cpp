@@ -72,9 +72,17 @@ TEST(RegionCells, glue_at_a_border_begins_where_the_region_ends)
     }
 }
 
-TEST(RegionCells, glue_at_a_pin_is_as_elsewhere)
+TEST(RegionCells, glue_at_a_pin_of_one_place_is_as_elsewhere)
 {
-    EXPECT_TRUE(Bar("pin foot box -1 -1 -1 2 2 0.200001\n").border_lengths().empty());
+    EXPECT_TRUE(Bar("pin corner sphere 1 1 4 0.01\n").border_lengths().empty());
+}
+
+TEST(RegionCells, glue_at_a_pin_of_several_places_begins_where_it_ends)
+{
+    for (const char* role : {"pin", "handle"})
+        EXPECT_EQ(
+            Bar(std::string(role) + " foot box -1 -1 -1 2 2 0.200001\n").border_lengths(),
+            Bar("fixed foot box -1 -1 -1 2 2 0.200001\n").border_lengths());
 }
 
 TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly_between)

@@ -8,6 +8,7 @@
 #include <set>
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 #include <gtest/gtest.h>
 
 #include "io/geometry_file.h"
@@ -665,6 +666,64 @@ TEST(Session, a_component_without_a_region_stays_and_is_reported)
     EXPECT_TRUE(contains(session.warnings().at(0), "1 of 2 components"));
 }
 
+TEST(Session, closed_parts_that_touch_move_apart_unless_they_are_joined)
+{
+    // A lid that lies on a bar, a corner within it: lifted, it leaves the bar where it
+    // is.
+    const Shape two = support::joined(
+        survey_bar(4), support::box_shape({-0.4, -0.4, 3.9}, {0.37, 0.41, 4.3}, 3));
+    const std::size_t first = survey_bar(4).samples.size();
+    const std::string lift = "fixed foot box -1 -1 -1 1 1 0.25\nhandle lid indices " +
+                             std::to_string(first) + "-" +
+                             std::to_string(two.samples.size() - 1) +
+                             "\nframe 1\nmove lid translate 0 0.3 0.5\n";
+    const Session apart = played(model(two), lift, settings(16));
+    for (std::size_t i = 0; i < two.samples.size(); ++i)
+        EXPECT_LT((apart.deformed().samples[i] - two.samples[i] -
+                   (i < first ? 0.0 : 1.0) * Eigen::Vector3d(0, 0.3, 0.5))
+                      .norm(),
+                  1e-10);
+    EXPECT_TRUE(contains(apart.warnings().at(0),
+                         "2 of 2 closed parts of the mesh touch another one and are not "
+                         "glued to it (--join glues them)"));
+    SessionSettings glued = settings(16);
+    glued.cells.joins_parts = true;
+    const Session joined = played(model(two), lift, glued);
+    EXPECT_TRUE(joined.warnings().empty());
+    double top = 0.0;
+    for (std::size_t i = 0; i < first; ++i)
+        if (two.samples[i].z() == 4.0)
+            top = std::max(top, (joined.deformed().samples[i] - two.samples[i]).norm());
+    EXPECT_GT(top, 0.4);
+}
+
+TEST(Session, of_parts_that_overlap_each_carries_its_own_samples)
+{
+    // A bar through a block: whichever is turned, the other's samples in it stay.
+    const Shape two =
+        support::joined(support::box_shape({0, 0, 0}, {2, 2, 2}, 4),
+                        support::box_shape({0.7, 0.8, -2.1}, {1.2, 1.3, 4.2}, 3));
+    const std::size_t first = support::box_shape({0, 0, 0}, {2, 2, 2}, 4).samples.size();
+    const Session session = played(
+        model(two),
+        "fixed block indices 0-" + std::to_string(first - 1) + "\nhandle bar indices " +
+            std::to_string(first) + "-" + std::to_string(two.samples.size() - 1) +
+            "\nframe 1\nmove bar rotate 0 0 1 40 translate 0.4 0 0\n",
+        settings(24));
+    const Eigen::Matrix3d R =
+        rotation_about(Eigen::Vector3d::UnitZ(), 40 * std::numbers::pi / 180);
+    const Eigen::Vector3d centre(0.95, 1.05, 1.05);
+    for (std::size_t i = 0; i < two.samples.size(); ++i)
+    {
+        const Eigen::Vector3d& x = two.samples[i];
+        const Eigen::Vector3d wanted =
+            i < first
+                ? x
+                : Eigen::Vector3d(R * (x - centre) + centre + Eigen::Vector3d(0.4, 0, 0));
+        EXPECT_LT((session.deformed().samples[i] - wanted).norm(), 1e-12);
+    }
+}
+
 TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
 {
     const Shape bar = survey_bar(4);
@@ -685,6 +744,159 @@ TEST(Session, a_pin_holds_its_sample_and_lets_it_turn)
         if (session.system()->region_of_cell()[c] == 1)
             turn = std::max(turn, rotation_vector(session.system()->poses()[c].R).norm());
     EXPECT_GT(turn, 0.3);
+}
+
+/// By how much at most the samples of a box are off one rigid motion of them all, and
+/// that motion.
+struct BestMotion
+{
+    Eigen::Matrix3d R;
+    Eigen::Vector3d rest_centroid, centroid;
+    double largest_miss = 0.0;
+
+    BestMotion(const std::vector<Eigen::Vector3d>& rest,
+               const std::vector<Eigen::Vector3d>& now)
+        : rest_centroid(mean(rest)), centroid(mean(now))
+    {
+        Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+        for (std::size_t i = 0; i < rest.size(); ++i)
+            sum += (now[i] - centroid) * (rest[i] - rest_centroid).transpose();
+        const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU |
+                                                             Eigen::ComputeFullV);
+        R = svd.matrixU() * svd.matrixV().transpose();
+        for (std::size_t i = 0; i < rest.size(); ++i)
+            largest_miss = std::max(
+                largest_miss, (now[i] - centroid - R * (rest[i] - rest_centroid)).norm());
+    }
+    static Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points)
+    {
+        Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+        for (const Eigen::Vector3d& point : points)
+            sum += point;
+        return sum / static_cast<double>(points.size());
+    }
+};
+
+TEST(Session, a_pin_of_several_places_turns_as_one_rigid_body_about_their_centroid)
+{
+    // Its 3 x 3 x 3 cells and more, and the samples in them, also where it ends in a
+    // cell; a bar along z and an L turned in space.
+    for (const bool is_turned : {false, true})
+    {
+        Shape shape =
+            is_turned ? support::box_shape({0, 0, 0}, {1, 1, 4}, 6) : survey_bar(8);
+        const Eigen::Matrix3d Q =
+            rotation_about(Eigen::Vector3d(1, 2, 3).normalized(), is_turned ? 0.8 : 0.0);
+        std::string indices;
+        std::vector<Eigen::Vector3d> rest, now;
+        std::vector<std::size_t> held;
+        const double top = is_turned ? 3.05 : 3.3;
+        std::string foot;
+        for (std::size_t i = 0; i < shape.samples.size(); ++i)
+        {
+            if (shape.samples[i].z() > top)
+            {
+                indices += " " + std::to_string(i);
+                held.push_back(i);
+            }
+            if (shape.samples[i].z() < 0.3)
+                foot += " " + std::to_string(i);
+            shape.samples[i] = Q * shape.samples[i];
+        }
+        const Eigen::Vector3d to = Q * Eigen::Vector3d(1.2, 0.3, -0.6);
+        const Session session =
+            played(model(shape),
+                   "fixed foot indices" + foot + "\npin hand indices" + indices +
+                       "\nframe 1\nmove hand translate " + shortest(to.x()) + " " +
+                       shortest(to.y()) + " " + shortest(to.z()) + "\n",
+                   settings(16));
+        EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+        for (const std::size_t i : held)
+        {
+            rest.push_back(shape.samples[i]);
+            now.push_back(session.deformed().samples[i]);
+        }
+        const BestMotion motion(rest, now);
+        EXPECT_LT(motion.largest_miss, 1e-12);
+        EXPECT_LT((motion.centroid - motion.rest_centroid - to).norm(), 1e-12);
+        EXPECT_GT(rotation_vector(motion.R).norm(), 0.3);
+        ASSERT_EQ(session.frames()[0].pins.size(), 1u);
+        const PinReport& pin = session.frames()[0].pins[0];
+        EXPECT_EQ(pin.name, "hand");
+        EXPECT_LT((pin.motion.topLeftCorner<3, 3>() - motion.R).norm(), 1e-9);
+        EXPECT_LT((pin.motion.topLeftCorner<3, 3>() * motion.rest_centroid +
+                   pin.motion.topRightCorner<3, 1>() - motion.centroid)
+                      .norm(),
+                  1e-12);
+        EXPECT_NEAR(pin.degrees,
+                    rotation_vector(motion.R).norm() * 180 / std::numbers::pi, 1e-6);
+    }
+}
+
+TEST(Session, the_turn_that_a_pin_finds_is_the_one_of_least_energy)
+{
+    // A handle in its place, turned a little further about any axis, needs more energy.
+    const std::string foot = "fixed foot box -1 -1 -1 1 1 0.3\n",
+                      top = " hand box -1 -1 3.3 1 1 5\n";
+    const Session pinned = played(
+        model(survey_bar(8)),
+        foot + "pin" + top + "frame 1\nmove hand translate 1.2 0.3 -0.6\n", tight(16));
+    const PinReport& pin = pinned.frames()[0].pins.at(0);
+    const Eigen::Matrix3d R = pin.motion.topLeftCorner<3, 3>();
+    const Eigen::Vector3d t = pin.motion.topRightCorner<3, 1>();
+    std::vector<Eigen::Vector3d> held;
+    for (const Eigen::Vector3d& x : survey_bar(8).samples)
+        if (x.z() >= 3.3)
+            held.push_back(x);
+    const Eigen::Vector3d centroid = BestMotion::mean(held);
+    const auto energy_of = [&](const Eigen::Matrix3d& turned)
+    {
+        const Eigen::Vector3d image = R * centroid + t;
+        return played(model(survey_bar(8)),
+                      foot + "handle" + top + "frame 1\nmove hand " +
+                          matrix_text(turned, image - turned * centroid) + "\n",
+                      tight(16))
+            .frames()[0]
+            .solve.energy_after;
+    };
+    const double found = pinned.frames()[0].solve.energy_after;
+    EXPECT_NEAR(energy_of(R) / found, 1.0, 1e-9);
+    for (const Eigen::Vector3d& axis :
+         {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(1, -2, 3)})
+        for (const double angle : {-0.02, 0.02})
+            EXPECT_GT(energy_of(rotation_about(axis.normalized(), angle) * R),
+                      found * (1 + 1e-6));
+}
+
+TEST(Session, a_pin_of_several_places_goes_on_turning_from_frame_to_frame)
+{
+    // The second frame back at rest ends at rest; alone it would start there.
+    const Session session =
+        played(model(survey_bar(6)),
+               "fixed foot box -1 -1 -1 1 1 0.3\npin hand box -1 -1 3.3 1 1 5\n"
+               "frame 1\nmove hand translate 1 0 -0.5\nframe 2\n"
+               "move hand translate 0 0 0\n",
+               tight(16));
+    EXPECT_GT(session.frames()[0].pins.at(0).degrees, 20.0);
+    EXPECT_LT(session.frames()[1].pins.at(0).degrees, 1e-6);
+    for (std::size_t i = 0; i < session.deformed().samples.size(); ++i)
+        EXPECT_LT((session.deformed().samples[i] - survey_bar(6).samples[i]).norm(),
+                  1e-8);
+}
+
+TEST(Session, a_pin_of_several_places_that_others_hold_samples_of_is_refused)
+{
+    EXPECT_TRUE(contains(error_of(Fault::Malformed,
+                                  []
+                                  {
+                                      played(model(survey_bar(4)),
+                                             "pin p box -1 -1 3.5 1 1 5\n"
+                                             "fixed f box -1 -1 -1 1 1 3.75\n"
+                                             "frame 1\nmove p translate 0 0 0.1\n",
+                                             settings(8));
+                                  }),
+                         "h.handles:2: p: turns as it likes, but f (line 3) holds its "
+                         "sample"));
 }
 
 TEST(Session, a_pin_of_several_places_cannot_be_put_at_one)

@@ -364,6 +364,22 @@ TEST(Constraints, count_the_rotations_that_pins_leave_free)
     EXPECT_GE(none, 6);
 }
 
+TEST(Constraints, a_group_joins_the_components_that_it_has_cells_in)
+{
+    const Built two =
+        support::built(support::joined(support::box_shape({0, 0, 0}, {1, 1, 1}),
+                                       support::box_shape({2, 0, 0}, {3, 1, 1})),
+                       6);
+    std::vector<Constraint> constraints(two.cells.size());
+    constraints.front() = constraints.back() = {
+        Hold::Grouped, {1.5, 0.5, 0.5}, {1.5, 0.5, 0.5}, nullptr, 0.0, 0};
+    const std::vector<Component> components = find_components(two.cells, constraints);
+    ASSERT_EQ(components.size(), 1u);
+    EXPECT_TRUE(components[0].is_held);
+    EXPECT_EQ(components[0].cells.size(), two.cells.size());
+    EXPECT_EQ(components[0].free_rotations, 3);
+}
+
 TEST(Constraints, a_component_that_nothing_holds_is_idle)
 {
     const Built two =

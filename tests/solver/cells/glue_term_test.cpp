@@ -2,6 +2,7 @@
 #include "solver/cells/glue_term.h"
 
 #include <algorithm>
+#include <numeric>
 #include <tuple>
 
 #include <Eigen/Cholesky>
@@ -224,6 +225,128 @@ TEST(GlueTerm, has_the_derivatives_of_its_value_in_pinned_cells)
         energy.state.set_held_points(body.constraints);
         energy.state.set_poses(random_poses(body, rng));
         support::check_energy(energy.total, rng);
+    }
+}
+
+TEST(GlueTerm, has_the_derivatives_of_its_value_in_cells_that_are_one_body)
+{
+    // The L of three of four cells of a layer: the fourth, and the next layer, touch it
+    // more than once.
+    std::mt19937 rng(12);
+    HeldBody body(support::bar(3, 2, 2).cells);
+    body.prescribe(is_in_first_layer);
+    std::vector<std::size_t> members;
+    for (std::size_t i = 0; i < body.cells.size(); ++i)
+        if (body.cells.cells[i].centre.x() > 2.0 && members.size() < 3)
+            members.push_back(i);
+    const std::vector<Pose> rest = body.rest();
+    const Glue before = body.glue;
+    body.group(members, {2.25, 1.125, 0.75});
+    CellEnergy energy = body.energy();
+    EXPECT_EQ(energy.state.num_unknown_cells(), 6u);
+    for (int trial = 0; trial < 5; ++trial)
+    {
+        SCOPED_TRACE(trial);
+        for (Constraint& constraint : body.constraints)
+            constraint.held_now = constraint.held_rest + random_vector(rng, 0.5);
+        energy.state.set_held_points(body.constraints);
+        std::vector<Pose> poses = random_poses(body, rng);
+        const Constraint& held = body.constraints[members[0]];
+        poses[members[0]] =
+            held_at_pin(poses[members[0]], held, body.cells.cells[members[0]].centre);
+        const Eigen::Matrix3d R = poses[members[0]].R;
+        for (const std::size_t i : members)
+            poses[i] = carried({R, held.held_now - R * held.held_rest},
+                               body.cells.cells[i].centre);
+        energy.state.set_poses(poses);
+        support::check_energy(energy.total, rng);
+        EXPECT_NEAR(energy.total.value(), glue_energy(before, poses),
+                    1e-12 * energy.total.value());
+    }
+}
+
+TEST(GlueTerm, has_the_derivatives_of_its_value_in_flat_cells)
+{
+    // Free, pinned, sliding and grouped ones, across each axis.
+    for (const int axis : {0, 1, 2})
+    {
+        std::mt19937 rng(13);
+        Eigen::Vector3i counts = Eigen::Vector3i::Constant(3);
+        counts[axis] = 1;
+        HeldBody body(support::bar(counts.x(), counts.y(), counts.z()).cells);
+        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        body.prescribe([&](const Cell& cell) { return cell.centre[u] < 1.0; });
+        struct InPlane final : Rail
+        {
+            int u = 0, v = 0;
+            double level = 0.5;
+            RailPlace at(double s) const override
+            {
+                RailPlace place{Eigen::Vector3d::Constant(level), Eigen::Vector3d::Zero(),
+                                Eigen::Vector3d::Zero()};
+                place.place[u] = 2.0 + std::cos(s);
+                place.place[v] = 1.0 + std::sin(s);
+                place.first[u] = place.second[v] = -std::sin(s);
+                place.first[v] = std::cos(s);
+                place.second[u] = -std::cos(s);
+                return place;
+            }
+            double begin() const override { return -9.0; }
+            double end() const override { return 9.0; }
+            bool is_closed() const override { return false; }
+        } circle;
+        circle.u = u;
+        circle.v = v;
+        std::vector<std::size_t> free;
+        for (std::size_t i = 0; i < body.cells.size(); ++i)
+            if (body.constraints[i].hold == Hold::Free)
+                free.push_back(i);
+        ASSERT_EQ(free.size(), 6u);
+        body.pin(free[0],
+                 body.cells.cells[free[0]].centre + 0.3 * Eigen::Vector3d::Unit(u));
+        body.slide(free[1], circle.at(0.7).place, circle, 0.7);
+        body.group({free[2], free[3]}, body.cells.cells[free[3]].centre);
+        for (Constraint& constraint : body.constraints)
+            constraint.flat_axis = axis;
+        CellEnergy energy = body.energy();
+        const std::span<const int> sizes = energy.total.block_sizes();
+        EXPECT_EQ(std::vector<int>(sizes.begin(), sizes.end()).size(), 5u);
+        EXPECT_EQ(std::accumulate(sizes.begin(), sizes.end(), 0), 1 + 2 + 1 + 3 + 3);
+        energy.state.set_held_points(body.constraints);
+        for (int trial = 0; trial < 3; ++trial)
+        {
+            SCOPED_TRACE(trial);
+            std::vector<Pose> poses = body.rest();
+            for (std::size_t i = 0; i < poses.size(); ++i)
+            {
+                const double angle = support::random_number(rng, -1.0, 1.0);
+                poses[i].R(u, u) = poses[i].R(v, v) = std::cos(angle);
+                poses[i].R(v, u) = std::sin(angle);
+                poses[i].R(u, v) = -std::sin(angle);
+                Eigen::Vector3d shift = random_vector(rng, 0.4);
+                shift[axis] = 0.0;
+                poses[i].p += shift;
+                const Hold hold = body.constraints[i].hold;
+                if (hold == Hold::Pinned || hold == Hold::Sliding ||
+                    hold == Hold::Grouped)
+                    poses[i] = held_at_pin(poses[i], body.constraints[i],
+                                           body.cells.cells[i].centre);
+            }
+            energy.state.set_poses(poses);
+            support::check_energy(energy.total, rng);
+            // A step of any size leaves the plane to no bit.
+            Eigen::VectorXd gradient;
+            energy.total.gradient(gradient);
+            energy.total.move(gradient.normalized(), 0.7);
+            for (std::size_t i = 0; i < poses.size(); ++i)
+            {
+                const Pose& now = energy.state.poses()[i];
+                EXPECT_EQ(now.p[axis], poses[i].p[axis]);
+                EXPECT_EQ((now.R * Eigen::Vector3d::Unit(axis)).eval(),
+                          Eigen::Vector3d::Unit(axis));
+            }
+            energy.total.move(gradient.normalized(), 0.0);
+        }
     }
 }
 

@@ -9,17 +9,19 @@
 
 #include <Eigen/Core>
 
-#include "editor/session/work_frame.h"
-
 namespace cellwarp
 {
+
+/// Samples of a model that are no farther apart are at one place [diagonal].
+inline constexpr double kCoincident = 1e-9;
 
 /// Immutable. Keeps a reference to the samples.
 class CoincidentSamples
 {
 public:
-    /// Samples coincide that lie within 1e-9 of the diagonal of \p box.
-    CoincidentSamples(const std::vector<Eigen::Vector3d>& samples, const ModelBox& box);
+    /// Samples coincide that are no farther apart than \p tolerance: usually
+    /// kCoincident of a model's diagonal.
+    CoincidentSamples(const std::vector<Eigen::Vector3d>& samples, double tolerance);
 
     /// The listed samples and all that coincide with them, ascending.
     std::vector<std::uint32_t> of(std::span<const std::uint32_t> listed) const;

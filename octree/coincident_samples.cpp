@@ -3,7 +3,7 @@
 // than the tolerance: only a place within it of a cell's border must look into the next
 // cell. Different cells of one hash do no harm, since distances are looked at in any
 // case.
-#include "editor/session/coincident_samples.h"
+#include "octree/coincident_samples.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,18 +17,14 @@ namespace cellwarp
 namespace
 {
 
-/// Samples closer than this coincide [diagonal].
-constexpr double kCoincident = 1e-9;
-
 /// Edge of a cell [tolerance].
 constexpr double kCell = 1024.0;
 
 } // namespace
 
 CoincidentSamples::CoincidentSamples(const std::vector<Eigen::Vector3d>& samples,
-                                     const ModelBox& box)
-    : samples_(samples), tolerance_(kCoincident * box.size().norm()),
-      hashes_(samples.size())
+                                     double tolerance)
+    : samples_(samples), tolerance_(tolerance), hashes_(samples.size())
 {
     parallel_ranges(samples.size(), 4096,
                     [&](std::size_t begin, std::size_t end)

@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/stability.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numbers>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "editor/cli/in_time.h"
+#include "editor/cli/page.h"
+#include "editor/cli/plot.h"
+#include "editor/session/session.h"
+#include "io/error.h"
+#include "io/geometry_file.h"
+#include "octree/base/clock.h"
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+// Gates: what is worse is a fault.
+constexpr double kMostRise = 1e-12, kMostResidual = 1e-9, kMostOff = 1e-12;
+/// Of the energy of what moves alone; each step is solved to a tolerance.
+constexpr double kMostGrowth = 1e-3;
+/// Of a frame's solve [s].
+constexpr double kTime = 120.0;
+/// What is lost beyond what the coordinates of the model themselves have lost.
+constexpr double kMostDigitsLost = 7.0;
+
+/// What a run leaves to be compared.
+struct Result
+{
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<double> numbers; ///< of scenes in time
+
+    bool operator==(const Result& other) const
+    {
+        return samples == other.samples && numbers == other.numbers;
+    }
+    bool is_finite() const
+    {
+        return std::all_of(samples.begin(), samples.end(),
+                           [](const Eigen::Vector3d& x) { return x.allFinite(); }) &&
+               std::all_of(numbers.begin(), numbers.end(),
+                           [](double x) { return std::isfinite(x); });
+    }
+};
+
+/// Share of the triangles with an area that look against where their cell has turned
+/// them.
+double inverted_share(const Session& session)
+{
+    const CellSystem& system = *session.system();
+    const std::vector<Eigen::Vector3d>& rest = system.rest().samples;
+    std::vector<Eigen::Vector3d> now;
+    for (const Eigen::Vector3d& x : session.deformed().samples)
+        now.push_back(system.rest().frame.to_work(x));
+    std::size_t inverted = 0, all = 0;
+    for (const Triangle& t : triangles_of(session.geometry()))
+    {
+        const auto normal = [&](const std::vector<Eigen::Vector3d>& at)
+        { return Eigen::Vector3d((at[t[1]] - at[t[0]]).cross(at[t[2]] - at[t[0]])); };
+        const Eigen::Vector3d before = normal(rest), after = normal(now);
+        const int cell = system.body().cell_of_sample[t[0]];
+        if (cell < 0 || !(before.norm() > 0.0) || !(after.norm() > 0.0))
+            continue;
+        ++all;
+        inverted += (system.poses()[idx(cell)].R * before).dot(after) < 0.0;
+    }
+    return all > 0 ? static_cast<double>(inverted) / static_cast<double>(all) : 0.0;
+}
+
+void measure_cells(const Session& session, StabilityRow& row)
+{
+    const CellSystem& system = *session.system();
+    row.cells = system.body().cells.size();
+    double jump = 0.0, off = 0.0;
+    for (const Face& face : system.body().cells.faces)
+        jump =
+            std::max(jump, Eigen::AngleAxisd(system.poses()[idx(face.a)].R.transpose() *
+                                             system.poses()[idx(face.b)].R)
+                               .angle());
+    for (const Pose& pose : system.poses())
+        off = std::max(
+            off, (pose.R.transpose() * pose.R - Eigen::Matrix3d::Identity()).norm());
+    row.jump = jump * 180.0 / std::numbers::pi;
+    row.orthonormality = off;
+    if (session.geometry().num_faces() > 0)
+        row.inverted = inverted_share(session);
+}
+
+/// Runs an edit to its end.
+Result play(const StabilityCase& of, StabilityRow& row)
+{
+    SessionFlags flags;
+    flags.model = of.path;
+    SessionRequest request = read_request(flags);
+    request.settings.time_budget = kTime;
+    Session session(geometry_of(std::make_shared<const GeometryFile>(
+                        read_geometry(request.model, request.read))),
+                    request.handles ? std::move(*request.handles) : HandleFile(),
+                    request.settings);
+    while (session.upcoming_frame())
+        session.next_frame(true);
+    row.outcome = stop_name(Stop::Converged);
+    row.iterations = 0;
+    row.rise = row.gradient = row.residual = 0.0;
+    for (const FrameReport& frame : session.frames())
+    {
+        *row.iterations += frame.solve.iterations;
+        row.rise = std::max(*row.rise, frame.largest_rise);
+        row.gradient = std::max(*row.gradient, frame.solve.gradient);
+        row.residual = std::max(*row.residual, frame.handle_residual);
+        if (frame.solve.stop != Stop::Converged)
+            row.outcome = stop_name(frame.solve.stop);
+    }
+    if (session.system())
+        measure_cells(session, row);
+    return {session.deformed().samples, {}};
+}
+
+/// Runs a scene in time to its end.
+Result follow(const StabilityCase& of, StabilityRow& row)
+{
+    const std::unique_ptr<InTime> scene = open_in_time(of.path);
+    if (!scene)
+        throw Error(Fault::Usage, of.path + ": nothing in it moves in time");
+    Result result;
+    row.outcome = stop_name(Stop::Converged);
+    row.iterations = 0;
+    row.violation = 0.0;
+    double first = 0.0, highest = -INFINITY, size = 0.0;
+    for (std::int64_t frame = 0; frame <= scene->last_frame(); ++frame)
+    {
+        if (frame > 0)
+            scene->next_frame([] {}, false);
+        const Json told = scene->tell(frame, true).json;
+        const double kinetic = told["energy"]["kinetic"].get<double>(),
+                     elastic = told["energy"]["elastic"].get<double>(),
+                     gravity = told["energy"]["gravity"].get<double>();
+        const double all = kinetic + elastic + gravity;
+        if (frame == 0)
+            first = all;
+        highest = std::max(highest, all);
+        size = std::max({size, kinetic, elastic, std::abs(all - first)});
+        // The first frame is as the scene has it: what is off there is brought to place.
+        if (frame > 0)
+            row.violation = std::max(*row.violation, told["constraint"].get<double>());
+        *row.iterations += told["iterations"].get<std::int64_t>();
+        if (const std::string stop = told["stop"].get<std::string>();
+            stop != stop_name(Stop::Converged))
+            row.outcome = stop;
+        result.numbers.insert(result.numbers.end(),
+                              {kinetic, elastic, gravity, *row.violation});
+    }
+    if (of.is_left_alone)
+        row.growth = size > 0.0 ? (highest - first) / size : 0.0;
+    return result;
+}
+
+/// What a case may not miss.
+void judge(const Result& result, StabilityRow& row)
+{
+    const auto gate =
+        [&](const std::optional<double>& value, double most, const std::string& what)
+    {
+        if (value && !(*value <= most))
+            row.faults.push_back(
+                fmt::format("{} {:.2g}, more than {:.2g}", what, *value, most));
+    };
+    if (!result.is_finite())
+        row.faults.push_back("a result that is no number");
+    if (row.has_same_bits && !*row.has_same_bits)
+        row.faults.push_back("other bits when it is run again");
+    gate(row.rise, kMostRise, "the energy rises by");
+    gate(row.residual, kMostResidual, "handles are missed by");
+    gate(row.orthonormality, kMostOff, "rotations are off by");
+    gate(row.digits_lost, kMostDigitsLost, "digits lost:");
+    gate(row.growth, kMostGrowth, "the energy grows by");
+}
+
+/// How many digits of 16 are not those of another scene's result. What the rounding of
+/// the coordinates themselves takes does not count.
+double digits_lost(const StabilityCase& of, const std::vector<Eigen::Vector3d>& samples,
+                   const std::vector<Eigen::Vector3d>& others)
+{
+    constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+    double farthest = 0.0, size = 0.0;
+    for (std::size_t i = 0; i < samples.size(); ++i)
+    {
+        farthest =
+            std::max(farthest, (samples[i] - of.scale * others[i] - of.offset).norm());
+        size = std::max(size, of.scale * (others[i] - others[0]).norm());
+    }
+    const double rounding =
+        kEpsilon * std::max(1.0, of.offset.cwiseAbs().maxCoeff() / size);
+    return std::max(0.0, std::log10(std::max(farthest / size, 1e-300) / rounding));
+}
+
+Result run_once(const StabilityCase& of, StabilityRow& row)
+{
+    return of.is_in_time ? follow(of, row) : play(of, row);
+}
+
+StabilityRow run_case(const StabilityCase& of, std::map<std::string, Result>& results)
+{
+    StabilityRow row;
+    row.of = of;
+    const Clock::time_point start = Clock::now();
+    try
+    {
+        const Result result = run_once(of, row);
+        row.seconds = 1e-3 * ms_since(start);
+        StabilityRow again;
+        row.has_same_bits = run_once(of, again) == result;
+        const auto other = results.find(of.same_as);
+        if (other != results.end() &&
+            other->second.samples.size() == result.samples.size())
+            row.digits_lost = digits_lost(of, result.samples, other->second.samples);
+        judge(result, row);
+        results[of.name] = result;
+    }
+    catch (const Error& error)
+    {
+        row.seconds = 1e-3 * ms_since(start);
+        row.outcome =
+            fmt::format("exit {}: {}", static_cast<int>(error.fault()), error.what());
+    }
+    catch (const std::bad_alloc&)
+    {
+        row.outcome = fmt::format("exit {}: out of memory", int(Fault::Budget));
+    }
+    catch (const std::exception& error)
+    {
+        row.outcome = fmt::format("exit 1: {}", error.what());
+        row.faults.push_back("an error that is no answer");
+    }
+    return row;
+}
+
+// Columns of the table: a name, how a row has it, and what it means.
+struct Column
+{
+    const char* name;
+    const char* meaning;
+    std::optional<double> (*value)(const StabilityRow&);
+};
+
+constexpr Column kColumns[] = {
+    {"energy rise", "largest of one step of the solver, of the energy it began at",
+     [](const StabilityRow& row) { return row.rise; }},
+    {"gradient", "relative, at the end",
+     [](const StabilityRow& row) { return row.gradient; }},
+    {"handles", "farthest sample of a region from where its motion puts it [diagonal]",
+     [](const StabilityRow& row) { return row.residual; }},
+    {"inverted", "share of triangles that look against where their cell has turned them",
+     [](const StabilityRow& row) { return row.inverted; }},
+    {"jump", "largest angle between glued cells [degree]",
+     [](const StabilityRow& row) { return row.jump; }},
+    {"rotations", "largest |R^T R - I|",
+     [](const StabilityRow& row) { return row.orthonormality; }},
+    {"digits lost",
+     "of 16, against the same scene in plain units, beyond what the "
+     "rounding of its coordinates takes",
+     [](const StabilityRow& row) { return row.digits_lost; }},
+    {"constraints", "largest violation [m, rad]",
+     [](const StabilityRow& row) { return row.violation; }},
+    {"energy growth", "of what nothing drives, over its first, of what it moves",
+     [](const StabilityRow& row) { return row.growth; }}};
+
+template <class Value>
+Json or_null(const std::optional<Value>& value)
+{
+    return value ? Json(*value) : Json();
+}
+
+} // namespace
+
+std::vector<StabilityRow> run_stability(const std::vector<StabilityCase>& cases,
+                                        const std::function<void(std::size_t)>& watch)
+{
+    std::map<std::string, Result> results;
+    std::vector<StabilityRow> rows;
+    for (std::size_t k = 0; k < cases.size(); ++k)
+    {
+        if (watch)
+            watch(k);
+        rows.push_back(run_case(cases[k], results));
+    }
+    return rows;
+}
+
+Json stability_json(const std::vector<StabilityRow>& rows)
+{
+    Json cases = Json::array();
+    std::size_t faulty = 0;
+    for (const StabilityRow& row : rows)
+    {
+        faulty += !row.faults.empty();
+        cases.push_back({{"group", row.of.group},
+                         {"name", row.of.name},
+                         {"scene", row.of.path},
+                         {"outcome", row.outcome},
+                         {"faults", row.faults},
+                         {"cells", or_null(row.cells)},
+                         {"iterations", or_null(row.iterations)},
+                         {"energy_rise", or_null(row.rise)},
+                         {"gradient", or_null(row.gradient)},
+                         {"handle_residual", or_null(row.residual)},
+                         {"inverted_share", or_null(row.inverted)},
+                         {"largest_jump_degrees", or_null(row.jump)},
+                         {"orthonormality", or_null(row.orthonormality)},
+                         {"digits_lost", or_null(row.digits_lost)},
+                         {"constraint", or_null(row.violation)},
+                         {"energy_growth", or_null(row.growth)},
+                         {"same_bits", or_null(row.has_same_bits)},
+                         {"seconds", row.seconds}});
+    }
+    return {{"cases", cases}, {"faulty", faulty}};
+}
+
+std::vector<std::string> stability_sentences(const std::vector<StabilityRow>& rows)
+{
+    std::map<std::string, std::size_t> outcomes;
+    std::size_t faulty = 0;
+    for (const StabilityRow& row : rows)
+    {
+        faulty += !row.faults.empty();
+        ++outcomes[row.outcome.substr(0, row.outcome.find(':'))];
+    }
+    std::vector<std::string> counted;
+    for (const auto& [outcome, count] : outcomes)
+        counted.push_back(fmt::format("{} {}", count, outcome));
+    std::vector<std::string> sentences = {fmt::format(
+        "{} cases: {}; {} of them with faults.", rows.size(), fmt::join(counted, ", "),
+        faulty == 0 ? std::string("none") : std::to_string(faulty))};
+    for (const StabilityRow& row : rows)
+        if (!row.faults.empty())
+            sentences.push_back(fmt::format("{} ({}): {}.", row.of.name, row.outcome,
+                                            fmt::join(row.faults, "; ")));
+    return sentences;
+}
+
+std::string stability_page(const std::vector<StabilityRow>& rows)
+{
+    std::string body = "<h1>Stability on stiff and extreme cases</h1>\n<ul>\n";
+    for (const std::string& sentence : stability_sentences(rows))
+        body += "<li>" + in_markup(sentence) + "</li>\n";
+    body += "</ul>\n<div class=\"wide\"><table>\n<tr><th class=\"word\">case</th>"
+            "<th class=\"word\">outcome</th><th>cells</th><th>iterations</th>";
+    for (const Column& column : kColumns)
+        body += fmt::format("<th title=\"{}\">{}</th>", in_markup(column.meaning),
+                            column.name);
+    body += "<th>same bits</th><th>s</th></tr>\n";
+    std::string group;
+    for (const StabilityRow& row : rows)
+    {
+        if (row.of.group != group)
+            body += fmt::format("<tr class=\"begins\"><td class=\"word\" "
+                                "colspan=\"15\"><b>{}</b></td></tr>\n",
+                                in_markup(row.of.group));
+        group = row.of.group;
+        const auto whole = [](const auto& value)
+        { return value ? std::to_string(*value) : std::string(); };
+        body += fmt::format("<tr><td class=\"word\">{}{}</td><td class=\"word\">{}</td>"
+                            "<td>{}</td><td>{}</td>",
+                            row.faults.empty() ? "" : "&#9888; ", in_markup(row.of.name),
+                            in_markup(row.outcome.substr(0, 60)), whole(row.cells),
+                            whole(row.iterations));
+        for (const Column& column : kColumns)
+        {
+            const std::optional<double> value = column.value(row);
+            body += "<td>" + (value ? fmt::format("{:.2g}", *value) : "") + "</td>";
+        }
+        body += fmt::format("<td>{}</td><td>{:.2f}</td></tr>\n",
+                            !row.has_same_bits   ? ""
+                            : *row.has_same_bits ? "yes"
+                                                 : "no",
+                            row.seconds);
+    }
+    body += "</table></div>\n<p class=\"soft\">";
+    for (const Column& column : kColumns)
+        body += fmt::format("<b>{}</b>: {}. ", column.name, in_markup(column.meaning));
+    return html_page("Stability", body + "</p>\n");
+}
+
+} // namespace cellwarp

@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/flat.h"
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "editor/session/session.h"
+#include "io/geometry_file.h"
+#include "io/number.h"
+#include "tests/support/shapes.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using support::contains;
+using support::error_of;
+
+/// A flat L of arms 3 and 2 long and 1 wide, from the origin.
+Shape flat_l()
+{
+    Shape shape = support::joined(support::sheet_shape(3.0, 1.0, 6),
+                                  support::sheet_shape(1.0, 2.0, 6));
+    const std::size_t first = support::sheet_shape(3.0, 1.0, 6).samples.size();
+    for (std::size_t i = first; i < shape.samples.size(); ++i)
+        shape.samples[i].y() += 1.0;
+    return shape;
+}
+
+Session played(const Shape& shape, const std::string& statements, bool is_flat,
+               double tolerance = 1e-8)
+{
+    SessionSettings settings;
+    settings.cells.across = 12;
+    settings.cells.is_flat = is_flat;
+    settings.gradient_tolerance = tolerance;
+    Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
+                    parse_handles("h.handles", "cellwarp-handles 1\n" + statements),
+                    settings);
+    while (session.next_frame(true))
+        ;
+    return session;
+}
+
+const std::string kBend = "fixed foot box -1 -1 -1 0.3 4 1\n"
+                          "handle hand box 2.7 -1 -1 4 4 1\n"
+                          "frame 1\nmove hand rotate 0 0 1 50 about 1 1 0\n";
+
+} // namespace
+
+TEST(Flat, the_normal_of_a_plane_is_found_wherever_it_lies)
+{
+    std::mt19937 rng(1);
+    for (int trial = 0; trial < 20; ++trial)
+    {
+        const Eigen::Matrix3d R = support::random_rotation(rng);
+        const Eigen::Vector3d t = support::random_vector(rng, 1e3);
+        std::vector<Eigen::Vector3d> places;
+        for (const Eigen::Vector3d& x : flat_l().samples)
+            places.push_back(R * x + t);
+        const std::optional<Eigen::Vector3d> normal = plane_normal(places);
+        ASSERT_TRUE(normal);
+        EXPECT_LT(normal->cross(R.col(2)).norm(), 1e-12);
+        const WorkFrame frame = frame_along_plane(places, *normal);
+        EXPECT_LT(
+            (frame.axes * frame.axes.transpose() - Eigen::Matrix3d::Identity()).norm(),
+            1e-14);
+        EXPECT_GT(frame.axes.determinant(), 0.0);
+        for (const Eigen::Vector3d& x : places)
+        {
+            const Eigen::Vector3d in = frame.to_work(x);
+            EXPECT_NEAR(in.z(), 0.0, 1e-11);
+            EXPECT_TRUE((in.array() > -1e-11).all() &&
+                        (in.array() < frame.size.array() + 1e-11).all());
+        }
+        places[7] += 1e-6 * R.col(2);
+        EXPECT_FALSE(plane_normal(places));
+    }
+    EXPECT_EQ(*plane_normal(flat_l().samples), Eigen::Vector3d::UnitZ());
+}
+
+TEST(Flat, points_on_a_line_and_one_point_lie_in_a_plane)
+{
+    const Eigen::Vector3d along(1, 2, -3);
+    const std::optional<Eigen::Vector3d> normal =
+        plane_normal({{0, 0, 0}, along, 2.5 * along});
+    ASSERT_TRUE(normal);
+    EXPECT_NEAR(normal->dot(along), 0.0, 1e-12);
+    EXPECT_TRUE(plane_normal({{3, 4, 5}, {3, 4, 5}}));
+}
+
+TEST(Flat, a_model_bends_in_its_plane_as_it_would_in_space)
+{
+    // In space the same state has no force across the plane, and as long as the move is
+    // small the sheet does not buckle. What differs is on which side of a layer of voxels
+    // the sheet lies.
+    const Shape shape = flat_l();
+    const std::string bend = "fixed foot box -1 -1 -1 0.3 4 1\n"
+                             "handle hand box 2.7 -1 -1 4 4 1\n"
+                             "frame 1\nmove hand rotate 0 0 1 2 about 1 1 0\n";
+    const Session flat = played(shape, bend, true), space = played(shape, bend, false);
+    EXPECT_EQ(flat.frames()[0].solve.stop, Stop::Converged);
+    EXPECT_TRUE(flat.warnings().empty());
+    double largest = 0.0;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+    {
+        EXPECT_EQ(flat.deformed().samples[i].z(), 0.0);
+        largest = std::max(
+            largest, (flat.deformed().samples[i] - space.deformed().samples[i]).norm());
+    }
+    EXPECT_LT(largest, 1e-4);
+    EXPECT_TRUE(contains(space.warnings().back(), "--flat"));
+}
+
+TEST(Flat, cells_are_one_layer_at_every_depth_and_have_three_unknowns)
+{
+    SessionSettings settings;
+    settings.cells.across = 12;
+    settings.cells.is_flat = true;
+    for (const int depth : {0, 1, 2})
+    {
+        settings.cells.max_depth = settings.cells.min_depth = depth;
+        const Session session(
+            scan_geometry("model.obj", support::obj_text(flat_l())).geometry,
+            parse_handles("h.handles", "cellwarp-handles 1\n" + kBend), settings);
+        EXPECT_EQ(session.system()->body().cells.size(), (48u + 32u) << (2 * depth));
+    }
+}
+
+TEST(Flat, what_is_pressed_together_stays_in_its_plane)
+{
+    // In space a strip that is pressed leaves its plane: it is much softer there.
+    const Shape strip = support::sheet_shape(6.0, 1.0, 6);
+    const std::string press = "fixed foot box -1 -1 -1 0.5 4 1\n"
+                              "handle hand box 5.5 -1 -1 7 4 1\nframe 1\n"
+                              "move hand translate -2 0.05 0\nframe 2\n"
+                              "move hand translate -3 0.05 0\n";
+    const Session session = played(strip, press, true);
+    for (const Eigen::Vector3d& x : session.deformed().samples)
+        EXPECT_EQ(x.z(), 0.0);
+    for (const FrameReport& frame : session.frames())
+        EXPECT_EQ(frame.solve.stop, Stop::Converged);
+}
+
+TEST(Flat, a_turned_model_is_bent_alike_and_keeps_its_plane)
+{
+    const Eigen::Matrix3d Q =
+        Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+    const Eigen::Vector3d t(3, -4, 5);
+    Shape shape = flat_l();
+    std::string foot = "fixed foot indices", hand = "handle hand indices";
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+    {
+        if (shape.samples[i].x() <= 0.3)
+            foot += " " + std::to_string(i);
+        if (shape.samples[i].x() >= 2.7)
+            hand += " " + std::to_string(i);
+    }
+    const std::string regions = foot + "\n" + hand + "\nframe 1\nmove hand ";
+    const Session plain = played(shape, regions + "rotate 0 0 1 50 about 1 1 0\n", true);
+    Shape turned = shape;
+    for (Eigen::Vector3d& x : turned.samples)
+        x = Q * x + t;
+    // Numbers of a handle file have all their digits here, as a matrix.
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(50 * std::numbers::pi / 180, Q.col(2)).toRotationMatrix();
+    const Eigen::Vector3d centre = Q * Eigen::Vector3d(1, 1, 0) + t,
+                          shift = centre - R * centre;
+    std::string matrix = "matrix";
+    for (int i = 0; i < 3; ++i)
+    {
+        for (int j = 0; j < 3; ++j)
+            matrix += " " + shortest(R(i, j));
+        matrix += " " + shortest(shift[i]);
+    }
+    const Session session = played(turned, regions + matrix + " 0 0 0 1\n", true);
+    const double scale = bounding_box(shape.samples).size().norm();
+    double largest = 0.0;
+    for (std::size_t i = 0; i < shape.samples.size(); ++i)
+    {
+        const Eigen::Vector3d& x = session.deformed().samples[i];
+        EXPECT_LT(std::abs(Q.col(2).dot(x - t)), 1e-9 * scale);
+        largest = std::max(largest, (x - Q * plain.deformed().samples[i] - t).norm());
+    }
+    EXPECT_LT(largest, 0.02 * scale); // other cells, turned in the plane
+}
+
+TEST(Flat, pins_turn_in_the_plane)
+{
+    const Session session =
+        played(flat_l(),
+               "fixed foot box -1 -1 -1 0.3 4 1\npin hand box 2.7 -1 -1 4 4 1\n"
+               "frame 1\nmove hand translate -0.8 1 0\n",
+               true);
+    const PinReport& pin = session.frames()[0].pins.at(0);
+    EXPECT_GT(pin.degrees, 20.0);
+    EXPECT_EQ(pin.motion(2, 2), 1.0);
+    for (const Eigen::Vector3d& x : session.deformed().samples)
+        EXPECT_EQ(x.z(), 0.0);
+}
+
+TEST(Flat, what_is_not_flat_is_refused)
+{
+    const auto refused = [](const Shape& shape, const std::string& statements)
+    { return error_of(Fault::Malformed, [&] { played(shape, statements, true); }); };
+    EXPECT_TRUE(contains(refused(support::box_shape({0, 0, 0}, {3, 1, 1}), kBend),
+                         "cells.flat: the samples lie in no plane"));
+    for (const std::string& move :
+         {std::string("translate 0 0 0.1"), std::string("rotate 0 1 0 20"),
+          std::string("rotate 1 0 0 180"),
+          std::string("rotate 0 0 1 20 translate 0 0.1 1e-4")})
+        EXPECT_TRUE(contains(
+            refused(flat_l(), "fixed foot box -1 -1 -1 0.3 4 1\n"
+                              "handle hand box 2.7 -1 -1 4 4 1\nframe 1\nmove hand " +
+                                  move + "\n"),
+            "h.handles:5: hand: frame 1: leaves the plane of the model"))
+            << move;
+    EXPECT_TRUE(contains(refused(flat_l(), "fixed foot box -1 -1 -1 0.3 4 1\n"
+                                           "rod spine through 0 0.5 0 3 0.5 0\nframe 1\n"
+                                           "move spine end translate 0 0.1 0\n"),
+                         "h.handles:3: spine: a flat model"));
+}
+
+} // namespace cellwarp
