@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Triangles are sorted along a curve that fills space, eight of them make a leaf, and a
-// binary tree over the leaves holds their boxes. Each leaf looks for those behind it that
-// it meets: every pair is seen once. Boxes are of floats, rounded outward.
+// Triangles are sorted along a curve that fills space, four of them make a leaf, and a
+// binary tree over the leaves holds their boxes. Going down both sides of the tree at
+// once finds the pairs of leaves that meet, each once, with few boxes compared: of two
+// boxes that do not meet nothing below is looked at. Boxes are of floats, rounded
+// outward.
 #include "octree/self_intersections.h"
 
 #include <algorithm>
@@ -24,7 +26,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kLeaf = 8;          ///< triangles
+constexpr std::size_t kLeaf = 4;          ///< triangles
 constexpr std::int64_t kMostTests = 1000; ///< of boxes, a triangle
 
 /// The fourth lane is 0: four are compared at once.
@@ -41,7 +43,8 @@ struct FloatBox
     }
     bool meets(const FloatBox& other) const
     {
-        return (low <= other.high).all() && (other.low <= high).all();
+        // The sign of a difference is exact, and four are found at once.
+        return (other.high - low).min(high - other.low).minCoeff() >= 0.0f;
     }
 };
 
@@ -77,32 +80,84 @@ public:
         const std::int64_t most =
             kMostTests * static_cast<std::int64_t>(triangles_.size()) + 1;
         std::atomic<std::int64_t> tests = 0, all = 0, fresh = 0;
-        constexpr std::size_t kLeavesAtOnce = 64; // of one thread
-        parallel_ranges(levels_[0].size(), kLeavesAtOnce,
-                        [&](std::size_t begin, std::size_t end)
-                        {
-                            Tally tally;
-                            for (std::size_t leaf = begin; leaf < end; ++leaf)
-                            {
-                                if (tests > most)
-                                    return;
-                                tally = {};
-                                visit(leaf, levels_.size() - 1, 0, tally);
-                                tests += tally.tests;
-                                all += tally.all;
-                                fresh += tally.fresh;
-                            }
-                        });
+        const std::vector<NodePair> tasks = pairs_of_nodes();
+        parallel_for(tasks.size(),
+                     [&](std::size_t k)
+                     {
+                         Tally tally{tests, most};
+                         visit(tasks[k], tally);
+                         tests += tally.tests;
+                         all += tally.all;
+                         fresh += tally.fresh;
+                     });
         if (tests > most)
             return std::nullopt;
         return SelfIntersections{all, fresh};
     }
 
 private:
+    /// What one thread has counted.
     struct Tally
     {
+        std::atomic<std::int64_t>& of_all; ///< tests, of all threads
+        std::int64_t most;
         std::int64_t tests = 0, all = 0, fresh = 0;
+
+        /// Whether all threads together have tested too many.
+        bool is_over()
+        {
+            constexpr std::int64_t kAtOnce = 1 << 16;
+            if (tests > kAtOnce)
+            {
+                of_all += tests;
+                tests = 0;
+            }
+            return of_all > most;
+        }
     };
+
+    /// Two nodes of a level, the first not behind the second.
+    struct NodePair
+    {
+        std::size_t level, a, b;
+    };
+
+    bool do_meet(const NodePair& pair) const
+    {
+        return pair.a == pair.b ||
+               levels_[pair.level][pair.a].meets(levels_[pair.level][pair.b]);
+    }
+
+    /// Calls take(pair) for the pairs of the nodes below.
+    template <class Take>
+    void for_pairs_below(const NodePair& pair, Take&& take) const
+    {
+        const std::size_t level = pair.level - 1;
+        for (std::size_t a = 2 * pair.a; a < 2 * pair.a + 2; ++a)
+            for (std::size_t b = std::max(a, 2 * pair.b); b < 2 * pair.b + 2; ++b)
+                if (b < levels_[level].size())
+                    take(NodePair{level, a, b});
+    }
+
+    /// Pairs that meet, of a level where there are enough of them for all threads.
+    std::vector<NodePair> pairs_of_nodes() const
+    {
+        constexpr std::size_t kEnough = 512;
+        std::vector<NodePair> pairs = {{levels_.size() - 1, 0, 0}};
+        while (pairs.size() < kEnough && pairs.front().level > 0)
+        {
+            std::vector<NodePair> below;
+            for (const NodePair& pair : pairs)
+                for_pairs_below(pair,
+                                [&](const NodePair& next)
+                                {
+                                    if (do_meet(next))
+                                        below.push_back(next);
+                                });
+            pairs = std::move(below);
+        }
+        return pairs;
+    }
 
     Eigen::Vector3d middle(const Triangle& t) const
     {
@@ -176,16 +231,13 @@ private:
         return std::min(order_.size(), (leaf + 1) * kLeaf);
     }
 
-    void visit(std::size_t leaf, std::size_t level, std::size_t node, Tally& tally) const
+    void visit(const NodePair& pair, Tally& tally) const
     {
-        const bool is_before = ((node + 1) << level) <= leaf;
-        if (is_before || !levels_[level][node].meets(levels_[0][leaf]))
+        if (!do_meet(pair) || tally.is_over())
             return;
-        if (level == 0)
-            return test_leaves(leaf, node, tally);
-        visit(leaf, level - 1, 2 * node, tally);
-        if (2 * node + 1 < levels_[level - 1].size())
-            visit(leaf, level - 1, 2 * node + 1, tally);
+        if (pair.level == 0)
+            return test_leaves(pair.a, pair.b, tally);
+        for_pairs_below(pair, [&](const NodePair& next) { visit(next, tally); });
     }
 
     void test_leaves(std::size_t a, std::size_t b, Tally& tally) const
