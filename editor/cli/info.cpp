@@ -175,7 +175,7 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             const GeometryFile file =
                 read_geometry(scene ? scene->model : path, {flags.columns});
             print_warnings(file.geometry.warnings, common);
-            const std::optional<Parts> parts = parts_of(file.geometry);
+            const std::optional<Parts> parts = mesh_parts(file.geometry);
             all.push_back(describe(file, parts));
             if (scene)
                 all.back().update(scene->json);

@@ -20,10 +20,12 @@ void put(std::string& text, std::string_view part)
     text += part;
 }
 
-class Parts
+class HeaderParts
 {
 public:
-    Parts(std::string_view text, const std::string& path) : text_(text), path_(path) {}
+    HeaderParts(std::string_view text, const std::string& path) : text_(text), path_(path)
+    {
+    }
 
     std::string_view next()
     {
@@ -77,7 +79,7 @@ std::string header_text(const JournalHeader& header)
 
 JournalHeader parse_header(std::string_view text, const std::string& path)
 {
-    Parts parts(text, path);
+    HeaderParts parts(text, path);
     JournalHeader header;
     header.document = parts.next();
     header.scene = parts.next();

@@ -240,7 +240,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         flat_axis, std::move(warnings)});
 }
 
-std::optional<Parts> parts_of(const Geometry& geometry)
+std::optional<Parts> mesh_parts(const Geometry& geometry)
 {
     if (geometry.num_faces() == 0)
         return std::nullopt;

@@ -88,7 +88,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                  const CellSettings& settings);
 
 /// The parts of a mesh, as build_rest_shape() finds them by default; without faces none.
-std::optional<Parts> parts_of(const Geometry& geometry);
+std::optional<Parts> mesh_parts(const Geometry& geometry);
 
 /// The coarsest cells, split down to min_depth as far as max_cells allows. Throws
 /// Fault::Budget when the coarsest grid alone has more.
