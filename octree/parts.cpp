@@ -42,6 +42,10 @@ constexpr int kMostNumbers = 255;
 /// voxels side by side [voxel].
 constexpr double kNear = 2.0;
 
+/// Up to so many samples in no triangle are strays: each holds what is near it together.
+/// More are a cloud, which holds all that is near its box.
+constexpr std::size_t kMostStrays = 1000;
+
 /// More components that are not closed than this count as one, as in a soup.
 constexpr std::ptrdiff_t kMostOpen = 1000;
 
@@ -76,7 +80,8 @@ struct Bounds
 struct Component
 {
     bool is_closed = true;
-    double volume = 0.0; ///< negative: it is seen from inside, or bounds a void
+    bool is_strays = false; ///< a few samples in no triangle, anywhere
+    double volume = 0.0;    ///< negative: it is seen from inside, or bounds a void
     Bounds bounds;
 };
 
@@ -95,14 +100,14 @@ void join_open_components(Components& components)
     for (std::size_t c = 0; c < number.size(); ++c)
     {
         const Component& component = components.all[c];
-        if (!component.is_closed && open >= 0)
+        if (!component.is_closed && !component.is_strays && open >= 0)
         {
             number[c] = open;
             left[idx(open)].bounds.add(component.bounds);
             continue;
         }
         number[c] = static_cast<int>(left.size());
-        if (!component.is_closed)
+        if (!component.is_closed && !component.is_strays)
             open = number[c];
         left.push_back(component);
     }
@@ -136,6 +141,7 @@ Components components_of(const Shape& shape, const BoundingSurface& surface)
     found.all.resize(idx(count));
     found.of_sample.resize(shape.samples.size());
     std::optional<Component> loose;
+    std::size_t num_loose = 0;
     for (std::size_t i = 0; i < shape.samples.size(); ++i)
     {
         int& own = found.of_sample[i];
@@ -144,10 +150,14 @@ Components components_of(const Shape& shape, const BoundingSurface& surface)
                   : count;
         if (own == count && !loose)
             loose.emplace().is_closed = false;
+        num_loose += own == count;
         (own == count ? *loose : found.all[idx(own)]).bounds.add(shape.samples[i]);
     }
     if (loose)
+    {
+        loose->is_strays = num_loose <= kMostStrays;
         found.all.push_back(*loose);
+    }
     const auto each_pass = [&](const auto& pass)
     {
         for (const Triangle& t : surface.triangles)
@@ -240,11 +250,12 @@ class Joining
 public:
     Joining(const Shape& shape, const BoundingSurface& surface,
             const Components& components, std::vector<std::pair<int, int>> near,
-            const VoxelGrid& grid)
+            double distance, const VoxelGrid& grid)
         : shape_(shape), surface_(surface), components_(components),
           near_(std::move(near)), sets_(components.all.size())
     {
         join_open();
+        join_strays(distance);
         join_coincident();
         join_voids();
         join_enclosed(grid);
@@ -259,8 +270,29 @@ private:
     void join_open()
     {
         for (const auto& [a, b] : near_)
-            if (!of(a).is_closed || !of(b).is_closed)
+            if (!(of(a).is_closed && of(b).is_closed) && !of(a).is_strays &&
+                !of(b).is_strays)
                 sets_.join(a, b);
+    }
+
+    /// What is near one stray sample is one part.
+    void join_strays(double distance)
+    {
+        for (std::size_t i = 0; i < shape_.samples.size(); ++i)
+        {
+            if (!of(components_.of_sample[i]).is_strays)
+                continue;
+            int first = -1;
+            for (std::size_t c = 0; c < components_.all.size(); ++c)
+                if (const Component& other = components_.all[c];
+                    !other.is_strays && other.bounds.holds(shape_.samples[i], distance))
+                {
+                    const int near = static_cast<int>(c);
+                    if (first >= 0)
+                        sets_.join(first, near);
+                    first = near;
+                }
+        }
     }
 
     void join_coincident()
@@ -609,7 +641,8 @@ Material material_of_parts(const Shape& shape, const BoundingSurface& surface,
         boxes.push_back(component.bounds);
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
-    Joining joining(shape, surface, components, near_pairs(boxes, distance), grid);
+    Joining joining(shape, surface, components, near_pairs(boxes, distance), distance,
+                    grid);
     Numbered found = numbered(components, joining, distance);
     while (found.number.empty())
         found = numbered(components, joining, distance);

@@ -51,7 +51,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     if (!triangles.empty())
         intersections = self_intersections(triangles, rest, rest);
     std::optional<Parts> parts;
-    if (system && !triangles.empty())
+    if (system && !triangles.empty() && system->rest().parts.count() > 0)
         parts = system->rest().parts;
     std::string text;
     if (common.is_json)

@@ -289,7 +289,20 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                                         ? shipped_scenes()
                                         : std::vector{flags.session.model})
         cases.push_back(case_of(scene));
-    const std::vector<ExtremeScene> extremes = extreme_scenes(flags.long_steps);
+    const auto is_left_out = [&](const std::string& group, const std::string& name)
+    {
+        return group.find(flags.only) == std::string::npos &&
+               name.find(flags.only) == std::string::npos;
+    };
+    if (flags.session.model.empty()) // else it was asked for by name
+        std::erase_if(cases, [&](const StabilityCase& of)
+                      { return is_left_out(of.group, of.name); });
+    std::vector<ExtremeScene> extremes = extreme_scenes(flags.long_steps);
+    // What others are compared with is needed with them.
+    std::erase_if(extremes, [&](const ExtremeScene& of)
+                  { return of.group != "base" && is_left_out(of.group, of.name); });
+    if (cases.empty() && extremes.size() == 1)
+        throw Error(Fault::Usage, "--only: no case has " + in_quotes(flags.only));
     folder.make();
     const ReportFolder scenes(folder.place_of("scenes"), {}, Overwrite::Yes);
     scenes.make();
@@ -303,14 +316,6 @@ int run_stability(const SweepFlags& flags, const CommonFlags& common)
                          extreme.same_as, extreme.scale, extreme.offset,
                          extreme.is_left_alone});
     }
-    std::erase_if(cases,
-                  [&](const StabilityCase& of)
-                  {
-                      return of.group.find(flags.only) == std::string::npos &&
-                             of.name.find(flags.only) == std::string::npos;
-                  });
-    if (cases.empty())
-        throw Error(Fault::Usage, "--only: no case has " + in_quotes(flags.only));
     Progress progress(common);
     const std::vector<StabilityRow> rows = run_stability(
         cases,
@@ -339,6 +344,8 @@ int run(SweepFlags flags, const CommonFlags& common)
 {
     if (flags.is_stability)
         return run_stability(flags, common);
+    if (!flags.only.empty())
+        throw Error(Fault::Usage, "--only goes with --stability");
     if (flags.session.model.empty())
         throw Error(Fault::Usage, "MODEL is required");
     // A scene's max_depth is for editing; that of the reference is this command's.

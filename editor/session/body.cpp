@@ -103,10 +103,11 @@ WorkFrame frame_of(const std::vector<Eigen::Vector3d>& samples,
 {
     if (settings.is_flat && !normal)
         throw malformed({settings.frame_file, 0, "cells.flat"},
-                        "the samples lie in no plane (to 1e-9 of the diagonal)");
+                        "the samples lie in no plane (to 1e-9 of the diagonal, or what "
+                        "floats can tell)");
     if (settings.frame)
         return given_frame(*settings.frame, settings.frame_file);
-    if (settings.is_flat && normal->cwiseAbs().maxCoeff() < 1.0)
+    if (settings.is_flat && (normal->array() == 0.0).count() < 2)
         return frame_along_plane(samples, *normal);
     return automatic_frame(bounding_box(samples));
 }
@@ -228,8 +229,8 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             joined, settings.gap));
     if (!parts.touching.empty())
         warnings.push_back(fmt::format(
-            "{} of {} closed parts of the mesh touch another one and are not glued to "
-            "it (--join glues them)",
+            "{} of {} parts of the mesh touch another one and are not glued to it "
+            "(--join glues them)",
             parts.num_touching(), parts.count()));
     Sheets sheets =
         find_sheets(shape, surface, material, settings.thickness * frame.diagonal());

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Geometry>
 
@@ -30,8 +31,12 @@ std::size_t farthest(std::size_t count, const Distance& distance)
 /// A unit vector across \p along, in the plane of it and the axis farthest from it.
 Eigen::Vector3d across(const Eigen::Vector3d& along)
 {
-    int axis = 0;
-    along.cwiseAbs().minCoeff(&axis);
+    // Of axes as far from it the last: of a line along x its plane is that of x and y.
+    constexpr double kAlike = 1e-12;
+    int axis = 2;
+    for (const int other : {1, 0})
+        if (std::abs(along[other]) < std::abs(along[axis]) - kAlike)
+            axis = other;
     const Eigen::Vector3d unit = Eigen::Vector3d::Unit(axis);
     return (unit - unit.dot(along) * along).normalized();
 }
@@ -52,15 +57,32 @@ std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& 
     { return off(i) - along.dot(off(i)) * along; };
     const Eigen::Vector3d side =
         beside(farthest(samples.size(), [&](std::size_t i) { return beside(i).norm(); }));
-    Eigen::Vector3d normal =
-        side.norm() > kInPlane ? along.cross(side).normalized() : across(along);
+    // Half a unit of each coordinate's last place, if files hold them so.
+    const bool are_floats = std::all_of(samples.begin(), samples.end(),
+                                        [](const Eigen::Vector3d& x)
+                                        { return x == x.cast<float>().cast<double>(); });
+    double largest = 0.0;
+    for (const Eigen::Vector3d& x : samples)
+        largest = std::max(largest, x.cwiseAbs().maxCoeff());
+    const double tolerance =
+        std::max(kInPlane, 2.0 *
+                               (are_floats ? std::numeric_limits<float>::epsilon()
+                                           : std::numeric_limits<double>::epsilon()) *
+                               largest / diagonal);
+    const auto has_all = [&](const Eigen::Vector3d& normal)
+    {
+        for (std::size_t i = 0; i < samples.size(); ++i)
+            if (!(std::abs(normal.dot(off(i))) <= tolerance))
+                return false;
+        return true;
+    };
+    const Eigen::Vector3d normal =
+        side.norm() > tolerance ? along.cross(side).normalized() : across(along);
     int axis = 0;
-    if (normal.cwiseAbs().maxCoeff(&axis) >= 1.0 - 0.5 * kInPlane * kInPlane)
-        normal = Eigen::Vector3d::Unit(axis);
-    for (std::size_t i = 0; i < samples.size(); ++i)
-        if (!(std::abs(normal.dot(off(i))) <= kInPlane))
-            return std::nullopt;
-    return normal;
+    normal.cwiseAbs().maxCoeff(&axis);
+    if (const Eigen::Vector3d unit = Eigen::Vector3d::Unit(axis); has_all(unit))
+        return unit;
+    return has_all(normal) ? std::optional(normal) : std::nullopt;
 }
 
 WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
@@ -82,8 +104,10 @@ WorkFrame frame_along_plane(const std::vector<Eigen::Vector3d>& samples,
 bool keeps_plane(const Motion& motion, const Eigen::Vector3d& normal,
                  const Eigen::Vector3d& place, double diagonal)
 {
-    return (motion.R * normal - normal).norm() <= kInPlane &&
-           std::abs(normal.dot(motion(place) - place)) <= kInPlane * diagonal;
+    // The plane of samples that a file keeps as floats is known no better.
+    constexpr double kKept = 1e-6;
+    return (motion.R * normal - normal).norm() <= kKept &&
+           std::abs(normal.dot(motion(place) - place)) <= kKept * diagonal;
 }
 
 void keep_in_plane(const Eigen::Vector3d& normal,

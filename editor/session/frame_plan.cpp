@@ -294,6 +294,9 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
         plan.num_parts = skeleton->num_parts(plan.from_pose, plan.to_pose, diagonal);
         warn_of_joints(*skeleton, plan.to_pose, frame, file, diagonal, warnings);
     }
+    const Eigen::Vector3d across =
+        rest.flat_axis >= 0 ? Eigen::Vector3d(rest.frame.axes.row(rest.flat_axis))
+                            : Eigen::Vector3d::Zero();
     std::vector<Motion> motions;
     std::size_t next_led = 0;
     bool has_led = false;
@@ -358,9 +361,10 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                  box.centre(), diagonal))
                     throw malformed(
                         {file, line_of(frame, regions[r].name), regions[r].name},
-                        fmt::format("frame {}: leaves the plane of the model, "
-                                    "which cells.flat keeps",
-                                    frame.number));
+                        fmt::format(
+                            "frame {}: leaves the plane of the model, which cells.flat "
+                            "keeps (across {:.4g} {:.4g} {:.4g})",
+                            frame.number, across.x(), across.y(), across.z()));
         plan.joint_of_region.push_back(
             regions[r].bone ? static_cast<int>(regions[r].bone->joint) : -1);
         if (regions[r].guide && !aims[r].is_on_guide)

@@ -210,6 +210,9 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
                   });
     for (std::string& warning : binding_warnings(binding, handles_.path))
         warnings_.push_back(std::move(warning));
+    if (shape.flat_axis >= 0 && regions->skeleton())
+        throw malformed({handles_.path, 0, "skeleton"},
+                        "a flat model (cells.flat) has regions alone, no skeleton");
     const auto start = std::make_shared<StageStart>(
         StageStart{rest_,
                    regions,
@@ -582,7 +585,7 @@ void Session::solve_frame(FrameReport& report)
                     at({handles_.path, 0, "frame " + std::to_string(report.frame)},
                        "the equations have no solution in finite numbers, also damped (a "
                        "move may be too far)"));
-    if (total.is_saddle)
+    if (total.is_saddle && total.energy_after > 0.0)
         warnings_.push_back(
             fmt::format("frame {}: the result may not be stable: its energy "
                         "falls in some direction",

@@ -220,7 +220,15 @@ TEST(Parts, open_surfaces_soups_and_points_hold_what_is_near_together)
 
     Shape with_point = two_boxes(2.0);
     with_point.samples.push_back({2.0, 0.47, 0.52});
-    EXPECT_EQ(Apart(with_point).parts.count(), 1u);
+    EXPECT_EQ(Apart(with_point).parts.count(), 2u); // the point has its own number
+    EXPECT_EQ(Apart(with_point).num_components(), 1u);
+    // Strays at both ends of the box are near neither.
+    Shape with_strays = two_boxes(2.0);
+    with_strays.samples.push_back({-1.5, -1.5, -1.5});
+    with_strays.samples.push_back({4.5, 2.5, 2.5});
+    const Apart strays(with_strays, 24);
+    EXPECT_EQ(strays.num_components(), 4u);
+    EXPECT_EQ(strays.parts.touching, (std::vector<std::pair<int, int>>{{0, 1}}));
 
     // Far from them it changes nothing.
     for (Eigen::Vector3d& x : sheet.samples)

@@ -94,6 +94,31 @@ TEST(Flat, points_on_a_line_and_one_point_lie_in_a_plane)
     ASSERT_TRUE(normal);
     EXPECT_NEAR(normal->dot(along), 0.0, 1e-12);
     EXPECT_TRUE(plane_normal({{3, 4, 5}, {3, 4, 5}}));
+    EXPECT_EQ(*plane_normal({{0, 0, 0}, {1, 0, 0}, {3, 0, 0}}), Eigen::Vector3d::UnitZ());
+    EXPECT_EQ(*plane_normal({{0, 0, 0}, {0, 1, 0}}), Eigen::Vector3d::UnitZ());
+}
+
+TEST(Flat, planes_of_floats_and_planes_that_hardly_lean_are_planes)
+{
+    std::mt19937 rng(2);
+    for (const double angle : {1.0, 1e-3, 1e-6, 1.7e-9, 1e-12})
+    {
+        const Eigen::Matrix3d R =
+            Eigen::AngleAxisd(angle, Eigen::Vector3d(1, 2, 0.1).normalized())
+                .toRotationMatrix();
+        std::vector<Eigen::Vector3d> doubles, floats;
+        for (const Eigen::Vector3d& x : flat_l().samples)
+        {
+            doubles.push_back(R * (x + Eigen::Vector3d(0.1, 0.2, 0)));
+            floats.push_back(doubles.back().cast<float>().cast<double>());
+        }
+        for (const auto& places : {doubles, floats})
+        {
+            const std::optional<Eigen::Vector3d> normal = plane_normal(places);
+            ASSERT_TRUE(normal) << angle;
+            EXPECT_LT(normal->cross(R.col(2)).norm(), 1e-6);
+        }
+    }
 }
 
 TEST(Flat, a_model_bends_in_its_plane_as_it_would_in_space)

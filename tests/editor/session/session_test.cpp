@@ -683,9 +683,10 @@ TEST(Session, closed_parts_that_touch_move_apart_unless_they_are_joined)
                    (i < first ? 0.0 : 1.0) * Eigen::Vector3d(0, 0.3, 0.5))
                       .norm(),
                   1e-10);
-    EXPECT_TRUE(contains(apart.warnings().at(0),
-                         "2 of 2 closed parts of the mesh touch another one and are not "
-                         "glued to it (--join glues them)"));
+    EXPECT_TRUE(
+        contains(apart.warnings().at(0),
+                 "2 of 2 parts of the mesh touch another one and are not glued to "
+                 "it (--join glues them)"));
     SessionSettings glued = settings(16);
     glued.cells.joins_parts = true;
     const Session joined = played(model(two), lift, glued);
