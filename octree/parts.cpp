@@ -324,10 +324,18 @@ private:
                 of_place.push_back(components_.of_sample[i]);
             }
         }
-        const CoincidentSamples coincident(places, tolerance);
-        for (std::uint32_t i = 0; i < places.size(); ++i)
-            for (const std::uint32_t other : coincident.of(std::span(&i, 1)))
-                sets_.join(of_place[i], of_place[other]);
+        if (places.empty())
+            return;
+        constexpr std::size_t kAround = 8;
+        const PointTree tree(places);
+        std::vector<PointTree::Neighbour> around;
+        for (std::size_t i = 0; i < places.size(); ++i)
+        {
+            tree.nearest(places[i], kAround, around);
+            for (const PointTree::Neighbour& other : around)
+                if (other.distance_squared <= tolerance * tolerance)
+                    sets_.join(of_place[i], of_place[other.index]);
+        }
     }
 
     /// Of all that are closed: 1, or -1 where they are seen from inside.
@@ -402,9 +410,10 @@ private:
             });
         for (const auto& [set, inner] : within)
         {
+            const int now = sets_.first_of(set); // it may have been joined since
             std::vector<Triangle> triangles;
             for (const Triangle& t : surface_.triangles)
-                if (sets_.first_of(components_.of_sample[t[0]]) == set)
+                if (sets_.first_of(components_.of_sample[t[0]]) == now)
                     triangles.push_back(t);
             const VoxelFlags inside = inside_by_winding(shape_, triangles, grid);
             std::vector<char> is_enclosed(components_.all.size(), 0);

@@ -122,8 +122,7 @@ void SessionFlags::add_to(CLI::App& app)
     app.add_flag_function(
         "--flat", [this](std::int64_t) { settings.cells.flat = true; },
         "all samples lie in a plane and all moves keep it: cells have three unknowns, "
-        "and "
-        "nothing leaves the plane");
+        "and nothing leaves the plane");
     app.add_option("--max-cells", settings.cells.max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
     app.add_option("--energy", settings.energy,
