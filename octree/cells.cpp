@@ -19,8 +19,10 @@
 #include "octree/cells.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <stdexcept>
 #include <tuple>
 
@@ -37,9 +39,8 @@ namespace cellwarp
 namespace
 {
 
-/// Whether a leaf is a cube, all of one piece.
-bool is_whole(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
-              int piece)
+/// Whether the outermost voxels, which end at the box, take nothing off a leaf.
+bool is_cube(const VoxelGrid& grid, const VoxelBlock& block)
 {
     const double edge = grid.shape().voxel() * block.width;
     for (int axis = 0; axis < 3; ++axis)
@@ -48,35 +49,53 @@ bool is_whole(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& piec
         const std::size_t begin = idx(block.first[axis]);
         const double length = lines[begin + idx(block.width)] - lines[begin];
         if (std::abs(length - edge) > 1e-9 * edge)
-            return false; // cut by the border of the grid
+            return false;
     }
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
-        {
-            const std::size_t row =
-                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
-            for (int i = 0; i < block.width; ++i)
-                if (pieces.piece_of_voxel[row + idx(i)] != piece)
-                    return false;
-        }
     return true;
+}
+
+/// Moments along one axis of the first voxels of a leaf, about a place: of what lies
+/// before each of its lines.
+struct LineSums
+{
+    double length = 0.0, first = 0.0, second = 0.0;
+
+    LineSums operator-(const LineSums& other) const
+    {
+        return {length - other.length, first - other.first, second - other.second};
+    }
+};
+
+std::vector<LineSums> line_sums(const VoxelGrid& grid, const VoxelBlock& block, int axis,
+                                double about)
+{
+    std::vector<LineSums> sums(1);
+    const std::vector<double>& lines = grid.lines(axis);
+    for (int i = block.first[axis]; i < block.first[axis] + block.width; ++i)
+    {
+        const double length = grid.extent(axis, i);
+        const double x = 0.5 * (lines[idx(i)] + lines[idx(i) + 1]) - about;
+        const LineSums& last = sums.back();
+        sums.push_back({last.length + length, last.first + length * x,
+                        last.second + length * (x * x + length * length / 12.0)});
+    }
+    return sums;
 }
 
 /// Mass properties of the pieces of one leaf; sums run about the leaf's box centre
 /// to keep their digits.
 void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                  std::size_t leaf_index, std::span<Cell> cells, int first_piece)
+                  LeafNumber leaf, std::span<Cell> cells)
 {
-    const Leaf& leaf = octree.leaves()[leaf_index];
-    const VoxelBlock block = voxel_block(grid.shape(), leaf);
+    const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);
     const double edge = grid.shape().voxel() * block.width;
     const Eigen::Vector3d box_centre =
         grid.corner() +
         grid.shape().voxel() *
             (block.first.cast<double>().array() + 0.5 * block.width).matrix();
-    if (cells.size() == 1 && is_whole(grid, block, pieces, first_piece))
+    if (pieces.is_full(leaf) && is_cube(grid, block))
     {
-        cells[0] = {LeafNumber(leaf_index),
+        cells[0] = {leaf,
                     box_centre,
                     edge,
                     box_centre,
@@ -86,55 +105,47 @@ void measure_leaf(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                     box_centre};
         return;
     }
+    std::array<std::vector<LineSums>, 3> sums;
+    for (int axis = 0; axis < 3; ++axis)
+        sums[idx(axis)] = line_sums(grid, block, axis, box_centre[axis]);
     std::vector<Eigen::Vector3d> first(cells.size(), Eigen::Vector3d::Zero());
     std::vector<Eigen::Matrix3d> second(cells.size(), Eigen::Matrix3d::Zero());
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
-        {
-            const std::size_t row =
-                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
-            for (int i = 0; i < block.width; ++i)
-            {
-                const int piece = pieces.piece_of_voxel[row + idx(i)];
-                // A crumb belongs to another leaf's piece.
-                if (piece < first_piece ||
-                    piece >= first_piece + static_cast<int>(cells.size()))
-                    continue;
-                const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
-                const std::size_t at = idx(piece - first_piece);
-                const Eigen::Vector3d size(grid.extent(0, voxel.x()),
-                                           grid.extent(1, voxel.y()),
-                                           grid.extent(2, voxel.z()));
-                const double volume = size.prod();
-                const Eigen::Vector3d x = grid.centre(voxel) - box_centre;
-                cells[at].volume += volume;
-                first[at] += volume * x;
-                second[at] += volume * (x * x.transpose());
-                second[at].diagonal() += volume / 12.0 * size.cwiseAbs2();
-            }
-        }
+    const int first_piece = pieces.first(leaf);
+    pieces.for_each_run(grid, block, leaf,
+                        [&](int j, int k, int begin, int end, int piece)
+                        {
+                            const std::size_t at = idx(piece - first_piece);
+                            if (piece < first_piece || at >= cells.size())
+                                return; // a crumb belongs to another leaf's piece
+                            const LineSums x = sums[0][idx(end)] - sums[0][idx(begin)];
+                            const LineSums y = sums[1][idx(j) + 1] - sums[1][idx(j)];
+                            const LineSums z = sums[2][idx(k) + 1] - sums[2][idx(k)];
+                            cells[at].volume += x.length * y.length * z.length;
+                            first[at] += Eigen::Vector3d(x.first * y.length * z.length,
+                                                         x.length * y.first * z.length,
+                                                         x.length * y.length * z.first);
+                            const double xy = x.first * y.first * z.length;
+                            const double xz = x.first * y.length * z.first;
+                            const double yz = x.length * y.first * z.first;
+                            second[at] +=
+                                (Eigen::Matrix3d() << x.second * y.length * z.length, xy,
+                                 xz, xy, x.length * y.second * z.length, yz, xz, yz,
+                                 x.length * y.length * z.second)
+                                    .finished();
+                        });
     for (std::size_t at = 0; at < cells.size(); ++at)
     {
         Cell& cell = cells[at];
         if (!(cell.volume > 0))
             throw std::logic_error("a cell has no volume");
         const Eigen::Vector3d mean = first[at] / cell.volume;
-        cell.leaf = LeafNumber(leaf_index);
+        cell.leaf = leaf;
         cell.box_centre = box_centre;
         cell.edge = edge;
         cell.centre = box_centre + mean;
         cell.anchor = cells.size() > 1 ? cell.centre : box_centre;
         cell.second_moment = second[at] / cell.volume - mean * mean.transpose();
     }
-}
-
-/// Whether a voxel lies in the leaf of the piece that it belongs to: it does unless it is
-/// of a crumb.
-bool is_at_home(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                const Eigen::Vector3i& voxel, int piece)
-{
-    const LeafNumber leaf = pieces.leaf_of_piece[idx(piece)];
-    return is_in(voxel_block(grid.shape(), octree[leaf]), voxel);
 }
 
 /// What is added up over the pairs of voxels of one face.
@@ -169,42 +180,59 @@ Eigen::Matrix3d turning_of(const Face& face, const Cell& a, const Cell& b)
     return M;
 }
 
+/// Calls visit(first voxel) for the finest boxes above the upper face of a leaf, none at
+/// the end of the grid.
+template <class Visit>
+void for_each_box_above(const VoxelGrid& grid, const VoxelBlock& block, int axis,
+                        Visit&& visit)
+{
+    const int step = grid.shape().voxels_per_leaf;
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    Eigen::Vector3i above = block.first;
+    above[axis] += block.width;
+    if (above[axis] >= grid.counts()[axis])
+        return;
+    for (int j = 0; j < block.width; j += step)
+        for (int i = 0; i < block.width; i += step)
+        {
+            above[u] = block.first[u] + i;
+            above[v] = block.first[v] + j;
+            visit(above);
+        }
+}
+
 /// Faces from the pieces of one leaf to those above it on each axis, without sheets.
 /// Crumbs have none: there would be faces of leaves that do not touch.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                              const Pieces& pieces, const VoxelFlags& is_sheet,
-                             std::size_t leaf_index)
+                             LeafNumber leaf)
 {
-    const VoxelBlock block = voxel_block(grid.shape(), octree.leaves()[leaf_index]);
+    const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);
     std::map<std::tuple<int, int, int>, FaceSum> found;
     std::tuple<int, int, int> last_key(-1, -1, -1);
     FaceSum* sum = nullptr;
-    for (int axis = 0; axis < 3; ++axis)
+    const int step = grid.shape().voxels_per_leaf;
+    const auto add_box = [&](int axis, LeafNumber other, const Eigen::Vector3i& first)
     {
         const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        const int last = block.first[axis] + block.width - 1;
-        if (last + 1 >= grid.counts()[axis])
-            continue;
-        for (int j = 0; j < block.width; ++j)
-            for (int i = 0; i < block.width; ++i)
+        Eigen::Vector3i above = first;
+        for (int j = 0; j < step; ++j)
+            for (int i = 0; i < step; ++i)
             {
-                Eigen::Vector3i below;
-                below[axis] = last;
-                below[u] = block.first[u] + i;
-                below[v] = block.first[v] + j;
-                Eigen::Vector3i above = below;
-                above[axis] += 1;
+                above[u] = first[u] + i;
+                above[v] = first[v] + j;
+                Eigen::Vector3i below = above;
+                --below[axis];
                 const std::size_t low = grid.index(below), high = grid.index(above);
-                const int a = pieces.piece_of_voxel[low];
-                const int b = pieces.piece_of_voxel[high];
-                if (a < 0 || b < 0 || a == b ||
-                    grid.material()[low] != grid.material()[high] ||
-                    !is_at_home(grid, octree, pieces, below, a) ||
-                    !is_at_home(grid, octree, pieces, above, b))
+                const std::uint8_t material = grid.material()[low];
+                if (material == 0 || material != grid.material()[high])
                     continue;
+                const int a = pieces.at(grid, below), b = pieces.at(grid, above);
+                if (a == b || pieces.leaf(a) != leaf || pieces.leaf(b) != other)
+                    continue; // a crumb of elsewhere
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
-                centre[axis] = grid.lines(axis)[idx(last) + 1];
+                centre[axis] = grid.lines(axis)[idx(above[axis])];
                 const std::tuple<int, int, int> face_key(a, axis, b);
                 if (face_key != last_key)
                     sum = &found[face_key];
@@ -216,7 +244,16 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 sum->area += area;
                 sum->first += area * centre;
             }
-    }
+    };
+    for (int axis = 0; axis < 3; ++axis)
+        for_each_box_above(grid, block, axis,
+                           [&](const Eigen::Vector3i& above)
+                           {
+                               const LeafNumber other =
+                                   pieces.leaf_of_box(grid.box(above));
+                               if (other != LeafNumber::None)
+                                   add_box(axis, other, above);
+                           });
     std::vector<Face> faces;
     for (const auto& [key, of_face] : found)
     {
@@ -251,28 +288,33 @@ struct SheetSection
     Eigen::Matrix3d turning = Eigen::Matrix3d::Zero();
 };
 
-/// Of every face. Those are sorted by (a, axis, b).
+/// Of every face that is not \p is_known. Those are sorted by (a, axis, b).
 std::vector<SheetSection> sheet_sections(const VoxelGrid& grid, const Pieces& pieces,
                                          const Sheets& sheets,
-                                         const std::vector<Face>& faces)
+                                         const std::vector<Face>& faces,
+                                         const std::vector<char>& is_known)
 {
-    const std::size_t step[3] = {1, idx(grid.counts().x()),
-                                 idx(grid.counts().x()) * idx(grid.counts().y())};
     const auto key = [](const Face& face)
     { return std::tuple(face.a, face.axis, face.b); };
     std::vector<std::pair<std::size_t, const SheetCrossing*>> crossings;
     std::vector<SheetSection> sections(faces.size());
     for (const SheetCrossing& crossing : sheets.crossings)
     {
-        const std::size_t above = crossing.below + step[crossing.axis];
-        const std::tuple wanted(pieces.piece_of_voxel[crossing.below], crossing.axis,
-                                pieces.piece_of_voxel[above]);
+        const Eigen::Vector3i below = grid.coordinates(crossing.below);
+        Eigen::Vector3i above = below;
+        ++above[crossing.axis];
+        const std::tuple wanted(pieces.at(grid, below), crossing.axis,
+                                pieces.at(grid, above));
+        if (std::get<0>(wanted) == std::get<2>(wanted))
+            continue; // within one cell
         const auto found = std::lower_bound(faces.begin(), faces.end(), wanted,
                                             [&](const Face& face, const auto& of)
                                             { return key(face) < of; });
         if (found == faces.end() || key(*found) != wanted)
-            continue; // within one cell
+            continue; // of a crumb
         const std::size_t f = idx(found - faces.begin());
+        if (is_known[f])
+            continue;
         crossings.emplace_back(f, &crossing);
         sections[f].area += crossing.area;
         sections[f].first += crossing.area * crossing.centre;
@@ -315,65 +357,159 @@ void add_section(Face& face, const SheetSection& section, double thickness, doub
     face.area = whole;
 }
 
-void place_middles(const Pieces& pieces, const Sheets& sheets, std::vector<Cell>& cells)
+/// Of the cells in leaves that are not \p is_known.
+void place_middles(const VoxelGrid& grid, const Pieces& pieces, const Sheets& sheets,
+                   const std::vector<char>& is_known, std::vector<Cell>& cells)
 {
     std::vector<double> areas(cells.size(), 0.0);
     std::vector<Eigen::Vector3d> sums(cells.size(), Eigen::Vector3d::Zero());
     for (const SheetPatch& patch : sheets.patches)
     {
-        const std::size_t piece = idx(pieces.piece_of_voxel[patch.voxel]);
+        const std::size_t piece = idx(pieces.at(grid, patch.voxel));
         areas[piece] += patch.area;
         sums[piece] += patch.area * patch.centre;
     }
     for (std::size_t c = 0; c < cells.size(); ++c)
-        cells[c].middle =
-            areas[c] > 0 ? Eigen::Vector3d(sums[c] / areas[c]) : cells[c].centre;
+        if (!is_known[idx(cells[c].leaf)])
+            cells[c].middle =
+                areas[c] > 0 ? Eigen::Vector3d(sums[c] / areas[c]) : cells[c].centre;
 }
+
+/// What is taken over from earlier cells: the pieces of leaves that were there as they
+/// are now, and what they share with each other.
+class TakenOver
+{
+public:
+    TakenOver(const Octree& octree, const Pieces& pieces, const EarlierCells* earlier)
+        : pieces_(pieces), earlier_(earlier),
+          from_(octree.leaves().size(), LeafNumber::None)
+    {
+        if (!earlier)
+            return;
+        from_ = octree.numbers_in(earlier->octree);
+        now_.assign(earlier->pieces.size(), -1);
+        for (const LeafNumber leaf : octree.numbers())
+        {
+            LeafNumber& from = from_[idx(leaf)];
+            if (from == LeafNumber::None)
+                continue;
+            // What crumbs do depends on the leaves around.
+            if (pieces.shares_crumbs(leaf) || earlier->pieces.shares_crumbs(from))
+                from = LeafNumber::None;
+            else
+                std::iota(now_.begin() + earlier->pieces.first(from),
+                          now_.begin() + earlier->pieces.end(from), pieces.first(leaf));
+        }
+    }
+
+    bool has(LeafNumber leaf) const { return from_[idx(leaf)] != LeafNumber::None; }
+
+    void copy_cells(LeafNumber leaf, std::span<Cell> cells) const
+    {
+        const LeafNumber from = from_[idx(leaf)];
+        for (std::size_t k = 0; k < cells.size(); ++k)
+        {
+            cells[k] = earlier_->cells.cells[idx(earlier_->pieces.first(from)) + k];
+            cells[k].leaf = leaf;
+        }
+    }
+
+    /// Whether all that a leaf shares with those above it is known.
+    bool has_faces(const VoxelGrid& grid, const Octree& octree, LeafNumber leaf) const
+    {
+        if (!has(leaf))
+            return false;
+        bool has_all = true;
+        for (int axis = 0; axis < 3; ++axis)
+            for_each_box_above(grid, voxel_block(grid.shape(), octree[leaf]), axis,
+                               [&](const Eigen::Vector3i& above)
+                               {
+                                   const LeafNumber other =
+                                       pieces_.leaf_of_box(grid.box(above));
+                                   has_all &= other == LeafNumber::None || has(other);
+                               });
+        return has_all;
+    }
+
+    std::vector<Face> faces(LeafNumber leaf) const
+    {
+        const LeafNumber from = from_[idx(leaf)];
+        const std::vector<Face>& all = earlier_->cells.faces;
+        const auto after = [&](int piece)
+        {
+            return std::lower_bound(all.begin(), all.end(), piece,
+                                    [](const Face& face, int a) { return face.a < a; });
+        };
+        std::vector<Face> faces(after(earlier_->pieces.first(from)),
+                                after(earlier_->pieces.end(from)));
+        for (Face& face : faces)
+        {
+            face.a = now_[idx(face.a)];
+            face.b = now_[idx(face.b)];
+        }
+        return faces;
+    }
+
+private:
+    const Pieces& pieces_;
+    const EarlierCells* earlier_;
+    std::vector<LeafNumber> from_; ///< the earlier number of each leaf; None: it is new
+    std::vector<int> now_;         ///< the number of each earlier piece
+};
 
 } // namespace
 
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                  const VoxelFlags& is_sheet, const Sheets& sheets)
+                  const VoxelFlags& is_sheet, const Sheets& sheets,
+                  const EarlierCells* earlier)
 {
     const std::size_t num_leaves = octree.leaves().size();
+    const TakenOver taken_over(octree, pieces, earlier);
     Cells result;
     result.corner = grid.corner();
     result.cells.resize(pieces.size());
-    std::vector<std::size_t> first(num_leaves + 1, 0);
-    for (const LeafNumber leaf : pieces.leaf_of_piece)
-        ++first[idx(leaf) + 1];
-    std::partial_sum(first.begin(), first.end(), first.begin());
     std::vector<std::vector<Face>> faces(num_leaves);
-    parallel_for(
-        num_leaves,
-        [&](std::size_t i)
-        {
-            measure_leaf(
-                grid, octree, pieces, i,
-                std::span(result.cells).subspan(first[i], first[i + 1] - first[i]),
-                static_cast<int>(first[i]));
-            faces[i] = leaf_faces(grid, octree, pieces, is_sheet, i);
-        });
+    std::vector<char> has_cells(num_leaves), has_faces(num_leaves);
+    parallel_for(num_leaves,
+                 [&](std::size_t i)
+                 {
+                     const auto leaf = LeafNumber(i);
+                     const std::span<Cell> cells =
+                         std::span(result.cells)
+                             .subspan(idx(pieces.first(leaf)),
+                                      idx(pieces.end(leaf) - pieces.first(leaf)));
+                     has_cells[i] = taken_over.has(leaf);
+                     has_faces[i] = taken_over.has_faces(grid, octree, leaf);
+                     if (has_cells[i])
+                         taken_over.copy_cells(leaf, cells);
+                     else
+                         measure_leaf(grid, octree, pieces, leaf, cells);
+                     faces[i] = has_faces[i]
+                                    ? taken_over.faces(leaf)
+                                    : leaf_faces(grid, octree, pieces, is_sheet, leaf);
+                 });
     std::vector<std::vector<int>> neighbours(result.size());
-    for (std::vector<Face>& of_leaf : faces)
-        for (Face& face : of_leaf)
+    std::vector<char> is_known; // of the faces
+    for (std::size_t i = 0; i < num_leaves; ++i)
+        for (Face& face : faces[i])
         {
             const std::size_t a = idx(face.a);
             const std::size_t b = idx(face.b);
             face.distance = 0.5 * (result.cells[a].edge + result.cells[b].edge);
-            if (face.area > 0)
+            if (!has_faces[i] && face.area > 0)
                 face.turning = turning_of(face, result.cells[a], result.cells[b]);
             neighbours[a].push_back(face.b);
             neighbours[b].push_back(face.a);
             result.faces.push_back(face);
+            is_known.push_back(has_faces[i]);
         }
-    place_middles(pieces, sheets, result.cells);
+    place_middles(grid, pieces, sheets, has_cells, result.cells);
     if (!is_sheet.empty())
     {
         const std::vector<SheetSection> sections =
-            sheet_sections(grid, pieces, sheets, result.faces);
+            sheet_sections(grid, pieces, sheets, result.faces, is_known);
         for (std::size_t f = 0; f < sections.size(); ++f)
-            if (sections[f].area > 0 || result.faces[f].area == 0.0)
+            if (!is_known[f] && (sections[f].area > 0 || result.faces[f].area == 0.0))
                 add_section(result.faces[f], sections[f], sheets.thickness,
                             grid.shape().voxel());
     }

@@ -71,9 +71,19 @@ struct Cells
     }
 };
 
-/// Without \p sheets all material is as thick as its voxels.
+/// Cells of the same material, made of another octree.
+struct EarlierCells
+{
+    const Octree& octree;
+    const Pieces& pieces;
+    const Cells& cells;
+};
+
+/// Without \p sheets all material is as thick as its voxels. What leaves have in common
+/// with \p earlier cells is taken over from those, to the same bits.
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
-                  const VoxelFlags& is_sheet = {}, const Sheets& sheets = {});
+                  const VoxelFlags& is_sheet = {}, const Sheets& sheets = {},
+                  const EarlierCells* earlier = nullptr);
 
 /// Number of the connected component of each cell (through the glue), numbered by
 /// their first cells.

@@ -59,6 +59,20 @@ LeafNumber Octree::find(const Eigen::Vector3i& finest) const
     return is_inside ? LeafNumber(at) : LeafNumber::None;
 }
 
+std::vector<LeafNumber> Octree::numbers_in(const Octree& other) const
+{
+    std::vector<LeafNumber> numbers(leaves_.size(), LeafNumber::None);
+    std::size_t at = 0; // both are in Morton order
+    for (std::size_t i = 0; i < leaves_.size(); ++i)
+    {
+        while (at < other.leaves_.size() && other.keys_[at] < keys_[i])
+            ++at;
+        if (at < other.leaves_.size() && other.leaves_[at] == leaves_[i])
+            numbers[i] = LeafNumber(at);
+    }
+    return numbers;
+}
+
 Leaf Octree::parent(const Leaf& leaf) const
 {
     const int w = 2 * width(leaf);

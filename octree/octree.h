@@ -63,6 +63,10 @@ public:
     /// of them are leaves and balance allows it.
     Octree merge(std::span<const LeafNumber> leaves) const;
 
+    /// Of each leaf its number in another octree of the same grid; None where that has
+    /// none such.
+    std::vector<LeafNumber> numbers_in(const Octree& other) const;
+
     /// The leaves of every box whose parts are all undivided, ascending.
     std::vector<std::vector<LeafNumber>> siblings() const;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/pieces.h"
 
-#include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <set>
 
 #include "octree/base/index.h"
@@ -16,17 +16,6 @@ namespace cellwarp
 namespace
 {
 
-/// The first voxels of the rows along x.
-std::vector<std::size_t> rows_of(const VoxelGrid& grid, const VoxelBlock& block)
-{
-    std::vector<std::size_t> rows;
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
-            rows.push_back(
-                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k));
-    return rows;
-}
-
 /// Voxels of one material that follow each other in a row of a leaf, and their piece.
 struct Run
 {
@@ -35,26 +24,46 @@ struct Run
     int piece = 0;
 };
 
-/// The runs of one leaf. Those of one material in neighbouring rows that overlap are of
-/// one piece; pieces are numbered from 0 in the order of their first voxels.
-std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
+/// The material of a row of a leaf; rows follow each other along y, then z.
+const std::uint8_t* material_row(const VoxelGrid& grid, const VoxelBlock& block, int row)
 {
-    const std::vector<std::size_t> rows = rows_of(grid, block);
-    std::vector<Run> runs;
+    return &grid.material()[grid.index(
+        block.first + Eigen::Vector3i(0, row % block.width, row / block.width))];
+}
+
+/// Whether all voxels of a leaf are of one material.
+bool is_of_one_material(const VoxelGrid& grid, const VoxelBlock& block)
+{
+    const std::uint8_t one = *material_row(grid, block, 0);
+    if (one == 0)
+        return false;
+    const std::size_t rest = idx(block.width) - 1;
+    for (int row = 0; row < block.width * block.width; ++row)
+    {
+        const std::uint8_t* const material = material_row(grid, block, row);
+        if (material[0] != one || std::memcmp(material, material + 1, rest) != 0)
+            return false;
+    }
+    return true;
+}
+
+/// The runs of one leaf. Those of one material in neighbouring rows that overlap are of
+/// one piece; pieces are numbered from 0 in the order of their first voxels. Returns how
+/// many there are.
+int label_runs(const VoxelGrid& grid, const VoxelBlock& block, std::vector<Run>& runs)
+{
+    const int num_rows = block.width * block.width;
     std::vector<std::size_t> first_run; // of each row, and the end
-    for (std::size_t row = 0; row < rows.size(); ++row)
+    first_run.reserve(idx(num_rows) + 1);
+    for (int row = 0; row < num_rows; ++row)
     {
         first_run.push_back(runs.size());
-        const std::uint8_t* const material = &grid.material()[rows[row]];
-        for (int x = 0; x < block.width;)
-        {
-            const int begin = x;
-            const std::uint8_t own = material[x];
-            while (x < block.width && material[x] == own)
-                ++x;
-            if (own != 0)
-                runs.push_back({static_cast<int>(row), begin, x, own});
-        }
+        for_each_equal(material_row(grid, block, row), block.width,
+                       [&](int begin, int end, std::uint8_t material)
+                       {
+                           if (material != 0)
+                               runs.push_back({row, begin, end, material});
+                       });
     }
     first_run.push_back(runs.size());
     UnionFind joined(runs.size());
@@ -70,7 +79,7 @@ std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
         }
     };
     const std::size_t width = idx(block.width);
-    for (std::size_t row = 0; row < rows.size(); ++row)
+    for (std::size_t row = 0; row < idx(num_rows); ++row)
     {
         if (row % width != 0)
             join(row, row - 1);
@@ -83,147 +92,222 @@ std::vector<Run> label_leaf(const VoxelGrid& grid, const VoxelBlock& block)
         const std::size_t root = idx(joined.first_of(static_cast<int>(k)));
         runs[k].piece = root == k ? count++ : runs[root].piece;
     }
-    return runs;
+    return count;
 }
 
 /// A piece below this share of its leaf, beside another one there, is a crumb: a notch
 /// in a soup leaves such. As a cell of its own it would dangle by a voxel's face.
 constexpr double kCrumb = 0.02;
 
-/// Which pieces of one leaf are crumbs. \p first: number of its first piece.
-std::vector<bool> crumbs_of(const VoxelGrid& grid, const VoxelBlock& block,
-                            const Pieces& pieces, std::int32_t first, std::size_t count)
-{
-    std::vector<int> sizes(count, 0);
-    for (const std::size_t row : rows_of(grid, block))
-        for (int x = 0; x < block.width; ++x)
-            if (const std::int32_t piece = pieces.piece_of_voxel[row + idx(x)];
-                piece >= 0)
-                ++sizes[idx(piece - first)];
-    const double least = kCrumb * std::pow(block.width, 3);
-    std::vector<bool> is_crumb;
-    for (const int size : sizes)
-        is_crumb.push_back(size < least);
-    return is_crumb;
-}
-
-/// For each crumb of a leaf the whole pieces with which it has faces in common.
-std::map<std::int32_t, std::set<std::int32_t>>
-touches_of(const VoxelGrid& grid, const VoxelBlock& block, const Pieces& pieces,
-           const std::vector<bool>& is_crumb)
-{
-    const auto piece_at = [&](const Eigen::Vector3i& voxel)
-    { return pieces.piece_of_voxel[grid.index(voxel)]; };
-    std::map<std::int32_t, std::set<std::int32_t>> touches;
-    const auto look_around = [&](std::int32_t piece, const Eigen::Vector3i& voxel)
-    {
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int step : {-1, 1})
-            {
-                Eigen::Vector3i next = voxel;
-                next[axis] += step;
-                if (!grid.contains(next))
-                    continue;
-                const std::int32_t other = piece_at(next);
-                if (other >= 0 && other != piece && !is_crumb[idx(other)] &&
-                    grid.material()[grid.index(next)] ==
-                        grid.material()[grid.index(voxel)])
-                    touches[piece].insert(other);
-            }
-    };
-    for (const std::size_t row : rows_of(grid, block))
-        for (int x = 0; x < block.width; ++x)
-            if (const std::int32_t piece = pieces.piece_of_voxel[row + idx(x)];
-                piece >= 0 && is_crumb[idx(piece)])
-                look_around(piece, grid.coordinates(row + idx(x)));
-    return touches;
-}
-
-/// For each piece that is a crumb the piece of another leaf that it touches, for all
-/// others -1. One that touches several is no crumb: it may be all that joins them.
-/// \p first: of each leaf, and the end.
-std::vector<std::int32_t> adopters(const VoxelGrid& grid, const Octree& octree,
-                                   const Pieces& pieces,
-                                   const std::vector<std::int32_t>& first)
-{
-    std::vector<std::int32_t> adopter(pieces.size(), -1);
-    std::vector<bool> is_crumb(pieces.size(), false);
-    std::vector<std::size_t> crumbly; // leaves
-    for (std::size_t leaf = 0; leaf + 1 < first.size(); ++leaf)
-    {
-        if (first[leaf + 1] - first[leaf] < 2)
-            continue;
-        const std::vector<bool> found =
-            crumbs_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
-                      first[leaf], idx(first[leaf + 1] - first[leaf]));
-        std::copy(found.begin(), found.end(), is_crumb.begin() + first[leaf]);
-        if (std::find(found.begin(), found.end(), true) != found.end())
-            crumbly.push_back(leaf);
-    }
-    for (const std::size_t leaf : crumbly)
-        for (const auto& [piece, others] :
-             touches_of(grid, voxel_block(grid.shape(), octree.leaves()[leaf]), pieces,
-                        is_crumb))
-            if (others.size() == 1)
-                adopter[idx(piece)] = *others.begin();
-    return adopter;
-}
-
 } // namespace
+
+/// Finds the pieces of one octree.
+class PieceFinder
+{
+public:
+    PieceFinder(const VoxelGrid& grid, const Octree& octree)
+        : grid_(grid), octree_(octree), leaves_(pieces_.leaves_)
+    {
+    }
+
+    /// \p other, \p of_other: from which leaves that are in both are taken; null: none.
+    Pieces found(const Octree* other, const Pieces* of_other) &&
+    {
+        std::vector<LeafNumber> same(octree_.leaves().size(), LeafNumber::None);
+        if (other)
+            same = octree_.numbers_in(*other);
+        leaves_.resize(same.size() + 1);
+        parallel_for(same.size(),
+                     [&](std::size_t i)
+                     {
+                         if (same[i] == LeafNumber::None)
+                             label(i);
+                         else
+                             take_over(i, of_other->leaves_[idx(same[i])]);
+                     });
+        std::size_t count = 0;
+        for (Pieces::OfLeaf& leaf : leaves_)
+        {
+            leaf.first_local = count;
+            count += idx(leaf.num_locals);
+        }
+        pieces_.numbers_.resize(count);
+        std::iota(pieces_.numbers_.begin(), pieces_.numbers_.end(), 0);
+        place_leaves();
+        number_pieces(adopters());
+        return std::move(pieces_);
+    }
+
+private:
+    VoxelBlock block_of(std::size_t leaf) const
+    {
+        return voxel_block(grid_.shape(), octree_.leaves()[leaf]);
+    }
+
+    void label(std::size_t leaf)
+    {
+        const VoxelBlock block = block_of(leaf);
+        Pieces::OfLeaf& of = leaves_[leaf];
+        of.is_full = is_of_one_material(grid_, block);
+        of.num_locals = 1;
+        if (of.is_full)
+            return;
+        std::vector<Run> runs;
+        of.num_locals = label_runs(grid_, block, runs);
+        if (of.num_locals < 2)
+            return;
+        const std::size_t width = idx(block.width);
+        auto labels = std::make_shared<Pieces::Labels>();
+        labels->block = block;
+        labels->locals.assign(width * width * width, -1);
+        for (const Run& run : runs)
+            std::fill_n(labels->locals.data() + idx(run.row) * width + idx(run.begin),
+                        run.end - run.begin, run.piece);
+        of.labels = std::move(labels);
+    }
+
+    void take_over(std::size_t leaf, const Pieces::OfLeaf& from)
+    {
+        leaves_[leaf].labels = from.labels;
+        leaves_[leaf].num_locals = from.num_locals;
+        leaves_[leaf].is_full = from.is_full;
+    }
+
+    /// Fills leaf_of_box_.
+    void place_leaves()
+    {
+        pieces_.leaf_of_box_ = VoxelNumbers<std::int32_t>(grid_.num_boxes());
+        parallel_for(octree_.leaves().size(),
+                     [&](std::size_t i)
+                     {
+                         const VoxelBlock block = block_of(i);
+                         const int step = grid_.shape().voxels_per_leaf;
+                         const std::size_t boxes = idx(block.width / step);
+                         for (int k = 0; k < block.width; k += step)
+                             for (int j = 0; j < block.width; j += step)
+                                 pieces_.leaf_of_box_.fill(
+                                     grid_.box(block.first + Eigen::Vector3i(0, j, k)),
+                                     boxes, static_cast<std::int32_t>(i));
+                     });
+    }
+
+    /// Marks the crumbs of one leaf among all local pieces.
+    bool mark_crumbs(std::size_t leaf, std::vector<char>& is_crumb) const
+    {
+        const Pieces::OfLeaf& of = leaves_[leaf];
+        std::vector<int> sizes(idx(of.num_locals), 0);
+        for (const std::int32_t local : of.labels->locals)
+            if (local >= 0)
+                ++sizes[idx(local)];
+        const double least = kCrumb * std::pow(of.labels->block.width, 3);
+        bool has_any = false;
+        for (std::size_t k = 0; k < sizes.size(); ++k)
+            if (sizes[k] < least)
+            {
+                is_crumb[of.first_local + k] = 1;
+                has_any = true;
+            }
+        return has_any;
+    }
+
+    /// For each crumb of a leaf the whole pieces with which it has faces in common.
+    std::map<std::int32_t, std::set<std::int32_t>>
+    touches_of(std::size_t leaf, const std::vector<char>& is_crumb) const
+    {
+        std::map<std::int32_t, std::set<std::int32_t>> touches;
+        const auto look_around = [&](std::int32_t piece, const Eigen::Vector3i& voxel)
+        {
+            for (int axis = 0; axis < 3; ++axis)
+                for (const int step : {-1, 1})
+                {
+                    Eigen::Vector3i next = voxel;
+                    next[axis] += step;
+                    if (!grid_.contains(next))
+                        continue;
+                    const std::int32_t other = pieces_.at(grid_, next);
+                    if (other >= 0 && other != piece && !is_crumb[idx(other)] &&
+                        grid_.material()[grid_.index(next)] ==
+                            grid_.material()[grid_.index(voxel)])
+                        touches[piece].insert(other);
+                }
+        };
+        const VoxelBlock block = block_of(leaf);
+        pieces_.for_each_run(grid_, block, LeafNumber(leaf),
+                             [&](int y, int z, int begin, int end, std::int32_t piece)
+                             {
+                                 if (!is_crumb[idx(piece)])
+                                     return;
+                                 for (int x = begin; x < end; ++x)
+                                     look_around(piece,
+                                                 block.first + Eigen::Vector3i(x, y, z));
+                             });
+        return touches;
+    }
+
+    /// For each local piece that is a crumb the one of another leaf that it touches, for
+    /// all others -1. One that touches several is no crumb: it may be all that joins
+    /// them.
+    std::vector<std::int32_t> adopters() const
+    {
+        std::vector<std::int32_t> adopter(pieces_.numbers_.size(), -1);
+        std::vector<char> is_crumb(adopter.size(), 0);
+        std::vector<std::size_t> crumbly; // leaves
+        for (std::size_t leaf = 0; leaf + 1 < leaves_.size(); ++leaf)
+            if (leaves_[leaf].labels && mark_crumbs(leaf, is_crumb))
+                crumbly.push_back(leaf);
+        std::vector<std::map<std::int32_t, std::set<std::int32_t>>> touches(
+            crumbly.size());
+        parallel_for(crumbly.size(), [&](std::size_t k)
+                     { touches[k] = touches_of(crumbly[k], is_crumb); });
+        for (const auto& of_leaf : touches)
+            for (const auto& [piece, others] : of_leaf)
+                if (others.size() == 1)
+                    adopter[idx(piece)] = *others.begin();
+        return adopter;
+    }
+
+    /// Numbers what is no crumb of another leaf, and gives crumbs the numbers of theirs.
+    void number_pieces(const std::vector<std::int32_t>& adopter)
+    {
+        std::vector<std::size_t> leaf_of_local(adopter.size());
+        for (std::size_t leaf = 0; leaf < leaves_.size(); ++leaf)
+        {
+            Pieces::OfLeaf& of = leaves_[leaf];
+            of.first = static_cast<std::int32_t>(pieces_.size());
+            for (std::size_t k = of.first_local; k < of.first_local + idx(of.num_locals);
+                 ++k)
+            {
+                leaf_of_local[k] = leaf;
+                if (adopter[k] >= 0)
+                    continue;
+                pieces_.numbers_[k] = static_cast<std::int32_t>(pieces_.size());
+                pieces_.leaf_of_piece_.push_back(LeafNumber(leaf));
+            }
+        }
+        for (std::size_t k = 0; k < adopter.size(); ++k)
+            if (adopter[k] >= 0)
+            {
+                pieces_.numbers_[k] = pieces_.numbers_[idx(adopter[k])];
+                leaves_[leaf_of_local[k]].shares_crumbs = true;
+                leaves_[leaf_of_local[idx(adopter[k])]].shares_crumbs = true;
+            }
+    }
+
+    const VoxelGrid& grid_;
+    const Octree& octree_;
+    Pieces pieces_;
+    std::vector<Pieces::OfLeaf>& leaves_; ///< of pieces_
+};
 
 Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
 {
-    const std::vector<Leaf>& leaves = octree.leaves();
-    Pieces pieces;
-    pieces.piece_of_voxel = VoxelNumbers<std::int32_t>(grid.size());
-    std::vector<std::vector<Run>> runs(leaves.size());
-    parallel_for(leaves.size(), [&](std::size_t i)
-                 { runs[i] = label_leaf(grid, voxel_block(grid.shape(), leaves[i])); });
-    std::vector<std::int32_t> first(leaves.size() + 1);
-    for (std::size_t i = 0; i < leaves.size(); ++i)
-    {
-        first[i] = static_cast<std::int32_t>(pieces.size());
-        int count = 0;
-        for (const Run& run : runs[i])
-            count = std::max(count, run.piece + 1);
-        pieces.leaf_of_piece.insert(pieces.leaf_of_piece.end(), idx(count),
-                                    LeafNumber(i));
-    }
-    first.back() = static_cast<std::int32_t>(pieces.size());
-    const auto write = [&](auto&& number_of)
-    {
-        parallel_for(leaves.size(),
-                     [&](std::size_t i)
-                     {
-                         const std::vector<std::size_t> rows =
-                             rows_of(grid, voxel_block(grid.shape(), leaves[i]));
-                         for (const Run& run : runs[i])
-                             pieces.piece_of_voxel.fill(rows[idx(run.row)] +
-                                                            idx(run.begin),
-                                                        idx(run.end - run.begin),
-                                                        number_of(first[i] + run.piece));
-                     });
-    };
-    write([](std::int32_t piece) { return piece; });
-    const std::vector<std::int32_t> adopter = adopters(grid, octree, pieces, first);
-    std::vector<std::int32_t> number(pieces.size());
-    std::vector<LeafNumber> leaf_of_kept;
-    for (std::size_t piece = 0; piece < pieces.size(); ++piece)
-    {
-        number[piece] = static_cast<std::int32_t>(leaf_of_kept.size());
-        if (adopter[piece] < 0)
-            leaf_of_kept.push_back(pieces.leaf_of_piece[piece]);
-    }
-    if (leaf_of_kept.size() == pieces.size())
-        return pieces;
-    write(
-        [&](std::int32_t piece)
-        {
-            const std::int32_t by = adopter[idx(piece)];
-            return number[idx(by < 0 ? piece : by)];
-        });
-    pieces.leaf_of_piece = std::move(leaf_of_kept);
-    return pieces;
+    return PieceFinder(grid, octree).found(nullptr, nullptr);
+}
+
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Octree& other,
+                   const Pieces& of_other)
+{
+    return PieceFinder(grid, octree).found(&other, &of_other);
 }
 
 } // namespace cellwarp

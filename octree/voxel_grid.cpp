@@ -68,6 +68,10 @@ VoxelGrid::VoxelGrid(const GridShape& shape)
     for (int axis = 0; axis < 3; ++axis)
     {
         const int n = counts_[axis];
+        for (int i = 0; i < n; ++i)
+            box_of_line_[idx(axis)].push_back(num_boxes_ *
+                                              idx(i / shape.voxels_per_leaf));
+        num_boxes_ *= idx(n / shape.voxels_per_leaf);
         const double size = shape.size[axis];
         corner_[axis] = 0.5 * (size - n * voxel);
         std::vector<double>& lines = lines_[idx(axis)];
@@ -97,6 +101,15 @@ Eigen::Vector3i VoxelGrid::coordinates(std::size_t index) const
     const std::size_t ny = idx(counts_.y());
     return {static_cast<int>(index % nx), static_cast<int>(index / nx % ny),
             static_cast<int>(index / nx / ny)};
+}
+
+VoxelRange VoxelGrid::voxels_of_box(std::size_t box) const
+{
+    const int width = shape_.voxels_per_leaf;
+    const std::size_t nx = idx(counts_.x() / width), ny = idx(counts_.y() / width);
+    const Eigen::Vector3i at(static_cast<int>(box % nx), static_cast<int>(box / nx % ny),
+                             static_cast<int>(box / nx / ny));
+    return {width * at, (width * at).array() + width - 1};
 }
 
 Eigen::Vector3d VoxelGrid::to_voxels(const Eigen::Vector3d& x) const

@@ -90,6 +90,15 @@ public:
         return index(v.x(), v.y(), v.z());
     }
     Eigen::Vector3i coordinates(std::size_t index) const;
+    /// The number of the finest box of the octree that holds a voxel; those along x
+    /// follow each other.
+    std::size_t box(const Eigen::Vector3i& v) const
+    {
+        return box_of_line_[0][idx(v.x())] + box_of_line_[1][idx(v.y())] +
+               box_of_line_[2][idx(v.z())];
+    }
+    std::size_t num_boxes() const { return num_boxes_; }
+    VoxelRange voxels_of_box(std::size_t box) const;
     bool contains(const Eigen::Vector3i& v) const
     {
         return (v.array() >= 0).all() && (v.array() < counts_.array()).all();
@@ -132,6 +141,8 @@ private:
     Eigen::Vector3d corner_;
     VoxelRange inside_box_;
     std::array<std::vector<double>, 3> lines_;
+    std::array<std::vector<std::size_t>, 3> box_of_line_; ///< what each adds
+    std::size_t num_boxes_ = 1;
     VoxelFlags material_;
 };
 

@@ -216,14 +216,15 @@ std::vector<int> cells_around(const Body& cells, const Body& others)
 {
     std::vector<int> around(cells.cells.size(), -1);
     const VoxelGrid& grid = cells.rest->material.grid;
-    cells.pieces.piece_of_voxel.for_each(
+    cells.pieces.for_each(
+        grid,
         [&](std::size_t voxel, int cell)
         {
             if (around[idx(cell)] < 0 &&
                 is_in(voxel_block(grid.shape(),
                                   cells.octree[cells.cells.cells[idx(cell)].leaf]),
                       grid.coordinates(voxel))) // no crumb of elsewhere
-                around[idx(cell)] = others.pieces.piece_of_voxel[voxel];
+                around[idx(cell)] = others.pieces.at(grid, voxel);
         });
     return around;
 }
@@ -254,7 +255,7 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
     const bool leaves = coarser.leaves() != octree.leaves();
     body.octree = std::make_shared<const Body>(cut(model.rest, octree));
     const Body& cells = *body.octree;
-    const VoxelNumbers<std::int32_t>& pieces = cells.pieces.piece_of_voxel;
+    const Pieces& pieces = cells.pieces;
     const VoxelGrid& grid = model.rest->material.grid;
     Lattice lattice = octree_lattice(cells.octree, cells.cells, model.metre);
     if (model.materials.size() > 1)
@@ -275,12 +276,10 @@ FleshBody build_flesh(std::shared_ptr<const FleshModel> of, const Octree& octree
             body.coarse_leaf.push_back(large.octree[cell.leaf]);
         body.leaving = let_leave(lattice, coarse, body.coarse_cell);
         // Bones hold what they will hold in the coarser lattice.
-        const std::vector<HeldPoint> on_bones =
-            points_on_bones(coarse, lines,
-                            [&](int cell, const Vector3d& x) {
-                                return piece_at(grid, large.pieces.piece_of_voxel,
-                                                x / model.metre) == cell;
-                            });
+        const std::vector<HeldPoint> on_bones = points_on_bones(
+            coarse, lines,
+            [&](int cell, const Vector3d& x)
+            { return piece_at(grid, large.pieces, x / model.metre) == cell; });
         for (const LeavingNodes::Node& node : body.leaving.nodes)
         {
             HeldPoint& row = points.emplace_back();

@@ -687,7 +687,7 @@ void FleshSimulation::fade_bones()
         if (k < body_.leaving.nodes.size())
             continue; // no place that a bone has
         const Vector3d x = points[k].place / model_->metre;
-        const int cell = piece_at(material.grid, body_.octree->pieces.piece_of_voxel, x);
+        const int cell = piece_at(material.grid, body_.octree->pieces, x);
         if (cell >= 0 &&
             !std::binary_search(dropped.begin(), dropped.end(), static_cast<int>(k)))
             nodes.push_back({x, cell});

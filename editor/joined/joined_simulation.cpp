@@ -92,10 +92,9 @@ private:
         const FleshModel& model = *body.model;
         const Vector3d x = model.to_metres(at / model.scene.time->unit);
         const Lattice& lattice = body.flesh->lattice();
-        const int cell =
-            body.octree ? piece_at(model.rest->material.grid,
-                                   body.octree->pieces.piece_of_voxel, x / model.metre)
-                        : drawn_cell_of(lattice, x);
+        const int cell = body.octree ? piece_at(model.rest->material.grid,
+                                                body.octree->pieces, x / model.metre)
+                                     : drawn_cell_of(lattice, x);
         const std::optional<Vector3d> local =
             cell < 0 ? std::nullopt : local_place(lattice, cell, x);
         if (!local || local->minCoeff() < -kBeside || local->maxCoeff() > 1.0 + kBeside)

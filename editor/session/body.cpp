@@ -289,21 +289,24 @@ Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& setti
     return body;
 }
 
-Body cut(std::shared_ptr<const RestShape> rest, Octree octree)
+Body cut(std::shared_ptr<const RestShape> rest, Octree octree, const Body* earlier)
 {
     const VoxelGrid& grid = rest->material.grid;
-    Pieces pieces = find_pieces(grid, octree);
-    Cells cells =
-        build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets);
+    std::optional<EarlierCells> from;
+    if (earlier)
+        from.emplace(EarlierCells{earlier->octree, earlier->pieces, earlier->cells});
+    Pieces pieces = from ? find_pieces(grid, octree, from->octree, from->pieces)
+                         : find_pieces(grid, octree);
+    Cells cells = build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets,
+                              from ? &*from : nullptr);
     std::vector<int> cell_of_sample(rest->samples.size());
     const std::vector<std::size_t>& voxels = rest->parts.voxel_of_sample;
     parallel_for(cell_of_sample.size(), kSamplesAtOnce,
                  [&](std::size_t i)
                  {
-                     cell_of_sample[i] =
-                         voxels.empty()
-                             ? piece_at(grid, pieces.piece_of_voxel, rest->samples[i])
-                             : pieces.piece_of_voxel[voxels[i]];
+                     cell_of_sample[i] = voxels.empty()
+                                             ? piece_at(grid, pieces, rest->samples[i])
+                                             : pieces.at(grid, voxels[i]);
                  });
     return {std::move(rest),  std::move(octree),         std::move(pieces),
             std::move(cells), std::move(cell_of_sample), {}};

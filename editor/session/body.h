@@ -94,8 +94,10 @@ std::optional<Parts> mesh_parts(const Geometry& geometry);
 /// Fault::Budget when the coarsest grid alone has more.
 Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& settings);
 
-/// The cells of an octree of this shape.
-Body cut(std::shared_ptr<const RestShape> rest, Octree octree);
+/// The cells of an octree of this shape. \p earlier cells of the shape, or null: what the
+/// octrees have in common is taken over from them, to the same bits.
+Body cut(std::shared_ptr<const RestShape> rest, Octree octree,
+         const Body* earlier = nullptr);
 
 /// The faces of \p geometry as fans.
 std::vector<Triangle> triangles_of(const Geometry& geometry);

@@ -129,7 +129,8 @@ CellRefiner::finer_body(const std::shared_ptr<const Body>& body,
         const bool is_changed = octree.leaves() != body->octree.leaves();
         std::shared_ptr<const Body> next = body;
         if (is_changed)
-            next = std::make_shared<const Body>(cut(rest_, std::move(octree)));
+            next =
+                std::make_shared<const Body>(cut(rest_, std::move(octree), body.get()));
         const std::int64_t over =
             static_cast<std::int64_t>(next->cells.size()) - settings_.max_cells;
         if (is_changed && over > 0)
@@ -290,7 +291,8 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
     }
     if (leaves.empty())
         return std::nullopt;
-    auto merged = std::make_shared<const Body>(cut(rest_, body.octree.merge(leaves)));
+    auto merged =
+        std::make_shared<const Body>(cut(rest_, body.octree.merge(leaves), &body));
     if (!crowded_leaves(*merged).empty())
         return std::nullopt;
     return in_cells(system, std::move(merged));

@@ -50,17 +50,27 @@ void store_material(const CellSystem& system, StoredField& out)
     out.edge = shape.edge;
     out.max_depth = shape.max_depth;
     out.voxels_per_leaf = shape.voxels_per_leaf;
-    const VoxelNumbers<std::int32_t>& pieces = system.body().pieces.piece_of_voxel;
-    for (std::size_t voxel = 0; voxel < pieces.size(); ++voxel)
+    const VoxelGrid& grid = system.rest().material.grid;
+    std::size_t end = 0; // of the runs
+    const auto add = [&](std::size_t count, std::int32_t piece)
     {
-        const std::int32_t piece = pieces[voxel];
+        if (count == 0)
+            return;
         if (out.run_pieces.empty() || out.run_pieces.back() != piece)
         {
             out.run_pieces.push_back(piece);
             out.run_lengths.push_back(0);
         }
-        ++out.run_lengths.back();
-    }
+        out.run_lengths.back() += count;
+        end += count;
+    };
+    system.body().pieces.for_each(grid,
+                                  [&](std::size_t voxel, std::int32_t piece)
+                                  {
+                                      add(voxel - end, -1);
+                                      add(1, piece);
+                                  });
+    add(grid.size() - end, -1);
 }
 
 void store_cells(const Cells& cells, const FieldParts& field, StoredField& out)
@@ -280,7 +290,10 @@ void Deformation::Map::read_material(const StoredField& stored, const std::strin
 /// A sample of the session's model is in the cell that it has there.
 int Deformation::Map::cell_at(const Eigen::Vector3d& x) const
 {
-    const std::int32_t piece = piece_at(grid, piece_of_voxel, x);
+    const std::int32_t piece = piece_at(
+        grid,
+        [&](const Eigen::Vector3i& voxel) { return piece_of_voxel[grid.index(voxel)]; },
+        x);
     return piece >= 0 ? piece : -2 - piece_of_voxel[grid.index(grid.locate(x))];
 }
 

@@ -49,9 +49,8 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
             below[v] = block.first[v] + j;
             Eigen::Vector3i above = below;
             ++above[axis];
-            const VoxelNumbers<std::int32_t>& piece = body.pieces.piece_of_voxel;
-            if (piece[grid.index(below)] == face.a &&
-                piece[grid.index(above)] == face.b && is_in(above_block, above))
+            if (body.pieces.at(grid, below) == face.a &&
+                body.pieces.at(grid, above) == face.b && is_in(above_block, above))
                 visit(below, above);
         }
 }
@@ -62,11 +61,10 @@ int run_length(const Body& body, const RegionSet& regions, std::size_t region,
                Eigen::Vector3i voxel, int axis, int step, bool wants_inside)
 {
     const VoxelGrid& grid = body.rest->material.grid;
-    const VoxelNumbers<std::int32_t>& piece = body.pieces.piece_of_voxel;
-    const std::int32_t own = piece[grid.index(voxel)];
+    const std::int32_t own = body.pieces.at(grid, voxel);
     int count = 0;
     while (voxel[axis] >= 0 && voxel[axis] < grid.counts()[axis] &&
-           piece[grid.index(voxel)] == own &&
+           body.pieces.at(grid, voxel) == own &&
            regions.holds_voxel(region, grid.index(voxel)) == wants_inside)
     {
         ++count;

@@ -133,13 +133,36 @@ std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShap
     return voxels;
 }
 
-double volume_of(const VoxelGrid& grid, std::size_t voxel)
+double volume_of(const VoxelGrid& grid, const Eigen::Vector3i& v)
 {
-    const Eigen::Vector3i v = grid.coordinates(voxel);
     double product = 1.0;
     for (int axis = 0; axis < 3; ++axis)
         product *= grid.extent(axis, v[axis]);
     return product;
+}
+
+/// The volume of \p voxels in each finest box of the octree that holds any, by its
+/// number.
+std::vector<std::pair<std::size_t, double>>
+volumes_in_boxes(const VoxelGrid& grid, const std::vector<std::uint32_t>& voxels)
+{
+    std::vector<std::pair<std::size_t, double>> volumes;
+    for (const std::uint32_t voxel : voxels)
+    {
+        const Eigen::Vector3i v = grid.coordinates(voxel);
+        if (volumes.empty() || volumes.back().first != grid.box(v))
+            volumes.emplace_back(grid.box(v), 0.0);
+        volumes.back().second += volume_of(grid, v);
+    }
+    std::sort(volumes.begin(), volumes.end());
+    std::size_t count = 0;
+    for (const auto& [box, volume] : volumes)
+        if (count > 0 && volumes[count - 1].first == box)
+            volumes[count - 1].second += volume;
+        else
+            volumes[count++] = {box, volume};
+    volumes.resize(count);
+    return volumes;
 }
 
 /// The samples as the file has them, nearly: for messages.
@@ -179,6 +202,9 @@ RegionSet::RegionSet(std::shared_ptr<const RestShape> shape, std::vector<Region>
             throw malformed({file_, regions_[r].line, regions_[r].name},
                             "selects nothing of the model" +
                                 nearest_sample_note(regions_[r], model_samples(*shape_)));
+    volumes_.resize(size());
+    parallel_for(size(), [&](std::size_t r)
+                 { volumes_[r] = volumes_in_boxes(shape_->material.grid, voxels_[r]); });
     measure();
     find_overlaps();
 }
@@ -329,8 +355,20 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
             std::vector<std::pair<int, double>>& cells = result[r].cells;
             std::vector<int>& homes = result[r].homes;
             std::vector<double> part(pieces.size(), 0.0);
-            for (const std::uint32_t voxel : voxels_[r])
-                part[idx(pieces.piece_of_voxel[voxel])] += volume_of(grid, voxel);
+            for (const auto& [box, volume] : volumes_[r])
+            {
+                const std::int32_t only = pieces.only(pieces.leaf_of_box(box));
+                if (only >= 0)
+                    part[idx(only)] += volume;
+                else
+                    for_each_voxel(grid.voxels_of_box(box),
+                                   [&](const Eigen::Vector3i& voxel)
+                                   {
+                                       if (holds_voxel(r, grid.index(voxel)))
+                                           part[idx(pieces.at(grid, voxel))] +=
+                                               volume_of(grid, voxel);
+                                   });
+            }
             // Where none of its voxels is in a component that holds samples of it,
             // because it ends there within a voxel or others outnumber its samples: the
             // cells that hold these stand for it.
@@ -345,7 +383,7 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
                     homes.push_back(component[idx(body.cell_of_sample[i])]);
             std::vector<int>& on_line = result[r].on_line;
             for (const std::uint32_t voxel : line_voxels_[r])
-                on_line.push_back(pieces.piece_of_voxel[voxel]);
+                on_line.push_back(pieces.at(grid, voxel));
             std::sort(on_line.begin(), on_line.end());
             on_line.erase(std::unique(on_line.begin(), on_line.end()), on_line.end());
             std::sort(homes.begin(), homes.end());

@@ -95,6 +95,8 @@ private:
     std::shared_ptr<const SkeletonHandle> skeleton_;
     std::vector<std::string> outside_;
     std::vector<std::vector<std::uint32_t>> voxels_;
+    /// Of the voxels in each finest box of the octree that holds any, by its number.
+    std::vector<std::vector<std::pair<std::size_t, double>>> volumes_;
     std::vector<std::vector<std::uint32_t>> line_voxels_; ///< of bones
     std::vector<ModelBox> boxes_;
     std::vector<Overlap> overlaps_;

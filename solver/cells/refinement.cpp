@@ -230,53 +230,50 @@ struct Origin
 };
 
 /// Of the new pieces of one leaf; crumbs, which lie in other leaves, don't count.
-std::vector<std::vector<Origin>> origins_of(const VoxelGrid& grid, const Leaf& leaf,
+std::vector<std::vector<Origin>> origins_of(const VoxelGrid& grid,
+                                            const VoxelBlock& block, LeafNumber leaf,
                                             const Pieces& old_pieces,
-                                            const Pieces& pieces, int first, int end)
+                                            const Pieces& pieces)
 {
+    const int first = pieces.first(leaf), end = pieces.end(leaf);
     std::vector<std::vector<Origin>> origins(idx(end - first));
-    const VoxelBlock block = voxel_block(grid.shape(), leaf);
     int last_piece = -1;
     Origin* last = nullptr; // most voxels have the origin of the one before
-    for (int k = 0; k < block.width; ++k)
-        for (int j = 0; j < block.width; ++j)
+    const auto add = [&](int piece, int old)
+    {
+        if (piece != last_piece || last->piece != old)
         {
-            const std::size_t row =
-                grid.index(block.first.x(), block.first.y() + j, block.first.z() + k);
-            for (std::size_t x = row; x < row + idx(block.width); ++x)
-            {
-                const int piece = pieces.piece_of_voxel[x];
-                if (piece < first || piece >= end)
-                    continue;
-                const int old = old_pieces.piece_of_voxel[x];
-                if (piece != last_piece || last->piece != old)
-                {
-                    std::vector<Origin>& of = origins[idx(piece - first)];
-                    auto known = std::find_if(of.begin(), of.end(),
-                                              [&](const Origin& origin)
-                                              { return origin.piece == old; });
-                    if (known == of.end())
-                        known = of.insert(known, {old, 0});
-                    last = &*known;
-                    last_piece = piece;
-                }
-                ++last->voxels;
-            }
+            std::vector<Origin>& of = origins[idx(piece - first)];
+            auto known =
+                std::find_if(of.begin(), of.end(),
+                             [&](const Origin& origin) { return origin.piece == old; });
+            if (known == of.end())
+                known = of.insert(known, {old, 0});
+            last = &*known;
+            last_piece = piece;
         }
+        ++last->voxels;
+    };
+    pieces.for_each_run(
+        grid, block, leaf,
+        [&](int y, int z, int from, int to, int piece)
+        {
+            if (piece >= first && piece < end)
+                for (int x = from; x < to; ++x)
+                    add(piece,
+                        old_pieces.at(grid, block.first + Eigen::Vector3i(x, y, z)));
+        });
     return origins;
 }
 
 /// The one old cell that fills the box of a new leaf, if there is one; -1 where several
-/// share it. \p voxel: one of the new leaf's.
+/// share it. \p old: what held one of its voxels.
 int only_origin(const Pieces& old_pieces, const Cells& old_cells, const Cell& cell,
-                std::size_t voxel)
+                int old)
 {
-    const int old = old_pieces.piece_of_voxel[voxel];
-    const std::size_t o = idx(old);
-    const std::vector<LeafNumber>& leaf = old_pieces.leaf_of_piece;
-    const bool is_alone = (o == 0 || leaf[o - 1] != leaf[o]) &&
-                          (o + 1 == leaf.size() || leaf[o + 1] != leaf[o]);
-    const Cell& from = old_cells.cells[o];
+    const LeafNumber leaf = old_pieces.leaf(old);
+    const bool is_alone = old_pieces.end(leaf) - old_pieces.first(leaf) == 1;
+    const Cell& from = old_cells.cells[idx(old)];
     // A crumb belongs to a cell of another box.
     const bool is_inside =
         (cell.box_centre - from.box_centre).cwiseAbs().maxCoeff() + 0.5 * cell.edge <=
@@ -285,21 +282,19 @@ int only_origin(const Pieces& old_pieces, const Cells& old_cells, const Cell& ce
 }
 
 /// The first voxel of a leaf that belongs to one of its own pieces.
-std::size_t first_voxel(const VoxelGrid& grid, const Leaf& leaf, const Pieces& pieces,
-                        int first, int end)
+Eigen::Vector3i first_voxel(const VoxelGrid& grid, const VoxelBlock& block,
+                            LeafNumber leaf, const Pieces& pieces)
 {
-    const VoxelBlock block = voxel_block(grid.shape(), leaf);
     for (int k = 0; k < block.width; ++k)
         for (int j = 0; j < block.width; ++j)
             for (int i = 0; i < block.width; ++i)
             {
-                const std::size_t voxel =
-                    grid.index(block.first + Eigen::Vector3i(i, j, k));
-                if (pieces.piece_of_voxel[voxel] >= first &&
-                    pieces.piece_of_voxel[voxel] < end)
+                const Eigen::Vector3i voxel = block.first + Eigen::Vector3i(i, j, k);
+                const int piece = pieces.at(grid, voxel);
+                if (piece >= pieces.first(leaf) && piece < pieces.end(leaf))
                     return voxel;
             }
-    return 0; // every leaf has a piece
+    return block.first; // it has a piece
 }
 
 } // namespace
@@ -309,30 +304,26 @@ std::vector<Pose> handed_on(const VoxelGrid& grid, const Pieces& old_pieces,
                             std::span<const LocalMap> old_maps, const Octree& octree,
                             const Pieces& pieces, const Cells& cells)
 {
-    std::vector<int> first(octree.leaves().size() + 1, 0);
-    for (const LeafNumber leaf : pieces.leaf_of_piece)
-        ++first[idx(leaf) + 1];
-    for (std::size_t i = 1; i < first.size(); ++i)
-        first[i] += first[i - 1];
     std::vector<Pose> poses(cells.size());
     parallel_for(
         octree.leaves().size(),
-        [&](std::size_t leaf)
+        [&](std::size_t i)
         {
-            if (first[leaf] == first[leaf + 1])
+            const auto leaf = LeafNumber(i);
+            const std::size_t first = idx(pieces.first(leaf));
+            const std::size_t count = idx(pieces.end(leaf)) - first;
+            if (count == 0)
                 return; // nothing but crumbs
-            const Leaf& box = octree.leaves()[leaf];
+            const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);
             const int only =
-                only_origin(old_pieces, old_cells, cells.cells[idx(first[leaf])],
-                            first_voxel(grid, box, pieces, first[leaf], first[leaf + 1]));
-            std::vector<std::vector<Origin>> origins(idx(first[leaf + 1] - first[leaf]),
-                                                     {{only, 1}});
+                only_origin(old_pieces, old_cells, cells.cells[first],
+                            old_pieces.at(grid, first_voxel(grid, block, leaf, pieces)));
+            std::vector<std::vector<Origin>> origins(count, {{only, 1}});
             if (only < 0)
-                origins = origins_of(grid, box, old_pieces, pieces, first[leaf],
-                                     first[leaf + 1]);
+                origins = origins_of(grid, block, leaf, old_pieces, pieces);
             for (std::size_t k = 0; k < origins.size(); ++k)
             {
-                const std::size_t c = idx(first[leaf]) + k;
+                const std::size_t c = first + k;
                 const Cell& cell = cells.cells[c];
                 const std::size_t one = idx(origins[k][0].piece);
                 if (origins[k].size() == 1 &&

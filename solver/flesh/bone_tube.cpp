@@ -104,16 +104,15 @@ std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, dou
 }
 
 std::vector<std::vector<MaterialPoint>>
-points_in_tubes(const VoxelGrid& grid, const VoxelNumbers<std::int32_t>& piece_of_voxel,
-                const Lattice& lattice, double unit,
-                std::span<const std::vector<std::size_t>> voxels)
+points_in_tubes(const VoxelGrid& grid, const Pieces& pieces, const Lattice& lattice,
+                double unit, std::span<const std::vector<std::size_t>> voxels)
 {
     std::vector<std::vector<MaterialPoint>> out(voxels.size());
     for (std::size_t b = 0; b < voxels.size(); ++b)
         for (const std::size_t voxel : voxels[b])
         {
             const Vector3i v = grid.coordinates(voxel);
-            const int cell = piece_of_voxel[voxel];
+            const int cell = pieces.at(grid, v);
             const std::optional<Vector3d> local =
                 local_place(lattice, cell, unit * grid.centre(v));
             out[b].push_back({cell, local.value_or(Vector3d::Constant(0.5)),

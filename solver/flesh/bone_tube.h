@@ -45,11 +45,10 @@ struct TubeBone
 std::vector<std::vector<std::size_t>> voxels_in_tubes(const VoxelGrid& grid, double unit,
                                                       std::span<const TubeBone> bones);
 
-/// The same as points of the cells that hold them, of \p piece_of_voxel.
+/// The same as points of the cells that hold them: one for each of \p pieces.
 std::vector<std::vector<MaterialPoint>>
-points_in_tubes(const VoxelGrid& grid, const VoxelNumbers<std::int32_t>& piece_of_voxel,
-                const Lattice& lattice, double unit,
-                std::span<const std::vector<std::size_t>> voxels);
+points_in_tubes(const VoxelGrid& grid, const Pieces& pieces, const Lattice& lattice,
+                double unit, std::span<const std::vector<std::size_t>> voxels);
 
 /// The same for a lattice that was drawn, whose cells are cut into small ones.
 std::vector<std::vector<MaterialPoint>> points_in_tubes(const Lattice& lattice,

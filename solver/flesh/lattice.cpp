@@ -180,7 +180,7 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
         const double volume = size.prod();
         if (!(volume > 0.0))
             return;
-        const Leaf& leaf = octree[pieces.leaf_of_piece[idx(cell)]];
+        const Leaf& leaf = octree[pieces.leaf(cell)];
         if (!is_in(voxel_block(grid.shape(), leaf), v))
             return; // a crumb belongs to a cell elsewhere
         const Vector3d x = unit * grid.centre(v);
@@ -193,7 +193,7 @@ std::vector<LatticePart> parts_by_material(const VoxelGrid& grid, const Octree& 
         sums.second += volume * (x - sums.from) * (x - sums.from).transpose();
         sums.second.diagonal() += volume / 12.0 * size.cwiseAbs2();
     };
-    pieces.piece_of_voxel.for_each(add);
+    pieces.for_each(grid, add);
     std::vector<LatticePart> parts;
     for (auto& [key, sums] : all)
     {

@@ -83,7 +83,7 @@ struct Input
                                     support::random_number(rng, 0, kSide),
                                     support::random_number(rng, 0, kLength));
             places.push_back(x);
-            cells.push_back(bar.built.pieces.piece_of_voxel[grid.index(grid.locate(x))]);
+            cells.push_back(bar.built.pieces.at(grid, grid.locate(x)));
             if (Bar::end(x.z()) >= 0)
                 nodes[Bar::end(x.z())].push_back({x, cells.back()});
             if (has_normals)

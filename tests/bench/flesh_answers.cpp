@@ -242,20 +242,19 @@ Flesh flesh_of(const Built& body, double unit, const std::vector<BoneLine>& line
                const FleshSettings& settings)
 {
     Lattice lattice = octree_lattice(body.octree, body.cells, unit);
-    const auto holds = [&](int cell, const Vector3d& x) {
-        return piece_at(body.material.grid, body.pieces.piece_of_voxel, x / unit) == cell;
-    };
+    const auto holds = [&](int cell, const Vector3d& x)
+    { return piece_at(body.material.grid, body.pieces, x / unit) == cell; };
     std::vector<TubeBone> bones;
     for (const BoneLine& line : lines)
         bones.push_back({line, radius});
     const std::vector<FleshMaterial> materials = {material};
     std::vector<TubePart> tubes;
     if (chi > 0.0)
-        tubes = tube_parts(
-            lattice, materials, bones,
-            points_in_tubes(body.material.grid, body.pieces.piece_of_voxel, lattice, unit,
-                            voxels_in_tubes(body.material.grid, unit, bones)),
-            chi);
+        tubes =
+            tube_parts(lattice, materials, bones,
+                       points_in_tubes(body.material.grid, body.pieces, lattice, unit,
+                                       voxels_in_tubes(body.material.grid, unit, bones)),
+                       chi);
     std::vector<HeldPoint> points = points_on_bones(lattice, lines, holds);
     return Flesh(std::move(lattice), materials, std::move(points), std::move(tubes),
                  settings);

@@ -90,10 +90,10 @@ void check_octree(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
     for (std::size_t v = 0; v < grid.size(); ++v)
     {
         const bool has_material = grid.material()[v] != 0;
-        require(has_material == (pieces.piece_of_voxel[v] >= 0));
+        require(has_material == (pieces.at(grid, v) >= 0));
         if (!has_material)
             continue;
-        require(idx(pieces.piece_of_voxel[v]) < pieces.size());
+        require(idx(pieces.at(grid, v)) < pieces.size());
         const LeafNumber leaf = octree.find(grid.coordinates(v) / per_leaf);
         require(leaf != LeafNumber::None);
         const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);

@@ -94,11 +94,10 @@ TEST(Cells, of_a_rough_shape_are_glued_where_their_boxes_touch_and_mirrored_alik
             areas[is_mirrored].push_back(face.area);
         }
         for (std::size_t voxel = 0; voxel < body.material.grid.size(); ++voxel)
-            if (const int piece = body.pieces.piece_of_voxel[voxel]; piece >= 0)
+            if (const int piece = body.pieces.at(body.material.grid, voxel); piece >= 0)
             {
-                const VoxelBlock own =
-                    voxel_block(body.material.grid.shape(),
-                                body.octree[body.pieces.leaf_of_piece[idx(piece)]]);
+                const VoxelBlock own = voxel_block(body.material.grid.shape(),
+                                                   body.octree[body.pieces.leaf(piece)]);
                 const Eigen::Vector3i v = body.material.grid.coordinates(voxel);
                 num_crumbs += (v.array() < own.first.array()).any() ||
                               (v.array() >= own.first.array() + own.width).any();
@@ -145,7 +144,7 @@ TEST(Cells, a_crumb_beside_another_piece_belongs_to_its_neighbour)
     ASSERT_EQ(two.cells.size(), 4u);
     const VoxelGrid& grid = two.material.grid;
     const auto cell_at = [&](double x) {
-        return two.pieces.piece_of_voxel[grid.index(grid.locate({x, 0.1, 0.1}))];
+        return two.pieces.at(grid, grid.locate({x, 0.1, 0.1}));
     };
     EXPECT_EQ(cell_at(2.02), cell_at(1.5));
     EXPECT_NE(cell_at(2.02), cell_at(2.5));
@@ -199,6 +198,143 @@ TEST(Cells, neighbours_of_different_size_share_their_true_area)
         }
     }
     EXPECT_EQ(num_large, 4);
+}
+
+namespace
+{
+
+void expect_same(const VoxelGrid& grid, const Octree& octree, const Pieces& a,
+                 const Pieces& b)
+{
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+        ASSERT_EQ(a.at(grid, voxel), b.at(grid, voxel));
+    for (std::size_t box = 0; box < grid.num_boxes(); ++box)
+        ASSERT_EQ(a.leaf_of_box(box), b.leaf_of_box(box));
+    for (const LeafNumber leaf : octree.numbers())
+    {
+        EXPECT_EQ(a.first(leaf), b.first(leaf));
+        EXPECT_EQ(a.end(leaf), b.end(leaf));
+        EXPECT_EQ(a.only(leaf), b.only(leaf));
+        EXPECT_EQ(a.is_full(leaf), b.is_full(leaf));
+        EXPECT_EQ(a.shares_crumbs(leaf), b.shares_crumbs(leaf));
+    }
+}
+
+void expect_same(const Cells& a, const Cells& b)
+{
+    EXPECT_EQ(a.corner, b.corner);
+    EXPECT_EQ(a.first_neighbour, b.first_neighbour);
+    EXPECT_EQ(a.neighbours, b.neighbours);
+    ASSERT_EQ(a.cells.size(), b.cells.size());
+    for (std::size_t c = 0; c < a.cells.size(); ++c)
+    {
+        const Cell &one = a.cells[c], &other = b.cells[c];
+        ASSERT_EQ(one.leaf, other.leaf);
+        EXPECT_EQ(one.box_centre, other.box_centre);
+        EXPECT_EQ(one.edge, other.edge);
+        EXPECT_EQ(one.centre, other.centre);
+        EXPECT_EQ(one.anchor, other.anchor);
+        EXPECT_EQ(one.volume, other.volume);
+        EXPECT_EQ(one.second_moment, other.second_moment);
+        EXPECT_EQ(one.middle, other.middle);
+    }
+    ASSERT_EQ(a.faces.size(), b.faces.size());
+    for (std::size_t f = 0; f < a.faces.size(); ++f)
+    {
+        const Face &one = a.faces[f], &other = b.faces[f];
+        ASSERT_EQ(std::tuple(one.a, one.axis, one.b),
+                  std::tuple(other.a, other.axis, other.b));
+        EXPECT_EQ(one.area, other.area);
+        EXPECT_EQ(one.centre, other.centre);
+        EXPECT_EQ(one.distance, other.distance);
+        EXPECT_EQ(one.turning, other.turning);
+        EXPECT_EQ(one.sheet_share, other.sheet_share);
+        EXPECT_EQ(one.contact, other.contact);
+    }
+}
+
+/// Some leaves of an octree.
+std::vector<LeafNumber> some_of(const Octree& octree, double share, std::mt19937& rng)
+{
+    std::vector<LeafNumber> some;
+    for (const LeafNumber leaf : octree.numbers())
+        if (support::random_number(rng, 0.0, 1.0) < share)
+            some.push_back(leaf);
+    return some;
+}
+
+Shape turned(Shape shape, std::mt19937& rng)
+{
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY);
+    for (Eigen::Vector3d& x : shape.samples)
+    {
+        x = R * x;
+        low = low.cwiseMin(x);
+    }
+    for (Eigen::Vector3d& x : shape.samples)
+        x -= low;
+    return shape;
+}
+
+} // namespace
+
+TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
+{
+    std::mt19937 rng(17);
+    Shape rough = box_shape({0, 0, 0}, {2, 1, 1}, 12); // leaves crumbs
+    for (Eigen::Vector3d& x : rough.samples)
+        x += Eigen::Vector3d::Constant(0.06) + support::random_vector(rng, 0.06);
+    Shape soup = box_shape({0, 0, 0}, {2, 1, 1}, 9);
+    std::erase_if(soup.triangles,
+                  [&](const Triangle&) { return support::random_number(rng, 0, 3) < 1; });
+    Shape beside = support::sheet_shape(3.0, 1.0, 6); // of a box
+    for (Eigen::Vector3d& x : beside.samples)
+        x.z() += 0.4;
+    const Shape with_sheet = joined(box_shape({0, 0, 0}, {1, 1, 1}), beside);
+    std::size_t num_crumbs = 0, num_sheets = 0, num_taken = 0;
+    for (const Shape& shape :
+         {support::l_prism(), support::comb(), turned(support::comb(), rng), rough,
+          turned(rough, rng), soup, with_sheet, turned(with_sheet, rng)})
+    {
+        Eigen::Vector3d high = Eigen::Vector3d::Zero();
+        for (const Eigen::Vector3d& x : shape.samples)
+            high = high.cwiseMax(x);
+        const BoundingSurface surface = bounding_surface(shape);
+        const Material material = find_material(
+            shape, surface, grid_shape(high, 6, 2, 0.01 * high.norm()), Fill::Solid);
+        const VoxelGrid& grid = material.grid;
+        const Sheets sheets = find_sheets(shape, surface, material, 0.01 * high.norm());
+        num_sheets += sheets.crossings.size();
+        const MaterialTest test = material_test(grid);
+        Octree octree(grid.shape(), test);
+        Pieces pieces = find_pieces(grid, octree);
+        Cells cells = build_cells(grid, octree, pieces, material.is_sheet, sheets);
+        for (int step = 0; step < 6; ++step)
+        {
+            const std::vector<LeafNumber> some = some_of(octree, 0.1, rng);
+            Octree next = step % 3 == 2 ? octree.merge(some) : octree.split(some, test);
+            for (const LeafNumber from : next.numbers_in(octree))
+                num_taken += from != LeafNumber::None;
+            Pieces recut = find_pieces(grid, next, octree, pieces);
+            const Pieces anew = find_pieces(grid, next);
+            expect_same(grid, next, recut, anew);
+            const EarlierCells earlier{octree, pieces, cells};
+            Cells recut_cells =
+                build_cells(grid, next, recut, material.is_sheet, sheets, &earlier);
+            expect_same(recut_cells,
+                        build_cells(grid, next, anew, material.is_sheet, sheets));
+            for (const LeafNumber leaf : next.numbers())
+                num_crumbs += recut.shares_crumbs(leaf);
+            octree = std::move(next);
+            pieces = std::move(recut);
+            cells = std::move(recut_cells);
+        }
+    }
+    EXPECT_GT(num_crumbs, 0u);
+    EXPECT_GT(num_sheets, 0u);
+    EXPECT_GT(num_taken, 1000u);
 }
 
 TEST(NearestSamples, are_measured_through_the_material)

@@ -428,21 +428,18 @@ TEST(RodSession, what_cannot_be_is_told)
 
 TEST(RodSession, a_flat_model_takes_no_rod)
 {
-    const Shape sheet = support::sheet_shape(3.0, 1.0, 6);
     SessionSettings flat = settings(12);
     flat.cells.is_flat = true;
-    EXPECT_TRUE(contains(error_of(Fault::Malformed,
-                                  [&]
-                                  {
-                                      played(sheet, "fixed foot box -1 -1 -1 0.3 4 1
-                                                    "
-                                                    "rod spine through 0 0.5 0 3 0.5 0
-                                             frame 1 "
-                                                     "move spine end translate 0 0.1 0
-                                                     ",
-                                             flat);
-                                  }),
-                         "h.handles:3: spine: a flat model"));
+    const auto play = [&]
+    {
+        played(support::sheet_shape(3.0, 1.0, 6),
+               "fixed foot box -1 -1 -1 0.3 4 1\n"
+               "rod spine through 0 0.5 0 3 0.5 0\nframe 1\n"
+               "move spine end translate 0 0.1 0\n",
+               flat);
+    };
+    EXPECT_TRUE(
+        contains(error_of(Fault::Malformed, play), "h.handles:3: spine: a flat model"));
 }
 
 } // namespace cellwarp

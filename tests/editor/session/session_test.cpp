@@ -225,8 +225,8 @@ TEST(Session, soups_and_clouds_bend_as_the_mesh_that_they_sample)
         for (std::size_t i = 0; i < shape.samples.size(); ++i)
         {
             const Eigen::Vector3d x = rest.frame.to_work(shape.samples[i]);
-            const int own = body.pieces.piece_of_voxel[rest.material.grid.index(
-                rest.material.grid.locate(x))];
+            const VoxelGrid& grid = rest.material.grid;
+            const int own = body.pieces.at(grid, grid.locate(x));
             const Eigen::Vector3d moved =
                 shape.samples[i] +
                 rest.frame.vector_to_model(

@@ -21,7 +21,7 @@ namespace
 int own_cell(const Built& built, const Eigen::Vector3d& x)
 {
     const VoxelGrid& grid = built.material.grid;
-    return built.pieces.piece_of_voxel[grid.index(grid.locate(x))];
+    return built.pieces.at(grid, grid.locate(x));
 }
 
 /// Of all cells, 0 where one does not count.

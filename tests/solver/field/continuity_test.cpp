@@ -43,10 +43,7 @@ struct Ground
     {
     }
     /// -1: no material.
-    int own(const Eigen::Vector3d& x) const
-    {
-        return pieces.piece_of_voxel[grid.index(grid.locate(x))];
-    }
+    int own(const Eigen::Vector3d& x) const { return pieces.at(grid, grid.locate(x)); }
     bool is_in_its_box(const Place& place) const
     {
         const Cell& c = cells.cells[idx(place.own)];

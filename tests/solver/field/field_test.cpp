@@ -23,7 +23,7 @@ namespace
 int own_cell(const Built& built, const Eigen::Vector3d& x)
 {
     const VoxelGrid& grid = built.material.grid;
-    return built.pieces.piece_of_voxel[grid.index(grid.locate(x))];
+    return built.pieces.at(grid, grid.locate(x));
 }
 
 /// Smoothly varying poses: a bar along z, twisted.

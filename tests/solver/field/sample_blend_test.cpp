@@ -54,7 +54,7 @@ struct Case
     int cell_at(const Eigen::Vector3d& x) const
     {
         const VoxelGrid& grid = body.material.grid;
-        return body.pieces.piece_of_voxel[grid.index(grid.locate(x))];
+        return body.pieces.at(grid, grid.locate(x));
     }
     void add(const Eigen::Vector3d& x)
     {

@@ -79,9 +79,8 @@ TEST(BoneTube, has_the_voxels_near_a_bone_that_the_material_joins_to_it)
     const support::Built body = support::built(shape, 8, 0, Fill::Solid, 0.05);
     const Lattice lattice = octree_lattice(body.octree, body.cells, 1.0);
     const std::vector<TubeBone> bones = {{{{0.5, 0.5, 0.6}, {3.5, 0.5, 0.6}, 0}, 0.8}};
-    const auto points =
-        points_in_tubes(body.material.grid, body.pieces.piece_of_voxel, lattice, 1.0,
-                        voxels_in_tubes(body.material.grid, 1.0, bones));
+    const auto points = points_in_tubes(body.material.grid, body.pieces, lattice, 1.0,
+                                        voxels_in_tubes(body.material.grid, 1.0, bones));
     double volume = 0.0;
     for (const MaterialPoint& point : points[0])
     {
@@ -100,9 +99,8 @@ TEST(BoneTube, of_several_bones_the_nearest_has_a_voxel)
     const Lattice lattice = octree_lattice(body.octree, body.cells, 1.0);
     const std::vector<TubeBone> bones = {{{{0, 0.5, 0.5}, {2, 0.5, 0.5}, 0}, 0.4},
                                          {{{2, 0.5, 0.5}, {4, 0.5, 0.5}, 1}, 0.4}};
-    const auto points =
-        points_in_tubes(body.material.grid, body.pieces.piece_of_voxel, lattice, 1.0,
-                        voxels_in_tubes(body.material.grid, 1.0, bones));
+    const auto points = points_in_tubes(body.material.grid, body.pieces, lattice, 1.0,
+                                        voxels_in_tubes(body.material.grid, 1.0, bones));
     double volume[2] = {0.0, 0.0};
     for (int b = 0; b < 2; ++b)
         for (const MaterialPoint& point : points[idx(b)])

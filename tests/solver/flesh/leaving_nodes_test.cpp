@@ -38,9 +38,9 @@ std::vector<int> around(const support::Built& of, const Cut& fine, const Cut& co
 {
     std::vector<int> out(fine.cells.size(), -1);
     for (std::size_t voxel = 0; voxel < of.material.grid.size(); ++voxel)
-        if (const int cell = fine.pieces.piece_of_voxel[voxel];
+        if (const int cell = fine.pieces.at(of.material.grid, voxel);
             cell >= 0 && out[idx(cell)] < 0)
-            out[idx(cell)] = coarse.pieces.piece_of_voxel[voxel];
+            out[idx(cell)] = coarse.pieces.at(of.material.grid, voxel);
     return out;
 }
 
