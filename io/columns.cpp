@@ -164,12 +164,17 @@ void ColumnsScanner::point(Geometry& out)
             continue;
         const Token& field = row_[static_cast<std::size_t>(role_column_[role])];
         const std::optional<double> value = parse_double(field.text);
-        const Where where{file_, lines_,
-                          "column " + std::to_string(role_column_[role] + 1)};
+        // Put together where something is wrong alone: there are millions of numbers.
+        const auto wrong = [&](const char* how)
+        {
+            return malformed(
+                {file_, lines_, "column " + std::to_string(role_column_[role] + 1)},
+                std::string(how) + " (got " + in_quotes(field.text) + ")");
+        };
         if (!value)
-            throw malformed(where, "is no number (got " + in_quotes(field.text) + ")");
+            throw wrong("is no number");
         if (role < 3 && !std::isfinite(*value))
-            throw malformed(where, "is not finite (got " + in_quotes(field.text) + ")");
+            throw wrong("is not finite");
         values[role] = *value;
         starts[role] = field.start;
     }

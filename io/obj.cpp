@@ -29,6 +29,11 @@ bool parse_corner(const Token& token, Corner& corner)
 {
     std::string_view rest = token.text;
     std::uint64_t start = token.start;
+    if (const std::optional<std::int64_t> alone = parse_integer(rest)) // as most are
+    {
+        corner.vertex = *alone;
+        return *alone != 0;
+    }
     for (int part = 0; part < 3; ++part)
     {
         const std::size_t slash = rest.find('/');
@@ -176,14 +181,19 @@ Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line)
     Numbers numbers;
     for (Token token; tokens.next(token) && token.text[0] != '#'; ++numbers.count)
     {
-        const Where where{file, line, "number " + std::to_string(numbers.count + 1)};
+        // Put together where something is wrong alone: there are millions of numbers.
+        const auto wrong = [&](const std::string& reason)
+        {
+            return malformed({file, line, "number " + std::to_string(numbers.count + 1)},
+                             reason);
+        };
         if (numbers.count == 7)
-            throw malformed(where, "one too many (need at most 7)");
+            throw wrong("one too many (need at most 7)");
         const std::optional<double> value = parse_double(token.text);
         if (!value)
-            throw malformed(where, "is no number (got " + in_quotes(token.text) + ")");
+            throw wrong("is no number (got " + in_quotes(token.text) + ")");
         if (!std::isfinite(*value))
-            throw malformed(where, "is not finite (got " + in_quotes(token.text) + ")");
+            throw wrong("is not finite (got " + in_quotes(token.text) + ")");
         numbers.values[static_cast<std::size_t>(numbers.count)] = *value;
         numbers.starts[static_cast<std::size_t>(numbers.count)] = token.start;
     }

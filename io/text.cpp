@@ -16,7 +16,9 @@ bool LineReader::next(std::string_view& line)
         static_cast<const char*>(std::memchr(rest.data(), '\n', rest.size()));
     const std::size_t until_lf =
         lf ? static_cast<std::size_t>(lf - rest.data()) : rest.size();
-    const char* cr = static_cast<const char*>(std::memchr(rest.data(), '\r', until_lf));
+    const char* cr =
+        has_cr_ ? static_cast<const char*>(std::memchr(rest.data(), '\r', until_lf))
+                : nullptr;
     std::size_t length = until_lf;
     std::size_t end = lf ? until_lf + 1 : rest.size();
     bool is_ended = lf != nullptr;
@@ -34,20 +36,6 @@ bool LineReader::next(std::string_view& line)
     next_ += end;
     ++line_;
     return true;
-}
-
-bool Tokens::next(Token& token)
-{
-    std::size_t first = 0;
-    while (first < rest_.size() && is_blank(rest_[first]))
-        ++first;
-    std::size_t end = first;
-    while (end < rest_.size() && !is_blank(rest_[end]))
-        ++end;
-    token = {rest_.substr(first, end - first), start_ + first};
-    rest_.remove_prefix(end);
-    start_ += end;
-    return !token.text.empty();
 }
 
 std::string_view Tokens::rest() const

@@ -26,7 +26,8 @@ class LineReader
 public:
     LineReader(std::string_view text, std::uint64_t start, bool is_last,
                std::int64_t lines_before = 0)
-        : text_(text), start_(start), is_last_(is_last), line_(lines_before)
+        : text_(text), start_(start), is_last_(is_last),
+          has_cr_(text.find('\r') != std::string_view::npos), line_(lines_before)
     {
     }
 
@@ -43,6 +44,7 @@ private:
     std::string_view text_;
     std::uint64_t start_;
     bool is_last_;
+    bool has_cr_; ///< anywhere: few files have, and need not be searched again
     std::int64_t line_;
     std::uint64_t line_start_ = 0;
     std::size_t next_ = 0;
@@ -65,13 +67,30 @@ std::size_t for_each_line(std::string_view part, std::uint64_t start, bool is_la
     return skipped + reader.consumed();
 }
 
+inline bool is_blank(char c)
+{
+    return c == ' ' || c == '\t' || c == '\v' || c == '\f';
+}
+
 /// Cuts a line into tokens at blanks and tabs.
 class Tokens
 {
 public:
     Tokens(std::string_view line, std::uint64_t start) : rest_(line), start_(start) {}
     /// False at the end of the line.
-    bool next(Token& token);
+    bool next(Token& token)
+    {
+        std::size_t first = 0;
+        while (first < rest_.size() && is_blank(rest_[first]))
+            ++first;
+        std::size_t end = first;
+        while (end < rest_.size() && !is_blank(rest_[end]))
+            ++end;
+        token = {rest_.substr(first, end - first), start_ + first};
+        rest_.remove_prefix(end);
+        start_ += end;
+        return !token.text.empty();
+    }
     /// What is left, without leading blanks.
     std::string_view rest() const;
 
@@ -79,11 +98,6 @@ private:
     std::string_view rest_;
     std::uint64_t start_;
 };
-
-inline bool is_blank(char c)
-{
-    return c == ' ' || c == '\t' || c == '\v' || c == '\f';
-}
 
 /// A blank, or the # of a comment.
 inline bool is_end_of_word(char c)

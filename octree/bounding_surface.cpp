@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "octree/base/edges.h"
@@ -28,7 +29,29 @@ Triangle canonical(Triangle t)
 /// A canonical triangle and its copies of either direction are one face.
 bool is_one_face(const Triangle& a, const Triangle& b)
 {
-    return a == b || a == Triangle{b[0], b[2], b[1]};
+    return a[0] == b[0] &&
+           ((a[1] == b[1] && a[2] == b[2]) || (a[1] == b[2] && a[2] == b[1]));
+}
+
+std::uint64_t key_of(std::uint32_t a, std::uint32_t b)
+{
+    return std::uint64_t{a} << 32 | b;
+}
+
+/// Sorts the triangles around one corner by a number of each; those of one number keep
+/// their order.
+template <class Key>
+void sort_around(std::span<Triangle> triangles, const Key& key)
+{
+    constexpr std::size_t kFew = 32;
+    const auto is_before = [&](const Triangle& a, const Triangle& b)
+    { return key(a) < key(b); };
+    if (triangles.size() > kFew)
+        return std::stable_sort(triangles.begin(), triangles.end(), is_before);
+    for (std::size_t next = 1; next < triangles.size(); ++next)
+        for (std::size_t i = next; i > 0 && is_before(triangles[i], triangles[i - 1]);
+             --i)
+            std::swap(triangles[i], triangles[i - 1]);
 }
 
 double open_edge_share(const std::vector<Triangle>& triangles, std::size_t num_samples)
@@ -74,12 +97,11 @@ std::vector<Triangle> by_faces(const Shape& shape)
     parallel_for(shape.samples.size(), kCornersAtOnce,
                  [&](std::size_t corner)
                  {
-                     const auto at = [&](std::size_t i)
-                     { return sorted.begin() + static_cast<std::ptrdiff_t>(i); };
-                     std::stable_sort(
-                         at(corner == 0 ? 0 : end[corner - 1]), at(end[corner]),
-                         [](const Triangle& a, const Triangle& b)
-                         { return std::minmax(a[1], a[2]) < std::minmax(b[1], b[2]); });
+                     const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
+                     sort_around(
+                         std::span(sorted).subspan(begin, end[corner] - begin),
+                         [](const Triangle& t)
+                         { return key_of(std::min(t[1], t[2]), std::max(t[1], t[2])); });
                  });
     return sorted;
 }
@@ -147,7 +169,7 @@ BoundingSurface bounding_surface(const Shape& shape)
         const auto end =
             std::find_if(begin, triangles.end(),
                          [&](const Triangle& t) { return t[0] != (*begin)[0]; });
-        std::sort(begin, end);
+        sort_around({begin, end}, [](const Triangle& t) { return key_of(t[1], t[2]); });
         begin = end;
     }
     return surface;

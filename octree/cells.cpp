@@ -211,11 +211,41 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
     std::map<std::tuple<int, int, int>, FaceSum> found;
     std::tuple<int, int, int> last_key(-1, -1, -1);
     FaceSum* sum = nullptr;
+    const auto sum_of = [&](int a, int axis, int b) -> FaceSum&
+    {
+        const std::tuple<int, int, int> face_key(a, axis, b);
+        if (face_key != last_key)
+            sum = &found[face_key];
+        last_key = face_key;
+        return *sum;
+    };
     const int step = grid.shape().voxels_per_leaf;
+    const int only = pieces.only(leaf);
     const auto add_box = [&](int axis, LeafNumber other, const Eigen::Vector3i& first)
     {
         const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const int other_only = pieces.only(other);
         Eigen::Vector3i above = first;
+        if (is_sheet.empty() && pieces.is_full(leaf) && pieces.is_full(other))
+        {
+            Eigen::Vector3i below = first;
+            --below[axis];
+            if (grid.material()[grid.index(below)] != grid.material()[grid.index(above)])
+                return;
+            const auto line = [&](int of, int i) { return grid.lines(of)[idx(i)]; };
+            const double area = (line(u, first[u] + step) - line(u, first[u])) *
+                                (line(v, first[v] + step) - line(v, first[v]));
+            Eigen::Vector3d centre;
+            centre[axis] = line(axis, first[axis]);
+            for (const int of : {u, v})
+                centre[of] = 0.5 * (line(of, first[of]) + line(of, first[of] + step));
+            FaceSum& whole = sum_of(only, axis, other_only);
+            whole.contact += area;
+            whole.contact_first += area * centre;
+            whole.area += area;
+            whole.first += area * centre;
+            return;
+        }
         for (int j = 0; j < step; ++j)
             for (int i = 0; i < step; ++i)
             {
@@ -227,22 +257,20 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 const std::uint8_t material = grid.material()[low];
                 if (material == 0 || material != grid.material()[high])
                     continue;
-                const int a = pieces.at(grid, below), b = pieces.at(grid, above);
+                const int a = only >= 0 ? only : pieces.at(grid, below);
+                const int b = other_only >= 0 ? other_only : pieces.at(grid, above);
                 if (a == b || pieces.leaf(a) != leaf || pieces.leaf(b) != other)
                     continue; // a crumb of elsewhere
                 const double area = grid.extent(u, below[u]) * grid.extent(v, below[v]);
                 Eigen::Vector3d centre = grid.centre(below);
                 centre[axis] = grid.lines(axis)[idx(above[axis])];
-                const std::tuple<int, int, int> face_key(a, axis, b);
-                if (face_key != last_key)
-                    sum = &found[face_key];
-                last_key = face_key;
-                sum->contact += area;
-                sum->contact_first += area * centre;
+                FaceSum& part = sum_of(a, axis, b);
+                part.contact += area;
+                part.contact_first += area * centre;
                 if (!is_sheet.empty() && is_sheet[low] && is_sheet[high])
                     continue;
-                sum->area += area;
-                sum->first += area * centre;
+                part.area += area;
+                part.first += area * centre;
             }
     };
     for (int axis = 0; axis < 3; ++axis)

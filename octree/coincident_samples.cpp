@@ -33,7 +33,7 @@ CoincidentSamples::CoincidentSamples(const std::vector<Eigen::Vector3d>& samples
                             hashes_[i] = {hash_of(cell_of(samples[i])),
                                           static_cast<std::uint32_t>(i)};
                     });
-    std::sort(hashes_.begin(), hashes_.end());
+    parallel_sort(hashes_);
 }
 
 CoincidentSamples::Cell CoincidentSamples::cell_of(const Eigen::Vector3d& x) const

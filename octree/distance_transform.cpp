@@ -151,22 +151,28 @@ struct Depth
 
 /// Lines along one axis whose values stand apart in memory, \p beside of them side by
 /// side: they are taken over together, each into a row of its own, so that no line of
-/// the cache is fetched for one number.
-template <class From, class To, class Convert>
+/// the cache is fetched for one number. \p is_set(q): whether any of those of q is not 0;
+/// others are not read, since memory that nobody has written has to be provided for that.
+template <class From, class To, class Convert, class IsSet>
 void gather(const From* from, std::size_t stride, int count, std::size_t beside,
-            std::vector<To>& rows, Convert&& convert)
+            std::vector<To>& rows, Convert&& convert, IsSet&& is_set)
 {
     rows.resize(beside * idx(count));
+    const To zero = convert(From{});
     for (std::size_t q = 0; q < idx(count); ++q)
+    {
+        const bool reads = is_set(q);
         for (std::size_t line = 0; line < beside; ++line)
-            rows[line * idx(count) + q] = convert(from[q * stride + line]);
+            rows[line * idx(count) + q] = reads ? convert(from[q * stride + line]) : zero;
+    }
 }
 
-/// Back again, but for zeros where there are zeros: they take no memory. Calls
-/// wrote(q) where there is another value.
+/// Back again. Without \p with_zeros zeros are left out, since no value becomes 0 that
+/// was not, and they take no memory. Calls wrote(q) where there is another value.
 template <class From, class To, class Convert, class Wrote>
 void scatter(const std::vector<From>& rows, std::size_t stride, int count,
-             std::size_t beside, To* to, Convert&& convert, Wrote&& wrote)
+             std::size_t beside, To* to, bool with_zeros, Convert&& convert,
+             Wrote&& wrote)
 {
     for (std::size_t q = 0; q < idx(count); ++q)
     {
@@ -174,9 +180,9 @@ void scatter(const std::vector<From>& rows, std::size_t stride, int count,
         for (std::size_t line = 0; line < beside; ++line)
         {
             const To value = convert(rows[line * idx(count) + q]);
-            To& old = to[q * stride + line];
-            if (old != value)
-                old = value;
+            if (value == To{} && !with_zeros)
+                continue;
+            to[q * stride + line] = value;
             is_set = is_set || value != To{};
         }
         if (is_set)
@@ -213,7 +219,7 @@ void transform(typename Coding::Kept* d, std::int32_t* labels,
                     continue;
                 transform_first_line(row.data(), labels ? labels + line * nx : nullptr,
                                      counts.x(), scratch);
-                scatter(row, 1, counts.x(), 1, d + line * nx, to,
+                scatter(row, 1, counts.x(), 1, d + line * nx, false, to,
                         [&](std::size_t x) { is_set[line * groups + x / kBeside] = 1; });
             }
         });
@@ -241,18 +247,19 @@ void transform(typename Coding::Kept* d, std::int32_t* labels,
                     if (!is_any)
                         continue;
                     const std::size_t first = plane + x;
-                    gather(d + first, stride, count, beside, rows, from);
+                    gather(d + first, stride, count, beside, rows, from,
+                           [&](std::size_t q) { return of_lines[q * step] != 0; });
                     if (labels)
                         gather(labels + first, stride, count, beside, of_labels,
-                               unchanged);
+                               unchanged, [](std::size_t) { return true; });
                     for (std::size_t line = 0; line < beside; ++line)
                         transform_line(&rows[line * idx(count)],
                                        labels ? &of_labels[line * idx(count)] : nullptr,
                                        count, scratch);
-                    scatter(rows, stride, count, beside, d + first, to,
+                    scatter(rows, stride, count, beside, d + first, false, to,
                             [&](std::size_t q) { of_lines[q * step] = 1; });
                     if (labels)
-                        scatter(of_labels, stride, count, beside, labels + first,
+                        scatter(of_labels, stride, count, beside, labels + first, true,
                                 unchanged, [](std::size_t) {});
                 }
             });

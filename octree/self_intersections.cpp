@@ -4,13 +4,19 @@
 // once finds the pairs of leaves that meet, each once, with few boxes compared: of two
 // boxes that do not meet nothing below is looked at. Boxes are of floats, rounded
 // outward.
+//   Nearly all pairs whose boxes meet are neighbours, which share a corner. Around most
+// corners the triangles, seen along the mean of their normals, fill every direction just
+// once: then no two of them meet but in the corner and edges that they share, and that is
+// found out once a corner, not once a pair.
 #include "octree/self_intersections.h"
 
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <numeric>
 
 #include <Eigen/Geometry>
 
@@ -29,12 +35,21 @@ namespace
 constexpr std::size_t kLeaf = 4;          ///< triangles
 constexpr std::int64_t kMostTests = 1000; ///< of boxes, a triangle
 
+/// The signs of four numbers: of two in the highest bits of each half of a word.
+std::array<std::uint64_t, 2> signs(const Eigen::Array4f& x)
+{
+    constexpr std::uint64_t kSigns = 0x8000000080000000;
+    std::array<std::uint64_t, 2> words;
+    std::memcpy(words.data(), x.data(), sizeof words);
+    return {words[0] & kSigns, words[1] & kSigns};
+}
+
 /// The fourth lane is 0: four are compared at once.
 struct FloatBox
 {
     static constexpr float kFar = std::numeric_limits<float>::infinity();
     Eigen::Array4f low = {kFar, kFar, kFar, 0.0f};
-    Eigen::Array4f high = -low;
+    Eigen::Array4f high = {-kFar, -kFar, -kFar, 0.0f};
 
     void include(const FloatBox& other)
     {
@@ -44,19 +59,163 @@ struct FloatBox
     bool meets(const FloatBox& other) const
     {
         // The sign of a difference is exact, and four are found at once.
-        return (other.high - low).min(high - other.low).minCoeff() >= 0.0f;
+        const Eigen::Array4f least = (other.high - low).min(high - other.low);
+        return (signs(least)[0] | signs(least)[1]) == 0;
     }
 };
 
+/// No larger, by a rounding or two.
 float rounded_down(double x)
 {
+    // A float's neighbours are less than this share of it away.
+    constexpr float kNext = 1.2e-7f;
     const auto nearest = static_cast<float>(x);
-    return nearest <= x ? nearest : std::nextafter(nearest, -INFINITY);
+    return nearest - (kNext * std::abs(nearest) + std::numeric_limits<float>::min());
 }
 
 float rounded_up(double x)
 {
     return -rounded_down(-x);
+}
+
+/// The triangles of a leaf, side by side: their boxes, and of their corners those in
+/// which neighbours meet and nowhere else (numbers above 0).
+struct TriangleLeaf
+{
+    std::array<Eigen::Array4f, 3> low, high;
+    std::array<std::array<std::uint32_t, kLeaf>, 3> corners;
+
+    TriangleLeaf()
+    {
+        low.fill(Eigen::Array4f::Constant(FloatBox::kFar));
+        high.fill(Eigen::Array4f::Constant(-FloatBox::kFar));
+        corners.fill({});
+    }
+    void set(std::size_t k, const FloatBox& one,
+             const std::array<std::uint32_t, 3>& of_corners)
+    {
+        const auto i = static_cast<Eigen::Index>(k);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+        {
+            low[axis][i] = one.low[static_cast<Eigen::Index>(axis)];
+            high[axis][i] = one.high[static_cast<Eigen::Index>(axis)];
+            corners[axis][k] = of_corners[axis];
+        }
+    }
+    /// Calls visit(k) for the triangles whose boxes meet that from \p from to \p to.
+    template <class Visit>
+    void for_each_met(const std::array<float, 3>& from, const std::array<float, 3>& to,
+                      Visit&& visit) const
+    {
+        Eigen::Array4f least = Eigen::Array4f::Constant(FloatBox::kFar);
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            least = least.min(to[axis] - low[axis]).min(high[axis] - from[axis]);
+        const auto [first, second] = signs(least);
+        if ((first & 0x80000000) == 0)
+            visit(std::size_t{0});
+        if (first >> 63 == 0)
+            visit(std::size_t{1});
+        if ((second & 0x80000000) == 0)
+            visit(std::size_t{2});
+        if (second >> 63 == 0)
+            visit(std::size_t{3});
+    }
+    /// Whether two triangles have such a corner in common.
+    bool shares(std::size_t k, const TriangleLeaf& other, std::size_t l) const
+    {
+        bool any = false;
+        for (const auto& one : corners)
+            for (const auto& own : other.corners)
+                any |= one[k] != 0 && one[k] == own[l];
+        return any;
+    }
+};
+
+/// Far beyond rounding, relative.
+constexpr double kSure = 1e-6;
+
+/// Of a number, one that looks random.
+std::uint64_t mixed(std::uint64_t x)
+{
+    x = (x ^ x >> 31) * 0x9e3779b97f4a7c15u;
+    x = (x ^ x >> 29) * 0xbf58476d1ce4e5b9u;
+    return x ^ x >> 32;
+}
+
+/// Whether the triangles around a corner, seen along the mean of their normals, have
+/// every direction once. Each is given by the two corners that follow this one in it.
+bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t corner,
+            const std::vector<Eigen::Vector3d>& places)
+{
+    const Eigen::Vector3d& at = places[corner];
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    std::uint64_t balance = 0; // of the edges that come in and go out: 0 where they close
+    for (const auto& [p, q] : around)
+    {
+        normal += (places[p] - at).cross(places[q] - at);
+        balance += mixed(p) - mixed(q);
+    }
+    if (balance != 0)
+        return false;
+    normal.normalize();
+    const std::uint32_t first = around[0][0];
+    const Eigen::Vector3d start = (places[first] - at).normalized();
+    int count = 0; // of the triangles that have this direction
+    for (const auto& [p, q] : around)
+    {
+        const Eigen::Vector3d a = places[p] - at, b = places[q] - at;
+        const double size_a = a.norm(), size_b = b.norm();
+        if (!(normal.dot(a.cross(b)) > kSure * size_a * size_b))
+            return false;
+        // Where the start is in this triangle, its edges included, that of its upper one.
+        const double in_a = p == first ? 0.0 : normal.dot(a.cross(start));
+        const double in_b = q == first ? 0.0 : normal.dot(start.cross(b));
+        if ((p != first && std::abs(in_a) <= kSure * size_a) ||
+            (q != first && std::abs(in_b) <= kSure * size_b))
+            return false;
+        count += in_a >= 0.0 && in_b > 0.0;
+    }
+    return count == 1;
+}
+
+/// Of each corner (a joined sample) whether its triangles meet in nothing but what they
+/// share, for sure. Those of a boundary are not looked at.
+std::vector<char> simple_corners(std::span<const Triangle> triangles,
+                                 const std::vector<std::uint32_t>& joined,
+                                 const std::vector<Eigen::Vector3d>& places)
+{
+    std::vector<std::uint32_t> end(places.size() + 1, 0); // of each corner's passes
+    for (const Triangle& t : triangles)
+        for (const std::uint32_t corner : t)
+            ++end[joined[corner] + 1];
+    std::partial_sum(end.begin(), end.end(), end.begin());
+    // Corners whose samples no longer are at one place.
+    std::vector<char> is_parted(places.size(), 0);
+    for (std::size_t i = 0; i < places.size(); ++i)
+        if (places[i] != places[joined[i]])
+            is_parted[joined[i]] = 1;
+    // A pass by a corner: the corner before and the one after.
+    std::vector<std::array<std::uint32_t, 2>> passes(end.back());
+    for (const Triangle& t : triangles)
+        for (std::size_t k = 0; k < 3; ++k)
+            passes[end[joined[t[k]]]++] = {joined[t[(k + 1) % 3]],
+                                           joined[t[(k + 2) % 3]]};
+    std::vector<char> is_simple(places.size(), 0);
+    parallel_for(places.size(), kSmallBodies,
+                 [&](std::size_t corner)
+                 {
+                     const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
+                     const std::span<const std::array<std::uint32_t, 2>> around =
+                         std::span(passes).subspan(begin, end[corner] - begin);
+                     is_simple[corner] =
+                         !around.empty() && !is_parted[corner] &&
+                         std::none_of(around.begin(), around.end(),
+                                      [&](const auto& pass) {
+                                          return is_parted[pass[0]] || is_parted[pass[1]];
+                                      }) &&
+                         is_fan(around, corner, places);
+                 });
+    return is_simple;
 }
 
 /// Boxes of the curve along each axis.
@@ -72,7 +231,7 @@ public:
           joined_(joined_samples(rest)), order_(triangles.size())
     {
         sort();
-        build_tree();
+        build_tree(simple_corners(triangles, joined_, places));
     }
 
     std::optional<SelfIntersections> count()
@@ -182,7 +341,7 @@ private:
                              (kBoxes * share).max(0.0).min(kBoxes - 1).cast<int>();
                          keys[t] = morton(box_of_curve) << 32 | t;
                      });
-        std::sort(keys.begin(), keys.end());
+        parallel_sort(keys);
         for (std::size_t k = 0; k < keys.size(); ++k)
             order_[k] = static_cast<std::uint32_t>(keys[k]);
     }
@@ -203,17 +362,23 @@ private:
         return box;
     }
 
-    void build_tree()
+    void build_tree(const std::vector<char>& is_simple)
     {
-        boxes_.resize(order_.size());
-        levels_.emplace_back((order_.size() + kLeaf - 1) / kLeaf);
-        parallel_for(levels_[0].size(), kSmallBodies,
+        const auto number_of = [&](std::uint32_t corner)
+        { return is_simple[joined_[corner]] ? joined_[corner] + 1 : 0; };
+        leaves_.resize((order_.size() + kLeaf - 1) / kLeaf);
+        levels_.emplace_back(leaves_.size());
+        parallel_for(leaves_.size(), kSmallBodies,
                      [&](std::size_t leaf)
                      {
                          for (std::size_t k = leaf * kLeaf; k < end_of(leaf); ++k)
                          {
-                             boxes_[k] = box_of(order_[k]);
-                             levels_[0][leaf].include(boxes_[k]);
+                             const FloatBox box = box_of(order_[k]);
+                             const auto& [x, y, z] = triangles_[order_[k]];
+                             leaves_[leaf].set(
+                                 k % kLeaf, box,
+                                 {number_of(x), number_of(y), number_of(z)});
+                             levels_[0][leaf].include(box);
                          }
                      });
         while (levels_.back().size() > 1)
@@ -231,27 +396,41 @@ private:
         return std::min(order_.size(), (leaf + 1) * kLeaf);
     }
 
+    /// Of two nodes that meet.
     void visit(const NodePair& pair, Tally& tally) const
     {
-        if (!do_meet(pair) || tally.is_over())
-            return;
         if (pair.level == 0)
             return test_leaves(pair.a, pair.b, tally);
-        for_pairs_below(pair, [&](const NodePair& next) { visit(next, tally); });
+        for_pairs_below(pair,
+                        [&](const NodePair& next)
+                        {
+                            if (do_meet(next))
+                                visit(next, tally);
+                        });
     }
 
     void test_leaves(std::size_t a, std::size_t b, Tally& tally) const
     {
-        for (std::size_t i = a * kLeaf; i < end_of(a); ++i)
-        {
-            if (!boxes_[i].meets(levels_[0][b]))
-                continue;
-            const std::size_t first = a == b ? i + 1 : b * kLeaf;
-            tally.tests += static_cast<std::int64_t>(end_of(b) - first);
-            for (std::size_t j = first; j < end_of(b); ++j)
-                if (boxes_[i].meets(boxes_[j]))
-                    test_pair(triangles_[order_[i]], triangles_[order_[j]], tally);
-        }
+        if (tally.is_over())
+            return;
+        const TriangleLeaf &one = leaves_[a], &other = leaves_[b];
+        const FloatBox& box = levels_[0][b];
+        one.for_each_met(
+            {box.low[0], box.low[1], box.low[2]}, {box.high[0], box.high[1], box.high[2]},
+            [&](std::size_t i)
+            {
+                const auto lane = static_cast<Eigen::Index>(i);
+                tally.tests += static_cast<std::int64_t>(kLeaf);
+                other.for_each_met(
+                    {one.low[0][lane], one.low[1][lane], one.low[2][lane]},
+                    {one.high[0][lane], one.high[1][lane], one.high[2][lane]},
+                    [&](std::size_t k)
+                    {
+                        if ((a != b || k > i) && !one.shares(i, other, k))
+                            test_pair(triangles_[order_[a * kLeaf + i]],
+                                      triangles_[order_[b * kLeaf + k]], tally);
+                    });
+            });
     }
 
     void test_pair(Triangle a, Triangle b, Tally& tally) const
@@ -278,7 +457,6 @@ private:
     static bool surely_apart(const Triangle& a, const Triangle& b, int shared,
                              const std::vector<Eigen::Vector3d>& at)
     {
-        constexpr double kSure = 1e-6; // far beyond rounding, relative
         if (shared == 2)
         {
             const Eigen::Vector3d edge = at[a[1]] - at[a[0]];
@@ -326,7 +504,7 @@ private:
     std::vector<std::uint32_t> joined_; ///< of each sample the first at its place
     std::vector<std::uint32_t> order_;  ///< of the triangles
     Eigen::Vector3d corner_ = Eigen::Vector3d::Zero(); ///< near which boxes are counted
-    std::vector<FloatBox> boxes_;                      ///< in that order, from corner_
+    std::vector<TriangleLeaf> leaves_;                 ///< in that order, from corner_
     /// Of the leaves, of pairs of them, and so on up to one.
     std::vector<std::vector<FloatBox>> levels_;
 };

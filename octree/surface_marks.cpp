@@ -39,9 +39,17 @@ VoxelLines lines_in_voxels(const VoxelGrid& grid)
     return lines;
 }
 
+/// Whether a voxel has all of a mark. Another thread may give it the rest meanwhile.
+bool has_mark(std::uint8_t& voxel, std::uint8_t mark)
+{
+    return (std::atomic_ref<std::uint8_t>(voxel).load(std::memory_order_relaxed) &
+            mark) == mark;
+}
+
 void add_mark(std::uint8_t& voxel, std::uint8_t mark)
 {
-    std::atomic_ref<std::uint8_t>(voxel).fetch_or(mark, std::memory_order_relaxed);
+    if (!has_mark(voxel, mark)) // writing takes far longer
+        std::atomic_ref<std::uint8_t>(voxel).fetch_or(mark, std::memory_order_relaxed);
 }
 
 /// Marks the voxels that one triangle (corners in voxel units) touches.
@@ -50,7 +58,7 @@ class TriangleMarker
 public:
     TriangleMarker(const VoxelGrid& grid, const VoxelLines& lines,
                    const std::array<Eigen::Vector3d, 3>& corners, VoxelFlags& marks)
-        : grid_(grid), lines_(lines), marks_(marks)
+        : grid_(grid), lines_(lines), corners_(corners), marks_(marks)
     {
         box_low_ = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
         box_high_ = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2]);
@@ -64,10 +72,8 @@ public:
             range.last[k] = static_cast<int>(
                 std::clamp(std::floor(box_high_[k] + kTouch), first, last));
         }
-        if (mark_row(range))
-            return;
-        find_axes(corners);
-        visit(range);
+        if (!mark_row(range))
+            visit(range);
     }
 
 private:
@@ -76,22 +82,32 @@ private:
         Eigen::Vector3d low, high;
     };
 
-    void find_axes(const std::array<Eigen::Vector3d, 3>& corners)
+    void find_axes()
     {
-        const Eigen::Vector3d edges[3] = {
-            corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]};
-        axes_[0] = edges[0].cross(edges[1]);
-        for (int e = 0; e < 3; ++e)
-            for (int k = 0; k < 3; ++k)
-                axes_[1 + 3 * e + k] = Eigen::Vector3d::Unit(k).cross(edges[e]);
-        for (int s = 0; s < 10; ++s)
+        const Eigen::Vector3d edges[3] = {corners_[1] - corners_[0],
+                                          corners_[2] - corners_[1],
+                                          corners_[0] - corners_[2]};
+        has_axes_ = true;
+        std::array<Eigen::Vector3d, kAxes> axes;
+        axes.fill(Eigen::Vector3d::Zero());
+        axes[0] = edges[0].cross(edges[1]);
+        for (std::size_t e = 0; e < 3; ++e)
+            for (std::size_t k = 0; k < 3; ++k)
+                axes[1 + 3 * e + k] =
+                    Eigen::Vector3d::Unit(static_cast<Eigen::Index>(k)).cross(edges[e]);
+        for (std::size_t s = 0; s < kAxes; ++s)
         {
             low_[s] = INFINITY;
             high_[s] = -INFINITY;
-            for (const Eigen::Vector3d& corner : corners)
+            for (const Eigen::Vector3d& corner : corners_)
             {
-                low_[s] = std::min(low_[s], axes_[s].dot(corner));
-                high_[s] = std::max(high_[s], axes_[s].dot(corner));
+                low_[s] = std::min(low_[s], axes[s].dot(corner));
+                high_[s] = std::max(high_[s], axes[s].dot(corner));
+            }
+            for (std::size_t k = 0; k < 3; ++k)
+            {
+                axes_[k][s] = axes[s][static_cast<Eigen::Index>(k)];
+                lengths_[k][s] = std::abs(axes_[k][s]);
             }
         }
     }
@@ -108,40 +124,67 @@ private:
         return box;
     }
 
-    bool meets(const Box& box) const
+    bool meets(const Box& box)
     {
         if ((box_low_.array() > box.high.array()).any() ||
             (box_high_.array() < box.low.array()).any())
             return false;
+        if (!has_axes_)
+            find_axes(); // few triangles of a fine mesh need them
         const Eigen::Vector3d half = 0.5 * (box.high - box.low);
         const Eigen::Vector3d middle = 0.5 * (box.high + box.low);
-        for (int s = 0; s < 10; ++s)
+        int num_apart = 0; // counted to the end: several axes at once
+        for (std::size_t s = 0; s < kAxes; ++s)
         {
-            const double centre = axes_[s].dot(middle),
-                         reach = axes_[s].cwiseAbs().dot(half);
-            if (centre - reach > high_[s] || centre + reach < low_[s])
-                return false;
+            const double centre = axes_[0][s] * middle.x() + axes_[1][s] * middle.y() +
+                                  axes_[2][s] * middle.z();
+            const double reach = lengths_[0][s] * half.x() + lengths_[1][s] * half.y() +
+                                 lengths_[2][s] * half.z();
+            num_apart += static_cast<int>(centre - reach > high_[s]) |
+                         static_cast<int>(centre + reach < low_[s]);
         }
-        return true;
+        return num_apart == 0;
+    }
+
+    /// Calls visit(axis, is_upper, plane) for the sides of a voxel near whose planes the
+    /// triangle is.
+    template <class Visit>
+    void for_each_side(const Box& box, Visit&& visit) const
+    {
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            if (box_high_[axis] - box_low_[axis] > 4.0 * kTouch)
+                continue;
+            for (const bool is_upper : {false, true})
+                if (const double plane = is_upper ? box.high[axis] : box.low[axis];
+                    box_low_[axis] >= plane - 2.0 * kTouch &&
+                    box_high_[axis] <= plane + 2.0 * kTouch)
+                    visit(axis, is_upper, plane);
+        }
+    }
+
+    /// All marks that a voxel can get from the triangle.
+    std::uint8_t possible_marks(const Box& box) const
+    {
+        std::uint8_t marks = SurfaceMark::kTouched | SurfaceMark::kPenetrated;
+        for_each_side(box, [&](int axis, bool is_upper, double)
+                      { marks |= SurfaceMark::side(axis, is_upper); });
+        return marks;
     }
 
     /// The sides of a voxel in which part of the triangle lies.
-    std::uint8_t sides_in(const Box& box) const
+    std::uint8_t sides_in(const Box& box)
     {
         std::uint8_t sides = 0;
-        for (int axis = 0; axis < 3; ++axis)
-            for (const bool is_upper : {false, true})
-            {
-                const double plane = is_upper ? box.high[axis] : box.low[axis];
-                if (box_low_[axis] < plane - 2.0 * kTouch ||
-                    box_high_[axis] > plane + 2.0 * kTouch)
-                    continue;
-                Box slab{box.low.array() + kTouch, box.high.array() - kTouch};
-                slab.low[axis] = plane - 2.0 * kTouch;
-                slab.high[axis] = plane + 2.0 * kTouch;
-                if (meets(slab))
-                    sides |= SurfaceMark::side(axis, is_upper);
-            }
+        for_each_side(box,
+                      [&](int axis, bool is_upper, double plane)
+                      {
+                          Box slab{box.low.array() + kTouch, box.high.array() - kTouch};
+                          slab.low[axis] = plane - 2.0 * kTouch;
+                          slab.high[axis] = plane + 2.0 * kTouch;
+                          if (meets(slab))
+                              sides |= SurfaceMark::side(axis, is_upper);
+                      });
         return sides;
     }
 
@@ -185,21 +228,35 @@ private:
         return true;
     }
 
+    bool touches(const Box& box)
+    {
+        return meets({box.low.array() - kTouch, box.high.array() + kTouch});
+    }
+
+    void mark_voxel(const Eigen::Vector3i& voxel)
+    {
+        const Box box = box_of({voxel, voxel});
+        std::uint8_t& marks = marks_[grid_.index(voxel)];
+        // Triangles of a fine mesh tell nothing new of most voxels.
+        if (has_mark(marks, possible_marks(box)) || !touches(box))
+            return;
+        std::uint8_t mark = SurfaceMark::kTouched;
+        if (meets({box.low.array() + kTouch, box.high.array() - kTouch}))
+            mark |= SurfaceMark::kPenetrated;
+        add_mark(marks, static_cast<std::uint8_t>(mark | sides_in(box)));
+    }
+
     void visit(const VoxelRange& range)
     {
-        const Box box = box_of(range);
-        if (!meets({box.low.array() - kTouch, box.high.array() + kTouch}))
+        constexpr double kFew = 8.0;
+        const Eigen::Vector3d extents = (range.last - range.first).cast<double>();
+        if ((extents.array() + 1.0).prod() <= kFew)
+            return for_each_voxel(range, [&](const Eigen::Vector3i& voxel)
+                                  { mark_voxel(voxel); });
+        if (!touches(box_of(range)))
             return;
         int axis = 0;
-        if ((range.last - range.first).maxCoeff(&axis) == 0)
-        {
-            std::uint8_t mark = SurfaceMark::kTouched;
-            if (meets({box.low.array() + kTouch, box.high.array() - kTouch}))
-                mark |= SurfaceMark::kPenetrated;
-            add_mark(marks_[grid_.index(range.first)],
-                     static_cast<std::uint8_t>(mark | sides_in(box)));
-            return;
-        }
+        extents.maxCoeff(&axis);
         const int middle = (range.first[axis] + range.last[axis]) / 2;
         VoxelRange low = range, high = range;
         low.last[axis] = middle;
@@ -210,9 +267,13 @@ private:
 
     const VoxelGrid& grid_;
     const VoxelLines& lines_;
+    std::array<Eigen::Vector3d, 3> corners_;
     VoxelFlags& marks_;
-    Eigen::Vector3d axes_[10];
-    double low_[10], high_[10];
+    bool has_axes_ = false;
+    /// The normal and the nine cross products, an even number with zeros; by their parts.
+    static constexpr std::size_t kAxes = 12;
+    std::array<std::array<double, kAxes>, 3> axes_, lengths_;
+    std::array<double, kAxes> low_, high_; ///< of the triangle, along each
     Eigen::Vector3d box_low_, box_high_;
 };
 

@@ -135,7 +135,7 @@ std::vector<Crossing> crossings(const Shape& shape,
     std::vector<Crossing> found;
     for (const std::vector<Crossing>& part : of_parts)
         found.insert(found.end(), part.begin(), part.end());
-    std::sort(found.begin(), found.end());
+    parallel_sort(found);
     return found;
 }
 

@@ -80,20 +80,33 @@ bool has_more_leaves(const VoxelGrid& grid, const GridShape& shape, std::size_t 
     return false;
 }
 
+/// Voxels of an open surface or a cloud that are found in a second or two: what encloses
+/// it is looked for in all of its box. More than this only for what needs them by its
+/// gap.
+constexpr double kMostOpenVoxels = 2e7;
+
 /// Volume of material tells how many cells a grid has before it is built.
 int automatic_across(const Shape& shape, const BoundingSurface& surface,
-                     const Eigen::Vector3d& size, Fill fill, double max_voxel)
+                     const Eigen::Vector3d& size, const CellSettings& settings,
+                     double max_voxel)
 {
+    const Fill fill = settings.fill;
     const double longest = size.maxCoeff();
     if (!(longest > 0))
         return 1;
     const Material probe = find_material(
         shape, surface,
         grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
+    const auto voxels = [&](int across)
+    { return num_voxels(grid_shape(size, across, settings.max_depth, max_voxel)); };
+    const int last = std::end(kCandidates)[-1];
+    const bool is_open = surface.open_edges > 0.0 && fill == Fill::Solid;
     for (const int across : kCandidates)
-        if (!has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
+        if (!(is_open &&
+              voxels(across) > std::max(kMostOpenVoxels, 1.5 * voxels(last))) &&
+            !has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
             return across;
-    return std::end(kCandidates)[-1];
+    return last;
 }
 
 /// The axes and the box of the octree: along the plane of what is to be flat.
@@ -173,7 +186,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     const double max_voxel = settings.gap / kVoxelsPerGap * frame.diagonal();
     const int across = settings.across > 0 ? settings.across
                                            : automatic_across(shape, surface, frame.size,
-                                                              settings.fill, max_voxel);
+                                                              settings, max_voxel);
     GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
     if (flat_axis >= 0 && frame.size.maxCoeff() > 0.0)
     {

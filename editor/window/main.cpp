@@ -65,7 +65,8 @@ int run(int argc, char** argv)
     app.add_flag("--light", flags.is_light, "dark on light");
     CLI::Option* play_option = app.add_option(
         "--play", flags.script, "a file of events to play instead of yours, see below");
-    app.add_option("--report", flags.report, "times of the played drags as JSON")
+    app.add_option("--report", flags.report,
+                   "times of the played drags and waits as JSON")
         ->needs(play_option);
     app.footer(statement_help());
     try

@@ -10,6 +10,7 @@
 #include "io/error.h"
 #include "io/number.h"
 #include "io/text.h"
+#include "octree/base/clock.h"
 #include "octree/base/index.h"
 
 namespace cellwarp
@@ -74,6 +75,7 @@ private:
     const Statement* statement_ = nullptr;
     Eigen::Vector2d pointer_ = Eigen::Vector2d::Zero();
     bool has_quit_ = false;
+    Clock::time_point begun_ = Clock::now(); ///< the last event or statement
     PlaybackReport report_;
 };
 
@@ -134,6 +136,8 @@ const Known* known_statement(const std::string& name)
 void Player::run(const Statement& statement)
 {
     statement_ = &statement;
+    if (statement.words[0] != "wait")
+        begun_ = Clock::now();
     try
     {
         (this->*known_statement(statement.words[0])->run)();
@@ -239,6 +243,7 @@ OpenedDocument& Player::opened() const
 void Player::post(InputEvent event)
 {
     editor_.window().post(std::move(event));
+    begun_ = Clock::now();
     editor_.frame();
 }
 
@@ -356,7 +361,9 @@ void Player::wait()
         editor_.frame(); // what it did is asked for
         opened->editing.wait();
     }
-    for (int k = 0; k < 3; ++k) // what came out is seen, and panels have settled
+    editor_.frame(); // what came out is seen
+    report_.waits.push_back({statement_->line, ms_since(begun_)});
+    for (int k = 0; k < 2; ++k) // and panels have settled
         editor_.frame();
     if (editor_.app().opened() == nullptr)
         return;

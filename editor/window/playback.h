@@ -32,12 +32,21 @@ struct DragTimes
     std::uint64_t solved = 0; ///< frames that the solver finished meanwhile
 };
 
+/// How long a `wait` took: from the last event or statement before it until its result
+/// was seen.
+struct WaitTime
+{
+    std::int64_t line = 0;
+    double ms = 0.0;
+};
+
 struct PlaybackReport
 {
     std::string model, renderer;
     int width = 0, height = 0;
     std::size_t samples = 0;
     std::vector<DragTimes> drags;
+    std::vector<WaitTime> waits;
 };
 
 /// Does what the statements say, a frame for each event. Throws Error; what a line asks

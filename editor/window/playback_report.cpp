@@ -41,11 +41,9 @@ std::vector<double> column(const std::vector<FrameParts>& frames,
 
 std::string report_text(const PlaybackReport& report)
 {
-    Json json = {{"model", report.model},
-                 {"samples", report.samples},
-                 {"renderer", report.renderer},
-                 {"size", {report.width, report.height}},
-                 {"drags", Json::array()}};
+    Json json = {{"model", report.model},       {"samples", report.samples},
+                 {"renderer", report.renderer}, {"size", {report.width, report.height}},
+                 {"drags", Json::array()},      {"waits", Json::array()}};
     for (const DragTimes& drag : report.drags)
         json["drags"].push_back(
             {{"line", drag.line},
@@ -58,6 +56,9 @@ std::string report_text(const PlaybackReport& report)
              {"solve_ms", summary_of(drag.solve_ms)},
              {"blend_ms", summary_of(drag.blend_ms)},
              {"latency_ms", summary_of(drag.latency_ms)}});
+    for (const WaitTime& wait : report.waits)
+        json["waits"].push_back(
+            {{"line", wait.line}, {"ms", std::round(wait.ms * 1000.0) / 1000.0}});
     return json.dump(2) + "\n";
 }
 

@@ -3,8 +3,10 @@
 // is the same for every number of threads, so the results are the same to the bit.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
+#include <vector>
 
 #ifdef CELLWARP_SANITIZED_THREAD
 extern "C" void __tsan_acquire(void*);
@@ -77,6 +79,37 @@ template <class Index, class Body>
 void parallel_for(Index count, Body&& body)
 {
     parallel_for(count, 1, body);
+}
+
+/// Ascending. Equal values may end in any order, the same for every number of threads.
+template <class Value>
+void parallel_sort(std::vector<Value>& values)
+{
+    constexpr std::size_t kParts = 16, kFew = 1 << 14;
+    if (values.size() < kFew)
+        return std::sort(values.begin(), values.end());
+    const auto begin_of = [&](std::size_t part)
+    { return values.size() * std::min(part, kParts) / kParts; };
+    parallel_for(kParts,
+                 [&](std::size_t part) {
+                     std::sort(values.data() + begin_of(part),
+                               values.data() + begin_of(part + 1));
+                 });
+    std::vector<Value> merged(values.size());
+    for (std::size_t width = 1; width < kParts; width *= 2)
+    {
+        parallel_for(kParts / (2 * width),
+                     [&](std::size_t pair)
+                     {
+                         const std::size_t begin = begin_of(2 * width * pair);
+                         const std::size_t middle = begin_of(2 * width * pair + width);
+                         const std::size_t end = begin_of(2 * width * (pair + 1));
+                         std::merge(values.data() + begin, values.data() + middle,
+                                    values.data() + middle, values.data() + end,
+                                    merged.data() + begin);
+                     });
+        values.swap(merged);
+    }
 }
 
 /// Caps the threads of all loops while it lives; 0: as many as there are cores.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/self_intersections.h"
 
+#include <cmath>
+#include <numbers>
 #include <random>
 
 #include <Eigen/Geometry>
@@ -39,6 +41,54 @@ std::int64_t count_by_pairs(const Shape& shape)
             count += triangles_meet(corners(i), corners(j), 0);
         }
     return count;
+}
+
+/// The same, for triangles that share corners: samples that are at one place at \p rest.
+std::int64_t count_of_neighbours(const Shape& shape,
+                                 const std::vector<Eigen::Vector3d>& rest)
+{
+    std::int64_t count = 0;
+    for (std::size_t i = 0; i < shape.triangles.size(); ++i)
+        for (std::size_t j = 0; j < i; ++j)
+        {
+            Triangle a = shape.triangles[i], b = shape.triangles[j];
+            std::size_t shared = 0;
+            for (std::size_t k = 0; k < 3; ++k)
+                for (std::size_t l = shared; l < 3; ++l)
+                    if (rest[a[k]] == rest[b[l]])
+                    {
+                        std::swap(a[k], a[shared]);
+                        std::swap(b[l], b[shared]);
+                        ++shared;
+                        break;
+                    }
+            const auto corners = [&](const Triangle& t) {
+                return Corners{shape.samples[t[0]], shape.samples[t[1]],
+                               shape.samples[t[2]]};
+            };
+            count += triangles_meet(corners(a), corners(b), static_cast<int>(shared));
+        }
+    return count;
+}
+
+/// Triangles around the origin, which see it one after the other: \p turns times around
+/// the z axis, on a wavy cone.
+Shape fan(int count, double turns, double wave)
+{
+    Shape shape;
+    shape.samples.push_back(Eigen::Vector3d::Zero());
+    const bool is_closed = turns == std::round(turns);
+    const int corners = is_closed ? count : count + 1;
+    for (int k = 0; k < corners; ++k)
+    {
+        const double angle = 2.0 * std::numbers::pi * turns * k / count;
+        shape.samples.push_back({std::cos(angle), std::sin(angle),
+                                 0.3 + wave * std::sin(3.0 * angle + 0.4 * k)});
+    }
+    for (int k = 0; k < count; ++k)
+        shape.triangles.push_back({0, static_cast<std::uint32_t>(k + 1),
+                                   static_cast<std::uint32_t>((k + 1) % corners + 1)});
+    return shape;
 }
 
 const Corners kTriangle = {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(2, 0, 0),
@@ -133,6 +183,67 @@ TEST(SelfIntersections, of_neighbours_are_what_they_share_beyond_corner_and_edge
     soup.samples = {a, b, c, b, a, Eigen::Vector3d(0, -1, 0.5)};
     soup.triangles = {{0, 1, 2}, {3, 4, 5}};
     EXPECT_EQ(count_of(soup), 0);
+}
+
+TEST(SelfIntersections, of_crumpled_surfaces_are_those_of_all_their_pairs)
+{
+    std::mt19937 rng(5);
+    std::int64_t count = 0;
+    for (const double noise : {0.02, 0.1, 0.2, 0.4})
+        for (const Shape& smooth : {support::box_shape({0, 0, 0}, {1, 2, 3}, 5),
+                                    support::comb(), support::sheet_shape(3, 1, 5)})
+        {
+            Shape shape = smooth;
+            for (Eigen::Vector3d& x : shape.samples)
+                x += support::random_vector(rng, noise);
+            const std::int64_t wanted = count_of_neighbours(shape, shape.samples);
+            EXPECT_EQ(count_of(shape), wanted);
+            count += wanted;
+        }
+    EXPECT_GT(count, 1000);
+}
+
+TEST(SelfIntersections, around_one_corner_are_those_of_all_its_pairs)
+{
+    std::int64_t count = 0;
+    for (const double turns : {0.7, 1.0, 1.4, 2.0, 3.0})
+        for (const double wave : {0.0, 0.2, 1.5})
+        {
+            const Shape one = fan(11, turns, wave);
+            EXPECT_EQ(count_of(one), count_of_neighbours(one, one.samples))
+                << turns << " " << wave;
+            // Two that have nothing but the corner in common, or pass through each other.
+            for (const double lift : {-1.0, 0.4, 1.0})
+            {
+                Shape other = fan(11, 1.0, wave);
+                for (Eigen::Vector3d& x : other.samples)
+                    x.z() *= lift;
+                const Shape both = support::joined(one, other);
+                const std::int64_t wanted = count_of_neighbours(both, both.samples);
+                EXPECT_EQ(count_of(both), wanted) << turns << " " << wave << " " << lift;
+                count += wanted;
+            }
+        }
+    EXPECT_GT(count, 100);
+}
+
+TEST(SelfIntersections, are_found_where_a_seam_has_come_open)
+{
+    // Two halves of a fan with samples of their own: one is turned into the other.
+    Shape shape = fan(12, 1.0, 0.1);
+    const std::vector<Eigen::Vector3d> once = shape.samples;
+    for (std::size_t t = 6; t < 12; ++t)
+        for (std::uint32_t& corner : shape.triangles[t])
+            corner += 13;
+    shape.samples.insert(shape.samples.end(), once.begin(), once.end());
+    const std::vector<Eigen::Vector3d> rest = shape.samples;
+    EXPECT_EQ(self_intersections(shape.triangles, rest, rest)->all, 0);
+    const Eigen::AngleAxisd turn(2.0, Eigen::Vector3d(1, 0, 1).normalized());
+    for (std::size_t i = 13; i < shape.samples.size(); ++i)
+        shape.samples[i] = turn * shape.samples[i];
+    const std::int64_t wanted = count_of_neighbours(shape, rest);
+    EXPECT_GT(wanted, 0);
+    EXPECT_EQ(self_intersections(shape.triangles, shape.samples, rest)->fresh, wanted);
 }
 
 TEST(SelfIntersections, leave_out_triangles_without_area)

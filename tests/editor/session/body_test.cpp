@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/body.h"
+
+#include <cmath>
+#include <random>
+
+#include <Eigen/Geometry>
+#include <gtest/gtest.h>
+
+#include "io/geometry_file.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/shapes.h"
+
+#include <sys/resource.h>
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using support::random_number;
+using support::random_vector;
+
+/// Memory that the system has provided so far, whatever was given back [byte].
+double provided_bytes()
+{
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return 4096.0 * static_cast<double>(usage.ru_minflt);
+}
+
+Shape turned(Shape shape, std::mt19937& rng)
+{
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    for (Eigen::Vector3d& x : shape.samples)
+        x = R * x;
+    return shape;
+}
+
+/// Some closed boxes far apart, small ones and needles among them.
+Shape boxes(std::mt19937& rng)
+{
+    Shape shape;
+    for (int k = 0; k < 4; ++k)
+    {
+        const Eigen::Vector3d low = random_vector(rng, 0.5);
+        const double size = std::pow(10.0, random_number(rng, -2.5, -0.7));
+        Eigen::Vector3d extent(size, size, size);
+        extent[k % 3] *= random_number(rng, 0.2, 5.0);
+        shape = support::joined(shape, support::box_shape(low, low + extent, 2));
+    }
+    return turned(shape, rng);
+}
+
+/// Triangles anywhere.
+Shape soup(std::mt19937& rng)
+{
+    Shape shape;
+    for (std::uint32_t t = 0; t < 60; ++t)
+    {
+        const Eigen::Vector3d middle = random_vector(rng, 0.5);
+        for (int k = 0; k < 3; ++k)
+            shape.samples.push_back(middle + random_vector(rng, 0.05));
+        shape.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+    }
+    return shape;
+}
+
+/// Points in a ball or on it.
+Shape cloud(std::mt19937& rng)
+{
+    Shape shape;
+    const bool is_hollow = random_number(rng, 0.0, 1.0) < 0.5;
+    for (int i = 0; i < 300; ++i)
+    {
+        const Eigen::Vector3d x = random_vector(rng, 1.0);
+        shape.samples.push_back(is_hollow ? Eigen::Vector3d(x.normalized()) : x);
+    }
+    return shape;
+}
+
+/// A few open sheets.
+Shape sheets(std::mt19937& rng)
+{
+    Shape shape;
+    for (int k = 0; k < 2; ++k)
+    {
+        Shape sheet =
+            turned(support::sheet_shape(1.0, random_number(rng, 0.1, 0.8)), rng);
+        const Eigen::Vector3d step = random_vector(rng, 0.7);
+        for (Eigen::Vector3d& x : sheet.samples)
+            x += step;
+        shape = support::joined(shape, sheet);
+    }
+    return shape;
+}
+
+} // namespace
+
+TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "the sanitizer takes memory of its own";
+    // What encloses an open shape is looked for in all of its box: that must be small.
+    // Of a closed one the voxels of the box are only looked at, in two arrays of bytes.
+    constexpr double kMostOpenVoxels = 3.2e7, kOfOpenVoxel = 60.0; // [byte]
+    constexpr double kOfVoxel = 3.0, kOfMaterial = 250.0, kOfItself = 1e7;
+    for (unsigned seed = 0; seed < 100; ++seed)
+    {
+        SCOPED_TRACE("seed " + std::to_string(seed));
+        std::mt19937 rng(seed);
+        const bool is_closed = seed % 10 > 2;
+        const Shape shape = is_closed        ? boxes(rng)
+                            : seed % 10 == 0 ? soup(rng)
+                            : seed % 10 == 1 ? cloud(rng)
+                                             : sheets(rng);
+        const Geometry geometry =
+            scan_geometry("m.obj", support::obj_text(shape)).geometry;
+        CellSettings settings;
+        settings.max_depth = kUsualDepth;
+        const double before = provided_bytes();
+        const std::shared_ptr<const RestShape> rest =
+            build_rest_shape(geometry, geometry.samples, settings);
+        const double taken = provided_bytes() - before;
+        const VoxelGrid& grid = rest->material.grid;
+        const double voxels = num_voxels(grid.shape());
+        double material = 0.0;
+        for_each_set(grid.material(), [&](std::size_t) { ++material; });
+        if (is_closed)
+            EXPECT_LE(taken, kOfVoxel * voxels + kOfMaterial * material + kOfItself);
+        else
+        {
+            EXPECT_LE(voxels, kMostOpenVoxels);
+            EXPECT_LE(taken, kOfOpenVoxel * voxels + kOfItself);
+        }
+    }
+}
+
+} // namespace cellwarp
