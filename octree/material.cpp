@@ -132,6 +132,17 @@ double point_spacing(std::span<const Eigen::Vector3d> points)
     return distances[distances.size() / 2];
 }
 
+double share_near(const VoxelGrid& grid)
+{
+    const NearDistances distances(grid.material(), grid.counts(),
+                                  max_seal_radius(grid.shape()));
+    std::size_t count = 0;
+    const std::size_t nx = idx(grid.counts().x());
+    for (std::size_t line = 0; line < grid.size() / nx; ++line)
+        distances.for_each_near(line, [&](std::size_t) { ++count; });
+    return static_cast<double>(count) / static_cast<double>(grid.size());
+}
+
 double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
                       Fill fill)
 {

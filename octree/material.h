@@ -62,6 +62,10 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
 double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
                       Fill fill);
 
+/// How much of a grid is so near to its material that what encloses it is looked for
+/// there, where it is open [share of the voxels].
+double share_near(const VoxelGrid& grid);
+
 /// Typical distance of neighbouring points, coincident ones not counted; 0 if
 /// there are fewer than two places.
 double point_spacing(std::span<const Eigen::Vector3d> points);

@@ -170,6 +170,17 @@ void walk_columns(const std::vector<Crossing>& found, const VoxelGrid& grid, int
                      {
                          while (next < end && found[next].height < h + 0.5)
                              below += found[next++].sign;
+                         if (below == 0 && total == 0)
+                         {
+                             // Outside up to the next crossing, as the column's end is.
+                             if (next == end)
+                                 break;
+                             if (!(found[next].height < h + 1.5))
+                             {
+                                 h = static_cast<int>(found[next].height - 0.5) - 1;
+                                 continue;
+                             }
+                         }
                          voxel[axis] = h;
                          visit(grid.index(voxel), below, total - below);
                      }

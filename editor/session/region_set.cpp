@@ -15,6 +15,9 @@ namespace cellwarp
 namespace
 {
 
+/// Voxels along x that are tested against a region's shape together.
+constexpr int kSideBySide = 8;
+
 /// Share of the cells that stand for samples without a voxel: below any real one.
 constexpr double kTokenShare = 1e-3;
 
@@ -102,6 +105,7 @@ std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShap
 {
     const VoxelGrid& grid = rest.material.grid;
     std::vector<std::uint32_t> voxels;
+    const bool is_convex = !region.spline && !region.bone; // each of its shapes
     for (const RegionShape& shape : region.shapes)
     {
         Eigen::Vector3i first, last;
@@ -113,13 +117,25 @@ std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShap
             [&](std::size_t layer)
             {
                 const int k = first.z() + static_cast<int>(layer);
+                const auto holds = [&](int i, int j) {
+                    return shape.holds(rest.frame.to_model(grid.centre({i, j, k})));
+                };
                 for (int j = first.y(); j <= last.y(); ++j)
-                    for (int i = first.x(); i <= last.x(); ++i)
+                    for (int begin = first.x(); begin <= last.x(); begin += kSideBySide)
                     {
-                        const std::size_t voxel = grid.index(i, j, k);
-                        if (grid.material()[voxel] &&
-                            shape.holds(rest.frame.to_model(grid.centre({i, j, k}))))
-                            of_layer[layer].push_back(static_cast<std::uint32_t>(voxel));
+                        // All between two that are in a convex shape are.
+                        const int end = std::min(begin + kSideBySide - 1, last.x());
+                        const std::size_t row = grid.index(begin, j, k);
+                        const std::size_t count = idx(end - begin) + 1;
+                        if (grid.material().is_zero(row, row + count))
+                            continue;
+                        const bool has_all =
+                            is_convex && holds(begin, j) && holds(end, j);
+                        for (std::size_t i = 0; i < count; ++i)
+                            if (grid.material()[row + i] &&
+                                (has_all || holds(begin + static_cast<int>(i), j)))
+                                of_layer[layer].push_back(
+                                    static_cast<std::uint32_t>(row + i));
                     }
             });
         for (const std::vector<std::uint32_t>& layer : of_layer)

@@ -534,11 +534,14 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
     if (!field.local)
         return follows;
     const Clusters& clusters = field.local->clusters();
+    std::vector<char> is_followed; // of each cluster: by all its cells
+    for (const auto& cluster : clusters.clusters)
+        is_followed.push_back(std::all_of(cluster.cells.begin(), cluster.cells.end(),
+                                          [&](int cell) { return follows[idx(cell)]; }));
     std::vector<bool> by_clusters = follows;
     for (std::size_t i = 0; i < follows.size(); ++i)
         for (const Membership& member : clusters.of_cell(static_cast<int>(i)))
-            for (const int cell : clusters.clusters[idx(member.cluster)].cells)
-                by_clusters[i] = by_clusters[i] && follows[idx(cell)];
+            by_clusters[i] = by_clusters[i] && is_followed[idx(member.cluster)];
     return by_clusters;
 }
 

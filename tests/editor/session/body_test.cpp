@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry_file.h"
+#include "octree/distance_transform.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
@@ -96,24 +97,36 @@ Shape sheets(std::mt19937& rng)
     return shape;
 }
 
+/// Voxels that are no farther from the material [diagonal].
+double num_within(const VoxelGrid& grid, double distance)
+{
+    const double reach = distance * grid.shape().size.norm() / grid.shape().voxel();
+    const NearDistances near(grid.material(), grid.counts(), reach);
+    double count = 0.0;
+    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+        count += !near.is_far(voxel);
+    return count;
+}
+
 } // namespace
 
 TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
 {
     if (support::kIsSanitized)
         GTEST_SKIP() << "the sanitizer takes memory of its own";
-    // What encloses an open shape is looked for in all of its box: that must be small.
-    // Of a closed one the voxels of the box are only looked at, in two arrays of bytes.
-    constexpr double kMostOpenVoxels = 3.2e7, kOfOpenVoxel = 60.0; // [byte]
-    constexpr double kOfVoxel = 3.0, kOfMaterial = 250.0, kOfItself = 1e7;
+    // The voxels of the box are looked at, in an array of bytes or two, again for the
+    // parts that touch: that takes far less than a number for each. What encloses
+    // an open shape is looked for only near it, with balls of up to 0.16 of the diagonal.
+    constexpr double kMostNearVoxels = 4e7, kOfNearVoxel = 80.0; // [byte]
+    constexpr double kOfVoxel = 8.0, kOfMaterial = 500.0, kOfItself = 1e7;
     for (unsigned seed = 0; seed < 100; ++seed)
     {
         SCOPED_TRACE("seed " + std::to_string(seed));
         std::mt19937 rng(seed);
-        const bool is_closed = seed % 10 > 2;
+        const bool is_closed = seed % 20 > 2;
         const Shape shape = is_closed        ? boxes(rng)
-                            : seed % 10 == 0 ? soup(rng)
-                            : seed % 10 == 1 ? cloud(rng)
+                            : seed % 20 == 0 ? soup(rng)
+                            : seed % 20 == 1 ? cloud(rng)
                                              : sheets(rng);
         const Geometry geometry =
             scan_geometry("m.obj", support::obj_text(shape)).geometry;
@@ -127,13 +140,16 @@ TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
         const double voxels = num_voxels(grid.shape());
         double material = 0.0;
         for_each_set(grid.material(), [&](std::size_t) { ++material; });
+        const double near = share_near(grid) * voxels;
+        double allowed = kOfVoxel * voxels + kOfItself;
         if (is_closed)
-            EXPECT_LE(taken, kOfVoxel * voxels + kOfMaterial * material + kOfItself);
+            allowed += kOfMaterial * material;
         else
         {
-            EXPECT_LE(voxels, kMostOpenVoxels);
-            EXPECT_LE(taken, kOfOpenVoxel * voxels + kOfItself);
+            EXPECT_LE(near, kMostNearVoxels);
+            allowed += kOfNearVoxel * num_within(grid, 0.16);
         }
+        EXPECT_LE(taken, allowed);
     }
 }
 
