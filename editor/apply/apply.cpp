@@ -75,8 +75,10 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     options.overwrite = overwrite;
     set_sizes(settings, options);
     StreamWork work;
+    std::atomic<std::uint64_t> num_outside = 0;
     work.move = [&](const PartMotion& motion)
     {
+        num_outside += deformation.num_outside(motion.samples);
         deformation.carry({motion.samples,
                            {motion.direction_samples, motion.directions},
                            {motion.tangent_samples, motion.tangents},
@@ -87,7 +89,14 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     { parallel_for(count, job); };
     work.progress = watch;
     work.stop = stop;
-    return stream_geometry(file.input, file.output, options, work);
+    StreamReport report = stream_geometry(file.input, file.output, options, work);
+    if (num_outside > 0)
+        report.warnings.push_back(
+            fmt::format("{}: {} of {} points lie outside the box of the model that the "
+                        "field was made "
+                        "with: no material there tells where they go",
+                        file.input, num_outside.load(), report.samples));
+    return report;
 }
 
 /// The files of a batch, taken one after the other by every job.

@@ -4,6 +4,7 @@
 #include "editor/session/deformation.h"
 
 #include <algorithm>
+#include <atomic>
 #include <deque>
 
 #include "io/error.h"
@@ -412,6 +413,28 @@ Deformation::Deformation(const FieldFile& file, const std::string& path,
 Deformation::~Deformation() = default;
 Deformation::Deformation(Deformation&&) noexcept = default;
 Deformation& Deformation::operator=(Deformation&&) noexcept = default;
+
+std::uint64_t Deformation::num_outside(std::span<const Eigen::Vector3d> places) const
+{
+    constexpr double kSlack = 0.05; // [diagonal]
+    constexpr std::size_t kPlacesAtOnce = 4096;
+    const WorkFrame& frame = maps_.front()->frame;
+    const double slack = kSlack * frame.diagonal();
+    const Eigen::Array3d high = frame.size.array() + slack;
+    std::atomic<std::uint64_t> count = 0;
+    parallel_ranges(places.size(), kPlacesAtOnce,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        std::uint64_t own = 0;
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            const Eigen::Array3d x = frame.to_work(places[i]).array();
+                            own += (x < -slack).any() || (x > high).any();
+                        }
+                        count += own;
+                    });
+    return count;
+}
 
 void Deformation::carry(const Carried& carried, std::stop_token stop) const
 {

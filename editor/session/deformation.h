@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -38,6 +39,10 @@ public:
 
     std::size_t num_maps() const { return maps_.size(); }
     std::uint32_t checksum() const { return checksum_; } ///< of the file
+
+    /// How many places lie farther outside the box of the first map's model than a
+    /// twentieth of its diagonal: no material near tells where they go.
+    std::uint64_t num_outside(std::span<const Eigen::Vector3d> places) const;
 
     /// Moves the places and turns what hangs on them, on all threads. What a place
     /// becomes depends on it alone, to the bit: a sample of the session's model gets what

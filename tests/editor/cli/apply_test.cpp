@@ -165,6 +165,21 @@ TEST(Apply, moves_a_file_as_the_field_says)
     EXPECT_FALSE(std::filesystem::exists(files.folder / "b.xyz"));
 }
 
+TEST(Apply, points_outside_the_box_of_the_fields_model_get_a_warning)
+{
+    const Files files;
+    const std::string far = files.folder.write("far.xyz", "0.5 1 2\n300 1 0\n0 -80 0\n");
+    const Result result = files.apply({far, "-o", files.folder / "q.xyz", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const std::string told = far + ": 2 of 3 points lie outside the box of the model";
+    EXPECT_TRUE(contains(result.err, told)) << result.err;
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    ASSERT_EQ(json["warnings"].size(), 1u);
+    EXPECT_TRUE(contains(json["warnings"][0].get<std::string>(), told));
+    const std::string near = files.folder.write("near.xyz", "0.5 1 2\n1 0.5 0.5\n");
+    EXPECT_FALSE(contains(files.apply({near, "-o", files.folder / "r.xyz"}).err, "lie"));
+}
+
 TEST(Apply, outputs_that_cannot_be_are_told_before_any_work)
 {
     const Files files;
