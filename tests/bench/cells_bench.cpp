@@ -16,6 +16,7 @@
 
 #include "octree/base/index.h"
 #include "octree/cells.h"
+#include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
 namespace
@@ -29,18 +30,9 @@ constexpr int kDepth = 2;
 /// A cube with its corner where the axes begin, turned.
 Shape askew_cube()
 {
-    Shape cube = support::box_shape({0, 0, 0}, {1, 1, 1}, 100);
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY);
-    for (Eigen::Vector3d& x : cube.samples)
-    {
-        x = R * x;
-        low = low.cwiseMin(x);
-    }
-    for (Eigen::Vector3d& x : cube.samples)
-        x -= low;
-    return cube;
+    return support::turned(
+        support::box_shape({0, 0, 0}, {1, 1, 1}, 100),
+        Eigen::AngleAxisd(0.5, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix());
 }
 
 struct Cube

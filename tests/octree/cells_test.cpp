@@ -10,6 +10,7 @@
 
 #include "octree/base/index.h"
 #include "octree/nearest_sample.h"
+#include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -19,6 +20,7 @@ using support::box_shape;
 using support::built;
 using support::Built;
 using support::joined;
+using support::turned;
 
 TEST(Cells, of_a_bar_are_cubes_with_known_moments)
 {
@@ -264,20 +266,6 @@ std::vector<LeafNumber> some_of(const Octree& octree, double share, std::mt19937
     return some;
 }
 
-Shape turned(Shape shape, std::mt19937& rng)
-{
-    const Eigen::Matrix3d R = support::random_rotation(rng);
-    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY);
-    for (Eigen::Vector3d& x : shape.samples)
-    {
-        x = R * x;
-        low = low.cwiseMin(x);
-    }
-    for (Eigen::Vector3d& x : shape.samples)
-        x -= low;
-    return shape;
-}
-
 } // namespace
 
 TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
@@ -295,8 +283,10 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
     const Shape with_sheet = joined(box_shape({0, 0, 0}, {1, 1, 1}), beside);
     std::size_t num_crumbs = 0, num_sheets = 0, num_taken = 0;
     for (const Shape& shape :
-         {support::l_prism(), support::comb(), turned(support::comb(), rng), rough,
-          turned(rough, rng), soup, with_sheet, turned(with_sheet, rng)})
+         {support::l_prism(), support::comb(),
+          turned(support::comb(), support::random_rotation(rng)), rough,
+          turned(rough, support::random_rotation(rng)), soup, with_sheet,
+          turned(with_sheet, support::random_rotation(rng))})
     {
         Eigen::Vector3d high = Eigen::Vector3d::Zero();
         for (const Eigen::Vector3d& x : shape.samples)

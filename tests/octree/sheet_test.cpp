@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "octree/cells.h"
+#include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -23,16 +24,7 @@ constexpr double kThickness = 0.04;
 /// 3 x 2, turned and moved so that its box begins at 0.
 Shape sheet(const Eigen::Matrix3d& R, int quads)
 {
-    Shape shape = support::sheet_shape(3.0, 2.0, quads);
-    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY);
-    for (Eigen::Vector3d& x : shape.samples)
-    {
-        x = R * x;
-        low = low.cwiseMin(x);
-    }
-    for (Eigen::Vector3d& x : shape.samples)
-        x -= low;
-    return shape;
+    return support::turned(support::sheet_shape(3.0, 2.0, quads), R);
 }
 
 struct Cut
