@@ -172,14 +172,11 @@ void walk_columns(const std::vector<Crossing>& found, const VoxelGrid& grid, int
                              below += found[next++].sign;
                          if (below == 0 && total == 0)
                          {
-                             // Outside up to the next crossing, as the column's end is.
                              if (next == end)
                                  break;
-                             if (!(found[next].height < h + 1.5))
-                             {
-                                 h = static_cast<int>(found[next].height - 0.5) - 1;
-                                 continue;
-                             }
+                             // Outside up to the next crossing.
+                             h = std::clamp(static_cast<int>(found[next].height - 0.5), h,
+                                            grid.counts()[axis] - 1);
                          }
                          voxel[axis] = h;
                          visit(grid.index(voxel), below, total - below);

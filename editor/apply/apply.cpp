@@ -93,8 +93,7 @@ StreamReport stream_file(const Deformation& deformation, const BatchFile& file,
     if (num_outside > 0)
         report.warnings.push_back(
             fmt::format("{}: {} of {} points lie outside the box of the model that the "
-                        "field was made "
-                        "with: no material there tells where they go",
+                        "field was made with: no material there tells where they go",
                         file.input, num_outside.load(), report.samples));
     return report;
 }

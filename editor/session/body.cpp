@@ -38,40 +38,16 @@ constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 /// Voxels along the longest side that are enough to count cells.
 constexpr double kProbeVoxels = 96.0;
 
+/// Voxels near an open surface or a cloud, where what encloses it is looked for: so many
+/// take a second or two. More than this only for what needs them by its gap.
+constexpr double kMostOpenVoxels = 1.2e7;
+
 /// What a sample takes in the end, with its faces, places in the file and motions [byte].
 constexpr double kBytesPerSample = 250.0;
 
-/// Voxels of material that follow each other in a row along x.
-struct ProbeRun
-{
-    int begin = 0, end = 0, j = 0, k = 0;
-};
-
-std::vector<ProbeRun> runs_of(const VoxelGrid& grid)
-{
-    std::vector<ProbeRun> runs;
-    for (int k = 0; k < grid.counts().z(); ++k)
-        for (int j = 0; j < grid.counts().y(); ++j)
-        {
-            const std::size_t row = grid.index(0, j, k);
-            const std::size_t first = runs.size();
-            for_each_set(grid.material(), row, row + idx(grid.counts().x()),
-                         [&](std::size_t voxel)
-                         {
-                             const int i = static_cast<int>(voxel - row);
-                             if (runs.size() > first && runs.back().end == i)
-                                 ++runs.back().end;
-                             else
-                                 runs.push_back({i, i + 1, j, k});
-                         });
-        }
-    return runs;
-}
-
 /// Whether more than \p most leaves of the coarsest grid of \p shape hold voxels of the
 /// material.
-bool has_more_leaves(const VoxelGrid& grid, const std::vector<ProbeRun>& runs,
-                     const GridShape& shape, std::size_t most)
+bool has_more_leaves(const VoxelGrid& grid, const GridShape& shape, std::size_t most)
 {
     const Eigen::Vector3d corner =
         0.5 * (shape.size - shape.edge * shape.coarsest.cast<double>());
@@ -92,48 +68,44 @@ bool has_more_leaves(const VoxelGrid& grid, const std::vector<ProbeRun>& runs,
     }
     std::vector<char> is_counted(step, 0);
     std::size_t count = 0;
-    for (const ProbeRun& run : runs)
-    {
-        char* const leaves = &is_counted[leaf_of[1][idx(run.j)] + leaf_of[2][idx(run.k)]];
-        for (int i = run.begin; i < run.end; ++i)
-            if (char& leaf = leaves[leaf_of[0][idx(i)]]; !leaf)
-            {
-                leaf = 1;
-                if (++count > most)
-                    return true;
-            }
-    }
+    for (int k = 0; k < grid.counts().z(); ++k)
+        for (int j = 0; j < grid.counts().y(); ++j)
+        {
+            const std::uint8_t* const row = &grid.material()[grid.index(0, j, k)];
+            char* const leaves = &is_counted[leaf_of[1][idx(j)] + leaf_of[2][idx(k)]];
+            for (std::size_t i = 0; i < leaf_of[0].size(); ++i)
+                if (row[i] && !leaves[leaf_of[0][i]])
+                {
+                    leaves[leaf_of[0][i]] = 1;
+                    if (++count > most)
+                        return true;
+                }
+        }
     return false;
 }
-
-/// Voxels near an open surface or a cloud, where what encloses it is looked for: so many
-/// take a second or two. More than this only for what needs them by its gap.
-constexpr double kMostOpenVoxels = 1.2e7;
 
 /// Volume of material tells how many cells a grid has before it is built.
 int automatic_across(const Shape& shape, const BoundingSurface& surface,
                      const Eigen::Vector3d& size, const CellSettings& settings,
                      double max_voxel)
 {
-    const Fill fill = settings.fill;
     const double longest = size.maxCoeff();
     if (!(longest > 0))
         return 1;
-    const Material probe = find_material(
-        shape, surface,
-        grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
-    const std::vector<ProbeRun> runs = runs_of(probe.grid);
+    const Material probe =
+        find_material(shape, surface,
+                      grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)),
+                      settings.fill);
     const int last = std::end(kCandidates)[-1];
-    const bool is_open = surface.open_edges > 0.0 && fill == Fill::Solid;
+    const bool is_open = surface.open_edges > 0.0 && settings.fill == Fill::Solid;
     const double near = is_open ? share_near(probe.grid) : 0.0;
-    const auto voxels = [&](int across) {
+    const auto near_voxels = [&](int across) {
         return near * num_voxels(grid_shape(size, across, settings.max_depth, max_voxel));
     };
+    const double most = std::max(kMostOpenVoxels, 1.5 * near_voxels(last));
     for (const int across : kCandidates)
-        if (!(is_open &&
-              voxels(across) > std::max(kMostOpenVoxels, 1.5 * voxels(last))) &&
-            !has_more_leaves(probe.grid, runs, grid_shape(size, across, 0, 0.0),
-                             kTargetCells))
+        if (near_voxels(across) <= most &&
+            !has_more_leaves(probe.grid, grid_shape(size, across, 0, 0.0), kTargetCells))
             return across;
     return last;
 }

@@ -9,6 +9,7 @@
 
 #include "io/geometry_file.h"
 #include "octree/distance_transform.h"
+#include "tests/support/bodies.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
@@ -31,14 +32,6 @@ double provided_bytes()
     return 4096.0 * static_cast<double>(usage.ru_minflt);
 }
 
-Shape turned(Shape shape, std::mt19937& rng)
-{
-    const Eigen::Matrix3d R = support::random_rotation(rng);
-    for (Eigen::Vector3d& x : shape.samples)
-        x = R * x;
-    return shape;
-}
-
 /// Some closed boxes far apart, small ones and needles among them.
 Shape boxes(std::mt19937& rng)
 {
@@ -51,7 +44,7 @@ Shape boxes(std::mt19937& rng)
         extent[k % 3] *= random_number(rng, 0.2, 5.0);
         shape = support::joined(shape, support::box_shape(low, low + extent, 2));
     }
-    return turned(shape, rng);
+    return support::turned(shape, support::random_rotation(rng));
 }
 
 /// Triangles anywhere.
@@ -88,7 +81,8 @@ Shape sheets(std::mt19937& rng)
     for (int k = 0; k < 2; ++k)
     {
         Shape sheet =
-            turned(support::sheet_shape(1.0, random_number(rng, 0.1, 0.8)), rng);
+            support::turned(support::sheet_shape(1.0, random_number(rng, 0.1, 0.8)),
+                            support::random_rotation(rng));
         const Eigen::Vector3d step = random_vector(rng, 0.7);
         for (Eigen::Vector3d& x : sheet.samples)
             x += step;
