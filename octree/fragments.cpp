@@ -160,8 +160,6 @@ void join_fragments(VoxelGrid& grid, int reach)
     };
     std::vector<Link> links;
     VoxelValues<std::size_t> from(grid.size());
-    for (const std::size_t voxel : front)
-        from[voxel] = voxel;
     for (int distance = 0; distance <= reach / 2 && !front.empty(); ++distance)
     {
         std::vector<std::size_t> next;

@@ -187,6 +187,28 @@ TEST(Octree, leaves_at_the_deepest_level_stay)
     EXPECT_EQ(octree.split(all_of(octree), kAll).leaves(), octree.leaves());
 }
 
+TEST(Octree, leaves_are_known_by_their_numbers_in_another_octree)
+{
+    const Octree before = randomly_split(5, 20), after = randomly_split(6, 30);
+    for (const auto& [one, other] : {std::pair(&before, &after), {&after, &before}})
+    {
+        const std::vector<LeafNumber> numbers = one->numbers_in(*other);
+        ASSERT_EQ(numbers.size(), one->leaves().size());
+        int num_known = 0;
+        for (const LeafNumber leaf : one->numbers())
+        {
+            LeafNumber wanted = LeafNumber::None;
+            for (const LeafNumber candidate : other->numbers())
+                if ((*other)[candidate] == (*one)[leaf])
+                    wanted = candidate;
+            EXPECT_EQ(numbers[idx(leaf)], wanted);
+            num_known += wanted != LeafNumber::None;
+        }
+        EXPECT_GT(num_known, 0);
+        EXPECT_LT(num_known, static_cast<int>(numbers.size()));
+    }
+}
+
 TEST(Octree, merging_undoes_splitting)
 {
     const Octree coarse(shape(), kAll);

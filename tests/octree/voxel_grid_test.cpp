@@ -110,4 +110,24 @@ TEST(VoxelGrid, numbers_voxels_and_back)
         EXPECT_EQ(grid.index(grid.coordinates(i)), i);
 }
 
+TEST(VoxelGrid, numbers_the_finest_boxes_that_hold_its_voxels)
+{
+    const VoxelGrid grid(grid_shape({1, 0.5, 0.3}, 4, 1, 0.03));
+    std::vector<std::size_t> count(grid.num_boxes(), 0);
+    for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+    {
+        const Eigen::Vector3i v = grid.coordinates(voxel);
+        const std::size_t box = grid.box(v);
+        ASSERT_LT(box, grid.num_boxes());
+        EXPECT_TRUE(grid.voxels_of_box(box).contains(v));
+        ++count[box];
+    }
+    const std::size_t width = idx(grid.shape().voxels_per_leaf);
+    for (const std::size_t voxels : count)
+        EXPECT_EQ(voxels, width * width * width);
+    // Those along x follow each other.
+    const int step = grid.shape().voxels_per_leaf;
+    EXPECT_EQ(grid.box({step, 0, 0}), grid.box({0, 0, 0}) + 1);
+}
+
 } // namespace cellwarp
