@@ -26,6 +26,38 @@ using Json = nlohmann::json;
 /// Throws Fault::Malformed with the line of a syntax error; deep nesting is one.
 Json parse_json(const std::string& path, const std::string& text);
 
+/// A wrong value, told by its key from the root on: "rods[2].points". Where it stands in
+/// the text is not known yet: with_lines() finds it.
+class JsonError : public Error
+{
+public:
+    JsonError(const std::string& path, std::string field, std::string what)
+        : Error(malformed({path, 0, field}, what)), field_(std::move(field)),
+          what_(std::move(what))
+    {
+    }
+    /// With the line in \p text, the file's.
+    Error with_line(const std::string& path, const std::string& text) const;
+
+private:
+    std::string field_, what_;
+};
+
+/// What \p read() returns, which reads JSON \p text: what is wrong there is told with its
+/// line.
+template <class Read>
+auto with_lines(const std::string& path, const std::string& text, const Read& read)
+{
+    try
+    {
+        return read();
+    }
+    catch (const JsonError& error)
+    {
+        throw error.with_line(path, text);
+    }
+}
+
 /// Reads the keys of one JSON object and complains about the others.
 class JsonObject
 {
@@ -124,9 +156,9 @@ public:
     {
         // The object itself, without the dot of what would follow.
         const bool is_whole = key.empty() && !prefix_.empty();
-        throw malformed(
-            {path_, 0, is_whole ? prefix_.substr(0, prefix_.size() - 1) : prefix_ + key},
-            what);
+        throw JsonError(path_,
+                        is_whole ? prefix_.substr(0, prefix_.size() - 1) : prefix_ + key,
+                        what);
     }
 
 private:

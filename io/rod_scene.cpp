@@ -785,20 +785,7 @@ void read_rod(const Json& json, const std::string& prefix, RodScene& scene,
     reader.object().warn_of_the_rest();
 }
 
-} // namespace
-
-bool RodScene::carries() const
-{
-    return std::any_of(rods.begin(), rods.end(),
-                       [](const RodStatement& rod) { return rod.carries; });
-}
-
-RodScene read_rod_scene(const std::string& path)
-{
-    return parse_rod_scene(path, read_file(path));
-}
-
-RodScene parse_rod_scene(const std::string& path, const std::string& text)
+RodScene rod_scene_of(const std::string& path, const std::string& text)
 {
     RodScene scene;
     scene.path = path;
@@ -865,6 +852,24 @@ RodScene parse_rod_scene(const std::string& path, const std::string& text)
                                    "an equilibrium has no time in which to cut");
     root.object().warn_of_the_rest();
     return scene;
+}
+
+} // namespace
+
+bool RodScene::carries() const
+{
+    return std::any_of(rods.begin(), rods.end(),
+                       [](const RodStatement& rod) { return rod.carries; });
+}
+
+RodScene read_rod_scene(const std::string& path)
+{
+    return parse_rod_scene(path, read_file(path));
+}
+
+RodScene parse_rod_scene(const std::string& path, const std::string& text)
+{
+    return with_lines(path, text, [&] { return rod_scene_of(path, text); });
 }
 
 } // namespace cellwarp

@@ -56,9 +56,7 @@ FrameBox read_frame(const Json& json, SceneFile& scene)
     return frame;
 }
 
-} // namespace
-
-SceneFile parse_scene(const std::string& path, const std::string& text)
+SceneFile scene_of(const std::string& path, const std::string& text)
 {
     SceneFile scene;
     scene.path = path;
@@ -119,6 +117,13 @@ SceneFile parse_scene(const std::string& path, const std::string& text)
     }
     root.warn_of_the_rest();
     return scene;
+}
+
+} // namespace
+
+SceneFile parse_scene(const std::string& path, const std::string& text)
+{
+    return with_lines(path, text, [&] { return scene_of(path, text); });
 }
 
 std::string scene_text(const SceneFile& scene)

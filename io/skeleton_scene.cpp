@@ -346,8 +346,9 @@ void add_key(std::vector<KeyTrack<size>>& tracks, std::size_t joint, const Scene
     const auto later =
         std::lower_bound(track->times.begin(), track->times.end(), key.time);
     if (later != track->times.end() && *later == key.time)
-        throw malformed({path, 0, key.field}, "joint " + key.joint + " has a key at " +
-                                                  shortest(key.time) + " already");
+        throw JsonError(path, key.field,
+                        "joint " + key.joint + " has a key at " + shortest(key.time) +
+                            " already");
     track->values.insert(track->values.begin() + (later - track->times.begin()), value);
     track->times.insert(later, key.time);
 }
@@ -435,12 +436,12 @@ SkeletonValues skeleton_of(const SkeletonScene& scene, const std::string& path)
     {
         const auto joint = number.find(key.joint);
         if (joint == number.end())
-            throw malformed({path, 0, key.field + ".joint"},
+            throw JsonError(path, key.field + ".joint",
                             in_quotes(key.joint) + " is no joint");
         if (key.rotate)
             add_key<4>(out.turns, joint->second, key, turn_of(*key.rotate), step, path);
         if (key.translate && !out.joints[joint->second].parent.empty())
-            throw malformed({path, 0, key.field + ".translate"},
+            throw JsonError(path, key.field + ".translate",
                             "joint " + key.joint + " hangs on " +
                                 out.joints[joint->second].parent +
                                 ": only a root is moved");

@@ -258,6 +258,33 @@ std::vector<double> radii_between(const Openings& openings)
     return radii;
 }
 
+/// What wraps of several radii enclose, each found when it is asked for; the next one is
+/// found beside it, on another thread, for the library wraps on one.
+class Wraps
+{
+public:
+    Wraps(const Lattice& lattice, std::vector<double> radii)
+        : lattice_(lattice), radii_(std::move(radii)), enclosed_(radii_.size())
+    {
+    }
+    /// Of radius \p k: to be asked in ascending order. Those before it are given back.
+    const Flags& enclosed(std::size_t k)
+    {
+        for (std::size_t i = 0; i < k; ++i)
+            enclosed_[i].reset();
+        if (!enclosed_[k])
+            parallel_for(std::min<std::size_t>(2, radii_.size() - k), 1,
+                         [&](std::size_t i)
+                         { enclosed_[k + i] = lattice_.enclosed(radii_[k + i]); });
+        return *enclosed_[k];
+    }
+
+private:
+    const Lattice& lattice_;
+    std::vector<double> radii_;
+    std::vector<std::optional<Flags>> enclosed_;
+};
+
 /// Of \p radii those from the first on at which larger voxels show room for a hollow;
 /// none where not even the widest does.
 std::span<const double> radii_worth_trying(const VoxelGrid& grid, const Flags& marks,
@@ -279,13 +306,17 @@ std::span<const double> radii_worth_trying(const VoxelGrid& grid, const Flags& m
     const Flags none(lattice.size());
     const auto shows_room = [&](const Flags& enclosed, double radius)
     { return is_any_left(lattice, enclosed, none, kCoarseRoom * radius / scale); };
-    if (!shows_room(lattice.enclosed(openings.widest / scale), openings.narrowest))
+    std::vector<double> coarse_radii{openings.widest / scale};
+    for (const double radius : radii.first(radii.size() - 1))
+        coarse_radii.push_back(radius / scale);
+    Wraps wraps(lattice, coarse_radii);
+    if (!shows_room(wraps.enclosed(0), openings.narrowest))
         return {};
-    const auto first =
-        std::find_if(radii.begin(), radii.end() - 1,
-                     [&](double radius)
-                     { return shows_room(lattice.enclosed(radius / scale), radius); });
-    return radii.subspan(idx(first - radii.begin()));
+    std::size_t first = 0;
+    while (first + 1 < radii.size() &&
+           !shows_room(wraps.enclosed(first + 1), radii[first]))
+        ++first;
+    return radii.subspan(first);
 }
 
 } // namespace
@@ -303,16 +334,21 @@ EnclosedVoxels hollow_voxels(const VoxelGrid& grid, const Flags& marks,
     if (radii.empty())
         return found;
     const Lattice lattice(grid, marks, kRoom * openings.widest);
-    const Flags widest = lattice.enclosed(openings.widest);
+    std::vector<double> narrower{openings.widest};
+    for (const double radius : radii)
+        if (radius < openings.widest)
+            narrower.push_back(radius);
+    Wraps wraps(lattice, narrower);
+    const Flags widest = wraps.enclosed(0);
     Flags hollow(lattice.size());
     double closed = -1.0;
-    for (const double alpha : radii)
+    for (std::size_t k = 0; k < radii.size(); ++k)
     {
+        const double alpha = radii[k];
         if (!is_any_left(lattice, widest, hollow, alpha))
             break;
-        if (add_hollows(lattice,
-                        alpha < openings.widest ? lattice.enclosed(alpha) : widest, alpha,
-                        hollow))
+        if (add_hollows(lattice, alpha < openings.widest ? wraps.enclosed(k + 1) : widest,
+                        alpha, hollow))
             closed = alpha;
     }
     if (closed < 0)

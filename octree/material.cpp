@@ -143,6 +143,11 @@ double share_near(const VoxelGrid& grid)
     return static_cast<double>(count) / static_cast<double>(grid.size());
 }
 
+bool is_nearly_closed(const BoundingSurface& surface)
+{
+    return surface.open_edges < kNearlyClosed;
+}
+
 double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
                       Fill fill)
 {
@@ -309,11 +314,10 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
             settle(inside_by_winding(shape, surface.triangles, grid));
             return material;
         }
-        const OpenInside found =
-            open_inside(grid, marks,
-                        surface.open_edges < kNearlyClosed
-                            ? inside_votes(shape, surface.triangles, grid)
-                            : VoxelFlags());
+        const OpenInside found = open_inside(
+            grid, marks,
+            is_nearly_closed(surface) ? inside_votes(shape, surface.triangles, grid)
+                                      : VoxelFlags());
         if (found.method != InsideMethod::None)
         {
             settle(found.is_inside);

@@ -58,6 +58,10 @@ struct Material
 Material find_material(const Shape& shape, const BoundingSurface& surface,
                        const GridShape& grid_shape, Fill fill);
 
+/// Whether so few edges of a surface are open that rays tell what is inside: openings say
+/// nothing of what is near.
+bool is_nearly_closed(const BoundingSurface& surface);
+
 /// What find_material() takes at the most while it runs [byte].
 double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
                       Fill fill);

@@ -710,7 +710,8 @@ Material material_of_parts(const Shape& shape, const BoundingSurface& surface,
         voxels_of_samples(shape, grid, part_of_sample, number, bounds);
     std::set<std::pair<int, int>> touching;
     for (const auto& [a, b] : near)
-        if (have_contact(grid, bounds[idx(a)], bounds[idx(b)],
+        if (told[idx(a)] != told[idx(b)] &&
+            have_contact(grid, bounds[idx(a)], bounds[idx(b)],
                          static_cast<std::uint8_t>(number[idx(a)]),
                          static_cast<std::uint8_t>(number[idx(b)])))
             touching.insert(std::minmax(told[idx(a)], told[idx(b)]));

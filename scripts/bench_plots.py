@@ -23,6 +23,7 @@ PLOTS = (
      ("solve", "solve_rest_factor", "multigrid_setup", "rest_factor_setup", "cg_step",
       "rest_factor_cg_step")),
     ("A frame over samples", "samples", ("frame", "frame solve", "frame blend")),
+    ("One edit over cells", "cells", ("edit", "edit cells", "edit solve", "edit field")),
     ("A frame over cells", "cells", ("frame_cells", "frame_cells solve", "frame_cells blend")),
 )
 # What takes the place of another: dashed, in the colour of that one, by a shorter name.

@@ -70,7 +70,7 @@ LIBRARIES = {
     "nanoflann.hpp": {"octree/base/point_tree.cpp"},
     "assimp/": {"io/import"},
     "embree3/": {"editor/picture", "editor/tools/picker.cpp"},
-    "stb/": {"io/image.cpp"},
+    "stb/": {"io/image.cpp", "io/lettering.cpp"},
     "CLI/": {"editor/cli", "editor/mpi", "editor/window", "tests/bench"},
     "GLFW/": {"editor/window"},
     "imgui": {"editor/window"},

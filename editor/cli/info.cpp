@@ -1,19 +1,25 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp info: what files hold.
+#include <cmath>
 #include <memory>
 #include <optional>
+#include <system_error>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
 #include "editor/cli/session_json.h"
 #include "editor/session/scene_script.h"
 #include "io/error.h"
+#include "io/field_file.h"
 #include "io/geometry_file.h"
 #include "io/handle_file.h"
 #include "io/number.h"
 #include "io/scene_file.h"
 #include "io/text.h"
+#include "octree/base/index.h"
+#include "octree/limb_tree.h"
 
 namespace cellwarp
 {
@@ -38,6 +44,15 @@ Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
     return json;
 }
 
+/// "x y z" of three numbers.
+std::string corner_text(const Json& corner)
+{
+    std::string line;
+    for (const Json& x : corner)
+        line += (line.empty() ? "" : " ") + shortest(x.get<double>());
+    return line;
+}
+
 std::string as_text(const Json& json)
 {
     std::string text = fmt::format(
@@ -45,19 +60,133 @@ std::string as_text(const Json& json)
         "triangles)\n",
         json["format"].get<std::string>(), json["samples"].get<std::size_t>(),
         json["faces"].get<std::size_t>(), json["triangles"].get<std::size_t>());
-    const auto corner = [&](std::size_t k)
-    {
-        std::string line;
-        for (const Json& x : json["box"][k])
-            line += " " + shortest(x.get<double>());
-        return line;
-    };
-    text += "  box        " + corner(0) + " to" + corner(1) + "\n";
+    text += "  box         " + corner_text(json["box"][0]) + " to " +
+            corner_text(json["box"][1]) + "\n";
     std::string attributes;
     for (const Json& name : json["attributes"])
         attributes += (attributes.empty() ? "" : ", ") + name.get<std::string>();
     text += "  attributes  " + (attributes.empty() ? "none" : attributes) + "\n";
     return text + "  writable    " + (json["writable"].get<bool>() ? "yes" : "no") + "\n";
+}
+
+/// What a saved deformation holds.
+Json describe(const FieldFile& file)
+{
+    constexpr const char* kKinds[] = {"blend", "closest4", "rbf", "rbf-global",
+                                      "rbf-centres"};
+    const StoredField& first = file.stages.front();
+    // The box that the model filled, in the model's own axes.
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> axes(
+        first.axes.data());
+    const Eigen::Map<const Eigen::Vector3d> origin(first.origin.data());
+    const Eigen::Map<const Eigen::Vector3d> size(first.size.data());
+    Eigen::AlignedBox3d box;
+    for (int k = 0; k < 8; ++k)
+    {
+        const Eigen::Vector3d corner =
+            size.cwiseProduct(Eigen::Vector3d(k & 1, k >> 1 & 1, k >> 2 & 1));
+        box.extend(origin +
+                   axes.transpose() * (corner * std::ldexp(1.0, -first.exponent)));
+    }
+    Json json = {{"format", "cwf"},
+                 {"box",
+                  {{box.min().x(), box.min().y(), box.min().z()},
+                   {box.max().x(), box.max().y(), box.max().z()}}},
+                 {"checksum", fmt::format("{:08x}", file.checksum)},
+                 {"stages", Json::array()}};
+    for (const StoredField& stage : file.stages)
+        json["stages"].push_back({{"field", kKinds[stage.kind]},
+                                  {"cells", stage.edges.size()},
+                                  {"centres", stage.num_centres},
+                                  {"regions", stage.regions.size()}});
+    return json;
+}
+
+std::string text_of_field(const Json& json)
+{
+    std::string text =
+        fmt::format("  format      cwf, a saved deformation (cellwarp apply)\n"
+                    "  box         {} to {}, of the model\n  checksum    {}\n",
+                    corner_text(json["box"][0]), corner_text(json["box"][1]),
+                    json["checksum"].get<std::string>());
+    for (const Json& stage : json["stages"])
+        text += fmt::format("  stage       {}, {} cells, {} moved regions\n",
+                            stage["field"].get<std::string>(),
+                            stage["cells"].get<std::size_t>(),
+                            stage["regions"].get<std::size_t>());
+    return text;
+}
+
+/// Where the limbs of a shape end: of each end the box of the samples that are nearer to
+/// it than to any other joint of the shape's centre lines, in the model's box (0 to 1).
+Json extremities_of(const std::string& path, const Geometry& geometry)
+{
+    Shape shape;
+    shape.samples = geometry.samples;
+    shape.triangles = triangles_of(geometry);
+    std::vector<LimbJoint> joints;
+    try
+    {
+        joints = limb_tree(shape);
+    }
+    catch (const std::system_error& error)
+    {
+        throw Error(Fault::File, error.what());
+    }
+    if (joints.size() < 2)
+        throw Error(Fault::Unsolvable,
+                    path +
+                        ": --extremities: the shape has no centre line (this needs a "
+                        "closed surface, or samples that one can be wrapped around, and "
+                        "a build with CGAL)");
+    std::vector<char> is_end(joints.size(), 1);
+    for (const LimbJoint& joint : joints)
+        if (joint.parent >= 0)
+            is_end[idx(joint.parent)] = 0;
+    std::vector<Eigen::AlignedBox3d> boxes(joints.size());
+    std::vector<std::size_t> counts(joints.size(), 0);
+    for (const Eigen::Vector3d& x : geometry.samples)
+    {
+        std::size_t nearest = 0;
+        for (std::size_t k = 1; k < joints.size(); ++k)
+            if ((x - joints[k].at).squaredNorm() < (x - joints[nearest].at).squaredNorm())
+                nearest = k;
+        boxes[nearest].extend(x);
+        ++counts[nearest];
+    }
+    const ModelBox model = bounding_box(geometry.samples);
+    const auto relative = [&](const Eigen::Vector3d& x, int side)
+    {
+        // Outwards to whole hundredths, so that none of the samples is left out.
+        Json corner = Json::array();
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const double size = model.size()[axis];
+            const double share = size > 0 ? (x[axis] - model.low[axis]) / size : 0.5;
+            corner.push_back(
+                (side < 0 ? std::floor(100.0 * share) : std::ceil(100.0 * share)) /
+                100.0);
+        }
+        return corner;
+    };
+    Json ends = Json::array();
+    for (std::size_t k = 0; k < joints.size(); ++k)
+        if (is_end[k] && counts[k] > 0)
+            ends.push_back(
+                {{"samples", counts[k]},
+                 {"relative_box",
+                  {relative(boxes[k].min(), -1), relative(boxes[k].max(), 1)}}});
+    return ends;
+}
+
+std::string text_of_extremities(const Json& ends)
+{
+    std::string text;
+    for (const Json& end : ends)
+        text +=
+            fmt::format("  extremity   box {}  {}\n", corner_text(end["relative_box"][0]),
+                        corner_text(end["relative_box"][1]));
+    return text + "              (selectors for --fix and --handle with --relative)\n";
 }
 
 /// A region's statement; of a rod or curve how it is told.
@@ -152,6 +281,7 @@ struct InfoFlags
 {
     std::vector<std::string> files;
     std::string columns;
+    bool tells_extremities = false;
 };
 
 int run(const InfoFlags& flags, const CommonFlags& common)
@@ -166,6 +296,12 @@ int run(const InfoFlags& flags, const CommonFlags& common)
             if (extension_of(path) == "json")
                 scene = contents_of(path);
             text += path + "\n";
+            if (extension_of(path) == "cwf")
+            {
+                all.push_back(describe(read_field(path)));
+                text += text_of_field(all.back());
+                continue;
+            }
             if (scene && scene->model.empty())
             {
                 all.push_back(scene->json);
@@ -183,6 +319,11 @@ int run(const InfoFlags& flags, const CommonFlags& common)
                 as_text(all.back()) + parts_text(parts) + (scene ? text_of(*scene) : "");
             if (!file.geometry.not_writable.empty())
                 text += "              " + file.geometry.not_writable + "\n";
+            if (flags.tells_extremities)
+            {
+                all.back()["extremities"] = extremities_of(path, file.geometry);
+                text += text_of_extremities(all.back()["extremities"]);
+            }
         }
         catch (const Error& error)
         {
@@ -203,17 +344,21 @@ int run(const InfoFlags& flags, const CommonFlags& common)
 void add_info(CLI::App& app, CommonFlags& common, int& exit_code)
 {
     const auto flags = std::make_shared<InfoFlags>();
-    CLI::App* command =
-        app.add_subcommand("info", "What geometry files and scenes hold.\n\n"
-                                   "  cellwarp info bunny.obj\n"
-                                   "  cellwarp info --json a.ply b.ply\n"
-                                   "  cellwarp info samples/tail.json\n");
+    CLI::App* command = app.add_subcommand(
+        "info", "What geometry files, scenes and saved fields hold.\n\n"
+                "  cellwarp info bunny.obj\n"
+                "  cellwarp info --extremities creature.obj\n"
+                "  cellwarp info --json a.ply b.ply\n"
+                "  cellwarp info samples/tail.json\n");
     command
-        ->add_option(
-            "FILE", flags->files,
-            "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
-            "columns, or what can only be read (fbx, dae, 3ds, ...); scenes (json)")
+        ->add_option("FILE", flags->files,
+                     "geometry files: obj, ply, stl, off, pcd, gltf, glb, text in "
+                     "columns, or what can only be read (fbx, dae, 3ds, ...); scenes "
+                     "(json); saved "
+                     "fields (cwf)")
         ->required();
+    command->add_flag("--extremities", flags->tells_extremities,
+                      "where limbs end: boxes to fix and to grab, for --relative");
     add_columns(*command, flags->columns);
     command->callback([flags, &common, &exit_code] { exit_code = run(*flags, common); });
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/cli/render.h"
 
+#include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
@@ -20,9 +21,9 @@ namespace
 struct RenderFlags
 {
     SessionFlags session;
-    std::string output, compare, frame = "rest", size = "1000x800", up = "y";
+    std::string output, compare, frame = "rest", size = "1000x800", up = "y", focus;
     std::vector<double> view = {35.0, 20.0};
-    bool shows_cells = false;
+    bool shows_cells = false, shows_axes = false;
     std::int64_t strip = 0; ///< frames side by side; 0: one picture
 };
 
@@ -42,6 +43,7 @@ PictureOptions picture_options(const RenderFlags& flags)
     options.azimuth = flags.view[0];
     options.elevation = flags.view[1];
     options.up = flags.up == "x" ? 0 : flags.up == "y" ? 1 : 2;
+    options.shows_axes = flags.shows_axes;
     return options;
 }
 
@@ -108,13 +110,20 @@ std::vector<Figure> figures_of(const Film& film, const RenderFlags& flags)
     return figures;
 }
 
+/// \p options: told what --focus names.
 std::vector<Figure> figures_of(Session& session, std::size_t num_frames,
-                               const RenderFlags& flags)
+                               const RenderFlags& flags, PictureOptions& options)
 {
     std::vector<Figure> figures;
     const auto add = [&]
     {
         figures.push_back(figure_of(session));
+        if (!flags.focus.empty())
+        {
+            if (!options.focus)
+                options.focus.emplace();
+            options.focus->extend(box_of_region(session, flags.focus));
+        }
         if (flags.shows_cells)
             add_cells(figures.back(), session);
     };
@@ -135,9 +144,15 @@ std::vector<Figure> figures_of(Session& session, std::size_t num_frames,
     return figures;
 }
 
+/// A file without its folder.
+std::string name_of(const std::string& file)
+{
+    return std::filesystem::path(file).filename().string();
+}
+
 int run(const RenderFlags& flags, const CommonFlags& common)
 {
-    const PictureOptions options = picture_options(flags);
+    PictureOptions options = picture_options(flags);
     check_output(flags.output, common.overwrite());
     if (extension_of(flags.output) != "png" && flags.output != "-")
         throw Error(Fault::Usage, flags.output + ": a picture is a .png");
@@ -146,6 +161,10 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     std::vector<Figure> figures;
     std::vector<std::string> warnings;
     const std::optional<Film> film = film_of(flags.session.model);
+    if (!flags.focus.empty() && (film || !flags.session.has_session()))
+        throw Error(Fault::Usage,
+                    "--focus needs a region: of a scene, --handles, --fix or "
+                    "--handle");
     if (film)
     {
         figures = figures_of(*film, flags);
@@ -178,13 +197,18 @@ int run(const RenderFlags& flags, const CommonFlags& common)
             num_frames += stage.frames.size();
         Session session(read_geometry(request.model, request.read).geometry,
                         std::move(*request.handles), request.settings);
-        figures = figures_of(session, num_frames, flags);
+        figures = figures_of(session, num_frames, flags, options);
         warnings = session.warnings();
     }
     if (!flags.compare.empty())
+    {
+        for (Figure& figure : figures)
+            figure.label = name_of(flags.session.model);
         figures.insert(
             figures.begin(),
             figure_of(read_geometry(flags.compare, {flags.session.columns}).geometry));
+        figures.front().label = name_of(flags.compare);
+    }
     const bool is_converged = !film || film->is_converged();
     if (!is_converged)
         warnings.push_back("a frame did not converge: see cellwarp simulate");
@@ -232,7 +256,12 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
     flags->session.add_to(*command);
     command->add_option("-o,--output", flags->output, "picture (.png)")->required();
     command->add_flag("--cells", flags->shows_cells, "show the cells, as glass");
-    command->add_option("--compare", flags->compare, "geometry file to draw on the left");
+    command->add_option("--compare", flags->compare,
+                        "geometry file to draw on the left; both have their names above");
+    command->add_flag("--axes", flags->shows_axes,
+                      "three edges of the box of all that is shown, with numbers");
+    command->add_option("--focus", flags->focus,
+                        "REGION of a scene or its flags that fills the picture");
     command->add_option("--frame", flags->frame,
                         "of a scene: rest, last or a frame's number (default rest)");
     command

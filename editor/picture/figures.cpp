@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 
+#include "io/error.h"
+#include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/material.h"
 
@@ -122,6 +124,20 @@ Figure figure_of(const Session& session)
     }
     add_joints(figure, session.joints());
     return figure;
+}
+
+Eigen::AlignedBox3d box_of_region(const Session& session, const std::string& name)
+{
+    if (const CellSystem* const system = session.system())
+        for (const Region& region : system->regions().regions())
+            if (region.name == name)
+            {
+                Eigen::AlignedBox3d box;
+                for (const std::uint32_t i : region.samples)
+                    box.extend(session.deformed().samples[i]);
+                return box;
+            }
+    throw Error(Fault::Usage, "--focus: there is no region " + in_quotes(name));
 }
 
 void add_joints(Figure& figure, const std::vector<PosedJoint>& joints)

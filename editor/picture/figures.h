@@ -19,6 +19,10 @@ Figure figure_of(const std::vector<Geometry>& parts);
 /// the samples of fixed regions blue, handles orange, pins purple, stiff ones green.
 Figure figure_of(const Session& session);
 
+/// What the samples of a region take where the session's last frame put them. Throws
+/// Fault::Usage where there is no region of that name.
+Eigen::AlignedBox3d box_of_region(const Session& session, const std::string& name);
+
 /// Adds the bones of a skeleton, seen through the rest.
 void add_joints(Figure& figure, const std::vector<PosedJoint>& joints);
 

@@ -11,6 +11,9 @@
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
 
+#include "editor/picture/axes.h"
+#include "editor/picture/projection.h"
+#include "io/lettering.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
@@ -334,61 +337,141 @@ public:
     Eigen::Vector3f key_light_ = Eigen::Vector3f::UnitZ(); ///< set once, before looking
 };
 
-struct View
-{
-    Eigen::Vector3d right, up, back; ///< unit vectors; the viewer looks along -back
-};
-
-View view_of(const PictureOptions& options)
+/// Without its centre and the size of its pixels.
+Projection direction_of(const PictureOptions& options)
 {
     const double degree = std::numbers::pi / 180.0;
     const double a = options.azimuth * degree, e = options.elevation * degree;
     const Eigen::Vector3d up = Eigen::Vector3d::Unit(options.up);
     const Eigen::Vector3d front = Eigen::Vector3d::Unit((options.up + 1) % 3);
     const Eigen::Vector3d side = up.cross(front);
-    View view;
+    Projection view;
     view.back =
         std::cos(e) * (std::cos(a) * front - std::sin(a) * side) + std::sin(e) * up;
     view.right = up.cross(view.back).normalized();
     view.up = view.back.cross(view.right);
+    view.width = options.width;
+    view.height = options.height;
     return view;
+}
+
+/// Pixels of a picture that has all its rays to the sky.
+constexpr double kPixelsOfAllRays = 1e6;
+constexpr int kLeastRays = 4;
+
+int occlusion_rays(const PictureOptions& options)
+{
+    const double pixels = static_cast<double>(options.width) * options.height;
+    const int fewer = static_cast<int>(options.occlusion_rays *
+                                       std::min(1.0, kPixelsOfAllRays / pixels));
+    return std::min(options.occlusion_rays, std::max(kLeastRays, fewer));
+}
+
+/// Of letters, for a picture of this size [pixel]; beside axes there is room for so many
+/// lines on each side.
+double line_height(const PictureOptions& options)
+{
+    return std::clamp(0.024 * std::min(options.width, options.height), 11.0, 60.0);
+}
+constexpr double kRoomOfAxes = 4.5;
+
+/// Of a label, from the upper edge of the picture to its middle [height of a line].
+constexpr double kLabelFromTop = 1.2;
+constexpr Colour kLabelInk = {70, 74, 82};
+
+/// A box in the viewer's directions: right, up and back.
+class SeenBox
+{
+public:
+    explicit SeenBox(const Projection& view) : view_(&view) {}
+    void add(const Eigen::Vector3d& x)
+    {
+        box_.extend(
+            Eigen::Vector3d(view_->right.dot(x), view_->up.dot(x), view_->back.dot(x)));
+    }
+    void add(const Eigen::AlignedBox3d& box)
+    {
+        for (int k = 0; k < 8; ++k)
+            add(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(k)));
+    }
+    Eigen::Vector3d size() const { return box_.sizes(); }
+    Eigen::Vector3d centre() const
+    {
+        const Eigen::Vector3d middle = box_.center();
+        return middle.x() * view_->right + middle.y() * view_->up +
+               middle.z() * view_->back;
+    }
+
+private:
+    const Projection* view_;
+    Eigen::AlignedBox3d box_;
+};
+
+/// What a figure takes, in its own axes.
+Eigen::AlignedBox3d box_of(const Figure& figure)
+{
+    Eigen::AlignedBox3d box;
+    for (const Eigen::Vector3d& x : figure.points)
+        box.extend(x);
+    for (const auto& corners : figure.boxes)
+        for (const Eigen::Vector3d& x : corners)
+            box.extend(x);
+    for (const Figure::Bead& bead : figure.beads)
+        box.extend(bead.place);
+    return box;
 }
 
 } // namespace
 
 Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
 {
-    const View view = view_of(options);
-    // The rectangle that all figures need, seen from the viewer.
-    Eigen::Vector3d low = Eigen::Vector3d::Constant(INFINITY), high = -low;
-    const auto include = [&](const Eigen::Vector3d& x)
-    {
-        const Eigen::Vector3d seen(view.right.dot(x), view.up.dot(x), view.back.dot(x));
-        low = low.cwiseMin(seen);
-        high = high.cwiseMax(seen);
-    };
+    Projection view = direction_of(options);
+    Eigen::AlignedBox3d all;
+    SeenBox seen_all(view);
     for (const Figure& figure : figures)
     {
+        all.extend(box_of(figure));
         for (const Eigen::Vector3d& x : figure.points)
-            include(x);
+            seen_all.add(x);
         for (const auto& box : figure.boxes)
             for (const Eigen::Vector3d& x : box)
-                include(x);
+                seen_all.add(x);
         for (const Figure::Bead& bead : figure.beads)
-            include(bead.place);
+            seen_all.add(bead.place);
     }
-    const Eigen::Vector3d middle = 0.5 * (low + high);
-    const Eigen::Vector3d centre =
-        middle.x() * view.right + middle.y() * view.up + middle.z() * view.back;
-    double extent = std::max((high - low).maxCoeff(), 2.0 * figures.front().point_radius);
+    double extent =
+        std::max(seen_all.size().maxCoeff(), 2.0 * figures.front().point_radius);
     if (!(extent > 0))
         extent = 1.0;
+    const Eigen::AlignedBox3d framed = options.focus ? *options.focus : all;
+    SeenBox shown = seen_all;
+    if (options.focus || options.shows_axes)
+    {
+        shown = SeenBox(view);
+        shown.add(framed);
+    }
+    const double line = line_height(options);
+    const bool has_labels =
+        std::any_of(figures.begin(), figures.end(),
+                    [](const Figure& figure) { return !figure.label.empty(); });
+    const double room = (options.shows_axes ? 2.0 * kRoomOfAxes * line : 0.0) +
+                        (has_labels ? 2.0 * kLabelFromTop * line : 0.0);
+    // The rays begin in front of all figures, also of those beside what is in focus.
+    const Eigen::Vector3d middle = shown.centre();
+    const Eigen::Vector3d centre =
+        middle + view.back.dot(seen_all.centre() - middle) * view.back;
+    const double reach = 2.0 + (centre - seen_all.centre()).norm() / extent;
     const double unit =
         kMargin *
-        std::max({(high.x() - low.x()) / options.width,
-                  (high.y() - low.y()) / options.height, extent * 1e-3 / options.width}) /
+        std::max(
+            {shown.size().x() / std::max(0.3 * options.width, options.width - room),
+             shown.size().y() / std::max(0.3 * options.height, options.height - room),
+             extent * 1e-3 / options.width}) /
         extent;
+    view.centre = centre;
+    view.pixel = unit * extent;
 
+    const int rays = occlusion_rays(options);
     const RTCDevice device = rtcNewDevice("threads=1");
     Image image;
     image.width = options.width * static_cast<int>(figures.size());
@@ -415,14 +498,13 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                         const double y =
                             0.5 * options.height - row - (s / kSamples + 0.5) / kSamples;
                         const Eigen::Vector3d origin =
-                            unit * (x * view.right + y * view.up) + 2.0 * view.back;
+                            unit * (x * view.right + y * view.up) + reach * view.back;
                         const std::uint32_t seed =
                             static_cast<std::uint32_t>(
                                 (row * options.width + column) * 4 + s) *
                             2654435761u;
                         const Eigen::Vector4f seen =
-                            traced.look(origin.cast<float>(), direction, seed,
-                                        options.occlusion_rays);
+                            traced.look(origin.cast<float>(), direction, seed, rays);
                         sum +=
                             seen.head<3>() + (1.0f - seen.w()) * Eigen::Vector3f::Ones();
                     }
@@ -436,6 +518,17 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
             });
     }
     rtcReleaseDevice(device);
+    if (!options.shows_axes && !has_labels)
+        return image;
+    const Lettering lettering(line);
+    for (std::size_t f = 0; f < figures.size(); ++f)
+    {
+        const int first = static_cast<int>(f) * options.width;
+        if (options.shows_axes)
+            draw_axes(framed, options.up, view, lettering, first, image);
+        lettering.draw(figures[f].label, first + 0.5 * options.width,
+                       kLabelFromTop * line, kLabelInk, image);
+    }
     return image;
 }
 

@@ -4,10 +4,12 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "io/image.h"
 
@@ -35,6 +37,7 @@ struct Figure
     /// end of axis a if bit a of k is set.
     std::vector<std::array<Eigen::Vector3d, 8>> boxes;
     std::vector<Colour> box_colours; ///< one a box
+    std::string label;               ///< above the figure; empty: none
 };
 
 struct PictureOptions
@@ -44,11 +47,17 @@ struct PictureOptions
     double azimuth = 35.0;   ///< [degree] of the viewer about the up axis
     double elevation = 20.0; ///< [degree] of the viewer above the ground
     int up = 1;              ///< axis that points up: 0, 1 or 2
-    int occlusion_rays = 16; ///< a sample of a pixel
+    /// A sample of a pixel; fewer, down to four, in a picture of more than a million
+    /// pixels, where each of them matters less.
+    int occlusion_rays = 16;
+    bool shows_axes = false; ///< around all figures, or what is in focus, with numbers
+    /// What fills the picture; nothing: all figures.
+    std::optional<Eigen::AlignedBox3d> focus = {};
 };
 
 /// Draws the figures side by side, from one viewpoint and at one scale. The same
-/// input gives the same image. \pre figures are not empty
+/// input gives the same image. Throws Fault::File where letters are wanted and there is
+/// no font. \pre figures are not empty
 Image draw(const std::vector<Figure>& figures, const PictureOptions& options);
 
 } // namespace cellwarp

@@ -38,9 +38,13 @@ constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 /// Voxels along the longest side that are enough to count cells.
 constexpr double kProbeVoxels = 96.0;
 
+/// Where samples leave openings this wide, in voxels, finer ones tell nothing: all that
+/// is nearer than the opening is closed may be joined anyway.
+constexpr double kVoxelsPerOpening = 16.0;
+
 /// Voxels near an open surface or a cloud, where what encloses it is looked for: so many
-/// take a second or two. More than this only for what needs them by its gap.
-constexpr double kMostOpenVoxels = 1.2e7;
+/// take about a second. More than this only for what needs them by its gap.
+constexpr double kMostOpenVoxels = 7.5e6;
 
 /// What a sample takes in the end, with its faces, places in the file and motions [byte].
 constexpr double kBytesPerSample = 250.0;
@@ -84,21 +88,38 @@ bool has_more_leaves(const VoxelGrid& grid, const GridShape& shape, std::size_t 
     return false;
 }
 
-/// Volume of material tells how many cells a grid has before it is built.
-int automatic_across(const Shape& shape, const BoundingSurface& surface,
-                     const Eigen::Vector3d& size, const CellSettings& settings,
-                     double max_voxel)
+/// A first look at a shape in larger voxels; none at a single point.
+std::optional<Material> first_look(const Shape& shape, const BoundingSurface& surface,
+                                   const Eigen::Vector3d& size, Fill fill,
+                                   double max_voxel)
 {
     const double longest = size.maxCoeff();
     if (!(longest > 0))
-        return 1;
-    const Material probe =
-        find_material(shape, surface,
-                      grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)),
-                      settings.fill);
+        return std::nullopt;
+    return find_material(
+        shape, surface,
+        grid_shape(size, 8, 0, std::max(max_voxel, longest / kProbeVoxels)), fill);
+}
+
+/// The openings that samples leave, by a first look at them [length]; 0: none, or rays
+/// tell what is inside.
+double widest_opening(const Material& probe, const BoundingSurface& surface)
+{
+    return is_nearly_closed(surface) ? 0.0
+                                     : 2.0 * std::max(probe.seal_radius, probe.spacing);
+}
+
+/// Volume of material tells how many cells a grid has before it is built.
+int automatic_across(const Material& probe, const BoundingSurface& surface,
+                     const Eigen::Vector3d& size, const CellSettings& settings,
+                     double max_voxel)
+{
     const int last = std::end(kCandidates)[-1];
     const bool is_open = surface.open_edges > 0.0 && settings.fill == Fill::Solid;
-    const double near = is_open ? share_near(probe.grid) : 0.0;
+    // Hollows are looked for in all of the box.
+    const double near = !is_open                             ? 0.0
+                        : probe.method == InsideMethod::Wrap ? 1.0
+                                                             : share_near(probe.grid);
     const auto near_voxels = [&](int across) {
         return near * num_voxels(grid_shape(size, across, settings.max_depth, max_voxel));
     };
@@ -184,10 +205,19 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                                 "does not hold sample " + std::to_string(i));
         }
     const BoundingSurface surface = bounding_surface(shape);
-    const double max_voxel = settings.gap / kVoxelsPerGap * frame.diagonal();
-    const int across = settings.across > 0 ? settings.across
-                                           : automatic_across(shape, surface, frame.size,
-                                                              settings, max_voxel);
+    const double voxel_of_gap = settings.gap / kVoxelsPerGap * frame.diagonal();
+    double max_voxel = voxel_of_gap;
+    int across = std::max(settings.across, 1);
+    if (settings.across <= 0 || !is_nearly_closed(surface))
+        if (const std::optional<Material> probe =
+                first_look(shape, surface, frame.size, settings.fill, voxel_of_gap))
+        {
+            max_voxel = std::max(voxel_of_gap,
+                                 widest_opening(*probe, surface) / kVoxelsPerOpening);
+            if (settings.across <= 0)
+                across =
+                    automatic_across(*probe, surface, frame.size, settings, max_voxel);
+        }
     GridShape grid = grid_shape(frame.size, across, settings.max_depth, max_voxel);
     if (flat_axis >= 0 && frame.size.maxCoeff() > 0.0)
     {
@@ -203,10 +233,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         num_voxels(grid) > 4e9)
     {
         const double coarser =
-            material_bytes(
-                surface,
-                grid_shape(frame.size, across, settings.max_depth, 2.0 * max_voxel),
-                settings.fill) +
+            material_bytes(surface,
+                           grid_shape(frame.size, across, settings.max_depth,
+                                      std::max(max_voxel, 2.0 * voxel_of_gap)),
+                           settings.fill) +
             bytes_of_samples;
         const std::string way =
             coarser < 0.9 * bytes
@@ -225,6 +255,9 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         settings.joins_parts
             ? find_material(shape, surface, grid, settings.fill)
             : material_of_parts(shape, surface, grid, settings.fill, parts);
+    if (grid.voxel() > voxel_of_gap * (1.0 + 1e-9))
+        material.joins_below =
+            std::max(material.joins_below, kVoxelsPerGap * grid.voxel());
     std::vector<std::string> warnings;
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None &&
         flat_axis < 0)

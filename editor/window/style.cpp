@@ -2,7 +2,9 @@
 #include "editor/window/style.h"
 
 #include <array>
-#include <filesystem>
+#include <string>
+
+#include "io/lettering.h"
 
 namespace cellwarp
 {
@@ -13,19 +15,6 @@ namespace
 constexpr float kFontSize = 15.0f;
 constexpr float kHeadingSize = 26.0f;
 constexpr float kSmallSize = 13.0f;
-
-/// The first that is there is taken.
-constexpr std::array kFonts = {
-    "/usr/share/fonts/truetype/inter/Inter-Regular.ttf",
-    "/usr/share/fonts/opentype/inter/Inter-Regular.otf",
-    "/usr/share/fonts/truetype/noto/NotoSans-Regular.ttf",
-    "/usr/share/fonts/truetype/open-sans/OpenSans-Regular.ttf",
-    "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf",
-    "/usr/share/fonts/TTF/DejaVuSans.ttf",
-    "/usr/share/fonts/dejavu-sans-fonts/DejaVuSans.ttf",
-    "/usr/share/fonts/truetype/liberation/LiberationSans-Regular.ttf",
-    "/System/Library/Fonts/Helvetica.ttc",
-};
 
 Palette current;
 ImFont* heading = nullptr;
@@ -145,23 +134,21 @@ void load_fonts(float scale)
     static constexpr std::array<ImWchar, 15> kRanges = {
         0x20,   0x24f,  0x370,  0x45f,  0x2010, 0x2044, 0x2190, 0x21ff,
         0x2200, 0x22ff, 0x25a0, 0x25ff, 0x2713, 0x2717, 0};
-    for (const char* path : kFonts)
+    if (const std::string file = font_file(); !file.empty())
     {
-        std::error_code none;
-        if (!std::filesystem::exists(path, none))
-            continue;
         ImFontConfig config;
         config.OversampleH = 2;
         config.OversampleV = 2;
-        ImFont* text =
-            atlas.AddFontFromFileTTF(path, kFontSize * scale, &config, kRanges.data());
-        if (text == nullptr)
-            continue;
-        heading = atlas.AddFontFromFileTTF(path, kHeadingSize * scale, &config,
-                                           ImGui::GetIO().Fonts->GetGlyphRangesDefault());
-        small =
-            atlas.AddFontFromFileTTF(path, kSmallSize * scale, &config, kRanges.data());
-        return;
+        if (atlas.AddFontFromFileTTF(file.c_str(), kFontSize * scale, &config,
+                                     kRanges.data()))
+        {
+            heading =
+                atlas.AddFontFromFileTTF(file.c_str(), kHeadingSize * scale, &config,
+                                         ImGui::GetIO().Fonts->GetGlyphRangesDefault());
+            small = atlas.AddFontFromFileTTF(file.c_str(), kSmallSize * scale, &config,
+                                             kRanges.data());
+            return;
+        }
     }
     ImFontConfig config;
     config.SizePixels = kFontSize * scale;

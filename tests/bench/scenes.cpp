@@ -321,10 +321,10 @@ struct Recipe
     Scene (*make)(const std::string&, int);
     int fineness;
 };
-const Recipe kRecipes[] = {{"bar6k", bar, 18},         {"bar50k", bar, 53},
-                           {"bar200k", bar, 105},      {"bar1m", bar, 236},
-                           {"cyl5k", cylinder, 9},     {"cyl500k", cylinder, 89},
-                           {"armadillo", armadillo, 0}};
+const Recipe kRecipes[] = {{"bar1k", bar, 7},         {"bar6k", bar, 18},
+                           {"bar50k", bar, 53},       {"bar200k", bar, 105},
+                           {"bar1m", bar, 236},       {"cyl5k", cylinder, 9},
+                           {"cyl500k", cylinder, 89}, {"armadillo", armadillo, 0}};
 
 } // namespace
 

@@ -82,7 +82,7 @@ TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
         contains(refused(R"({"cellwarp": 2, "model": "a.obj"})"), "made by version 2"));
     EXPECT_TRUE(contains(refused(R"({"cellwarp": 1})"), "s.json: model: is missing"));
     EXPECT_TRUE(contains(refused(R"({"cellwarp": 1, "model": 3})"),
-                         "s.json: model: need a text"));
+                         "s.json:1: model: need a text"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": -1})")), "cells.gap"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"gap": "x"})")), "cells.gap"));
     EXPECT_TRUE(contains(refused(with(R"("cells": {"join": 1})")),
@@ -107,19 +107,39 @@ TEST(SceneFile, names_the_line_or_the_key_of_what_is_wrong)
             refused(with(
                 R"("cells": {"frame": {"origin": [0, 0, 0], "size": [1, 1, 1], "axes": )" +
                 std::string(axes) + "}}")),
-            "s.json: cells.frame.axes: need three vectors"));
+            "s.json:1: cells.frame.axes: need three vectors"));
     EXPECT_TRUE(contains(
         refused(
             with(R"("cells": {"frame": {"origin": [0, "x", 0], "size": [1, 1, 1]}})")),
-        "s.json: cells.frame.origin: need three finite numbers"));
+        "s.json:1: cells.frame.origin: need three finite numbers"));
     for (const char* size : {"[1, -1, 1]", "[0, 0, 0]"})
         EXPECT_TRUE(
             contains(refused(with(R"("cells": {"frame": {"origin": [0, 0, 0], "size": )" +
                                   std::string(size) + "}}")),
-                     "s.json: cells.frame.size: need lengths >= 0, not all of them 0"));
+                     "s.json:1: cells.frame.size: need lengths >= 0, not all of them 0"));
     EXPECT_TRUE(
         contains(refused(with(R"("field": {"release": "cubic"})")), "field.release"));
     EXPECT_TRUE(contains(refused(std::string(100000, '[')), "deeper than 128"));
+}
+
+TEST(SceneFile, what_is_wrong_is_told_with_its_line)
+{
+    const std::string head = "{\n  \"cellwarp\": 1,\n  \"model\": \"m.obj\",\n";
+    EXPECT_TRUE(contains(refused(head + "  \"cells\": {\n    \"across\": \"many\"}}"),
+                         "s.json:5: cells.across: got "));
+    // A key that is not there, by the object that should have it.
+    EXPECT_TRUE(contains(
+        refused(
+            head +
+            "  \"skeleton\": {\"joints\": [\n    {\"name\": \"a\", \"at\": [0,0,0]},\n"
+            "    {\"name\": \"b\"}\n  ]}}"),
+        "s.json:6: skeleton.joints[1]."));
+    EXPECT_TRUE(contains(refused("\n{\"cellwarp\": 1}"), "s.json: model: is missing"));
+    // The last of two keys counts, and a name with escapes is the same name.
+    EXPECT_TRUE(
+        contains(refused(head + "\"cells\": 0,\n\"c\\u0065lls\": {\n\"gap\": {}}}"),
+                 "s.json:6: cells.gap: got "));
+    EXPECT_TRUE(contains(refused(head + "  \"field\": [\n1]}"), "s.json:4: field: need"));
 }
 
 } // namespace cellwarp

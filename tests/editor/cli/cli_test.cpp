@@ -115,6 +115,31 @@ TEST(Cli, check_and_info_tell_of_parts_and_join_glues_them)
     EXPECT_LT(joined["warnings"].size(), checked["warnings"].size());
 }
 
+TEST(Cli, info_tells_of_saved_fields)
+{
+    const Files files;
+    const std::string field = files.folder / "bend.cwf";
+    ASSERT_EQ(run({"deform", files.model, "--handles", files.handles, "--across", "8",
+                   "-o", files.folder / "out.obj", "--save-field", field})
+                  .code,
+              0);
+    const Result told = run({"info", field, "--json"});
+    ASSERT_EQ(told.code, 0) << told.err;
+    const nlohmann::json json = nlohmann::json::parse(told.out);
+    EXPECT_EQ(json["format"], "cwf");
+    EXPECT_EQ(json["stages"].size(), 1u);
+    EXPECT_EQ(json["stages"][0]["field"], "rbf");
+    EXPECT_GT(json["stages"][0]["cells"], 8);
+    const nlohmann::json model =
+        nlohmann::json::parse(run({"info", files.model, "--json"}).out);
+    for (std::size_t side = 0; side < 2; ++side)
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            EXPECT_NEAR(json["box"][side][axis].get<double>(),
+                        model["box"][side][axis].get<double>(), 1e-9);
+    EXPECT_TRUE(contains(run({"info", field}).out, "  stage       rbf, "));
+    EXPECT_EQ(run({"info", files.folder.write("torn.cwf", "cwfield\n")}).code, 3);
+}
+
 TEST(Cli, flat_models_stay_in_their_plane)
 {
     const Files files;

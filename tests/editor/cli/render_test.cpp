@@ -44,6 +44,17 @@ TEST(Render, a_size_is_width_and_height_up_to_8192)
             << size;
 }
 
+TEST(Render, the_focus_is_a_region)
+{
+    const BarFiles files;
+    EXPECT_TRUE(contains(
+        refused(files, {"--handles", files.handles, "--across", "8", "--focus", "nose"}),
+        "error: --focus: there is no region 'nose'"));
+    EXPECT_TRUE(contains(refused(files, {"--focus", "nose"}),
+                         "error: --focus needs a region: of a scene, --handles, --fix or "
+                         "--handle"));
+}
+
 TEST(Render, a_frame_is_one_of_the_handle_files)
 {
     const BarFiles files;

@@ -168,4 +168,29 @@ TEST(SkeletonCli, files_of_skeletons_that_cannot_be_written_are_told_first)
     EXPECT_EQ(run({"skeleton", files.out("none.obj"), "-o", files.out("s.tgf")}).code, 4);
 }
 
+TEST(SkeletonCli, info_tells_where_limbs_end)
+{
+    const std::string model = std::string(CELLWARP_SAMPLES) + "/creature.obj";
+    const support::Folder folder;
+    const Result told = run({"info", "--extremities", "--json", model});
+    ASSERT_EQ(told.code, 0) << told.err;
+    const Json ends = Json::parse(told.out)["extremities"];
+    int hands = 0, feet = 0, tails = 0;
+    for (const Json& end : ends)
+    {
+        EXPECT_GT(end["samples"], 10);
+        const Json &low = end["relative_box"][0], &high = end["relative_box"][1];
+        hands += (low[0] == 0.0 && high[0] < 0.2) || (low[0] > 0.8 && high[0] == 1.0);
+        feet += low[1] == 0.0 && high[1] < 0.2;
+        tails += low[2] == 0.0 && high[2] < 0.3;
+    }
+    EXPECT_EQ(hands, 2);
+    EXPECT_EQ(feet, 2);
+    EXPECT_EQ(tails, 1);
+    EXPECT_TRUE(
+        contains(run({"info", "--extremities", model}).out, "  extremity   box 0 0."));
+    const std::string point = folder.write("point.obj", "v 1 2 3\n");
+    EXPECT_EQ(run({"info", "--extremities", point}).code, 6);
+}
+
 } // namespace cellwarp

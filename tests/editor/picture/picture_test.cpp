@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/picture/figures.h"
+#include "io/error.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "tests/support/shapes.h"
@@ -97,6 +98,51 @@ TEST(Picture, of_a_single_point_is_no_problem)
     EXPECT_LT(pixel(draw({one}, small()), 40, 30)[0], 200);
 }
 
+TEST(Picture, shows_what_is_in_focus_alone)
+{
+    PictureOptions options = small();
+    options.elevation = 0.0;
+    // The upper corner that is nearest to the viewer.
+    options.focus.emplace(Eigen::Vector3d(0, 0.9, 0.9), Eigen::Vector3d(0.1, 1, 1));
+    const Image near = draw({cube()}, options);
+    // The corner is in the middle; the cube goes on beyond the lower edge.
+    EXPECT_LT(pixel(near, 40, 59)[1], 200);
+    EXPECT_EQ(pixel(draw({cube()}, small()), 40, 59)[1], 255);
+    EXPECT_EQ(pixel(near, 40, 0), (std::array<int, 3>{255, 255, 255}));
+}
+
+TEST(Picture, leaves_room_for_axes_and_labels)
+{
+    PictureOptions options = small();
+    options.width = options.height = 200;
+    const auto height_of_cube = [&](const Image& image)
+    {
+        int rows = 0;
+        for (int y = 0; y < options.height; ++y)
+            for (int x = 0; x < options.width; ++x)
+                if (const auto seen = pixel(image, x, y); seen[0] > seen[1] + 60)
+                {
+                    ++rows;
+                    break;
+                }
+        return rows;
+    };
+    const Image plain = draw({cube()}, options);
+    Figure named = cube();
+    named.label = "cube.obj";
+    const Image labelled = draw({named}, options);
+    EXPECT_LT(height_of_cube(labelled), height_of_cube(plain));
+    int ink = 0;
+    for (int y = 0; y < 20; ++y)
+        for (int x = 0; x < options.width; ++x)
+            ink += pixel(labelled, x, y)[0] < 160;
+    EXPECT_GT(ink, 20);
+    options.shows_axes = true;
+    const Image with_axes = draw({cube()}, options);
+    EXPECT_LT(height_of_cube(with_axes), height_of_cube(labelled));
+    EXPECT_GT(height_of_cube(with_axes), 60);
+}
+
 TEST(Picture, is_a_png)
 {
     EXPECT_EQ(png_bytes(draw({cube()}, small())).substr(0, 8), "\x89PNG\r\n\x1a\n");
@@ -116,6 +162,10 @@ TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
     Figure figure = figure_of(session);
     EXPECT_EQ(figure.points, session.deformed().samples);
     EXPECT_NE(figure.colours.front(), figure.colours.back());
+    const Eigen::AlignedBox3d head = box_of_region(session, "b");
+    EXPECT_TRUE(head.min().isApprox(Eigen::Vector3d(1, 0, 3.5)));
+    EXPECT_TRUE(head.max().isApprox(Eigen::Vector3d(2, 1, 4)));
+    EXPECT_THROW(box_of_region(session, "c"), Error);
     add_cells(figure, session);
     EXPECT_EQ(figure.boxes.size(), session.system()->body().cells.size());
 }

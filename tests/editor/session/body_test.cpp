@@ -147,4 +147,34 @@ TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
     }
 }
 
+TEST(Body, of_soups_has_no_finer_voxels_than_their_openings_need)
+{
+    const auto rest_of = [](const Shape& shape, int across)
+    {
+        CellSettings settings;
+        settings.max_depth = kUsualDepth;
+        settings.across = across;
+        const Geometry geometry =
+            scan_geometry("m.obj", support::obj_text(shape)).geometry;
+        return build_rest_shape(geometry, geometry.samples, settings);
+    };
+    const auto voxel_of = [](const RestShape& rest)
+    { return rest.material.grid.shape().voxel() / rest.frame.diagonal(); };
+    const double of_gap = CellSettings().gap / std::sqrt(6.0);
+    std::mt19937 rng(5);
+    const Shape open = soup(rng);
+    const auto rest = rest_of(open, 0);
+    EXPECT_GT(voxel_of(*rest), 1.1 * of_gap);
+    EXPECT_LE(16.0 * voxel_of(*rest),
+              2.5 * rest->material.seal_radius / rest->frame.diagonal());
+    EXPECT_FALSE(rest->warnings.empty());
+    // Whoever chose the cells.
+    EXPECT_EQ(voxel_of(*rest_of(open, rest->across)), voxel_of(*rest));
+    // A cube that lost two triangles is nearly closed: its openings tell nothing of the
+    // rest.
+    Shape cube = support::box_shape({0, 0, 0}, {1, 1, 1}, 8);
+    cube.triangles.resize(cube.triangles.size() - 2);
+    EXPECT_LE(voxel_of(*rest_of(cube, 0)), of_gap * (1.0 + 1e-9));
+}
+
 } // namespace cellwarp
