@@ -31,6 +31,11 @@ constexpr double kBytesPerPartByte = 30.0;
 constexpr double kBytesPerRecord = 48.0;
 constexpr std::size_t kLeastPart = std::size_t(1) << 16, kLeastRecords = 1 << 14;
 
+/// All parts together, and one of them, where there is no budget [byte]. In a long part
+/// more points lie in one cell, and share the search for what is around it.
+constexpr std::size_t kAllParts = std::size_t(1) << 22;
+constexpr std::size_t kShortPart = std::size_t(1) << 19, kLongPart = std::size_t(1) << 20;
+
 /// Sizes of what is in memory at once: enough for every thread to have a part and the
 /// next one, and no more; less where the budget says so.
 void set_sizes(const ApplySettings& settings, StreamOptions& options)
@@ -41,6 +46,8 @@ void set_sizes(const ApplySettings& settings, StreamOptions& options)
                                  : std::thread::hardware_concurrency();
     const unsigned jobs = static_cast<unsigned>(std::max(1, settings.jobs));
     options.parts_at_once = std::clamp(2 * threads / jobs, 2u, kMost);
+    options.part_bytes =
+        std::clamp(kAllParts / options.parts_at_once, kShortPart, kLongPart);
     if (!(settings.max_memory > 0))
         return;
     const double share = settings.max_memory / jobs;

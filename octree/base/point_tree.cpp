@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <utility>
 
 #include <nanoflann.hpp>
 
@@ -84,6 +85,18 @@ void PointTree::nearest(const Eigen::Vector3d& x, std::size_t count,
     const std::size_t found = index_->tree.knnSearch(x.data(), most, indices, squares);
     for (std::size_t i = 0; i < found; ++i)
         out.push_back({indices[i], squares[i]});
+}
+
+void PointTree::within(const Eigen::Vector3d& x, double distance,
+                       std::vector<Neighbour>& out) const
+{
+    out.clear();
+    std::vector<std::pair<std::uint32_t, double>> found;
+    nanoflann::SearchParams in_no_order;
+    in_no_order.sorted = false;
+    index_->tree.radiusSearch(x.data(), distance * distance, found, in_no_order);
+    for (const auto& [index, squared] : found)
+        out.push_back({index, squared});
 }
 
 } // namespace cellwarp

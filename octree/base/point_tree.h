@@ -32,6 +32,9 @@ public:
     /// The \p count nearest, nearest first; fewer if there are fewer. Replaces \p out.
     void nearest(const Eigen::Vector3d& x, std::size_t count,
                  std::vector<Neighbour>& out) const;
+    /// All that are nearer than \p distance, in no order. Replaces \p out.
+    void within(const Eigen::Vector3d& x, double distance,
+                std::vector<Neighbour>& out) const;
 
 private:
     struct Index;

@@ -232,7 +232,7 @@ void PartMaker::add_member(std::uint32_t point)
     else
     {
         influences_.find(points_.place(point), own, found_);
-        nodes_.fades().reach(points_.place(point), found_.near, reach_);
+        nodes_.fades().reach(points_.place(point), found_.near, nullptr, reach_);
         if (reach_.node_of >= 0)
             member.follows = reach_.node_of;
         // A pin's nodes turn with the cells around.
@@ -252,11 +252,11 @@ void PartMaker::add_terms(Member& member)
         return;
     const Eigen::Vector3d& x = points_.place(member.point);
     if (points_.is_normals())
-        nodes_.add_slope_terms(x, reach_.shares,
+        nodes_.add_slope_terms(x, reach_,
                                unit_tangents(points_.normal(member.point).cast<double>()),
                                terms_);
     else
-        nodes_.add_terms(x, reach_.shares, terms_[0]);
+        nodes_.add_terms(x, reach_, terms_[0]);
     for (std::size_t k = 0; k < 2; ++k)
         member.end_term[k] = terms_[k].size();
     if (member.end_term[0] > member.first_term[0])

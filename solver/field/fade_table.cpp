@@ -81,27 +81,25 @@ FadeNodes::FadeNodes(const Cells& cells, const BlendInfluences& influences,
 }
 
 template <class Add>
-void FadeNodes::for_each_node(const Eigen::Vector3d& x,
-                              std::span<const RegionFades::Share> shares,
+void FadeNodes::for_each_node(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
                               const Add& add) const
 {
     RegionFade::NodeShares near;
-    for (const RegionFades::Share& share : shares)
+    for (const RegionFades::Share& share : reach.shares)
     {
         const std::size_t first = first_node_[idx(share.region)];
-        fades_.fade(share.region).node_shares(x, near);
+        fades_.fade(share.region).node_shares(x, reach.nearest[share.nearest], near);
         for (const RegionFade::NodeShare& node : near.nodes)
             if (!follows_[first + node.node])
                 add(static_cast<std::uint32_t>(first + node.node), share, near, node);
     }
 }
 
-void FadeNodes::add_terms(const Eigen::Vector3d& x,
-                          std::span<const RegionFades::Share> shares,
+void FadeNodes::add_terms(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
                           FadeTerms& out) const
 {
     for_each_node(
-        x, shares,
+        x, reach,
         [&](std::uint32_t index, const RegionFades::Share& share,
             const RegionFade::NodeShares& near, const RegionFade::NodeShare& node)
         {
@@ -110,13 +108,12 @@ void FadeNodes::add_terms(const Eigen::Vector3d& x,
         });
 }
 
-void FadeNodes::add_slope_terms(const Eigen::Vector3d& x,
-                                std::span<const RegionFades::Share> shares,
+void FadeNodes::add_slope_terms(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
                                 std::span<const Eigen::Vector3d> directions,
                                 std::span<FadeTerms> out) const
 {
     for_each_node(
-        x, shares,
+        x, reach,
         [&](std::uint32_t index, const RegionFades::Share& share,
             const RegionFade::NodeShares& near, const RegionFade::NodeShare& node)
         {

@@ -68,10 +68,9 @@ public:
     /// Adds the terms of the correction at \p x, or of its slopes along \p directions,
     /// one list each. Left out are nodes at which nothing is ever missed, because all
     /// cells that count there follow the region.
-    void add_terms(const Eigen::Vector3d& x, std::span<const RegionFades::Share> shares,
+    void add_terms(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
                    FadeTerms& out) const;
-    void add_slope_terms(const Eigen::Vector3d& x,
-                         std::span<const RegionFades::Share> shares,
+    void add_slope_terms(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
                          std::span<const Eigen::Vector3d> directions,
                          std::span<FadeTerms> out) const;
 
@@ -88,8 +87,8 @@ private:
     /// add(node, share of its region, all node shares there, its own) for each node
     /// that matters at \p x.
     template <class Add>
-    void for_each_node(const Eigen::Vector3d& x,
-                       std::span<const RegionFades::Share> shares, const Add& add) const;
+    void for_each_node(const Eigen::Vector3d& x, const RegionFades::Reach& reach,
+                       const Add& add) const;
 
     std::vector<FadedRegion> regions_;
     RegionFades fades_;

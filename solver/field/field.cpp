@@ -52,11 +52,13 @@ public:
     {
     }
 
-    /// All points in the material of one cell: in a box (clamped to the cell's).
-    void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high)
+    /// All points in the material of one cell: so many, in a box (clamped to the cell's).
+    void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+               std::size_t num_points)
     {
         own_ = own;
         influences_.enter(own, low, high);
+        scratch_.near.enter(Eigen::AlignedBox3d(low, high), num_points);
     }
 
     /// The first \p count of eight places.
@@ -317,7 +319,8 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
             const Eigen::Vector3d corner =
                 centre + half * Eigen::Vector3d(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1,
                                                 octant & 4 ? 1 : -1);
-            evaluation.enter(cell, centre.cwiseMin(corner), centre.cwiseMax(corner));
+            evaluation.enter(cell, centre.cwiseMin(corner), centre.cwiseMax(corner),
+                             some.size());
             run(some);
         }
         if (few.empty())
@@ -330,7 +333,7 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
             low = low.cwiseMin(x);
             high = high.cwiseMax(x);
         }
-        evaluation.enter(cell, low, high);
+        evaluation.enter(cell, low, high, few.size());
         run(few);
     };
     parallel_ranges(

@@ -38,10 +38,6 @@ namespace
 /// add stays below 0.15.
 constexpr double kWidth = 1.5;
 
-/// Nodes of an average: on a regular lattice a point has up to eight equally near
-/// ones, and the weights need one farther.
-constexpr std::size_t kNearest = 16;
-
 /// Width of the fade of slopes [width of the fade].
 constexpr double kSlopeShare = 0.35;
 
@@ -168,8 +164,26 @@ double RegionFade::reach_of_average(const Eigen::Vector3d& x, double away) const
     return std::sqrt(near.back().distance_squared) + 2.0 * away;
 }
 
+void RegionFade::find_nearest(const Eigen::Vector3d& x, Nearest& out) const
+{
+    tree_.nearest(x, kNearest, out.found);
+    out.count = out.found.size();
+    for (std::size_t i = 0; i < out.count; ++i)
+    {
+        // The tree has equally near ones in some order.
+        std::size_t place = i;
+        for (; place > 0 &&
+               out.nodes[place - 1].distance_squared == out.found[i].distance_squared &&
+               out.nodes[place - 1].index > out.found[i].index;
+             --place)
+            out.nodes[place] = out.nodes[place - 1];
+        out.nodes[place] = out.found[i];
+    }
+}
+
 RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
-                                      std::span<const Influence> influences) const
+                                      std::span<const Influence> influences,
+                                      const NearNodes* near, Nearest& nearest) const
 {
     Weight weight;
     bool is_all_near = true;
@@ -187,10 +201,17 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
         weight = {1.0, Eigen::Vector3d::Zero(), false};
     if (weight.value == 0.0)
         return weight;
-    const PointTree::Neighbour nearest = tree_.nearest(x);
-    const double distance = std::sqrt(nearest.distance_squared), u = distance / radius_;
-    if (u >= 1.0)
+    nearest.count = 0;
+    if (!near || !near->may_tell_of(x) || !near->nearest(x, radius_, nearest))
+    {
+        if (std::sqrt(tree_.nearest(x).distance_squared) / radius_ >= 1.0)
+            return {};
+        find_nearest(x, nearest);
+    }
+    if (nearest.count == 0)
         return {};
+    const double distance = std::sqrt(nearest.nodes[0].distance_squared),
+                 u = distance / radius_;
     if (u == 0.0)
     {
         weight.is_node = true;
@@ -199,7 +220,7 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
     // 1 - (6 u^5 - 15 u^4 + 10 u^3): first and second derivative 0 at both ends.
     const double fade = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0));
     const double slope = -30.0 * u * u * (1.0 - u) * (1.0 - u);
-    const Eigen::Vector3d away = (x - tree_.points()[nearest.index]) / distance;
+    const Eigen::Vector3d away = (x - tree_.points()[nearest.nodes[0].index]) / distance;
     weight.gradient = fade * weight.gradient + weight.value * slope / radius_ * away;
     weight.value *= fade;
     return weight;
@@ -214,7 +235,7 @@ template <class Number, class Distance>
 struct Shepard
 {
     Number slope = Number(0.0);
-    std::array<Number, kNearest> shares;
+    std::array<Number, RegionFade::kNearest> shares;
 
     Shepard(std::span<const PointTree::Neighbour> near, const Distance& distance,
             double slope_radius, const Number& zero)
@@ -247,10 +268,10 @@ struct Shepard
 
 } // namespace
 
-void RegionFade::node_shares(const Eigen::Vector3d& x, NodeShares& out) const
+void RegionFade::node_shares(const Eigen::Vector3d& x, const Nearest& nearest,
+                             NodeShares& out) const
 {
-    std::vector<PointTree::Neighbour> near;
-    tree_.nearest(x, kNearest, near);
+    const std::span<const PointTree::Neighbour> near = nearest.all();
     // The distance of a node as a number with its gradient.
     const auto distance = [&](std::size_t i)
     {
@@ -267,44 +288,138 @@ void RegionFade::node_shares(const Eigen::Vector3d& x, NodeShares& out) const
             {near[i].index, found.shares[i].value(), found.shares[i].derivatives()});
 }
 
-FieldValue RegionFade::average(const Eigen::Vector3d& x,
-                               std::span<const FieldValue> node_values) const
+FieldValue RegionFade::average(const Eigen::Vector3d& x, const Nearest& nearest,
+                               std::span<const FieldValue> node_values,
+                               NodeShares& scratch) const
 {
-    NodeShares shares;
-    node_shares(x, shares);
+    node_shares(x, nearest, scratch);
     FieldValue result;
-    for (const NodeShare& share : shares.nodes)
+    for (const NodeShare& share : scratch.nodes)
     {
         const FieldValue& known = node_values[share.node];
         const Eigen::Vector3d step = known.gradient * (x - nodes()[share.node]);
-        const Eigen::Vector3d value = known.displacement + shares.slope * step;
+        const Eigen::Vector3d value = known.displacement + scratch.slope * step;
         result.displacement += share.value * value;
         result.gradient += value * share.gradient.transpose() +
-                           share.value * (shares.slope * known.gradient +
-                                          step * shares.slope_gradient.transpose());
+                           share.value * (scratch.slope * known.gradient +
+                                          step * scratch.slope_gradient.transpose());
     }
     return result;
 }
 
 Eigen::Vector3d
-RegionFade::average_displacement(const Eigen::Vector3d& x,
-                                 std::span<const FieldValue> node_values,
-                                 std::vector<PointTree::Neighbour>& scratch) const
+RegionFade::average_displacement(const Eigen::Vector3d& x, const Nearest& nearest,
+                                 std::span<const FieldValue> node_values) const
 {
-    tree_.nearest(x, kNearest, scratch);
+    const std::span<const PointTree::Neighbour> near = nearest.all();
     const auto distance = [&](std::size_t i)
-    { return std::sqrt(scratch[i].distance_squared); };
-    const Shepard<double, decltype(distance)> found(scratch, distance,
-                                                    radius_ * kSlopeShare, 0.0);
+    { return std::sqrt(near[i].distance_squared); };
+    const Shepard<double, decltype(distance)> found(near, distance, radius_ * kSlopeShare,
+                                                    0.0);
     Eigen::Vector3d result = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < scratch.size(); ++i)
+    for (std::size_t i = 0; i < near.size(); ++i)
     {
-        const FieldValue& known = node_values[scratch[i].index];
-        const Eigen::Vector3d step = known.gradient * (x - nodes()[scratch[i].index]);
+        const FieldValue& known = node_values[near[i].index];
+        const Eigen::Vector3d step = known.gradient * (x - nodes()[near[i].index]);
         const Eigen::Vector3d value = known.displacement + found.slope * step;
         result += found.shares[i] * value;
     }
     return result;
+}
+
+namespace
+{
+
+/// More nodes than this near a box take longer than the tree does.
+constexpr std::size_t kMostNear = 400;
+
+/// Fewer points in a box than this are not worth a list of the nodes near it.
+constexpr std::size_t kLeastPoints = 8;
+
+/// Beyond the reach of a box by rounding [of the distance].
+constexpr double kReachSlack = 1e-9;
+
+} // namespace
+
+void NearNodes::enter(const RegionFade& fade, const Eigen::AlignedBox3d& box)
+{
+    // No point of the box has its nearest nodes farther from the middle than the middle
+    // has its own and a diagonal: half of it to the point and half of it back.
+    box_ = box;
+    const Eigen::Vector3d middle = box.center();
+    fade.tree_.nearest(middle, RegionFade::kNearest, found_);
+    const double reach =
+        std::sqrt(found_.back().distance_squared) + box.diagonal().norm();
+    fade.tree_.within(middle, reach * (1.0 + kReachSlack), found_);
+    is_worth_it_ = found_.size() <= kMostNear;
+    if (!is_worth_it_)
+        return;
+    nodes_.clear();
+    for (const PointTree::Neighbour& node : found_)
+        nodes_.push_back(node.index);
+    std::sort(nodes_.begin(), nodes_.end());
+    places_.resize(static_cast<Eigen::Index>(nodes_.size()), 3);
+    for (std::size_t k = 0; k < nodes_.size(); ++k)
+        places_.row(static_cast<Eigen::Index>(k)) =
+            fade.nodes()[nodes_[k]].transpose().array();
+}
+
+bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
+                        RegionFade::Nearest& out) const
+{
+    // The tree's sums, in its order.
+    squares_ = (places_.col(0) - x.x()).square() + (places_.col(1) - x.y()).square() +
+               (places_.col(2) - x.z()).square();
+    out.count = 0;
+    if (std::sqrt(squares_.minCoeff()) / radius >= 1.0)
+        return true;
+    double farthest = INFINITY; // that still counts
+    for (std::size_t k = 0; k < nodes_.size(); ++k)
+    {
+        const double squared = squares_[static_cast<Eigen::Index>(k)];
+        if (!(squared < farthest))
+            continue;
+        std::size_t place = std::min(out.count, RegionFade::kNearest - 1);
+        for (; place > 0 && out.nodes[place - 1].distance_squared > squared; --place)
+            out.nodes[place] = out.nodes[place - 1];
+        out.nodes[place] = {nodes_[k], squared};
+        out.count = std::min(out.count + 1, RegionFade::kNearest);
+        if (out.count == RegionFade::kNearest)
+            farthest = out.nodes.back().distance_squared;
+    }
+    // Of several that are equally far the tree takes some, and the slope of the shares is
+    // that from the one that is last.
+    const double last = out.nodes[out.count - 1].distance_squared;
+    const std::span<const PointTree::Neighbour> all = out.all();
+    return (squares_ == last).count() ==
+           std::count_if(all.begin(), all.end(),
+                         [&](const PointTree::Neighbour& node)
+                         { return node.distance_squared == last; });
+}
+
+void NearNodesOfRegions::enter(const Eigen::AlignedBox3d& box, std::size_t num_points)
+{
+    box_ = box;
+    is_worth_it_ = num_points >= kLeastPoints;
+    ++turn_;
+}
+
+const NearNodes* NearNodesOfRegions::of(int region, const RegionFade& fade)
+{
+    if (!is_worth_it_)
+        return nullptr;
+    const std::size_t r = idx(region);
+    if (r >= of_region_.size())
+    {
+        of_region_.resize(r + 1);
+        turn_of_region_.resize(r + 1, 0);
+    }
+    if (turn_of_region_[r] != turn_)
+    {
+        of_region_[r].enter(fade, box_);
+        turn_of_region_[r] = turn_;
+    }
+    return &of_region_[r];
 }
 
 RegionFades::RegionFades(std::vector<const RegionFade*> fades, std::size_t num_cells)
@@ -315,66 +430,88 @@ RegionFades::RegionFades(std::vector<const RegionFade*> fades, std::size_t num_c
             regions_of_cell_[idx(cell)].push_back(static_cast<int>(r));
 }
 
-void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                        Reach& out) const
+namespace
 {
-    struct Active
-    {
-        int region;
-        Dual weight;
-    };
-    out.node_of = -1;
-    out.shares.clear();
-    std::vector<int>& near = out.near;
-    near.clear();
-    for (const Influence& influence : influences)
-    {
-        const std::vector<int>& more = regions_of_cell_[idx(influence.cell)];
-        near.insert(near.end(), more.begin(), more.end());
-    }
-    std::sort(near.begin(), near.end());
-    near.erase(std::unique(near.begin(), near.end()), near.end());
-    std::vector<Active> active;
-    for (const int r : near)
-    {
-        const RegionFade::Weight weight = fade(r).weight(x, influences);
-        if (weight.is_node)
-        {
-            out.node_of = r;
-            return;
-        }
-        if (weight.value > 0.0)
-            active.push_back({r, Dual(weight.value, weight.gradient)});
-    }
-    if (active.empty())
+
+/// Makes shares of the weights of several regions at one point, as at the top.
+void share_out(std::vector<RegionFades::Share>& shares)
+{
+    if (shares.empty())
         return;
-    const auto product_without = [&](const Active* left_out)
+    if (shares.size() == 1)
     {
-        Dual product(1.0, Eigen::Vector3d::Zero());
-        for (const Active& other : active)
+        // What is left of the field's own share, 1 - w, and w are 1 together, up to
+        // rounding: the gradient of their sum is 0.
+        RegionFades::Share& one = shares.front();
+        const double total = (1.0 - one.value) + one.value;
+        one.value /= total;
+        one.gradient /= total;
+        return;
+    }
+    const auto weight_of = [](const RegionFades::Share& share)
+    { return Dual(share.value, share.gradient); };
+    const auto product_without = [&](const RegionFades::Share* left_out)
+    {
+        Dual product(1.0, kNoSlope);
+        for (const RegionFades::Share& other : shares)
             if (&other != left_out)
-                product = product * (1.0 - other.weight);
+                product = product * (1.0 - weight_of(other));
         return product;
     };
     Dual total = product_without(nullptr);
-    std::vector<Dual> shares;
-    for (const Active& one : active)
-    {
-        shares.push_back(one.weight * product_without(&one));
-        total += shares.back();
-    }
+    for (const RegionFades::Share& one : shares)
+        total += weight_of(one) * product_without(&one);
     // So near to nodes of two regions that rounding makes both weights 1: the first.
     if (!(total.value() > 0))
     {
-        active.resize(1);
-        shares = {Dual(1.0, Eigen::Vector3d::Zero())};
-        total = shares.front();
+        shares.resize(1);
+        shares.front().value = 1.0;
+        shares.front().gradient.setZero();
+        return;
     }
-    for (std::size_t i = 0; i < active.size(); ++i)
+    std::vector<Dual> of_regions;
+    for (const RegionFades::Share& one : shares)
+        of_regions.push_back(weight_of(one) * product_without(&one) / total);
+    for (std::size_t i = 0; i < shares.size(); ++i)
     {
-        const Dual share = shares[i] / total;
-        out.shares.push_back({active[i].region, share.value(), share.derivatives()});
+        shares[i].value = of_regions[i].value();
+        shares[i].gradient = of_regions[i].derivatives();
     }
+}
+
+} // namespace
+
+void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
+                        NearNodesOfRegions* near_nodes, Reach& out) const
+{
+    out.node_of = -1;
+    out.shares.clear(); // first the weights of the regions alone
+    std::vector<int>& near = out.near;
+    near.clear();
+    for (const Influence& influence : influences)
+        for (const int r : regions_of_cell_[idx(influence.cell)])
+            if (std::find(near.begin(), near.end(), r) == near.end())
+                near.push_back(r);
+    std::sort(near.begin(), near.end());
+    for (const int r : near)
+    {
+        const std::size_t k = out.shares.size();
+        if (k == out.nearest.size())
+            out.nearest.emplace_back();
+        const RegionFade::Weight weight = fade(r).weight(
+            x, influences, near_nodes ? near_nodes->of(r, fade(r)) : nullptr,
+            out.nearest[k]);
+        if (weight.is_node)
+        {
+            out.node_of = r;
+            out.nearest_of_node = k;
+            out.shares.clear();
+            return;
+        }
+        if (weight.value > 0.0)
+            out.shares.push_back({r, weight.value, weight.gradient, k});
+    }
+    share_out(out.shares);
 }
 
 MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
@@ -397,30 +534,33 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
                            std::span<const Influence> influences, bool wants_gradient,
                            Scratch& scratch, FieldValue& value) const
 {
-    fades_.reach(x, influences, scratch.reach);
-    if (scratch.reach.node_of >= 0)
+    fades_.reach(x, influences, &scratch.near, scratch.reach);
+    const RegionFades::Reach& reach = scratch.reach;
+    if (reach.node_of >= 0)
     {
-        const MovedRegion& region = regions_[idx(scratch.reach.node_of)];
+        const MovedRegion& region = regions_[idx(reach.node_of)];
         if (region.bends)
         {
-            value.displacement +=
-                region.fade->average_displacement(x, region.misses, scratch.near);
+            value.displacement += region.fade->average_displacement(
+                x, reach.nearest[reach.nearest_of_node], region.misses);
             return;
         }
         const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
         value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
         return;
     }
-    for (const RegionFades::Share& share : scratch.reach.shares)
+    for (const RegionFades::Share& share : reach.shares)
     {
         const MovedRegion& region = regions_[idx(share.region)];
+        const RegionFade::Nearest& nearest = reach.nearest[share.nearest];
         if (!wants_gradient)
         {
             value.displacement += share.value * region.fade->average_displacement(
-                                                    x, region.misses, scratch.near);
+                                                    x, nearest, region.misses);
             continue;
         }
-        const FieldValue miss = region.fade->average(x, region.misses);
+        const FieldValue miss =
+            region.fade->average(x, nearest, region.misses, scratch.shares);
         value.displacement += share.value * miss.displacement;
         value.gradient +=
             share.value * miss.gradient + miss.displacement * share.gradient.transpose();

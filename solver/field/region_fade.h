@@ -4,10 +4,12 @@
 // a cell or two of connected material.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
@@ -17,6 +19,8 @@
 
 namespace cellwarp
 {
+
+class NearNodes;
 
 /// Where one region's correction acts. Immutable.
 class RegionFade
@@ -42,6 +46,23 @@ public:
     const std::vector<Eigen::Vector3d>& nodes() const { return tree_.points(); }
     const std::vector<int>& node_cells() const { return node_cells_; }
 
+    /// Nodes of an average: on a regular lattice a point has up to eight equally near
+    /// ones, and the weights need one farther.
+    static constexpr std::size_t kNearest = 16;
+    /// The nearest nodes of a point, nearest first, of equally near ones the first node
+    /// first; fewer where there are fewer.
+    struct Nearest
+    {
+        std::array<PointTree::Neighbour, kNearest> nodes;
+        std::size_t count = 0;
+        std::vector<PointTree::Neighbour> found; ///< scratch
+
+        std::span<const PointTree::Neighbour> all() const
+        {
+            return std::span(nodes).first(count);
+        }
+    };
+
     /// How much the correction counts at a point: 1 at the nodes with a slope of 0,
     /// then falling (twice continuously differentiable in the distance) to 0.
     struct Weight
@@ -51,8 +72,10 @@ public:
         bool is_node = false; ///< the point is a node
     };
     /// \p influences: of ClosestCells at \p x; the correction reaches only cells that
-    /// are near through the glue.
-    Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences) const;
+    /// are near through the glue. \p near: a shorter way to the nodes, or null. Where it
+    /// counts, \p nearest is replaced.
+    Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences,
+                  const NearNodes* near, Nearest& nearest) const;
 
     /// A node near a point, and how much of the average there it makes.
     struct NodeShare
@@ -71,17 +94,17 @@ public:
     };
     /// The nearest nodes, so weighted that the average is continuous. Slopes reach a
     /// cell far. Replaces \p out.
-    void node_shares(const Eigen::Vector3d& x, NodeShares& out) const;
+    void node_shares(const Eigen::Vector3d& x, const Nearest& nearest,
+                     NodeShares& out) const;
 
     /// What is known at the nodes, value and slope, carried to \p x.
-    FieldValue average(const Eigen::Vector3d& x,
-                       std::span<const FieldValue> node_values) const;
+    FieldValue average(const Eigen::Vector3d& x, const Nearest& nearest,
+                       std::span<const FieldValue> node_values,
+                       NodeShares& scratch) const;
 
     /// The value alone, to the same bits: faster.
-    Eigen::Vector3d
-    average_displacement(const Eigen::Vector3d& x,
-                         std::span<const FieldValue> node_values,
-                         std::vector<PointTree::Neighbour>& scratch) const;
+    Eigen::Vector3d average_displacement(const Eigen::Vector3d& x, const Nearest& nearest,
+                                         std::span<const FieldValue> node_values) const;
 
     double radius() const { return radius_; }
     /// The cells that the correction may reach, ascending.
@@ -93,13 +116,58 @@ public:
     double reach_of_average(const Eigen::Vector3d& x, double away) const;
 
 private:
+    friend class NearNodes;
     RegionFade(const Cells& cells, double edge, const std::vector<Node>& nodes);
     void find_touched(const Cells& cells);
+    void find_nearest(const Eigen::Vector3d& x, Nearest& out) const;
 
     PointTree tree_;
     std::vector<int> node_cells_;
     std::vector<int> near_cells_, touched_cells_; ///< ascending
     double radius_ = 0.0;
+};
+
+/// The nodes of a fade that may be among the nearest ones of points in a box: where there
+/// are many such points these are found among them sooner than in the tree of all.
+class NearNodes
+{
+public:
+    void enter(const RegionFade& fade, const Eigen::AlignedBox3d& box);
+    /// Whether nearest() tells of a point: it is in the box, and the box has not too
+    /// many.
+    bool may_tell_of(const Eigen::Vector3d& x) const
+    {
+        return is_worth_it_ && box_.contains(x);
+    }
+    /// What the tree tells, to the bit; nothing is told where no node is nearer than
+    /// \p radius. False: only the tree can tell.
+    bool nearest(const Eigen::Vector3d& x, double radius, RegionFade::Nearest& out) const;
+
+private:
+    Eigen::AlignedBox3d box_;
+    bool is_worth_it_ = false;
+    std::vector<std::size_t> nodes_; ///< ascending
+    Eigen::Array<double, Eigen::Dynamic, 3> places_;
+    mutable Eigen::ArrayXd squares_;
+    std::vector<PointTree::Neighbour> found_; ///< scratch
+};
+
+/// NearNodes of several regions for one box after the other, each made when it is asked
+/// for. A scratch object: one a thread.
+class NearNodesOfRegions
+{
+public:
+    /// \p num_points: that will be asked for in this box.
+    void enter(const Eigen::AlignedBox3d& box, std::size_t num_points);
+    /// Null where the tree is as fast.
+    const NearNodes* of(int region, const RegionFade& fade);
+
+private:
+    Eigen::AlignedBox3d box_;
+    bool is_worth_it_ = false;
+    std::size_t turn_ = 0; ///< boxes so far
+    std::vector<NearNodes> of_region_;
+    std::vector<std::size_t> turn_of_region_;
 };
 
 /// A region in one frame: its motion, and by how much the field misses it.
@@ -131,17 +199,21 @@ public:
         int region = 0;
         double value = 0.0;
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+        std::size_t nearest = 0; ///< among those of Reach
     };
     /// What the regions mean for a point: it is a node of one, or takes shares.
     struct Reach
     {
         int node_of = -1;
+        std::size_t nearest_of_node = 0; ///< among nearest
         std::vector<Share> shares;
-        std::vector<int> near; ///< scratch
+        std::vector<RegionFade::Nearest> nearest; ///< more than are used
+        std::vector<int> near;                    ///< scratch
     };
-    /// \p influences: of ClosestCells at \p x. Replaces \p out.
+    /// \p influences: of ClosestCells at \p x. \p near: shorter ways to the nodes, or
+    /// null. Replaces \p out.
     void reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
-               Reach& out) const;
+               NearNodesOfRegions* near, Reach& out) const;
 
     const RegionFade& fade(int region) const { return *fades_[idx(region)]; }
 
@@ -159,8 +231,9 @@ public:
 
     struct Scratch
     {
+        NearNodesOfRegions near; ///< to be told of each box
         RegionFades::Reach reach;
-        std::vector<PointTree::Neighbour> near;
+        RegionFade::NodeShares shares;
     };
     /// Corrects the field's \p value at \p x for the regions around \p x. At a node it
     /// is the region's motion to the bit.

@@ -147,7 +147,7 @@ TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
     }
 }
 
-TEST(Body, of_soups_has_no_finer_voxels_than_their_openings_need)
+TEST(Body, of_clouds_has_no_finer_voxels_than_their_openings_need)
 {
     const auto rest_of = [](const Shape& shape, int across)
     {
@@ -162,7 +162,7 @@ TEST(Body, of_soups_has_no_finer_voxels_than_their_openings_need)
     { return rest.material.grid.shape().voxel() / rest.frame.diagonal(); };
     const double of_gap = CellSettings().gap / std::sqrt(6.0);
     std::mt19937 rng(5);
-    const Shape open = soup(rng);
+    const Shape open = cloud(rng);
     const auto rest = rest_of(open, 0);
     EXPECT_GT(voxel_of(*rest), 1.1 * of_gap);
     EXPECT_LE(16.0 * voxel_of(*rest),

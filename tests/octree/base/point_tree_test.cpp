@@ -47,6 +47,29 @@ TEST(PointTree, gives_as_many_as_are_asked_for)
     }
 }
 
+TEST(PointTree, gives_those_within_a_distance)
+{
+    const std::vector<Eigen::Vector3d> points = some_points(200);
+    const PointTree tree(points);
+    const Eigen::Vector3d x(0.1, -0.2, 0.3);
+    std::vector<PointTree::Neighbour> near(3);
+    for (const double distance : {0.0, 0.2, 0.7, 10.0})
+    {
+        tree.within(x, distance, near);
+        std::vector<std::size_t> found, wanted;
+        for (const PointTree::Neighbour& one : near)
+        {
+            found.push_back(one.index);
+            EXPECT_DOUBLE_EQ(one.distance_squared, (points[one.index] - x).squaredNorm());
+        }
+        for (std::size_t i = 0; i < points.size(); ++i)
+            if ((points[i] - x).norm() < distance)
+                wanted.push_back(i);
+        std::sort(found.begin(), found.end());
+        EXPECT_EQ(found, wanted) << distance;
+    }
+}
+
 TEST(PointTree, gives_all_where_there_are_fewer)
 {
     const PointTree tree(some_points(7));

@@ -652,6 +652,43 @@ TEST(RegionFade, fades_without_a_step_and_ends)
     }
 }
 
+TEST(RegionFade, points_among_many_move_as_they_do_alone)
+{
+    // Among many the nodes near them are listed once for all; a point alone asks the
+    // tree. Places between the nodes of the lattice have up to eight equally near ones.
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
+    std::mt19937 rng(4);
+    std::vector<Eigen::Vector3d> points;
+    std::vector<int> own;
+    const auto add = [&](const Eigen::Vector3d& x)
+    {
+        points.push_back(x);
+        own.push_back(own_cell(c.bar, x));
+    };
+    for (int i = 0; i < 1500; ++i)
+        add({random_number(rng, 1.0, 2.0), random_number(rng, 1.0, 2.0),
+             random_number(rng, 0.8, 3.0)});
+    for (int i = 0; i < 8; ++i)
+        for (int j = 0; j < 8; ++j)
+            for (int k = 0; k < 16; ++k)
+                add({1.0 + 0.125 * i, 1.0 + 0.125 * j, 0.5 + 0.125 * k});
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Rbf})
+    {
+        const Field field = fit_field(kind, c.bar.cells, rigid(c.bar, Motion()),
+                                      c.constraints, {{&fade, c.motion, false, {}}});
+        const std::vector<Eigen::Vector3d> moved = field.displacements(points, own);
+        const std::vector<FieldValue> values = field.values(points, own);
+        for (std::size_t i = 0; i < points.size(); ++i)
+        {
+            const FieldValue alone = field.value(points[i], own[i]);
+            EXPECT_EQ(moved[i], alone.displacement) << points[i].transpose();
+            EXPECT_EQ(values[i].displacement, alone.displacement);
+            EXPECT_EQ(values[i].gradient, alone.gradient) << points[i].transpose();
+        }
+    }
+}
+
 TEST(RegionFade, gradient_matches_finite_differences)
 {
     const RegionCase c;
