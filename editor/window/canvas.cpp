@@ -31,6 +31,8 @@ constexpr std::size_t kSpacingProbes = 48;
 /// holes are seen between points that are spread at random.
 constexpr double kPointOverlap = 2.4;
 constexpr double kFloorReach = 3.0; ///< half side [view]
+/// Corners of triangles that go to the graphics card in one frame.
+constexpr std::size_t kCornersAtOnce = 1000000;
 
 Eigen::Matrix4f as_float(const Eigen::Matrix4d& matrix)
 {
@@ -75,8 +77,11 @@ class DrawnShape
 public:
     void upload(const ShownShape& shape)
     {
-        if (shape.layout == nullptr ||
-            (version_ == shape.version && layout_ == shape.layout))
+        if (shape.layout == nullptr)
+            return;
+        if (!is_whole())
+            upload_triangles();
+        if (version_ == shape.version && layout_ == shape.layout)
             return;
         positions_.fill(shape.positions.data(), shape.positions.size() * sizeof(float));
         normals_.fill(shape.normals.data(), shape.normals.size() * sizeof(float));
@@ -88,12 +93,14 @@ public:
         layout_ = shape.layout;
         num_corners_ = static_cast<GLsizei>(layout_->triangles.size());
         array_.bind();
-        // One buffer: all triangles, then the coarse ones.
+        // One buffer: all triangles, then the coarse ones, which come first.
         num_coarse_ = static_cast<GLsizei>(layout_->coarse_triangles.size());
-        std::vector<std::uint32_t> corners = layout_->triangles;
-        corners.insert(corners.end(), layout_->coarse_triangles.begin(),
-                       layout_->coarse_triangles.end());
-        triangles_.fill(corners.data(), corners.size() * sizeof(std::uint32_t));
+        triangles_.reserve(idx(num_corners_ + num_coarse_) * sizeof(std::uint32_t));
+        triangles_.write(layout_->coarse_triangles.data(),
+                         idx(num_coarse_) * sizeof(std::uint32_t),
+                         idx(num_corners_) * sizeof(std::uint32_t));
+        num_uploaded_ = 0;
+        upload_triangles();
         array_.floats(0, positions_, 3);
         if (shape.normals.empty())
             array_.constant(1);
@@ -112,6 +119,8 @@ public:
         has_colours_ = true;
     }
 
+    /// Whether all triangles are there; until then the coarse ones are drawn.
+    bool is_whole() const { return num_uploaded_ == num_corners_; }
     bool is_cloud() const { return num_corners_ == 0; }
     bool is_empty() const { return count_ == 0; }
     const std::shared_ptr<const ShapeLayout>& layout() const { return layout_; }
@@ -130,7 +139,7 @@ public:
         glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
         if (is_cloud())
             glDrawArrays(GL_POINTS, 0, count_);
-        else if (detail == Detail::Coarse && num_coarse_ > 0)
+        else if ((detail == Detail::Coarse || !is_whole()) && num_coarse_ > 0)
             glDrawElements(
                 GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
                 reinterpret_cast<const void*>(idx(num_corners_) * sizeof(std::uint32_t)));
@@ -139,6 +148,18 @@ public:
     }
 
 private:
+    /// The next part, or all where there are no coarse triangles to draw meanwhile.
+    void upload_triangles()
+    {
+        array_.bind();
+        const std::size_t first = idx(num_uploaded_), all = idx(num_corners_);
+        const std::size_t count =
+            num_coarse_ > 0 ? std::min(all - first, kCornersAtOnce) : all - first;
+        triangles_.write(layout_->triangles.data() + first, count * sizeof(std::uint32_t),
+                         first * sizeof(std::uint32_t));
+        num_uploaded_ += static_cast<GLsizei>(count);
+    }
+
     VertexArray array_;
     GpuBuffer positions_{GL_ARRAY_BUFFER}, normals_{GL_ARRAY_BUFFER},
         colours_{GL_ARRAY_BUFFER}, triangles_{GL_ELEMENT_ARRAY_BUFFER};
@@ -146,7 +167,8 @@ private:
     Eigen::Matrix4d to_view_ = Eigen::Matrix4d::Identity();
     std::uint64_t version_ = 0;
     GLsizei count_ = 0, num_corners_ = 0, num_coarse_ = 0;
-    double spacing_ = 0.0; ///< [work], of a cloud
+    GLsizei num_uploaded_ = 0; ///< of the corners
+    double spacing_ = 0.0;     ///< [work], of a cloud
     bool has_colours_ = false;
 };
 
@@ -290,6 +312,11 @@ void Canvas::clear()
     state_->cells_of.reset();
 }
 
+bool Canvas::is_whole() const
+{
+    return state_->shape->is_whole() && state_->rest->is_whole();
+}
+
 CellScale Canvas::scale_of_cells() const
 {
     return state_->cells.scale();
@@ -309,7 +336,7 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
                                                 options.shows_regions));
         state.colours_of = colours_of;
     }
-    if (options.shows_ghost)
+    if (options.shows_ghost || !state.rest->is_whole())
         state.rest->upload(scene.rest);
     const CellsOf cells_of{
         scene.cells.version, options.cell_colours,

@@ -76,6 +76,9 @@ public:
     void clear();
     /// Copies what has changed since the last call. \return time that it took [ms]
     double upload(const CanvasScene& scene, const ViewOptions& options);
+    /// Whether all of it is there: of large meshes a part comes with each call, and fewer
+    /// triangles are drawn until then.
+    bool is_whole() const;
     /// Draws into \p rect of a window that is \p window_height high. Nothing is drawn
     /// into an empty one.
     void draw(const CanvasScene& scene, const ViewOptions& options, const ViewRect& rect,

@@ -26,7 +26,7 @@ constexpr double kBusyWait = 0.004;
 constexpr double kIdleWait = 0.25;
 /// Progress and messages are drawn anew this often [s].
 constexpr double kProgressStep = 0.1;
-/// A median frame that takes longer is slow [ms].
+/// A frame with all triangles that takes longer is slow [ms].
 constexpr double kSlowFrame = 20.0;
 /// ImGui needs another frame or two after an event to settle.
 constexpr int kFramesAfterEvent = 3;
@@ -265,7 +265,9 @@ double Editor::draw_canvas()
     {
         canvas_.clear();
         drawn_ = opened;
+        whole_frames_.clear();
     }
+    draws_all_ = draws_less_ = false;
     if (opened == nullptr)
     {
         canvas_.draw_empty(app_.view, view_, window_.height());
@@ -284,12 +286,15 @@ double Editor::draw_canvas()
                             frame.to_work(editing.document().box().high)};
     const double upload_ms = canvas_.upload(scene, app_.view);
     ViewOptions options = app_.view;
-    // Where drawing is slow, all triangles and smooth edges wait until the hand rests.
-    if (opened->hand.is_busy() && app_.frame_times.median() > kSlowFrame)
+    // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
+    // the solver, whose cores the drawing takes, has done its work.
+    draws_less_ = is_at_work() && whole_frames_.median() > kSlowFrame;
+    if (draws_less_)
     {
         options.detail = Detail::Coarse;
         options.is_smooth = false;
     }
+    draws_all_ = !draws_less_ && canvas_.is_whole();
     canvas_.draw(scene, options, view_, window_.height());
     return upload_ms;
 }
@@ -320,6 +325,8 @@ FrameParts Editor::frame()
     parts.draw = ms_since(draw_start) - parts.upload;
     parts.total = ms_since(start);
     app_.frame_times.add(seconds_now(), parts.total);
+    if (draws_all_)
+        whole_frames_.add(parts.total);
     window_.show_frame();
     if (std::string title = app_.title(); title != title_)
         window_.set_title(title_ = std::move(title));
@@ -335,6 +342,12 @@ std::string Editor::words() const
     if (const OpenedDocument* opened = app_.opened())
         words += opened->hand.hint() + opened->hand.status() + opened->hand.complaint();
     return words;
+}
+
+bool Editor::is_at_work()
+{
+    const OpenedDocument* const opened = app_.opened();
+    return !app_.is_idle() || (opened != nullptr && opened->hand.is_busy());
 }
 
 void Editor::run()
@@ -358,13 +371,14 @@ void Editor::run()
             const bool is_new = app_.update();
             const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
             const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
-            if (!is_new && !is_typing && !is_late && words() == words_)
+            const bool is_behind = draws_less_ && !is_at_work();
+            if (!is_new && !is_typing && !is_late && !is_behind && words() == words_)
                 continue;
         }
         frame();
         words_ = words();
         last_frame = seconds_now();
-        frames_to_draw = std::max(0, frames_to_draw - 1);
+        frames_to_draw = std::max(canvas_.is_whole() ? 0 : 1, frames_to_draw - 1);
     }
 }
 

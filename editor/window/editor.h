@@ -9,6 +9,7 @@
 #include "editor/window/canvas.h"
 #include "editor/window/dialogs.h"
 #include "editor/window/editor_app.h"
+#include "editor/window/frame_times.h"
 #include "editor/window/panels.h"
 #include "editor/window/window.h"
 
@@ -34,6 +35,8 @@ public:
 
     /// Takes the events that are there and draws a frame.
     FrameParts frame();
+    /// Whether the last frame showed all triangles that there are: see Canvas.
+    bool is_whole() const { return canvas_.is_whole(); }
     Window& window() { return window_; }
     EditorApp& app() { return app_; }
     /// Of the last frame.
@@ -49,6 +52,7 @@ private:
     std::string words() const;
     void lay_out();
     void show_panels();
+    bool is_at_work();
     double draw_canvas();
 
     Window window_;
@@ -64,6 +68,9 @@ private:
     std::string title_;
     std::string words_;                     ///< that were drawn last
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
+    bool draws_all_ = false;                ///< this frame: no coarse triangles
+    bool draws_less_ = false;               ///< this frame, for it would be slow
+    LastFrames whole_frames_;               ///< of that shape
 };
 
 } // namespace cellwarp

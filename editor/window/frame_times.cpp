@@ -2,6 +2,7 @@
 #include "editor/window/frame_times.h"
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 namespace cellwarp
@@ -11,8 +12,19 @@ namespace
 {
 
 constexpr double kSeconds = 2.0;
+constexpr std::size_t kLastFrames = 5;
 
+/// 0: none.
+double median_of(std::vector<double> times)
+{
+    if (times.empty())
+        return 0.0;
+    const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
+    std::nth_element(times.begin(), middle, times.end());
+    return *middle;
 }
+
+} // namespace
 
 void FrameTimes::add(double now, double ms)
 {
@@ -26,11 +38,19 @@ double FrameTimes::median() const
     std::vector<double> times;
     for (const auto& [when, ms] : frames_)
         times.push_back(ms);
-    if (times.empty())
-        return 0.0;
-    const auto middle = times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2);
-    std::nth_element(times.begin(), middle, times.end());
-    return *middle;
+    return median_of(std::move(times));
+}
+
+void LastFrames::add(double ms)
+{
+    frames_.push_back(ms);
+    if (frames_.size() > kLastFrames)
+        frames_.pop_front();
+}
+
+double LastFrames::median() const
+{
+    return median_of({frames_.begin(), frames_.end()});
 }
 
 double FrameTimes::worst() const

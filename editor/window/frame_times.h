@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How long frames took in the last moments.
+// How long frames took.
 #pragma once
 
 #include <deque>
@@ -8,6 +8,7 @@
 namespace cellwarp
 {
 
+/// In the last moments.
 class FrameTimes
 {
 public:
@@ -18,6 +19,19 @@ public:
 
 private:
     std::deque<std::pair<double, double>> frames_;
+};
+
+/// How long the last few frames took that showed all there is, however long ago that was:
+/// what the next one of that kind will take.
+class LastFrames
+{
+public:
+    void add(double ms);
+    void clear() { frames_.clear(); }
+    double median() const; ///< [ms]; 0: none
+
+private:
+    std::deque<double> frames_;
 };
 
 } // namespace cellwarp

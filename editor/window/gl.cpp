@@ -78,11 +78,23 @@ void ShaderProgram::set_matrix(const char* name, const float* columns) const
     glUniformMatrix4fv(place(name), 1, GL_FALSE, columns);
 }
 
-void GpuBuffer::fill(const void* data, std::size_t bytes)
+void GpuBuffer::reserve(std::size_t bytes)
 {
     bind();
     glBufferData(target_, static_cast<GLsizeiptr>(bytes), nullptr, GL_STREAM_DRAW);
     bytes_ = bytes;
+}
+
+void GpuBuffer::write(const void* data, std::size_t bytes, std::size_t start)
+{
+    bind();
+    glBufferSubData(target_, static_cast<GLintptr>(start), static_cast<GLsizeiptr>(bytes),
+                    data);
+}
+
+void GpuBuffer::fill(const void* data, std::size_t bytes)
+{
+    reserve(bytes);
     if (bytes == 0)
         return;
     void* memory = glMapBufferRange(target_, 0, static_cast<GLsizeiptr>(bytes),
@@ -93,7 +105,7 @@ void GpuBuffer::fill(const void* data, std::size_t bytes)
         if (glUnmapBuffer(target_))
             return;
     }
-    glBufferSubData(target_, 0, static_cast<GLsizeiptr>(bytes), data);
+    write(data, bytes, 0);
 }
 
 void VertexArray::floats(GLuint index, const GpuBuffer& buffer, int count, int stride,

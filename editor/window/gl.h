@@ -35,7 +35,7 @@ private:
     GLuint id_ = 0;
 };
 
-/// Memory of the graphics card that is filled anew as a whole.
+/// Memory of the graphics card that is filled anew as a whole, or in parts.
 class GpuBuffer
 {
 public:
@@ -47,6 +47,10 @@ public:
     void bind() const { glBindBuffer(target_, id_); }
     /// Leaves the old memory to what is still drawn from it and copies into a new one.
     void fill(const void* data, std::size_t bytes);
+    /// The same without the copy.
+    void reserve(std::size_t bytes);
+    /// Copies a part of what was reserved, from \p start on [byte].
+    void write(const void* data, std::size_t bytes, std::size_t start);
     std::size_t bytes() const { return bytes_; }
 
 private:

@@ -363,7 +363,7 @@ void Player::wait()
     }
     editor_.frame(); // what came out is seen
     report_.waits.push_back({statement_->line, ms_since(begun_)});
-    for (int k = 0; k < 2; ++k) // and panels have settled
+    for (int k = 0; k < 2 || !editor_.is_whole(); ++k) // and panels have settled
         editor_.frame();
     if (editor_.app().opened() == nullptr)
         return;
@@ -381,8 +381,8 @@ void Player::frames()
 void Player::shot()
 {
     // Of two frames the second knows how large everything is.
-    editor_.frame();
-    editor_.frame();
+    for (int k = 0; k < 2 || !editor_.is_whole(); ++k)
+        editor_.frame();
     const Image image = editor_.image();
     const bool is_ppm = word(1).ends_with(".ppm");
     write_file(word(1), is_ppm ? ppm_bytes(image) : png_bytes(image), Overwrite::Yes);

@@ -191,6 +191,7 @@ private:
     const FadeNodes& nodes_;
 
     BlendInfluences::Found found_;
+    NearNodesOfRegions near_;
     RegionFades::Reach reach_;
     std::vector<Member> members_;
     std::vector<Influence> pool_;
@@ -205,6 +206,10 @@ Part PartMaker::part(std::span<const std::uint32_t> points)
     pool_.clear();
     for (FadeTerms& terms : terms_)
         terms.clear();
+    Eigen::AlignedBox3d box;
+    for (const std::uint32_t point : points)
+        box.extend(points_.place(point));
+    near_.enter(box, points.size());
     for (const std::uint32_t point : points)
         add_member(point);
     find_cells();
@@ -232,7 +237,7 @@ void PartMaker::add_member(std::uint32_t point)
     else
     {
         influences_.find(points_.place(point), own, found_);
-        nodes_.fades().reach(points_.place(point), found_.near, nullptr, reach_);
+        nodes_.fades().reach(points_.place(point), found_.near, &near_, reach_);
         if (reach_.node_of >= 0)
             member.follows = reach_.node_of;
         // A pin's nodes turn with the cells around.

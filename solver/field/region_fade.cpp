@@ -204,9 +204,13 @@ RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
     nearest.count = 0;
     if (!near || !near->may_tell_of(x) || !near->nearest(x, radius_, nearest))
     {
-        if (std::sqrt(tree_.nearest(x).distance_squared) / radius_ >= 1.0)
+        nearest.nodes[0] = tree_.nearest(x);
+        nearest.count = 1;
+        if (std::sqrt(nearest.nodes[0].distance_squared) / radius_ >= 1.0)
             return {};
-        find_nearest(x, nearest);
+        // Of a node no other one counts, and most samples of a region are nodes.
+        if (nearest.nodes[0].distance_squared > 0.0)
+            find_nearest(x, nearest);
     }
     if (nearest.count == 0)
         return {};
@@ -348,8 +352,13 @@ void NearNodes::enter(const RegionFade& fade, const Eigen::AlignedBox3d& box)
     box_ = box;
     const Eigen::Vector3d middle = box.center();
     fade.tree_.nearest(middle, RegionFade::kNearest, found_);
-    const double reach =
-        std::sqrt(found_.back().distance_squared) + box.diagonal().norm();
+    const double own = std::sqrt(found_.back().distance_squared);
+    const double reach = own + box.diagonal().norm();
+    // Nodes on a surface: their number grows with the square.
+    const double share = static_cast<double>(kMostNear) / RegionFade::kNearest;
+    is_worth_it_ = reach * reach < 2.0 * share * own * own;
+    if (!is_worth_it_)
+        return;
     fade.tree_.within(middle, reach * (1.0 + kReachSlack), found_);
     is_worth_it_ = found_.size() <= kMostNear;
     if (!is_worth_it_)

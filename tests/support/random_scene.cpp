@@ -51,7 +51,7 @@ std::string text_of(double value)
 class Maker
 {
 public:
-    explicit Maker(std::uint32_t seed) : rng_(seed) {}
+    explicit Maker(std::uint32_t seed, bool is_small) : rng_(seed), is_small_(is_small) {}
     RandomScene operator()();
 
 private:
@@ -86,6 +86,7 @@ private:
     void make_arguments();
 
     std::mt19937 rng_;
+    bool is_small_;
     RandomScene scene_;
     Vector3d low_, high_;
     std::vector<std::size_t> held_; ///< by the selector made last, with a margin
@@ -519,7 +520,9 @@ void Maker::make_arguments()
         add("--fill", "shell");
     if (happens(0.1))
         add("--thickness", text_of(power(-3.0, -1.0)).substr(1));
-    if (happens(0.1))
+    if (is_small_)
+        add("--gap", text_of(power(-1.2, -0.7)).substr(1));
+    else if (happens(0.1))
         add("--gap", text_of(power(-1.9, -1.0)).substr(1));
     if (happens(0.1))
         add("--energy", "botsch07");
@@ -534,7 +537,8 @@ void Maker::make_arguments()
         add("--max-iterations", std::to_string(integer(0, 30)));
         scene_.is_limited = true;
     }
-    add("--max-cells", std::to_string(happens(0.1) ? integer(1, 400) : 2000));
+    const int most = is_small_ ? 300 : 2000;
+    add("--max-cells", std::to_string(happens(0.1) ? integer(1, 400) : most));
     add("--threads", std::to_string(integer(1, 2)));
 }
 
@@ -558,7 +562,12 @@ std::string RandomScene::describe() const
 
 RandomScene random_scene(std::uint32_t seed)
 {
-    return Maker(seed)();
+    return Maker(seed, false)();
+}
+
+RandomScene small_random_scene(std::uint32_t seed)
+{
+    return Maker(seed, true)();
 }
 
 } // namespace cellwarp::support

@@ -35,5 +35,7 @@ struct RandomScene
 };
 
 RandomScene random_scene(std::uint32_t seed);
+/// One with coarse voxels and few cells, so that a core runs dozens in a second.
+RandomScene small_random_scene(std::uint32_t seed);
 
 } // namespace cellwarp::support

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Every scene ends in a documented state, whatever it is: hundreds of them, or as many as
-// CELLWARP_RANDOM_SCENES says. The files of a scene that failed are kept, and named.
+// CELLWARP_RANDOM_SCENES says, and small ones, each run twice, as many as
+// CELLWARP_SMALL_SCENES says. The files of a scene that failed are kept, and named.
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
@@ -13,6 +14,7 @@
 
 #include <sys/resource.h>
 
+#include "io/bytes.h"
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 #include "tests/support/program.h"
@@ -127,9 +129,10 @@ std::string fault_of(const RandomScene& scene, const support::Result& result,
     }
 }
 
-void run_scene(std::uint32_t seed, std::map<std::string, int>& ends)
+/// \p runs_again: on as many threads as there are, for the same bytes.
+void run_scene(std::uint32_t seed, const RandomScene& scene, bool runs_again,
+               std::map<std::string, int>& ends)
 {
-    const RandomScene scene = support::random_scene(seed);
     const support::Folder folder;
     const std::string model = folder.write(scene.model_name, scene.model_text);
     const std::string handles = folder.write("scene.handles", scene.handles_text);
@@ -140,7 +143,18 @@ void run_scene(std::uint32_t seed, std::map<std::string, int>& ends)
     const support::Result result = support::run(arguments, limit_processor_time);
     ++ends["exit_" + std::to_string(result.code) +
            (result.code == 7 && !scene.is_limited ? "_without_limit" : "")];
-    const std::string fault = fault_of(scene, result, folder, out);
+    std::string fault = fault_of(scene, result, folder, out);
+    if (runs_again && fault.empty())
+    {
+        const bool is_written = std::filesystem::exists(out);
+        const std::string first = is_written ? read_file(out) : result.err;
+        arguments.back() = "0"; // the threads
+        arguments.push_back("--overwrite");
+        const support::Result again = support::run(arguments, limit_processor_time);
+        if (again.code != result.code ||
+            first != (is_written ? read_file(out) : again.err))
+            fault = "another run ends otherwise";
+    }
     EXPECT_EQ(fault, "") << "seed " << seed << ", exit " << result.code << ", files in "
                          << (fault.empty() ? "" : kept_copy(folder, seed)) << "\n"
                          << scene.describe() << result.err;
@@ -155,7 +169,17 @@ TEST_P(RandomScenes, EndInADocumentedState)
     std::map<std::string, int> ends;
     const std::uint32_t count = number_of("CELLWARP_RANDOM_SCENES", 192);
     for (std::uint32_t seed = GetParam(); seed < count; seed += kShards)
-        run_scene(seed, ends);
+        run_scene(seed, support::random_scene(seed), false, ends);
+    for (const auto& [end, count_of_end] : ends)
+        RecordProperty(end, std::to_string(count_of_end));
+}
+
+TEST_P(RandomScenes, OfSmallSizeEndSoTwice)
+{
+    std::map<std::string, int> ends;
+    const std::uint32_t count = number_of("CELLWARP_SMALL_SCENES", 160);
+    for (std::uint32_t seed = GetParam(); seed < count; seed += kShards)
+        run_scene(seed, support::small_random_scene(seed), true, ends);
     for (const auto& [end, count_of_end] : ends)
         RecordProperty(end, std::to_string(count_of_end));
 }

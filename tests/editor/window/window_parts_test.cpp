@@ -23,6 +23,20 @@ namespace cellwarp
 
 using support::Folder;
 
+TEST(FrameTimes, of_the_last_whole_frames_last_until_there_are_others)
+{
+    LastFrames frames;
+    EXPECT_EQ(frames.median(), 0.0);
+    for (const double ms : {400.0, 20.0, 500.0})
+        frames.add(ms);
+    EXPECT_EQ(frames.median(), 400.0);
+    for (int k = 0; k < 3; ++k)
+        frames.add(10.0); // zoomed away, it is fast again
+    EXPECT_EQ(frames.median(), 10.0);
+    frames.clear();
+    EXPECT_EQ(frames.median(), 0.0);
+}
+
 TEST(FrameTimes, are_those_of_the_last_two_seconds)
 {
     FrameTimes times;
