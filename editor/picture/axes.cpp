@@ -16,7 +16,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::array<std::uint8_t, 3> kInk = {70, 74, 82}, kRim = {255, 255, 255};
+constexpr std::array<std::uint8_t, 3> kAxisInk = {70, 74, 82}, kRim = {255, 255, 255};
 
 /// An axis is drawn where its edge is at least so long [height of a line].
 constexpr double kShortest = 2.5;
@@ -54,7 +54,7 @@ void draw_line(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int first
                 std::uint8_t& value =
                     image.rgb[3 * (idx(row) * idx(image.width) + idx(column)) + k];
                 value = static_cast<std::uint8_t>(
-                    std::lround(cover * kInk[k] + (1.0 - cover) * value));
+                    std::lround(cover * kAxisInk[k] + (1.0 - cover) * value));
             }
         }
     }
@@ -133,7 +133,7 @@ void draw_axes(const Eigen::AlignedBox3d& box, int up_axis, const Projection& pr
             for (const auto& [side, down] : {std::pair(-1, 0), {1, 0}, {0, -1}, {0, 1}})
                 lettering.draw(text, first_column + x.x() + side, x.y() + down, kRim,
                                image);
-            lettering.draw(text, first_column + x.x(), x.y(), kInk, image);
+            lettering.draw(text, first_column + x.x(), x.y(), kAxisInk, image);
         };
         const std::vector<double> ticks = ticks_between(box.min()[axis], box.max()[axis]);
         for (std::size_t k = 0; k < ticks.size(); ++k)

@@ -313,8 +313,14 @@ std::string Interaction::status() const
 
 std::string Interaction::hint() const
 {
-    return next_step(state_->document(), {state_->current<State::HandleDrag>() != nullptr,
-                                          state_->has_dragged});
+    const State& s = *state_;
+    std::string next = next_step(
+        s.document(), {s.current<State::HandleDrag>() != nullptr, s.has_dragged});
+    if (s.num_left_out == 0 || s.left_out_at != s.document().revision())
+        return next;
+    return fmt::format("{} hidden behind {} left out (Alt+Z: select also what is hidden)",
+                       s.num_left_out, s.num_left_out == 1 ? "it was" : "them were") +
+           (next.empty() ? "" : ". " + next);
 }
 
 std::string Interaction::complaint() const

@@ -204,9 +204,14 @@ void Interaction::State::end_choice()
     const Selection selection =
         combined(document().selection(), choice.gesture.chosen(), choice.mode);
     const std::string name = choice.name();
+    // Behind what a brush paints there is always something.
+    num_left_out = choice.gesture.kind() == SelectGesture::Kind::Brush
+                       ? 0
+                       : choice.gesture.num_hidden();
     gesture = {};
     preview.reset();
     attempt([&] { document().select(selection, name); });
+    left_out_at = document().revision();
 }
 
 void Interaction::State::click(const Press& press)

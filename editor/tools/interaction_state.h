@@ -124,6 +124,10 @@ struct Interaction::State
     FleshPuller* puller = nullptr;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
+    /// Of the last box or lasso: samples that it left out, for they are hidden, and the
+    /// document's revision with what it chose.
+    std::size_t num_left_out = 0;
+    std::uint64_t left_out_at = 0;
     std::optional<Hover> hover;
     std::optional<GizmoPart> hot;
     std::optional<PointAt> hot_point;

@@ -234,6 +234,7 @@ void SelectGesture::collect(const ShownShape& shape)
         return;
     }
     chosen_ = Selection(shape.positions.size() / 3);
+    num_hidden_ = 0;
     open_.clear();
     if (!shape.layout)
         return;
@@ -266,6 +267,8 @@ bool SelectGesture::look(const Picker& picker, std::size_t at_most)
     for (std::size_t i = 0; i < count; ++i)
         if (seen[i])
             chosen_.add(samples[i]);
+        else
+            ++num_hidden_;
     open_.resize(open_.size() - count);
     return open_.empty();
 }

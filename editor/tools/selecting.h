@@ -49,6 +49,8 @@ public:
     /// are many: after \p at_most of them it leaves off. True: none is left.
     bool look(const Picker& picker, std::size_t at_most);
     const Selection& chosen() const { return chosen_; }
+    /// Samples of the area that were looked at and could not be seen.
+    std::size_t num_hidden() const { return num_hidden_; }
 
 private:
     void mark_stroke(std::vector<std::uint8_t>& marks);
@@ -59,6 +61,7 @@ private:
 
     std::vector<std::uint32_t> open_; ///< collected, not yet looked at
     Selection chosen_;
+    std::size_t num_hidden_ = 0;
 
     // Of a brush.
     std::shared_ptr<const ShapeLayout> layout_;

@@ -335,7 +335,7 @@ namespace
 {
 
 /// More nodes than this near a box take longer than the tree does.
-constexpr std::size_t kMostNear = 400;
+constexpr std::size_t kMostNearNodes = 400;
 
 /// Fewer points in a box than this are not worth a list of the nodes near it.
 constexpr std::size_t kLeastPoints = 8;
@@ -355,12 +355,12 @@ void NearNodes::enter(const RegionFade& fade, const Eigen::AlignedBox3d& box)
     const double own = std::sqrt(found_.back().distance_squared);
     const double reach = own + box.diagonal().norm();
     // Nodes on a surface: their number grows with the square.
-    const double share = static_cast<double>(kMostNear) / RegionFade::kNearest;
+    const double share = static_cast<double>(kMostNearNodes) / RegionFade::kNearest;
     is_worth_it_ = reach * reach < 2.0 * share * own * own;
     if (!is_worth_it_)
         return;
     fade.tree_.within(middle, reach * (1.0 + kReachSlack), found_);
-    is_worth_it_ = found_.size() <= kMostNear;
+    is_worth_it_ = found_.size() <= kMostNearNodes;
     if (!is_worth_it_)
         return;
     nodes_.clear();
