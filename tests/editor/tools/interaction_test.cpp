@@ -98,10 +98,11 @@ TEST(Interaction, takes_what_is_seen_or_goes_through)
     desk.key('5', kAlt); // in perspective the front is all that is seen
     desk.drag({0, 0}, {900, 600});
     EXPECT_EQ(desk.document().selection().count(), 133u); // 19 x 7
-    EXPECT_EQ(desk.hand.hint(),
-              std::to_string(desk.document().selection().num_samples() - 133) +
-                  " hidden behind them were left out (Alt+Z: select also what is hidden). "
-                  "Press J to fix what is selected");
+    EXPECT_EQ(
+        desk.hand.hint(),
+        std::to_string(desk.document().selection().num_samples() - 133) +
+            " hidden behind them were left out (Alt+Z: select also what is hidden). "
+            "Press J to fix what is selected");
     desk.key('z', kControl); // another selection is there
     EXPECT_EQ(desk.hand.hint(),
               "Paint or box-select the part that stays; press J to fix it");
