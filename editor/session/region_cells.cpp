@@ -12,6 +12,7 @@
 
 #include "io/error.h"
 #include "octree/base/index.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -326,16 +327,25 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
                    : -1;
     };
     std::vector<BorderGlue> borders;
+    std::vector<std::size_t> regions_there;
     for (std::size_t f = 0; f < body.cells.faces.size(); ++f)
     {
         const Face& face = body.cells.faces[f];
         const int of_a = holder(face.a), of_b = holder(face.b);
         if ((of_a >= 0) != (of_b >= 0))
-            borders.push_back(
-                {static_cast<int>(f),
-                 border_length(body, regions, idx(std::max(of_a, of_b)), face, of_a >= 0),
-                 of_a >= 0});
+        {
+            borders.push_back({static_cast<int>(f), 0.0, of_a >= 0});
+            regions_there.push_back(idx(std::max(of_a, of_b)));
+        }
     }
+    parallel_for(borders.size(), 4,
+                 [&](std::size_t k)
+                 {
+                     BorderGlue& border = borders[k];
+                     border.length = border_length(body, regions, regions_there[k],
+                                                   body.cells.faces[idx(border.face)],
+                                                   border.is_a_rigid);
+                 });
     return borders;
 }
 

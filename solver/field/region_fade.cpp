@@ -338,7 +338,7 @@ namespace
 constexpr std::size_t kMostNearNodes = 400;
 
 /// Fewer points in a box than this are not worth a list of the nodes near it.
-constexpr std::size_t kLeastPoints = 8;
+constexpr std::size_t kLeastPoints = 24;
 
 /// Beyond the reach of a box by rounding [of the distance].
 constexpr double kReachSlack = 1e-9;
