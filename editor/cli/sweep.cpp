@@ -224,8 +224,8 @@ SweepPictures draw_sweep(const SweepInput& input, const SweepReport& report,
     pictures->add(session, session.deformed().samples, true);
     return {pictures->png(),
             fmt::format("At rest; the reference's result; the result of {} with its {} "
-                        "cells as glass. Blue is fixed, orange a handle, purple a pin, "
-                        "green stiff.",
+                        "cells as glass. Grey is fixed, blue free, yellow a handle, "
+                        "purple a pin, green stiff.",
                         case_name(shown.of), shown.cells)};
 }
 

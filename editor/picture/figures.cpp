@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "editor/session/role_colour.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
@@ -17,28 +18,6 @@ namespace
 {
 
 constexpr Colour kPlain = {205, 208, 214};
-
-Colour colour_of(Role role)
-{
-    switch (role)
-    {
-    case Role::Fixed:
-        return {88, 124, 178};
-    case Role::Handle:
-        return {236, 145, 60};
-    case Role::Pin:
-        return {158, 96, 190};
-    case Role::Stiff:
-        return {110, 168, 96};
-    case Role::Rod:
-        return {222, 104, 84};
-    case Role::Bone:
-        return {238, 226, 188};
-    case Role::Curve:
-        return {70, 150, 200};
-    }
-    return kPlain;
-}
 
 /// Radii of the lines of rods and curves and of what holds them [diagonal].
 constexpr double kThread = 0.005, kHeld = 0.012;
@@ -105,19 +84,22 @@ Figure figure_of(const Session& session)
 {
     Figure figure = figure_of(session.geometry());
     figure.points = session.deformed().samples;
+    if (session.geometry().colours.empty())
+        figure.colours.assign(figure.points.size(), kFreeColour);
     if (const CellSystem* const system = session.system())
         for (const Region& region : system->regions().regions())
             for (const std::uint32_t i : region.samples)
-                figure.colours[i] = colour_of(region.role);
+                figure.colours[i] = role_colour(region.role);
     const double diagonal = bounding_box(figure.points).size().norm();
     for (const RodReport& rod : session.rods())
     {
-        const Colour colour = rod.is_rod ? colour_of(Role::Rod) : colour_of(Role::Curve);
+        const Colour colour =
+            rod.is_rod ? role_colour(Role::Rod) : role_colour(Role::Curve);
         const double thin =
             std::min(kThread * diagonal, rod.is_rod ? rod.radius : INFINITY);
         add_thread(rod.line, thin, colour, figure);
         for (const RodReport::Pin& pin : rod.pins)
-            figure.beads.push_back({pin.place, kHeld * diagonal, colour_of(Role::Pin)});
+            figure.beads.push_back({pin.place, kHeld * diagonal, role_colour(Role::Pin)});
         for (std::size_t k = 0; k < rod.points.size(); ++k)
             if (rod.is_rod && rod.holds[k].place)
                 figure.beads.push_back({rod.points[k], kHeld * diagonal, kHeldColour});
@@ -148,7 +130,7 @@ void add_joints(Figure& figure, const std::vector<PosedJoint>& joints)
         figure.beads.push_back({joint.place, kHeld * diagonal, kHeldColour});
         if (joint.parent >= 0)
             add_thread({joints[idx(joint.parent)].place, joint.place}, kThread * diagonal,
-                       colour_of(Role::Bone), figure);
+                       role_colour(Role::Bone), figure);
     }
 }
 
@@ -178,7 +160,7 @@ void add_cells(Figure& figure, const Session& session)
         figure.boxes.push_back(corners);
         const int owner = system->region_of_cell()[c];
         figure.box_colours.push_back(
-            owner < 0 ? kPlain : colour_of(system->regions()[idx(owner)].role));
+            owner < 0 ? kFreeColour : role_colour(system->regions()[idx(owner)].role));
     }
 }
 

@@ -15,8 +15,9 @@ Figure figure_of(const Geometry& geometry);
 /// All of them in one figure.
 Figure figure_of(const std::vector<Geometry>& parts);
 
-/// The session's model where its last frame put it (at rest before the first), with
-/// the samples of fixed regions blue, handles orange, pins purple, stiff ones green.
+/// The session's model where its last frame put it (at rest before the first), its
+/// regions in the colours of their roles; what is free in the file's colours if it has
+/// any.
 Figure figure_of(const Session& session);
 
 /// What the samples of a region take where the session's last frame put them. Throws

@@ -22,33 +22,21 @@ float value_of(const ShownCell& cell, CellColours by)
                                     : std::max(cell.gap, kSmallestGap);
 }
 
+Colour unmarked(const PlainColour& colour)
+{
+    return {colour[0], colour[1], colour[2], 0};
+}
+
 } // namespace
 
-Colour role_colour(Role role)
+Colour colour_of(Role role)
 {
-    switch (role)
-    {
-    case Role::Fixed:
-        return {146, 146, 150, 0};
-    case Role::Handle:
-        return {240, 196, 60, 0};
-    case Role::Pin:
-        return {184, 112, 214, 0};
-    case Role::Stiff:
-        return {64, 168, 142, 0};
-    case Role::Rod:
-        return {226, 112, 72, 0};
-    case Role::Curve:
-        return {92, 170, 220, 0};
-    case Role::Bone:
-        return {232, 218, 170, 0};
-    }
-    return free_colour();
+    return unmarked(role_colour(role));
 }
 
 Colour free_colour()
 {
-    return {104, 152, 214, 0};
+    return unmarked(kFreeColour);
 }
 Colour selected_colour()
 {
@@ -64,7 +52,7 @@ std::vector<Colour> sample_colours(const Document& document, const Selection& se
     if (shows_regions)
         for (std::size_t r = regions.size(); r-- > 0;)
         {
-            const Colour colour = role_colour(regions[r].role);
+            const Colour colour = colour_of(regions[r].role);
             for (const std::uint32_t sample : regions[r].samples)
                 colours[layout.place_of[sample]] = colour;
         }
@@ -98,7 +86,7 @@ Colour cell_colour(const ShownCell& cell, CellColours by, const CellScale& scale
 {
     if (by == CellColours::Region)
         return cell.region >= 0 && idx(cell.region) < regions.size()
-                   ? role_colour(regions[idx(cell.region)].role)
+                   ? colour_of(regions[idx(cell.region)].role)
                    : free_colour();
     if (!(scale.high > scale.low))
         return scale_colour(0.0);

@@ -11,6 +11,7 @@
 
 #include "editor/document/document.h"
 #include "editor/document/shape.h"
+#include "editor/session/role_colour.h"
 
 namespace cellwarp
 {
@@ -19,8 +20,8 @@ namespace cellwarp
 /// marked, less where the colour of a region must be seen, too.
 using Colour = std::array<std::uint8_t, 4>;
 
-/// Fixed grey, free blue and handles yellow, as in [Botsch07].
-Colour role_colour(Role role);
+/// Of a role, and of no region; not marked.
+Colour colour_of(Role role);
 Colour free_colour();
 Colour selected_colour();
 

@@ -135,14 +135,14 @@ void draw_lines(const Overlay& overlay, const Interaction& hand)
 {
     for (const SeenLine& line : hand.lines())
     {
-        const ImU32 ink = packed(shown(role_colour(line.is_bone  ? Role::Bone
-                                                   : line.is_rod ? Role::Rod
-                                                                 : Role::Curve)));
+        const ImU32 ink = packed(shown(colour_of(line.is_bone  ? Role::Bone
+                                                 : line.is_rod ? Role::Rod
+                                                               : Role::Curve)));
         draw_thread(overlay, line.places, ink, line.is_active ? 3.0f : 2.0f);
         for (const SeenLine::Point& point : line.points)
             draw_point(overlay, point, ink);
     }
-    const ImU32 ink = packed(shown(role_colour(Role::Rod)));
+    const ImU32 ink = packed(shown(colour_of(Role::Rod)));
     draw_thread(overlay, hand.drawn(), ink, 2.0f);
     for (const Eigen::Vector3d& place : hand.drawn())
         draw_point(overlay, {place, true, false, false}, ink);

@@ -68,7 +68,7 @@ void show_makers(EditorApp& app)
         (ImGui::GetContentRegionAvail().x - 3 * ImGui::GetStyle().ItemSpacing.x) / 4;
     for (const RoleName& known : kRoles)
     {
-        ImVec4 colour = shown(role_colour(known.role));
+        ImVec4 colour = shown(colour_of(known.role));
         colour.w = 0.30f;
         ImGui::PushStyleColor(ImGuiCol_Button, colour);
         colour.w = 0.50f;
@@ -104,7 +104,7 @@ void show_row(EditorApp& app, const EditedRegion& region, const std::string& fai
         hand.set_active_region(region.name);
     ImGui::GetWindowDrawList()->AddCircleFilled(
         {corner.x + 0.6f * height, corner.y + 0.5f * height}, 0.34f * height,
-        packed(shown(role_colour(region.role))), 24);
+        packed(shown(colour_of(region.role))), 24);
     ImGui::TableNextColumn();
     if (failed == region.name)
         ImGui::TextColored(palette().error, "%s  !", region.name.c_str());

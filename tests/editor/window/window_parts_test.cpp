@@ -131,7 +131,7 @@ TEST(CellColours, of_regions_are_those_of_their_roles)
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
     cell.region = 0;
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions),
-              role_colour(Role::Fixed));
+              colour_of(Role::Fixed));
     cell.region = 7; // of a document that has changed meanwhile
     EXPECT_EQ(cell_colour(cell, CellColours::Region, {}, regions), free_colour());
 }
