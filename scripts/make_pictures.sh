@@ -16,8 +16,8 @@ pair() {  # sample, extension, more flags of render
     name=$1
     extension=$2
     shift 2
-    "$cellwarp" deform "$here/samples/$name.json" -o "$work/$name.$extension"
-    "$cellwarp" render "$work/$name.$extension" --compare "$here/samples/$name.$extension" \
+    "$cellwarp" deform "$here/samples/$name.json" -o "$work/bent-$name.$extension"
+    "$cellwarp" render "$work/bent-$name.$extension" --compare "$here/samples/$name.$extension" \
         --size 480x400 -o "$folder/$name.png" --overwrite "$@"
 }
 

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -144,10 +145,15 @@ std::vector<Figure> figures_of(Session& session, std::size_t num_frames,
     return figures;
 }
 
-/// A file without its folder.
-std::string name_of(const std::string& file)
+/// Two files by their names; where these are the same, with the folders that they are in.
+std::pair<std::string, std::string> names_of(const std::string& a, const std::string& b)
 {
-    return std::filesystem::path(file).filename().string();
+    const std::filesystem::path x = a, y = b;
+    if (x.filename() != y.filename())
+        return {x.filename().string(), y.filename().string()};
+    const auto name = [](const std::filesystem::path& file)
+    { return (file.parent_path().filename() / file.filename()).string(); };
+    return {name(x), name(y)};
 }
 
 int run(const RenderFlags& flags, const CommonFlags& common)
@@ -202,12 +208,13 @@ int run(const RenderFlags& flags, const CommonFlags& common)
     }
     if (!flags.compare.empty())
     {
+        const auto [left, right] = names_of(flags.compare, flags.session.model);
         for (Figure& figure : figures)
-            figure.label = name_of(flags.session.model);
+            figure.label = right;
         figures.insert(
             figures.begin(),
             figure_of(read_geometry(flags.compare, {flags.session.columns}).geometry));
-        figures.front().label = name_of(flags.compare);
+        figures.front().label = left;
     }
     const bool is_converged = !film || film->is_converged();
     if (!is_converged)
