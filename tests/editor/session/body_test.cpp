@@ -149,10 +149,10 @@ TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
 
 TEST(Body, of_clouds_has_no_finer_voxels_than_their_openings_need)
 {
-    const auto rest_of = [](const Shape& shape, int across)
+    const auto rest_of = [](const Shape& shape, int across, int max_depth)
     {
         CellSettings settings;
-        settings.max_depth = kUsualDepth;
+        settings.max_depth = max_depth;
         settings.across = across;
         const Geometry geometry =
             scan_geometry("m.obj", support::obj_text(shape)).geometry;
@@ -163,18 +163,21 @@ TEST(Body, of_clouds_has_no_finer_voxels_than_their_openings_need)
     const double of_gap = CellSettings().gap / std::sqrt(6.0);
     std::mt19937 rng(5);
     const Shape open = cloud(rng);
-    const auto rest = rest_of(open, 0);
+    // Where cells are large enough not to need small voxels themselves.
+    const auto rest = rest_of(open, 8, 0);
     EXPECT_GT(voxel_of(*rest), 1.1 * of_gap);
     EXPECT_LE(16.0 * voxel_of(*rest),
-              2.5 * rest->material.seal_radius / rest->frame.diagonal());
+              2.5 * std::max(rest->material.seal_radius, rest->material.spacing) /
+                  rest->frame.diagonal());
     EXPECT_FALSE(rest->warnings.empty());
     // Whoever chose the cells.
-    EXPECT_EQ(voxel_of(*rest_of(open, rest->across)), voxel_of(*rest));
+    const auto chosen = rest_of(open, 0, kUsualDepth);
+    EXPECT_EQ(voxel_of(*rest_of(open, chosen->across, kUsualDepth)), voxel_of(*chosen));
     // A cube that lost two triangles is nearly closed: its openings tell nothing of the
     // rest.
     Shape cube = support::box_shape({0, 0, 0}, {1, 1, 1}, 8);
     cube.triangles.resize(cube.triangles.size() - 2);
-    EXPECT_LE(voxel_of(*rest_of(cube, 0)), of_gap * (1.0 + 1e-9));
+    EXPECT_LE(voxel_of(*rest_of(cube, 8, 0)), of_gap * (1.0 + 1e-9));
 }
 
 } // namespace cellwarp
