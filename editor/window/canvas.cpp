@@ -29,8 +29,10 @@ constexpr float kGhostOpacity = 0.42f;
 constexpr std::size_t kSpacingProbes = 48;
 /// A point is drawn this much larger than its distance to the next one, so that no
 /// holes are seen between points that are spread at random.
-constexpr double kPointOverlap = 2.4;
+constexpr double kPointOverlap = 2.4, kCoarseOverlap = 1.4;
 constexpr double kFloorReach = 3.0; ///< half side [view]
+/// So many points of a cloud, and up to twice as many, are drawn where all would be slow.
+constexpr int kCoarsePoints = 100000;
 /// Corners of triangles that go to the graphics card in one frame.
 constexpr std::size_t kCornersAtOnce = 1000000;
 
@@ -127,6 +129,12 @@ public:
     const Eigen::Matrix4d& to_view() const { return to_view_; }
     double spacing() const { return spacing_; }
 
+    /// Of a cloud, which points are drawn: all, or one of so many.
+    int point_step(Detail detail) const
+    {
+        return detail == Detail::Coarse ? std::max(1, count_ / kCoarsePoints) : 1;
+    }
+
     void draw(Detail detail) const
     {
         array_.bind();
@@ -138,7 +146,7 @@ public:
         }
         glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
         if (is_cloud())
-            glDrawArrays(GL_POINTS, 0, count_);
+            draw_points(point_step(detail));
         else if ((detail == Detail::Coarse || !is_whole()) && num_coarse_ > 0)
             glDrawElements(
                 GL_TRIANGLES, num_coarse_, GL_UNSIGNED_INT,
@@ -148,6 +156,19 @@ public:
     }
 
 private:
+    void draw_points(int step) const
+    {
+        read_every(step);
+        glDrawArrays(GL_POINTS, 0, (count_ + step - 1) / step);
+        read_every(1);
+    }
+    /// One of so many places is a vertex.
+    void read_every(int step) const
+    {
+        array_.floats(0, positions_, 3, step * 3 * static_cast<int>(sizeof(float)));
+        if (has_colours_)
+            array_.colours(2, colours_, step * static_cast<int>(sizeof(Colour)));
+    }
     /// The next part, or all where there are no coarse triangles to draw meanwhile.
     void upload_triangles()
     {
@@ -291,7 +312,7 @@ struct Canvas::State
     void draw_shape(const CanvasScene& scene, const ViewOptions& options,
                     const ViewRect& rect);
     void draw_points(const CanvasScene& scene, const DrawnShape& drawn,
-                     const ViewRect& rect, float opacity);
+                     const ViewRect& rect, Detail detail, float opacity);
     void draw_ghost(const CanvasScene& scene, const ViewOptions& options,
                     const ViewRect& rect);
     void draw_cells(const CanvasScene& scene, const ViewOptions& options);
@@ -409,12 +430,15 @@ void Canvas::State::set_up(const ShaderProgram& program, const CanvasScene& scen
 }
 
 void Canvas::State::draw_points(const CanvasScene& scene, const DrawnShape& drawn,
-                                const ViewRect& rect, float opacity)
+                                const ViewRect& rect, Detail detail, float opacity)
 {
     set_up(points, scene, drawn.to_view());
     const double scale = std::cbrt(
         std::abs(drawn.to_view().topLeftCorner<3, 3>().determinant())); // view per work
-    const double width = kPointOverlap * drawn.spacing() * scale;
+    // Fewer points are larger, and a little more so, for chance leaves larger gaps.
+    const int step = drawn.point_step(detail);
+    const double width = kPointOverlap * drawn.spacing() * scale *
+                         (step > 1 ? kCoarseOverlap * std::sqrt(step) : 1.0);
     // Row 1 of the projection takes a length at distance 1 to half heights of the view.
     points.set("point_size",
                static_cast<float>(width * scene.camera.projection_matrix()(1, 1) *
@@ -423,7 +447,7 @@ void Canvas::State::draw_points(const CanvasScene& scene, const DrawnShape& draw
     points.set("point_radius", static_cast<float>(width / 2.0));
     points.set("opacity", opacity);
     glEnable(GL_PROGRAM_POINT_SIZE);
-    drawn.draw(Detail::All);
+    drawn.draw(detail);
 }
 
 void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& options,
@@ -433,7 +457,7 @@ void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& opti
         return;
     if (shape->is_cloud())
     {
-        draw_points(scene, *shape, rect, 1.0f);
+        draw_points(scene, *shape, rect, options.detail, 1.0f);
         return;
     }
     if (options.shows_faces)
@@ -465,7 +489,7 @@ void Canvas::State::draw_ghost(const CanvasScene& scene, const ViewOptions& opti
     if (rest->is_cloud())
     {
         glDepthMask(GL_FALSE);
-        draw_points(scene, *rest, rect, 0.12f);
+        draw_points(scene, *rest, rect, options.detail, 0.12f);
         glDepthMask(GL_TRUE);
     }
     else
