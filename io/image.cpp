@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/image.h"
 
+#include <cmath>
+
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_STATIC
 #pragma GCC diagnostic push
@@ -11,6 +13,20 @@
 
 namespace cellwarp
 {
+
+void cover_pixel(Image& image, int column, int row,
+                 const std::array<std::uint8_t, 3>& colour, double share)
+{
+    if (column < 0 || row < 0 || column >= image.width || row >= image.height)
+        return;
+    std::uint8_t* const pixel =
+        &image.rgb[3 * (static_cast<std::size_t>(row) *
+                            static_cast<std::size_t>(image.width) +
+                        static_cast<std::size_t>(column))];
+    for (std::size_t k = 0; k < 3; ++k)
+        pixel[k] = static_cast<std::uint8_t>(
+            std::lround(share * colour[k] + (1.0 - share) * pixel[k]));
+}
 
 std::string png_bytes(const Image& image)
 {

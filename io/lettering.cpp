@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/lettering.h"
 
-#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <string_view>
@@ -73,7 +72,7 @@ struct Lettering::Font
     std::string bytes;
     stbtt_fontinfo info;
     float scale = 0.0f;
-    double middle = 0.0; ///< of a small letter above the base line [pixel]
+    double middle = 0.0; ///< of a digit, above the base line [pixel]
 
     /// Calls visit(character, x of its origin) and returns the width [pixel].
     template <class Visit>
@@ -125,38 +124,22 @@ void Lettering::draw(const std::string& text, double x, double y,
                      const std::array<std::uint8_t, 3>& colour, Image& image) const
 {
     const double left = x - 0.5 * width(text), base = std::round(y + font_->middle);
-    font_->for_each(
-        text,
-        [&](int character, double offset)
-        {
-            const double origin = left + offset, whole = std::floor(origin);
-            int wide = 0, high = 0, from_x = 0, from_y = 0;
-            unsigned char* const shape = stbtt_GetCodepointBitmapSubpixel(
-                &font_->info, font_->scale, font_->scale,
-                static_cast<float>(origin - whole), 0.0f, character, &wide, &high,
-                &from_x, &from_y);
-            for (int j = 0; j < high; ++j)
-                for (int i = 0; i < wide; ++i)
-                {
-                    const int column = static_cast<int>(whole) + from_x + i;
-                    const int row = static_cast<int>(base) + from_y + j;
-                    if (column < 0 || row < 0 || column >= image.width ||
-                        row >= image.height)
-                        continue;
-                    const double cover = shape[j * wide + i] / 255.0;
-                    for (std::size_t k = 0; k < 3; ++k)
+    font_->for_each(text,
+                    [&](int character, double offset)
                     {
-                        std::uint8_t& of_image =
-                            image.rgb[3 * (static_cast<std::size_t>(row) *
-                                               static_cast<std::size_t>(image.width) +
-                                           static_cast<std::size_t>(column)) +
-                                      k];
-                        of_image = static_cast<std::uint8_t>(
-                            std::lround(cover * colour[k] + (1.0 - cover) * of_image));
-                    }
-                }
-            stbtt_FreeBitmap(shape, nullptr);
-        });
+                        const double origin = left + offset, whole = std::floor(origin);
+                        int wide = 0, high = 0, from_x = 0, from_y = 0;
+                        unsigned char* const shape = stbtt_GetCodepointBitmapSubpixel(
+                            &font_->info, font_->scale, font_->scale,
+                            static_cast<float>(origin - whole), 0.0f, character, &wide,
+                            &high, &from_x, &from_y);
+                        for (int j = 0; j < high; ++j)
+                            for (int i = 0; i < wide; ++i)
+                                cover_pixel(image, static_cast<int>(whole) + from_x + i,
+                                            static_cast<int>(base) + from_y + j, colour,
+                                            shape[j * wide + i] / 255.0);
+                        stbtt_FreeBitmap(shape, nullptr);
+                    });
 }
 
 } // namespace cellwarp

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp info: what files hold.
-#include <cmath>
 #include <memory>
 #include <optional>
-#include <system_error>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/cli/command.h"
+#include "editor/cli/limbs.h"
 #include "editor/cli/session_json.h"
+#include "editor/session/deformation.h"
 #include "editor/session/scene_script.h"
+#include "editor/study/sweep.h"
 #include "io/error.h"
 #include "io/field_file.h"
 #include "io/geometry_file.h"
@@ -18,8 +19,6 @@
 #include "io/number.h"
 #include "io/scene_file.h"
 #include "io/text.h"
-#include "octree/base/index.h"
-#include "octree/limb_tree.h"
 
 namespace cellwarp
 {
@@ -69,36 +68,31 @@ std::string as_text(const Json& json)
     return text + "  writable    " + (json["writable"].get<bool>() ? "yes" : "no") + "\n";
 }
 
-/// What a saved deformation holds.
+Json corners_json(const Eigen::AlignedBox3d& box)
+{
+    return {{box.min().x(), box.min().y(), box.min().z()},
+            {box.max().x(), box.max().y(), box.max().z()}};
+}
+
+/// What a saved deformation holds; its box is that of the first stage's frame.
 Json describe(const FieldFile& file)
 {
-    constexpr const char* kKinds[] = {"blend", "closest4", "rbf", "rbf-global",
-                                      "rbf-centres"};
-    const StoredField& first = file.stages.front();
-    // The box that the model filled, in the model's own axes.
-    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> axes(
-        first.axes.data());
-    const Eigen::Map<const Eigen::Vector3d> origin(first.origin.data());
-    const Eigen::Map<const Eigen::Vector3d> size(first.size.data());
+    const WorkFrame frame = frame_of(file.stages.front());
+    const Eigen::AlignedBox3d own(Eigen::Vector3d::Zero().eval(), frame.size);
     Eigen::AlignedBox3d box;
     for (int k = 0; k < 8; ++k)
-    {
-        const Eigen::Vector3d corner =
-            size.cwiseProduct(Eigen::Vector3d(k & 1, k >> 1 & 1, k >> 2 & 1));
-        box.extend(origin +
-                   axes.transpose() * (corner * std::ldexp(1.0, -first.exponent)));
-    }
+        box.extend(
+            frame.to_model(own.corner(static_cast<Eigen::AlignedBox3d::CornerType>(k))));
     Json json = {{"format", "cwf"},
-                 {"box",
-                  {{box.min().x(), box.min().y(), box.min().z()},
-                   {box.max().x(), box.max().y(), box.max().z()}}},
+                 {"box", corners_json(box)},
                  {"checksum", fmt::format("{:08x}", file.checksum)},
                  {"stages", Json::array()}};
     for (const StoredField& stage : file.stages)
-        json["stages"].push_back({{"field", kKinds[stage.kind]},
-                                  {"cells", stage.edges.size()},
-                                  {"centres", stage.num_centres},
-                                  {"regions", stage.regions.size()}});
+        json["stages"].push_back(
+            {{"field", field_name(static_cast<FieldKind>(stage.kind))},
+             {"cells", stage.edges.size()},
+             {"centres", stage.num_centres},
+             {"regions", stage.regions.size()}});
     return json;
 }
 
@@ -117,66 +111,13 @@ std::string text_of_field(const Json& json)
     return text;
 }
 
-/// Where the limbs of a shape end: of each end the box of the samples that are nearer to
-/// it than to any other joint of the shape's centre lines, in the model's box (0 to 1).
-Json extremities_of(const std::string& path, const Geometry& geometry)
+Json describe(const std::vector<LimbEnd>& ends)
 {
-    Shape shape;
-    shape.samples = geometry.samples;
-    shape.triangles = triangles_of(geometry);
-    std::vector<LimbJoint> joints;
-    try
-    {
-        joints = limb_tree(shape);
-    }
-    catch (const std::system_error& error)
-    {
-        throw Error(Fault::File, error.what());
-    }
-    if (joints.size() < 2)
-        throw Error(Fault::Unsolvable,
-                    path +
-                        ": --extremities: the shape has no centre line (this needs a "
-                        "closed surface, or samples that one can be wrapped around, and "
-                        "a build with CGAL)");
-    std::vector<char> is_end(joints.size(), 1);
-    for (const LimbJoint& joint : joints)
-        if (joint.parent >= 0)
-            is_end[idx(joint.parent)] = 0;
-    std::vector<Eigen::AlignedBox3d> boxes(joints.size());
-    std::vector<std::size_t> counts(joints.size(), 0);
-    for (const Eigen::Vector3d& x : geometry.samples)
-    {
-        std::size_t nearest = 0;
-        for (std::size_t k = 1; k < joints.size(); ++k)
-            if ((x - joints[k].at).squaredNorm() < (x - joints[nearest].at).squaredNorm())
-                nearest = k;
-        boxes[nearest].extend(x);
-        ++counts[nearest];
-    }
-    const ModelBox model = bounding_box(geometry.samples);
-    const auto relative = [&](const Eigen::Vector3d& x, int side)
-    {
-        // Outwards to whole hundredths, so that none of the samples is left out.
-        Json corner = Json::array();
-        for (int axis = 0; axis < 3; ++axis)
-        {
-            const double size = model.size()[axis];
-            const double share = size > 0 ? (x[axis] - model.low[axis]) / size : 0.5;
-            corner.push_back(
-                (side < 0 ? std::floor(100.0 * share) : std::ceil(100.0 * share)) /
-                100.0);
-        }
-        return corner;
-    };
-    Json ends = Json::array();
-    for (std::size_t k = 0; k < joints.size(); ++k)
-        if (is_end[k] && counts[k] > 0)
-            ends.push_back(
-                {{"samples", counts[k]},
-                 {"relative_box",
-                  {relative(boxes[k].min(), -1), relative(boxes[k].max(), 1)}}});
-    return ends;
+    Json all = Json::array();
+    for (const LimbEnd& end : ends)
+        all.push_back(
+            {{"samples", end.num_samples}, {"relative_box", corners_json(end.box)}});
+    return all;
 }
 
 std::string text_of_extremities(const Json& ends)
@@ -321,7 +262,8 @@ int run(const InfoFlags& flags, const CommonFlags& common)
                 text += "              " + file.geometry.not_writable + "\n";
             if (flags.tells_extremities)
             {
-                all.back()["extremities"] = extremities_of(path, file.geometry);
+                all.back()["extremities"] =
+                    describe(limb_ends(limbs_of(path, file.geometry), file.geometry));
                 text += text_of_extremities(all.back()["extremities"]);
             }
         }

@@ -3,10 +3,10 @@
 
 #include <map>
 #include <memory>
-#include <system_error>
 
 #include <fmt/format.h>
 
+#include "editor/cli/limbs.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/number.h"
@@ -14,7 +14,6 @@
 #include "io/skeleton_file.h"
 #include "io/text.h"
 #include "octree/base/index.h"
-#include "octree/limb_tree.h"
 
 namespace cellwarp
 {
@@ -84,23 +83,8 @@ int run(const SkeletonFlags& flags, const CommonFlags& common)
     check_output(flags.output, common.overwrite());
     const GeometryFile file = read_geometry(flags.model, {flags.columns});
     print_warnings(file.geometry.warnings, common);
-    Shape shape;
-    shape.samples = file.geometry.samples;
-    shape.triangles = triangles_of(file.geometry);
-    std::vector<LimbJoint> found;
-    try
-    {
-        found = limb_tree(shape, flags.options);
-    }
-    catch (const std::system_error& error)
-    {
-        throw Error(Fault::File, error.what());
-    }
-    if (found.size() < 2)
-        throw Error(Fault::Unsolvable,
-                    flags.model + ": the shape has no centre line (this needs a closed "
-                                  "surface, or samples that one can be wrapped around, "
-                                  "and a build with CGAL)");
+    const std::vector<LimbJoint> found =
+        limbs_of(flags.model, file.geometry, flags.options);
     const std::vector<SkeletonJoint> joints = statements_of(found);
     write_file(flags.output, text_of(flags, joints), common.overwrite());
     if (common.is_json)

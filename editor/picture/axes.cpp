@@ -27,7 +27,7 @@ constexpr double kTick = 0.4, kToNumber = 1.5, kToName = 3.4;
 /// About so many numbers an axis.
 constexpr double kNumbers = 5.0;
 
-/// A line of one pixel, its ends smoothed away along it.
+/// A line of one pixel, smoothed.
 void draw_line(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int first, int end,
                Image& image)
 {
@@ -47,15 +47,8 @@ void draw_line(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int first
             place[across] = low + side;
             const int column = first + static_cast<int>(std::lround(place.x()));
             const int row = static_cast<int>(std::lround(place.y()));
-            if (column < first || column >= end || row < 0 || row >= image.height)
-                continue;
-            for (std::size_t k = 0; k < 3; ++k)
-            {
-                std::uint8_t& value =
-                    image.rgb[3 * (idx(row) * idx(image.width) + idx(column)) + k];
-                value = static_cast<std::uint8_t>(
-                    std::lround(cover * kAxisInk[k] + (1.0 - cover) * value));
-            }
+            if (column >= first && column < end)
+                cover_pixel(image, column, row, kAxisInk, cover);
         }
     }
 }
@@ -97,10 +90,13 @@ std::vector<double> ticks_between(double low, double high)
         return ticks;
     const double wanted = (high - low) / kNumbers;
     const double power = std::pow(10.0, std::floor(std::log10(wanted)));
-    const double step = power * (wanted < 1.5 * power   ? 1.0
-                                 : wanted < 3.5 * power ? 2.0
-                                 : wanted < 7.5 * power ? 5.0
-                                                        : 10.0);
+    const double share = wanted / power;
+    double step = 10.0 * power;
+    // Half way to the next one, by their ratio.
+    for (const auto& [round, up_to] :
+         {std::pair(5.0, std::sqrt(50.0)), {2.0, std::sqrt(10.0)}, {1.0, std::sqrt(2.0)}})
+        if (share < up_to)
+            step = round * power;
     const double slack = 1e-9 * (high - low);
     for (double k = std::ceil((low - slack) / step); k * step <= high + slack; ++k)
         ticks.push_back(k * step + 0.0); // no -0

@@ -14,7 +14,7 @@
 namespace cellwarp
 {
 
-/// Round numbers of \p low to \p high, evenly, three to seven of them; none where the two
+/// Round numbers of \p low to \p high, evenly, three to eight of them; none where the two
 /// are the same.
 std::vector<double> ticks_between(double low, double high);
 

@@ -407,18 +407,15 @@ private:
     Eigen::AlignedBox3d box_;
 };
 
-/// What a figure takes, in its own axes.
-Eigen::AlignedBox3d box_of(const Figure& figure)
+/// Calls visit(place) for all that must be in the picture.
+template <class Visit>
+void for_each_place(const Figure& figure, const Visit& visit)
 {
-    Eigen::AlignedBox3d box;
-    for (const Eigen::Vector3d& x : figure.points)
-        box.extend(x);
+    std::for_each(figure.points.begin(), figure.points.end(), visit);
     for (const auto& corners : figure.boxes)
-        for (const Eigen::Vector3d& x : corners)
-            box.extend(x);
+        std::for_each(corners.begin(), corners.end(), visit);
     for (const Figure::Bead& bead : figure.beads)
-        box.extend(bead.place);
-    return box;
+        visit(bead.place);
 }
 
 } // namespace
@@ -429,16 +426,12 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     Eigen::AlignedBox3d all;
     SeenBox seen_all(view);
     for (const Figure& figure : figures)
-    {
-        all.extend(box_of(figure));
-        for (const Eigen::Vector3d& x : figure.points)
-            seen_all.add(x);
-        for (const auto& box : figure.boxes)
-            for (const Eigen::Vector3d& x : box)
-                seen_all.add(x);
-        for (const Figure::Bead& bead : figure.beads)
-            seen_all.add(bead.place);
-    }
+        for_each_place(figure,
+                       [&](const Eigen::Vector3d& x)
+                       {
+                           all.extend(x);
+                           seen_all.add(x);
+                       });
     double extent =
         std::max(seen_all.size().maxCoeff(), 2.0 * figures.front().point_radius);
     if (!(extent > 0))
@@ -454,8 +447,9 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     const bool has_labels =
         std::any_of(figures.begin(), figures.end(),
                     [](const Figure& figure) { return !figure.label.empty(); });
-    const double room = (options.shows_axes ? 2.0 * kRoomOfAxes * line : 0.0) +
-                        (has_labels ? 2.0 * kLabelFromTop * line : 0.0);
+    // Beside the axes on all sides, and above, and below for the middle to stay there.
+    const double beside = options.shows_axes ? 2.0 * kRoomOfAxes * line : 0.0;
+    const double above = beside + (has_labels ? 2.0 * kLabelFromTop * line : 0.0);
     // The rays begin in front of all figures, also of those beside what is in focus.
     const Eigen::Vector3d middle = shown.centre();
     const Eigen::Vector3d centre =
@@ -464,8 +458,8 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     const double unit =
         kMargin *
         std::max(
-            {shown.size().x() / std::max(0.3 * options.width, options.width - room),
-             shown.size().y() / std::max(0.3 * options.height, options.height - room),
+            {shown.size().x() / std::max(0.3 * options.width, options.width - beside),
+             shown.size().y() / std::max(0.3 * options.height, options.height - above),
              extent * 1e-3 / options.width}) /
         extent;
     view.centre = centre;

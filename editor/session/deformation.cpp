@@ -158,6 +158,16 @@ StoredField stored_field(const CellSystem& system, const Field& field)
     return out;
 }
 
+WorkFrame frame_of(const StoredField& stored)
+{
+    WorkFrame frame;
+    frame.origin = Eigen::Vector3d(stored.origin.data());
+    frame.axes = by_rows(stored.axes.data());
+    frame.exponent = stored.exponent;
+    frame.size = Eigen::Vector3d(stored.size.data());
+    return frame;
+}
+
 /// One stage, ready to be applied.
 struct Deformation::Map
 {
@@ -182,16 +192,6 @@ private:
 
 namespace
 {
-
-WorkFrame frame_of(const StoredField& stored)
-{
-    WorkFrame frame;
-    frame.origin = Eigen::Vector3d(stored.origin.data());
-    frame.axes = by_rows(stored.axes.data());
-    frame.exponent = stored.exponent;
-    frame.size = Eigen::Vector3d(stored.size.data());
-    return frame;
-}
 
 /// Of a voxel: its piece, the grid's own mark, and while labels spread a distance [byte].
 constexpr double kBytesPerVoxel = 4.0 + 1.0, kBytesPerSpreadVoxel = 4.0;

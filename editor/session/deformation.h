@@ -21,6 +21,9 @@ namespace cellwarp
 /// What is kept of a system and its field: all that moves a point.
 StoredField stored_field(const CellSystem& system, const Field& field);
 
+/// Where the model of a stored field was, and its axes.
+WorkFrame frame_of(const StoredField& stored);
+
 /// What a Deformation of that file takes at the most, the file's own numbers included
 /// [byte].
 double memory_of(const FieldFile& file);

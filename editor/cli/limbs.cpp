@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/cli/limbs.h"
+
+#include <system_error>
+
+#include "editor/session/body.h"
+#include "io/error.h"
+#include "octree/base/index.h"
+
+namespace cellwarp
+{
+
+std::vector<LimbJoint> limbs_of(const std::string& path, const Geometry& geometry,
+                                const LimbOptions& options)
+{
+    Shape shape;
+    shape.samples = geometry.samples;
+    shape.triangles = triangles_of(geometry);
+    std::vector<LimbJoint> joints;
+    try
+    {
+        joints = limb_tree(shape, options);
+    }
+    catch (const std::system_error& error)
+    {
+        throw Error(Fault::File, error.what());
+    }
+    if (joints.size() < 2)
+        throw Error(Fault::Unsolvable,
+                    path + ": the shape has no centre line (this needs a closed surface, "
+                           "or samples that one can be wrapped around, and a build with "
+                           "CGAL)");
+    return joints;
+}
+
+std::vector<LimbEnd> limb_ends(const std::vector<LimbJoint>& joints,
+                               const Geometry& geometry)
+{
+    std::vector<char> is_end(joints.size(), 1);
+    for (const LimbJoint& joint : joints)
+        if (joint.parent >= 0)
+            is_end[idx(joint.parent)] = 0;
+    std::vector<LimbEnd> of_joints(joints.size());
+    for (const Eigen::Vector3d& x : geometry.samples)
+    {
+        std::size_t nearest = 0;
+        for (std::size_t k = 1; k < joints.size(); ++k)
+            if ((x - joints[k].at).squaredNorm() < (x - joints[nearest].at).squaredNorm())
+                nearest = k;
+        of_joints[nearest].box.extend(x);
+        ++of_joints[nearest].num_samples;
+    }
+    const ModelBox model = bounding_box(geometry.samples);
+    // A flat model has only places at 0 across.
+    const Eigen::Array3d size =
+        (model.size().array() > 0).select(model.size().array(), 1.0);
+    std::vector<LimbEnd> ends;
+    for (std::size_t k = 0; k < joints.size(); ++k)
+    {
+        LimbEnd& end = of_joints[k];
+        if (!is_end[k] || end.num_samples == 0)
+            continue;
+        const auto hundredths = [&](const Eigen::Vector3d& x) -> Eigen::Array3d
+        { return 100.0 * ((x - model.low).array() / size); };
+        end.box = Eigen::AlignedBox3d(
+            (hundredths(end.box.min()).floor() / 100.0).matrix().eval(),
+            (hundredths(end.box.max()).ceil() / 100.0).matrix().eval());
+        ends.push_back(end);
+    }
+    return ends;
+}
+
+} // namespace cellwarp
