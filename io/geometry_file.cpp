@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <future>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -84,16 +85,23 @@ GeometryFile read_geometry(const std::string& path, const ReadOptions& options)
     return file;
 }
 
-std::string patched(const GeometryFile& file, const DeformedSamples& patch,
-                    std::size_t* num_split)
+std::string patched(const GeometryFile& file, const DeformedSamples& patch)
+{
+    std::string out;
+    out.reserve(file.bytes.size() + file.bytes.size() / 8);
+    write_patched(file, patch, [&](std::string_view bytes) { out.append(bytes); });
+    return out;
+}
+
+std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch,
+                          const BytesSink& write, std::uint64_t bytes_at_once)
 {
     const Geometry& geometry = file.geometry;
-    if (num_split)
-        *num_split = 0;
-    if (file.gltf)
-        return patched_gltf(file, patch, {}).bytes;
-    if (!geometry.unpacked.empty())
-        return patched_pcd(file, patch);
+    if (file.gltf || !geometry.unpacked.empty())
+    {
+        write(file.gltf ? patched_gltf(file, patch, {}).bytes : patched_pcd(file, patch));
+        return 0;
+    }
     const std::vector<DirectionUse> uses = direction_uses(geometry);
     ObjSplit split;
     if (!geometry.corner_directions.empty())
@@ -106,16 +114,29 @@ std::string patched(const GeometryFile& file, const DeformedSamples& patch,
         for (std::size_t use = 0; use < uses.size(); ++use)
             split.directions[uses[use].direction] = patch.directions[use];
     }
-    if (num_split)
-        *num_split = split.num_lines;
-    std::string out;
-    out.reserve(file.bytes.size() + split.lines.size() + file.bytes.size() / 8);
-    append_patched(file.path, file.bytes, 0, geometry,
-                   {patch.samples, split.directions, patch.tangents, patch.rotations,
-                    split.index_starts, split.new_indices},
-                   out);
-    out.append(split.lines);
-    return out;
+    const PatchedBytes bytes(file.path, file.bytes, 0, geometry,
+                             {patch.samples, split.directions, patch.tangents,
+                              patch.rotations, split.index_starts, split.new_indices});
+    const std::vector<std::uint64_t> cuts = bytes.cuts(bytes_at_once);
+    std::string ready, next;
+    for (std::size_t k = 1; k <= cuts.size(); ++k)
+    {
+        // While one range is written, the next one's numbers become text. Where there is
+        // no thread left, that waits for get().
+        std::future<void> text;
+        next.clear();
+        if (k < cuts.size())
+            text = std::async(std::launch::async | std::launch::deferred,
+                              [&, k] { bytes.append_to(next, cuts[k - 1], cuts[k]); });
+        if (!ready.empty())
+            write(ready);
+        if (text.valid())
+            text.get();
+        ready.swap(next);
+    }
+    write(bytes.tail());
+    write(split.lines);
+    return split.num_lines;
 }
 
 } // namespace cellwarp

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -29,10 +31,17 @@ GeometryFile scan_geometry(std::string path, std::string bytes,
 
 /// The file's bytes with \p patch in place. A number whose value does not change
 /// keeps its bytes. Where the uses of one OBJ direction end more than 1e-6 apart
-/// it is split: new vn lines at the end, and only those corners' index changes;
-/// \p num_split, if given, counts the new lines.
+/// it is split: new vn lines at the end, and only those corners' index changes.
 /// Throws Fault::Malformed if a value does not fit its stored type.
-std::string patched(const GeometryFile& file, const DeformedSamples& patch,
-                    std::size_t* num_split = nullptr);
+std::string patched(const GeometryFile& file, const DeformedSamples& patch);
+
+/// Takes bytes in their order.
+using BytesSink = std::function<void(std::string_view)>;
+
+/// Hands patched() to \p write in pieces of about \p bytes_at_once bytes (packed formats
+/// in one). Gives the number of OBJ directions that were split.
+std::size_t write_patched(const GeometryFile& file, const DeformedSamples& patch,
+                          const BytesSink& write,
+                          std::uint64_t bytes_at_once = std::uint64_t(1) << 20);
 
 } // namespace cellwarp

@@ -113,8 +113,20 @@ std::size_t write_geometry(const std::string& output, const GeometryFile& model,
         write_file(output, result.bytes, overwrite);
         return 0;
     }
-    std::size_t num_split = 0;
-    write_file(output, patched(model, patch, &num_split), overwrite);
+    OutputFile file(output, overwrite);
+    const bool is_stdout = output == "-";
+    std::string whole; // what went to stdout could not be taken back: all must fit first
+    const std::size_t num_split = write_patched(model, patch,
+                                                [&](std::string_view bytes)
+                                                {
+                                                    if (is_stdout)
+                                                        whole.append(bytes);
+                                                    else
+                                                        file.write(bytes);
+                                                });
+    if (is_stdout)
+        file.write(whole);
+    file.commit();
     return num_split;
 }
 

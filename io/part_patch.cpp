@@ -54,8 +54,44 @@ public:
             load();
         }
     }
+    /// To the first number at \p byte or behind it, from one before it.
+    void skip_to(std::uint64_t byte)
+    {
+        std::size_t low = first_ / places_.length, high = after_.size() / places_.length;
+        while (low < high)
+        {
+            const std::size_t middle = low + (high - low) / 2;
+            if (end_of(middle) < byte)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        if (first_ != low * places_.length)
+        {
+            first_ = low * places_.length;
+            next_ = 0;
+            load();
+        }
+        while (!is_done() && start() < byte)
+            advance();
+    }
+    /// The last number's; not of an empty list.
+    Edit last() const
+    {
+        const std::size_t first = after_.size() - places_.length;
+        const std::uint64_t* starts = &places_.starts[first];
+        const auto k = static_cast<std::size_t>(
+            std::max_element(starts, starts + places_.length) - starts);
+        return {starts[k], places_.scalars[k], places_.big_endian, after_[first + k]};
+    }
 
 private:
+    /// [byte] Where the last number of a vector starts.
+    std::uint64_t end_of(std::size_t vector) const
+    {
+        const std::uint64_t* starts = &places_.starts[vector * places_.length];
+        return *std::max_element(starts, starts + places_.length);
+    }
     void load()
     {
         if (is_done())
@@ -76,6 +112,33 @@ private:
     std::size_t next_ = 0;  ///< in order_
 };
 
+/// Those of all lists that change.
+using EditStreams = std::array<EditStream, 4>;
+
+EditStreams edit_streams(const Geometry& geometry, const PartPatch& patch)
+{
+    return {EditStream(geometry.sample_places, numbers_of(geometry.samples),
+                       numbers_of(patch.samples)),
+            EditStream(geometry.direction_places, numbers_of(geometry.directions),
+                       numbers_of(patch.directions)),
+            EditStream(geometry.tangent_places, numbers_of(geometry.tangents),
+                       numbers_of(patch.tangents)),
+            EditStream(geometry.rotation_places, numbers_of(geometry.rotations),
+                       numbers_of(patch.rotations))};
+}
+
+constexpr std::uint64_t kNoByte = ~std::uint64_t(0);
+
+/// The stream whose next number comes first.
+EditStream& next_of(EditStreams& streams)
+{
+    const auto start_of = [](const EditStream& stream)
+    { return stream.is_done() ? kNoByte : stream.start(); };
+    return *std::min_element(streams.begin(), streams.end(),
+                             [&](const EditStream& a, const EditStream& b)
+                             { return start_of(a) < start_of(b); });
+}
+
 /// Length of the number or index at \p start: what none of the formats has in one
 /// ends it.
 std::size_t token_length(std::string_view bytes, std::uint64_t start)
@@ -90,14 +153,62 @@ std::size_t token_length(std::string_view bytes, std::uint64_t start)
 
 } // namespace
 
-void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
-                    const Geometry& geometry, const PartPatch& patch, std::string& out)
+PatchedBytes::PatchedBytes(const std::string& path, std::string_view bytes,
+                           std::uint64_t start, const Geometry& geometry,
+                           const PartPatch& patch)
+    : path_(path), bytes_(bytes), start_(start), geometry_(geometry), patch_(patch),
+      end_(start)
 {
-    std::uint64_t copied = start;
+    const auto length_at = [&](std::uint64_t place, std::size_t stored)
+    { return stored > 0 ? stored : token_length(bytes, place - start); };
+    for (const EditStream& stream : edit_streams(geometry, patch))
+        if (!stream.is_done())
+        {
+            const Edit last = stream.last();
+            end_ = std::max(end_,
+                            last.start + length_at(last.start, stored_size(last.scalar)));
+        }
+    if (!patch.index_starts.empty())
+        end_ = std::max(end_, patch.index_starts.back() +
+                                  length_at(patch.index_starts.back(), 0));
+}
+
+std::vector<std::uint64_t> PatchedBytes::cuts(std::uint64_t length) const
+{
+    std::vector<std::uint64_t> cuts = {start_};
+    EditStreams streams = edit_streams(geometry_, patch_);
+    while (end_ - cuts.back() > length)
+    {
+        const std::uint64_t least = cuts.back() + length;
+        for (EditStream& stream : streams)
+            stream.skip_to(least);
+        const EditStream& next = next_of(streams);
+        const auto index = std::lower_bound(patch_.index_starts.begin(),
+                                            patch_.index_starts.end(), least);
+        const std::uint64_t cut =
+            std::min({end_, next.is_done() ? kNoByte : next.start(),
+                      index == patch_.index_starts.end() ? kNoByte : *index});
+        if (cut == end_)
+            break;
+        cuts.push_back(cut);
+    }
+    cuts.push_back(end_);
+    return cuts;
+}
+
+void PatchedBytes::append_to(std::string& out) const
+{
+    append_to(out, start_, end_);
+    out.append(tail());
+}
+
+void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t to) const
+{
+    std::uint64_t copied = from;
     const auto replace =
         [&](std::uint64_t place, std::size_t length, std::string_view text)
     {
-        out.append(bytes.substr(copied - start, place - copied));
+        out.append(bytes_.substr(copied - start_, place - copied));
         out.append(text);
         copied = place + length;
     };
@@ -106,39 +217,29 @@ void append_patched(const std::string& path, std::string_view bytes, std::uint64
     {
         text.clear();
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
-            throw does_not_fit(path, edit.start, edit.value);
+            throw does_not_fit(path_, edit.start, edit.value);
         const std::size_t size = stored_size(edit.scalar);
-        replace(edit.start, size > 0 ? size : token_length(bytes, edit.start - start),
+        replace(edit.start, size > 0 ? size : token_length(bytes_, edit.start - start_),
                 text);
     };
-    std::array<EditStream, 4> streams = {
-        EditStream(geometry.sample_places, numbers_of(geometry.samples),
-                   numbers_of(patch.samples)),
-        EditStream(geometry.direction_places, numbers_of(geometry.directions),
-                   numbers_of(patch.directions)),
-        EditStream(geometry.tangent_places, numbers_of(geometry.tangents),
-                   numbers_of(patch.tangents)),
-        EditStream(geometry.rotation_places, numbers_of(geometry.rotations),
-                   numbers_of(patch.rotations))};
-    std::size_t index = 0;
-    constexpr std::uint64_t kEnd = ~std::uint64_t(0);
+    EditStreams streams = edit_streams(geometry_, patch_);
+    for (EditStream& stream : streams)
+        stream.skip_to(from);
+    auto index = static_cast<std::size_t>(
+        std::lower_bound(patch_.index_starts.begin(), patch_.index_starts.end(), from) -
+        patch_.index_starts.begin());
     for (;;)
     {
-        const auto start_of = [](const EditStream& stream)
-        { return stream.is_done() ? kEnd : stream.start(); };
-        EditStream& stream =
-            *std::min_element(streams.begin(), streams.end(),
-                              [&](const EditStream& a, const EditStream& b)
-                              { return start_of(a) < start_of(b); });
+        EditStream& stream = next_of(streams);
+        const std::uint64_t number = stream.is_done() ? kNoByte : stream.start();
         const std::uint64_t i =
-            index == patch.index_starts.size() ? kEnd : patch.index_starts[index];
-        const std::uint64_t first = std::min(start_of(stream), i);
-        if (first == kEnd)
+            index == patch_.index_starts.size() ? kNoByte : patch_.index_starts[index];
+        if (std::min(number, i) >= to)
             break;
-        if (first == i)
+        if (i < number)
         {
-            replace(i, token_length(bytes, i - start),
-                    std::to_string(patch.new_indices[index]));
+            replace(i, token_length(bytes_, i - start_),
+                    std::to_string(patch_.new_indices[index]));
             ++index;
             continue;
         }
@@ -146,7 +247,7 @@ void append_patched(const std::string& path, std::string_view bytes, std::uint64
             apply(stream.edit());
         stream.advance();
     }
-    out.append(bytes.substr(copied - start));
+    out.append(bytes_.substr(copied - start_, to - copied));
 }
 
 } // namespace cellwarp

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -24,10 +25,33 @@ struct PartPatch
     std::span<const std::uint32_t> new_indices;  ///< 1-based
 };
 
-/// Appends \p bytes, which start at byte \p start of the file \p path and hold
-/// \p geometry, with \p patch in place. Whole files and parts alike are written here.
-/// Throws as patched() does.
-void append_patched(const std::string& path, std::string_view bytes, std::uint64_t start,
-                    const Geometry& geometry, const PartPatch& patch, std::string& out);
+/// Bytes with numbers in them that change. Whole files and parts alike are written by it.
+/// What it is made of is the caller's and stays where it is.
+class PatchedBytes
+{
+public:
+    /// \p bytes start at byte \p start of the file \p path and hold \p geometry.
+    PatchedBytes(const std::string& path, std::string_view bytes, std::uint64_t start,
+                 const Geometry& geometry, const PartPatch& patch);
+
+    /// Appends all of them. Throws as patched() does.
+    void append_to(std::string& out) const;
+
+    /// [byte] of the file: where to part it into ranges of about \p length so that no
+    /// number is cut, from its beginning to where the last number ends.
+    std::vector<std::uint64_t> cuts(std::uint64_t length) const;
+    /// Appends what stands from one of cuts() up to another. Throws as patched() does.
+    void append_to(std::string& out, std::uint64_t from, std::uint64_t to) const;
+    /// What stands behind the last number.
+    std::string_view tail() const { return bytes_.substr(end_ - start_); }
+
+private:
+    const std::string& path_;
+    std::string_view bytes_;
+    std::uint64_t start_ = 0;
+    const Geometry& geometry_;
+    PartPatch patch_;
+    std::uint64_t end_ = 0; ///< [byte] of the last number
+};
 
 } // namespace cellwarp

@@ -159,10 +159,10 @@ void Stream::move(MovingPart& part) const
                 part.rotations});
     if (format_ == "stl")
         part.directions = facet_normals(geometry, part.samples);
-    append_patched(path_, part.file.bytes, part.file.start, geometry,
-                   {part.samples, part.directions, part.tangents, part.rotations,
-                    part.index_starts, part.new_indices},
-                   part.out);
+    PatchedBytes(path_, part.file.bytes, part.file.start, geometry,
+                 {part.samples, part.directions, part.tangents, part.rotations,
+                  part.index_starts, part.new_indices})
+        .append_to(part.out);
 }
 
 void Stream::write(Batch& batch)

@@ -180,8 +180,10 @@ TEST(Obj, a_normal_whose_users_part_company_is_split)
     ASSERT_EQ(uses.size(), 3u);
     patch.directions[1] = Eigen::Vector3d(1, 0, 0);
     patch.directions[2] = Eigen::Vector3d(1, 0, 5e-7); // as good as the same
-    std::size_t num_split = 0;
-    EXPECT_EQ(patched(file, patch, &num_split),
+    std::string bytes;
+    const std::size_t num_split =
+        write_patched(file, patch, [&](std::string_view piece) { bytes.append(piece); });
+    EXPECT_EQ(bytes,
               kTriangle +
                   "vn 0 0 1\nvt 0 0\nf 1/1/1 2/1/2 3/1/2\nf 3//2 2//2 1//1\nvn 1 0 0\n");
     EXPECT_EQ(num_split, 1u);

@@ -126,10 +126,24 @@ DeformedSamples moved(const GeometryFile& file, const Move& move)
 
 /// What the way through memory gives.
 std::string moved_whole(const std::string& name, const std::string& bytes,
-                        const Move& move, std::size_t* num_split = nullptr)
+                        const Move& move)
 {
     const GeometryFile file = scan_geometry(name, bytes);
-    return patched(file, moved(file, move), num_split);
+    return patched(file, moved(file, move));
+}
+
+/// The same in pieces; with the number of normals that were split.
+std::pair<std::string, std::size_t> moved_in_pieces(const std::string& name,
+                                                    const std::string& bytes,
+                                                    const Move& move,
+                                                    std::uint64_t bytes_at_once)
+{
+    const GeometryFile file = scan_geometry(name, bytes);
+    std::string all;
+    const std::size_t num_split = write_patched(
+        file, moved(file, move), [&](std::string_view piece) { all.append(piece); },
+        bytes_at_once);
+    return {std::move(all), num_split};
 }
 
 struct Streamed
@@ -360,9 +374,8 @@ TEST(Stream, parts_of_any_size_give_the_bytes_of_the_whole)
         for (const Move& move : {Move(bend), Move(bend_half)})
         {
             SCOPED_TRACE(sample.name);
-            std::size_t num_split = 0;
-            const std::string whole =
-                moved_whole(sample.name, sample.bytes, move, &num_split);
+            const auto [whole, num_split] =
+                moved_in_pieces(sample.name, sample.bytes, move, 1 << 20);
             const GeometryFile file = scan_geometry(sample.name, sample.bytes);
             for (std::size_t part = 1; part <= sample.bytes.size() + 1;
                  part += part < 24 ? 1 : 1 + part / 4)
@@ -376,6 +389,23 @@ TEST(Stream, parts_of_any_size_give_the_bytes_of_the_whole)
                 ASSERT_EQ(parts.report.warnings.size(), file.geometry.warnings.size());
             }
         }
+}
+
+TEST(Stream, a_whole_file_is_written_the_same_in_pieces_of_any_size)
+{
+    for (const Sample& sample : samples())
+    {
+        SCOPED_TRACE(sample.name);
+        for (const Move& move : {Move(bend), Move(bend_half)})
+        {
+            const std::string whole = moved_whole(sample.name, sample.bytes, move);
+            for (std::size_t piece = 1; piece <= sample.bytes.size() + 1;
+                 piece += piece < 24 ? 1 : 1 + piece / 4)
+                ASSERT_EQ(moved_in_pieces(sample.name, sample.bytes, move, piece).first,
+                          whole)
+                    << "pieces of " << piece << " bytes";
+        }
+    }
 }
 
 TEST(Stream, a_file_that_is_cut_ends_as_it_does_whole)
@@ -432,8 +462,7 @@ TEST(Stream, normals_of_a_large_mesh_are_split_as_in_memory)
                     std::to_string(1 + rng() % n);
         text += "\n";
     }
-    std::size_t num_split = 0;
-    const std::string whole = moved_whole("x.obj", text, bend, &num_split);
+    const auto [whole, num_split] = moved_in_pieces("x.obj", text, bend, 1 << 20);
     EXPECT_GT(num_split, 100u);
     const Folder folder;
     for (const std::size_t sort_records : {100, 1000000})
