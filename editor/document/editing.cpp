@@ -319,14 +319,32 @@ struct Editing::State
         return std::exchange(seen_field, now) != now;
     }
 
-    bool is_settled() const
+    bool is_solved() const
     {
-        if ((field && field->status().state == ExportStatus::State::Working) ||
-            drawing.valid())
-            return false;
         const bool is_asked =
             asked == document.result_revision() || document.num_recoverable() > 0;
-        return is_asked && !worker.is_busy() && !wants_drag && !preparing.valid();
+        return is_asked && !worker.is_busy();
+    }
+
+    bool is_settled() const
+    {
+        const bool is_writing =
+            field && field->status().state == ExportStatus::State::Working;
+        return is_solved() && !is_writing && !drawing.valid() && !wants_drag &&
+               !preparing.valid();
+    }
+
+    /// Updates until it is so before an update and after it: what the threads had
+    /// finished before has been taken by it.
+    void wait_until(Editing& editing, bool (State::*is_so)() const) const
+    {
+        for (bool was_so = false;; was_so = (this->*is_so)())
+        {
+            editing.update();
+            if (was_so && (this->*is_so)())
+                return;
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        }
     }
 };
 
@@ -360,16 +378,14 @@ bool Editing::update()
     return is_opened || is_drawn || is_solved || has_moved || is_exported;
 }
 
+void Editing::wait_for_result()
+{
+    state_->wait_until(*this, &State::is_solved);
+}
+
 void Editing::wait()
 {
-    // What the threads had finished before an update has been taken by it.
-    for (bool was_settled = false;; was_settled = state_->is_settled())
-    {
-        update();
-        if (was_settled && state_->is_settled())
-            return;
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
+    state_->wait_until(*this, &State::is_settled);
 }
 
 void Editing::cancel()

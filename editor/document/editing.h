@@ -39,8 +39,9 @@ public:
     /// be called once a drawn frame. True if there is something new to see. Where it
     /// throws, for want of memory or threads, the next call goes on.
     bool update();
-    /// Until the result of the document is there, or has failed, a drag could begin, and
-    /// no field is being written. For tests and scripts.
+    /// Until the result of the document is there, or has failed. For tests and scripts.
+    void wait_for_result();
+    /// Further on until a drag could begin and no field is being written.
     void wait();
     /// Gives the solve up that is under way; the document stays.
     void cancel();

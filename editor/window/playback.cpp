@@ -359,10 +359,14 @@ void Player::wait()
     {
         opened->hand.wait();
         editor_.frame(); // what it did is asked for
-        opened->editing.wait();
+        opened->editing.wait_for_result();
     }
     editor_.frame(); // what came out is seen
-    report_.waits.push_back({statement_->line, ms_since(begun_)});
+    WaitTime& time =
+        report_.waits.emplace_back(WaitTime{statement_->line, ms_since(begun_), 0.0});
+    if (OpenedDocument* opened = editor_.app().opened())
+        opened->editing.wait();
+    time.ms = ms_since(begun_);
     for (int k = 0; k < 2 || !editor_.is_whole(); ++k) // and panels have settled
         editor_.frame();
     if (editor_.app().opened() == nullptr)

@@ -32,12 +32,12 @@ struct DragTimes
     std::uint64_t solved = 0; ///< frames that the solver finished meanwhile
 };
 
-/// How long a `wait` took: from the last event or statement before it until its result
-/// was seen.
+/// How long a `wait` took from the last event or statement before it.
 struct WaitTime
 {
     std::int64_t line = 0;
-    double ms = 0.0;
+    double shape_ms = 0.0; ///< until the finished shape was drawn
+    double ms = 0.0;       ///< until the next drag could begin
 };
 
 struct PlaybackReport

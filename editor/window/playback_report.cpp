@@ -58,7 +58,9 @@ std::string report_text(const PlaybackReport& report)
              {"latency_ms", summary_of(drag.latency_ms)}});
     for (const WaitTime& wait : report.waits)
         json["waits"].push_back(
-            {{"line", wait.line}, {"ms", std::round(wait.ms * 1000.0) / 1000.0}});
+            {{"line", wait.line},
+             {"shape_ms", std::round(wait.shape_ms * 1000.0) / 1000.0},
+             {"ms", std::round(wait.ms * 1000.0) / 1000.0}});
     return json.dump(2) + "\n";
 }
 

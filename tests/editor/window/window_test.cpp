@@ -235,7 +235,10 @@ TEST_F(EditorWindow, bends_a_bar_and_what_it_saves_replays_to_the_same_bytes)
     EXPECT_GT(report["drags"][2]["frame_ms"]["median"].get<double>(), 0.0);
     ASSERT_GE(report["waits"].size(), 2u);
     for (const auto& wait : report["waits"])
-        EXPECT_GT(wait["ms"].get<double>(), 0.0) << wait;
+    {
+        EXPECT_GT(wait["shape_ms"].get<double>(), 0.0) << wait;
+        EXPECT_GE(wait["ms"], wait["shape_ms"]) << wait;
+    }
 }
 
 TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
