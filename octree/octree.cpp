@@ -188,6 +188,24 @@ Octree Octree::merge(std::span<const LeafNumber> leaves) const
     for (const LeafNumber leaf : leaves)
         if ((*this)[leaf].level > 0)
             boxes.push_back(parent((*this)[leaf]));
+    return merge_into(std::move(boxes));
+}
+
+Octree Octree::merge_all() const
+{
+    std::vector<Leaf> boxes;
+    for (const Leaf& leaf : leaves_)
+    {
+        const Leaf box = parent(leaf);
+        if ((box.corner.array() + width(box) <= counts_.array()).all())
+            boxes.push_back(box);
+    }
+    return merge_into(std::move(boxes));
+}
+
+/// The boxes whose parts are all leaves in place of these, where balance allows it.
+Octree Octree::merge_into(std::vector<Leaf> boxes) const
+{
     std::sort(boxes.begin(), boxes.end(),
               [&](const Leaf& a, const Leaf& b)
               { return std::pair(key(a), a.level) < std::pair(key(b), b.level); });

@@ -62,6 +62,9 @@ public:
     /// Puts the siblings of each of these leaves back into their parent, where all
     /// of them are leaves and balance allows it.
     Octree merge(std::span<const LeafNumber> leaves) const;
+    /// Every leaf with its siblings in their parent, where that lies inside the grid and
+    /// balance allows it; levels below 0 are above the coarsest grid.
+    Octree merge_all() const;
 
     /// Of each leaf its number in another octree of the same grid; None where that has
     /// none such.
@@ -79,6 +82,7 @@ private:
     void sort();
     Leaf parent(const Leaf& leaf) const;
     bool is_inside(const Leaf& leaf, const Leaf& box) const;
+    Octree merge_into(std::vector<Leaf> boxes) const;
     /// Leaves that touch a face of \p box from outside.
     std::vector<LeafNumber> face_neighbours(const Leaf& box) const;
     std::vector<LeafNumber> unbalanced() const;

@@ -127,6 +127,7 @@ Json frame_json(const FrameReport& report)
             {"pins", pins},
             {"second_start", second_start_name(report.second_start)},
             {"steps", report.steps},
+            {"iterations_in_larger_cells", report.iterations_in_larger_cells},
             {"cells", report.cells},
             {"recuts", report.refinements},
             {"cells_at_depth_limit", report.cells_at_limit},

@@ -27,6 +27,9 @@ constexpr double kMerge = 0.125;
 /// is more than that at rest.
 constexpr double kStretched = 0.5;
 
+/// Cells that are few enough to begin in.
+constexpr std::size_t kFewCells = 1500;
+
 /// Steps of two regions that differ by no more are one [work].
 constexpr double kSameTurns = 1e-12;
 
@@ -63,10 +66,11 @@ CellSystem CellRefiner::first()
     return {std::move(body), regions_, system_settings_};
 }
 
-std::vector<LeafNumber> CellRefiner::crowded_leaves(const Body& body) const
+std::vector<LeafNumber>
+CellRefiner::crowded_leaves(const Body& body, std::span<const RegionShares> shares) const
 {
     std::vector<LeafNumber> leaves;
-    for (const int cell : crowded_cells(*regions_, regions_->shares(body), body.cells))
+    for (const int cell : crowded_cells(*regions_, shares, body.cells))
     {
         const LeafNumber leaf = body.cells.cells[idx(cell)].leaf;
         if (body.octree[leaf].level < settings_.max_depth)
@@ -80,7 +84,8 @@ std::shared_ptr<const Body> CellRefiner::with_homes(std::shared_ptr<const Body> 
 {
     for (;;)
     {
-        std::shared_ptr<const Body> next = finer_body(body, crowded_leaves(*body));
+        std::shared_ptr<const Body> next =
+            finer_body(body, crowded_leaves(*body, regions_->shares(*body)));
         if (next == body)
             return body;
         body = std::move(next);
@@ -168,16 +173,15 @@ void CellRefiner::warn_of_budget(const Body& body)
 
 /// Of each leaf the regions with material in it, one of each motion.
 std::vector<std::vector<int>>
-CellRefiner::differing_regions(const CellSystem& system,
+CellRefiner::differing_regions(const Body& body, std::span<const RegionShares> shares,
                                std::span<const Motion> motions) const
 {
-    const Body& body = system.body();
     std::vector<std::vector<int>> regions(body.octree.leaves().size());
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
         if (!(*regions_)[r].moves_as_one())
             continue;
-        for (const auto& [cell, share] : system.shares()[r].cells)
+        for (const auto& [cell, share] : shares[r].cells)
         {
             std::vector<int>& of_leaf = regions[idx(body.cells.cells[idx(cell)].leaf)];
             if (std::none_of(of_leaf.begin(), of_leaf.end(),
@@ -194,13 +198,54 @@ std::optional<CellSystem> CellRefiner::parted(const CellSystem& system,
 {
     if (!is_adaptive())
         return std::nullopt;
-    const Octree& octree = system.body().octree;
-    const std::vector<std::vector<int>> regions = differing_regions(system, motions);
+    return in_cells(system,
+                    with_homes(finer_body(
+                        system.shared_body(),
+                        contested_leaves(system.body(), system.shares(), motions))));
+}
+
+/// With material of regions that are moved differently, and not of the deepest.
+std::vector<LeafNumber>
+CellRefiner::contested_leaves(const Body& body, std::span<const RegionShares> shares,
+                              std::span<const Motion> motions) const
+{
+    const std::vector<std::vector<int>> regions =
+        differing_regions(body, shares, motions);
     std::vector<LeafNumber> leaves;
-    for (std::size_t leaf = 0; leaf < regions.size(); ++leaf)
-        if (regions[leaf].size() > 1 && octree.leaves()[leaf].level < settings_.max_depth)
-            leaves.push_back(LeafNumber(leaf));
-    return in_cells(system, with_homes(finer_body(system.shared_body(), leaves)));
+    for (const LeafNumber leaf : body.octree.numbers())
+        if (regions[idx(leaf)].size() > 1 &&
+            body.octree[leaf].level < settings_.max_depth)
+            leaves.push_back(leaf);
+    return leaves;
+}
+
+std::vector<std::shared_ptr<const Body>>
+CellRefiner::larger_bodies(const CellSystem& system,
+                           std::span<const Motion> motions) const
+{
+    std::vector<std::shared_ptr<const Body>> bodies;
+    for (std::shared_ptr<const Body> body = system.shared_body();
+         body->cells.size() > kFewCells;)
+    {
+        auto larger = std::make_shared<const Body>(cut(rest_, body->octree.merge_all()));
+        for (;;)
+        {
+            const std::vector<RegionShares> shares = regions_->shares(*larger);
+            std::vector<LeafNumber> leaves = crowded_leaves(*larger, shares);
+            const std::vector<LeafNumber> contested =
+                contested_leaves(*larger, shares, motions);
+            leaves.insert(leaves.end(), contested.begin(), contested.end());
+            if (leaves.empty())
+                break;
+            larger = std::make_shared<const Body>(
+                cut(rest_, larger->octree.split(leaves, has_material_), larger.get()));
+        }
+        if (2 * larger->cells.size() > body->cells.size())
+            break;
+        bodies.push_back(larger);
+        body = std::move(larger);
+    }
+    return bodies;
 }
 
 std::vector<double> CellRefiner::errors_of(const CellSystem& system) const
@@ -263,7 +308,7 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
         if (errors[c] > small)
             may_merge[idx(body.cells.cells[c].leaf)] = false;
     const std::vector<std::vector<int>> regions =
-        differing_regions(system, system.motions());
+        differing_regions(body, system.shares(), system.motions());
     const auto is_contested = [&](std::span<const LeafNumber> siblings)
     {
         int one = -1;
@@ -293,7 +338,7 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
         return std::nullopt;
     auto merged =
         std::make_shared<const Body>(cut(rest_, body.octree.merge(leaves), &body));
-    if (!crowded_leaves(*merged).empty())
+    if (!crowded_leaves(*merged, regions_->shares(*merged)).empty())
         return std::nullopt;
     return in_cells(system, std::move(merged));
 }
@@ -322,15 +367,20 @@ CellSystem CellRefiner::in_cells_of(const CellSystem& other,
 CellSystem CellRefiner::handed_to(const std::shared_ptr<const Body>& body,
                                   const CellSystem& system) const
 {
-    const Body& old = system.body();
-    const std::vector<LocalMap> maps =
-        local_maps(old.cells, system.glue(), system.constraints(), system.poses());
-    const std::vector<Pose> poses =
-        handed_on(rest_->material.grid, old.pieces, old.cells, system.poses(), maps,
-                  body->octree, body->pieces, body->cells);
     CellSystem next(body, regions_, system_settings_);
-    next.set_state(poses, system);
+    hand_on(system, next);
     return next;
+}
+
+void CellRefiner::hand_on(const CellSystem& from, CellSystem& to) const
+{
+    const Body &old = from.body(), &body = to.body();
+    const std::vector<LocalMap> maps =
+        local_maps(old.cells, from.glue(), from.constraints(), from.poses());
+    const std::vector<Pose> poses =
+        handed_on(rest_->material.grid, old.pieces, old.cells, from.poses(), maps,
+                  body.octree, body.pieces, body.cells);
+    to.set_state(poses, from);
 }
 
 } // namespace cellwarp

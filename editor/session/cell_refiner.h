@@ -39,6 +39,17 @@ public:
     /// the threshold.
     std::optional<CellSystem> coarser(const CellSystem& system);
 
+    /// Bodies in ever larger cells, from which a solve in those of \p system may begin:
+    /// each has at most half as many cells as the one before, the last one few, and what
+    /// \p motions part is parted. Empty where the system has few.
+    std::vector<std::shared_ptr<const Body>>
+    larger_bodies(const CellSystem& system, std::span<const Motion> motions) const;
+    /// The same system in the cells of \p body, its poses handed on.
+    CellSystem handed_to(const std::shared_ptr<const Body>& body,
+                         const CellSystem& system) const;
+    /// Brings another system of the same shape to where \p from is.
+    void hand_on(const CellSystem& from, CellSystem& to) const;
+
     /// The system that is in \p state in the cells of \p body, in those of \p other.
     CellSystem in_cells_of(const CellSystem& other,
                            const std::shared_ptr<const Body>& body,
@@ -63,15 +74,18 @@ private:
     void warn_of_budget(const Body& body);
     double threshold_of(const CellSystem& system) const;
     std::vector<double> errors_of(const CellSystem& system) const;
-    std::vector<LeafNumber> crowded_leaves(const Body& body) const;
+    std::vector<LeafNumber> crowded_leaves(const Body& body,
+                                           std::span<const RegionShares> shares) const;
     std::shared_ptr<const Body> with_homes(std::shared_ptr<const Body> body);
     std::optional<CellSystem> in_cells(const CellSystem& system,
                                        const std::shared_ptr<const Body>& cells) const;
-    CellSystem handed_to(const std::shared_ptr<const Body>& body,
-                         const CellSystem& system) const;
     /// Regions, one of each motion, that have material in a leaf.
     std::vector<std::vector<int>>
-    differing_regions(const CellSystem& system, std::span<const Motion> motions) const;
+    differing_regions(const Body& body, std::span<const RegionShares> shares,
+                      std::span<const Motion> motions) const;
+    std::vector<LeafNumber> contested_leaves(const Body& body,
+                                             std::span<const RegionShares> shares,
+                                             std::span<const Motion> motions) const;
 
     std::shared_ptr<const RestShape> rest_;
     std::shared_ptr<const RegionSet> regions_;

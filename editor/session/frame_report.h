@@ -39,7 +39,8 @@ struct FrameReport
     std::int64_t frame = 0;
     SolveReport solve; ///< of the last step; iterations of all
     int steps = 0;
-    int refinements = 0; ///< times that other cells were made
+    int iterations_in_larger_cells = 0; ///< of those of the solve, which cost little
+    int refinements = 0;                ///< times that other cells were made
     SecondStart second_start = SecondStart::None;
     std::size_t cells = 0;
     int cells_at_limit = 0; ///< above the threshold, but at the deepest level

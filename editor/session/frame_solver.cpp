@@ -35,6 +35,9 @@ constexpr double kFold = 0.2;
 /// side, but not by more.
 constexpr double kRise = 1.02;
 
+/// So many that a long way is gone in larger ones first.
+constexpr std::size_t kManyCells = 4000;
+
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
 
@@ -78,6 +81,10 @@ struct FrameSolver::Way
     bool is_out_of_time() const
     {
         return total.stop == Stop::TimeLimit || total.stop == Stop::Stopped;
+    }
+    bool goes_on() const
+    {
+        return !is_out_of_time() && total.stop != Stop::NotPositiveDefinite;
     }
 };
 
@@ -208,6 +215,13 @@ std::vector<std::shared_ptr<const SplineState>> FrameSolver::bent(double last,
     return splines;
 }
 
+/// Against which gradients count as zero, after the first step of the regions.
+double FrameSolver::gradient_scale_here() const
+{
+    const Residual first = system_.residual();
+    return std::max(first.gradient, kUncancelledShare * first.uncancelled);
+}
+
 /// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
 /// one is solved to the tolerance asked for.
 void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
@@ -236,11 +250,7 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
                              left * (1.0 - share));
         gone = share;
         if (way.gradient_scale == 0.0)
-        {
-            const Residual first = system_.residual();
-            way.gradient_scale =
-                std::max(first.gradient, kUncancelledShare * first.uncancelled);
-        }
+            way.gradient_scale = gradient_scale_here();
         way.energy_before = system_.energy();
         system_.carry_others();
         if (chains)
@@ -251,6 +261,51 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
             break;
     }
     way.part = way.parts;
+}
+
+/// travel() in larger cells, from there on solved for in smaller and smaller ones: where
+/// the way is long and the cells are many, most iterations then cost little. False, with
+/// nothing done, where that is not so or the larger cells do not get there.
+bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
+                                         FrameReport& report, bool ends_exactly)
+{
+    if (plan_.num_parts == 1 || system_.body().cells.size() < kManyCells)
+        return false;
+    const Clock::time_point begin = Clock::now();
+    const std::vector<std::shared_ptr<const Body>> bodies =
+        refiner_.larger_bodies(system_, plan_.motions(1.0));
+    if (bodies.empty())
+        return false;
+    CellSystem other = refiner_.handed_to(bodies.back(), system_);
+    std::swap(other, system_);
+    report.cells_ms += ms_since(begin);
+    Way larger;
+    larger.start = way.start;
+    int steps = 0;
+    travel(larger, steps, false);
+    for (std::size_t k = bodies.size() - 1; k-- > 0 && larger.goes_on();)
+    {
+        const Clock::time_point next = Clock::now();
+        system_ = refiner_.handed_to(bodies[k], system_);
+        report.cells_ms += ms_since(next);
+        solve_wound(larger, false);
+    }
+    std::swap(other, system_);
+    if (!larger.goes_on())
+        return false;
+    // Gradients are measured against those of the first step in these cells.
+    const double share = 1.0 / plan_.num_parts;
+    system_.move_regions(plan_.motions(share), bent(0.0, share),
+                         system_.way_left() * (1.0 - share));
+    way = larger;
+    way.gradient_scale = gradient_scale_here();
+    system_.set_state(start.state);
+    refiner_.hand_on(other, system_);
+    report.steps += steps;
+    report.iterations_in_larger_cells = larger.total.iterations;
+    way.energy_before = system_.energy();
+    solve_wound(way, ends_exactly);
+    return true;
 }
 
 /// Whether there were other cells to take; they are taken then.
@@ -273,10 +328,8 @@ bool FrameSolver::takes(
 /// the last, exact solve shows to be still is merged after it.
 void FrameSolver::fit_cells(Way& way, FrameReport& report)
 {
-    const auto go_on = [&]
-    { return !way.is_out_of_time() && way.total.stop != Stop::NotPositiveDefinite; };
     // Where it is not stable, errors of the cells tell nothing.
-    const auto may_refine = [&] { return go_on() && !way.stays_stable; };
+    const auto may_refine = [&] { return way.goes_on() && !way.stays_stable; };
     while (may_refine() && takes(&CellRefiner::coarser, report))
         solve_wound(way, false);
     for (double before = system_.energy();
@@ -287,7 +340,7 @@ void FrameSolver::fit_cells(Way& way, FrameReport& report)
         way.has_risen |= after > kRise * before;
         before = after;
     }
-    if (go_on())
+    if (way.goes_on())
         solve_wound(way, true);
     while (may_refine() && takes(&CellRefiner::coarser, report))
         solve_wound(way, true);
@@ -354,7 +407,8 @@ void FrameSolver::solve(FrameReport& report)
     const Start start{system_.shared_body(), system_.state()};
     Way way;
     const bool is_adaptive = refiner_.is_adaptive();
-    travel(way, report.steps, !is_adaptive);
+    if (!travel_in_larger_cells(start, way, report, !is_adaptive))
+        travel(way, report.steps, !is_adaptive);
     if (is_adaptive)
     {
         fit_cells(way, report);

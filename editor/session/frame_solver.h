@@ -41,6 +41,9 @@ private:
     void solve_on(Way& way, bool is_last);
     void solve_wound(Way& way, bool is_last);
     void travel(Way& way, int& steps, bool ends_exactly);
+    bool travel_in_larger_cells(const Start& start, Way& way, FrameReport& report,
+                                bool ends_exactly);
+    double gradient_scale_here() const;
     bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
                FrameReport& report);
     void fit_cells(Way& way, FrameReport& report);

@@ -273,6 +273,48 @@ TEST(Octree, merging_what_balance_split_too_gives_the_same_octree_back)
     }
 }
 
+TEST(Octree, all_merged_has_boxes_above_the_coarsest_grid)
+{
+    const Octree coarse(shape(), kAll); // 4 x 2 x 2
+    EXPECT_EQ(coarse.split_all(1, kAll).merge_all().leaves(), coarse.leaves());
+    const Octree larger = coarse.merge_all();
+    ASSERT_EQ(larger.leaves().size(), 2u);
+    EXPECT_EQ(larger.leaves()[0].level, -1);
+    EXPECT_EQ(larger.width(larger.leaves()[0]), 32);
+    EXPECT_EQ(volume(larger), 64 * 32 * 32);
+    // A box of twice that size would stand out of the grid.
+    EXPECT_EQ(larger.merge_all().leaves(), larger.leaves());
+    EXPECT_EQ(larger.split(all_of(larger), kAll).leaves(), coarse.leaves());
+}
+
+TEST(Octree, all_merged_again_and_again_keeps_the_volume_and_the_balance)
+{
+    for (unsigned seed = 40; seed < 50; ++seed)
+    {
+        SCOPED_TRACE(seed);
+        Octree octree = randomly_split(seed, 150);
+        for (std::size_t before = 0; octree.leaves().size() != before;)
+        {
+            before = octree.leaves().size();
+            octree = octree.merge_all();
+            EXPECT_TRUE(octree.is_balanced());
+            EXPECT_EQ(volume(octree), 64 * 32 * 32);
+        }
+        EXPECT_EQ(octree.leaves().size(), 2u);
+    }
+}
+
+TEST(Octree, where_the_grid_has_an_odd_number_of_boxes_the_last_ones_stay)
+{
+    GridShape odd = shape();
+    odd.coarsest = {5, 3, 1};
+    const Octree larger = Octree(odd, kAll).merge_all();
+    EXPECT_EQ(larger.leaves(), Octree(odd, kAll).leaves()); // one layer has no parents
+    odd.coarsest = {5, 3, 2};
+    EXPECT_EQ(Octree(odd, kAll).merge_all().leaves().size(), 2u + 30u - 16u);
+    EXPECT_TRUE(Octree(odd, kAll).merge_all().merge_all().is_balanced());
+}
+
 TEST(Octree, families_are_whole_and_ascending)
 {
     const Octree coarse(shape(), kAll);

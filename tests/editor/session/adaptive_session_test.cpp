@@ -352,6 +352,40 @@ TEST(AdaptiveSession, small_cells_find_the_minimum_of_uniform_ones_where_a_fold_
               1e-3 * std::sqrt(18.0));
 }
 
+TEST(AdaptiveSession, a_long_way_in_many_cells_is_gone_in_larger_ones_first)
+{
+    // In one frame it is long, in eight it is not.
+    const auto bent = [&](bool at_once)
+    {
+        SessionSettings s;
+        s.cells.across = 72;
+        s.cells.max_depth = 0;
+        s.gradient_tolerance = 1e-9;
+        std::string text =
+            "fixed foot box -1 -1 -1 2 2 1\nhandle head box -1 -1 3 2 2 5\n";
+        for (int frame = at_once ? 8 : 1; frame <= 8; ++frame)
+            text += "frame " + std::to_string(frame) + "\nmove head rotate 0.2 0.1 1 " +
+                    std::to_string(15 * frame) + " about 0.5 0.5 2\n";
+        Session session(scan_geometry("bar.obj", support::obj_text(support::box_shape(
+                                                     {0, 0, 0}, {1, 0.5, 4}, 6)))
+                            .geometry,
+                        handles(text), s);
+        for (int frame = at_once ? 8 : 1; frame <= 8; ++frame)
+            session.next_frame(frame == 8);
+        return session;
+    };
+    const Session once = bent(true), by_and_by = bent(false);
+    const FrameReport& report = once.frames()[0];
+    EXPECT_GT(report.cells, 4000u);
+    EXPECT_EQ(report.solve.stop, Stop::Converged);
+    EXPECT_GT(2 * report.iterations_in_larger_cells, report.solve.iterations);
+    for (const FrameReport& small : by_and_by.frames())
+        EXPECT_EQ(small.iterations_in_larger_cells, 0);
+    EXPECT_NEAR(once.system()->energy() / by_and_by.system()->energy(), 1.0, 1e-9);
+    EXPECT_LT(largest_difference(once.deformed().samples, by_and_by.deformed().samples),
+              1e-6);
+}
+
 TEST(AdaptiveSession, a_budget_of_time_that_runs_out_leaves_a_state_to_draw)
 {
     SessionSettings s = adaptive(1e-3);

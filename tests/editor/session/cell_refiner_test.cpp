@@ -280,6 +280,67 @@ TEST(CellRefiner, never_merges_beyond_the_least_depth)
     EXPECT_FALSE(cells.coarser(system));
 }
 
+TEST(CellRefiner, has_larger_bodies_down_to_few_cells)
+{
+    CellSettings fine = coarse(0, INFINITY);
+    EXPECT_TRUE(refiner(bar(fine)).larger_bodies(refiner(bar(fine)).first(), {}).empty());
+    fine.across = 64; // 16 x 16 x 64
+    const RestModel model = bar(fine);
+    CellRefiner cells = refiner(model);
+    CellSystem system = cells.first();
+    const std::vector<Motion> apart = second_turned(system, 0.3);
+    const auto larger = cells.larger_bodies(system, apart);
+    ASSERT_EQ(larger.size(), 2u);
+    EXPECT_EQ(larger[0]->cells.size(), 2048u);
+    EXPECT_EQ(larger[1]->cells.size(), 256u);
+    double volume = 0.0;
+    for (const Cell& cell : larger[1]->cells.cells)
+        volume += cell.volume;
+    const double diagonal = model.rest->frame.diagonal();
+    EXPECT_NEAR(volume, 4.0 * std::pow(diagonal / std::sqrt(18.0), 3), 1e-9);
+    // At rest the poses are handed on as they are, and a turn of all comes back.
+    CellSystem few = cells.handed_to(larger[1], system);
+    few.move_regions(std::vector<Motion>(2, apart[1]));
+    few.carry_others();
+    cells.hand_on(few, system);
+    for (std::size_t c = 0; c < system.poses().size(); ++c)
+    {
+        const Cell& cell = system.body().cells.cells[c];
+        EXPECT_LT((system.poses()[c].R - apart[1].R).norm(), 1e-12);
+        EXPECT_LT((system.poses()[c].p - apart[1].R * cell.centre - apart[1].t).norm(),
+                  1e-12);
+    }
+}
+
+TEST(CellRefiner, leaves_no_larger_cell_to_regions_that_move_apart)
+{
+    CellSettings fine = coarse(0, INFINITY);
+    fine.across = 64;
+    // They end in the middle of what would be one larger cell, of edge 1/4.
+    const RestModel model = bar(fine, "fixed left box -1 -1 -1 2 2 1.812501\n"
+                                      "handle right box -1 -1 1.874999 2 2 5\n");
+    CellRefiner cells = refiner(model);
+    CellSystem system = cells.first();
+    const auto apart = cells.larger_bodies(system, second_turned(system, 0.3));
+    const auto together = cells.larger_bodies(system, std::vector<Motion>(2));
+    ASSERT_FALSE(apart.empty());
+    ASSERT_FALSE(together.empty());
+    EXPECT_GT(apart.back()->cells.size(), together.back()->cells.size());
+    for (const std::shared_ptr<const Body>& body : apart)
+    {
+        const std::vector<RegionShares> shares = model.regions->shares(*body);
+        std::vector<int> holders(body->cells.size(), 0);
+        for (const RegionShares& of : shares)
+            for (const auto& [cell, share] : of.cells)
+                ++holders[idx(cell)];
+        for (std::size_t c = 0; c < holders.size(); ++c)
+        {
+            const bool is_larger = body->octree[body->cells.cells[c].leaf].level < 0;
+            EXPECT_LE(holders[c], is_larger ? 1 : 2) << c;
+        }
+    }
+}
+
 TEST(CellRefiner, parts_regions_that_move_differently_down_to_the_deepest_cells)
 {
     // Both lie in the cells between 1.5 and 2.
