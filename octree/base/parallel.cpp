@@ -52,6 +52,13 @@ ThreadLimit::ThreadLimit(int threads)
             new Control{{tbb::global_control::max_allowed_parallelism, idx(threads)}});
 }
 
-ThreadLimit::~ThreadLimit() = default;
+ThreadLimit::~ThreadLimit()
+{
+    // Where the library had no memory it may still hold the lock that an end of the limit
+    // waits for. Whoever throws out of here ends the program: the limit may stay.
+    static std::atomic<Control*> left_behind;
+    if (std::uncaught_exceptions() > 0)
+        left_behind = control_.release();
+}
 
 } // namespace cellwarp

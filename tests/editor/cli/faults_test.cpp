@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Whatever fails in the whole program, libraries included, it ends in a documented state:
+// the old output or the new one is there, and nothing else is left behind.
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "io/error.h"
+#include "octree/base/index.h"
+#include "tests/support/program.h"
+#include "tests/support/sanitized.h"
+#include "tests/support/throws.h"
+
+namespace cellwarp
+{
+
+using support::BarFiles;
+using support::bytes_of;
+using support::Result;
+
+namespace
+{
+
+/// So many calls of a kind fail one after the other, a run each; of those behind them
+/// some. CELLWARP_FAULTS: another number.
+std::size_t num_faults()
+{
+    const char* const wanted = std::getenv("CELLWARP_FAULTS");
+    return wanted ? idx(std::atol(wanted)) : 24;
+}
+
+class Faults : public testing::Test
+{
+protected:
+    /// Runs with one call failing; false where so many are not made.
+    bool fails_well(const std::string& kind, std::size_t which,
+                    const std::set<int>& codes)
+    {
+        SCOPED_TRACE(kind + " " + std::to_string(which));
+        const std::string told = told_ / "told";
+        std::filesystem::remove(told);
+        const std::string old = "what was there before";
+        bar_.folder.write("out.obj", old);
+        const std::size_t files = support::num_files(bar_.folder);
+        const Result result =
+            bar_.deform({"--overwrite", "--threads", "2", "--max-depth", "1"},
+                        [&]
+                        {
+                            ::setenv("LD_PRELOAD", CELLWARP_FAILING_PROCESS, 1);
+                            ::setenv("CELLWARP_FAILS",
+                                     (kind + " " + std::to_string(which)).c_str(), 1);
+                            ::setenv("CELLWARP_FAILS_FROM", bar_.model.c_str(), 1);
+                            ::setenv("CELLWARP_FAILS_TOLD", told.c_str(), 1);
+                        });
+        const bool has_failed = std::filesystem::exists(told);
+        codes_.insert(result.code);
+        EXPECT_TRUE(result.code == 0 || (has_failed && codes.contains(result.code)))
+            << result.code << "\n"
+            << result.err;
+        const std::string now = bytes_of(bar_.out);
+        if (whole_.empty() && result.code == 0)
+            whole_ = now;
+        // Renamed is renamed, whatever comes after: then the error tells of the folder.
+        EXPECT_TRUE(now == whole_ || (result.code != 0 && now == old)) << result.err;
+        EXPECT_EQ(support::num_files(bar_.folder), files);
+        EXPECT_TRUE(result.code == 0 || result.err.starts_with("error: ")) << result.err;
+        return has_failed;
+    }
+
+    /// All calls of a kind, or of many the first ones and some; gives the codes seen.
+    std::set<int> all_fail_well(const std::string& kind, const std::set<int>& codes)
+    {
+        EXPECT_FALSE(fails_well(kind, 100000000, {})); // what the whole output is
+        codes_.clear();
+        std::size_t which = 1;
+        while (fails_well(kind, which, codes))
+            which += which < num_faults() ? 1 : 1 + which / 2;
+        EXPECT_GT(which, 1u) << "no call was made";
+        return codes_;
+    }
+
+    BarFiles bar_;
+    support::Folder told_;
+    std::string whole_;
+    std::set<int> codes_;
+};
+
+constexpr int kFile = static_cast<int>(Fault::File);
+constexpr int kBudget = static_cast<int>(Fault::Budget);
+
+} // namespace
+
+TEST_F(Faults, of_the_disk_leave_the_old_output_or_the_new_one)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "its library must be loaded before all others";
+    for (const char* kind : {"write", "fsync", "rename"})
+        EXPECT_EQ(all_fail_well(kind, {kFile}).count(kFile), 1u) << kind;
+}
+
+TEST_F(Faults, of_opening_files_are_told_as_files_that_cannot_be_opened)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "its library must be loaded before all others";
+    EXPECT_EQ(all_fail_well("open", {kFile}).count(kFile), 1u);
+}
+
+TEST_F(Faults, of_memory_are_told_as_too_little_of_it)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "its library must be loaded before all others";
+    EXPECT_EQ(all_fail_well("malloc", {kBudget}).count(kBudget), 1u);
+}
+
+} // namespace cellwarp
