@@ -3,6 +3,8 @@
 
 #include <atomic>
 #include <exception>
+#include <stdexcept>
+#include <system_error>
 
 #include <tbb/blocked_range.h>
 #include <tbb/global_control.h>
@@ -20,22 +22,31 @@ void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body
     tbb::task_group_context context;
     std::exception_ptr error;
     std::atomic_flag has_failed;
-    tbb::parallel_for(
-        tbb::blocked_range<std::size_t>(0, count, grain),
-        [&](const tbb::blocked_range<std::size_t>& range)
-        {
-            try
+    try
+    {
+        tbb::parallel_for(
+            tbb::blocked_range<std::size_t>(0, count, grain),
+            [&](const tbb::blocked_range<std::size_t>& range)
             {
-                body.call(body.body, range.begin(), range.end());
-            }
-            catch (...)
-            {
-                if (!has_failed.test_and_set())
-                    error = std::current_exception();
-                context.cancel_group_execution();
-            }
-        },
-        context);
+                try
+                {
+                    body.call(body.body, range.begin(), range.end());
+                }
+                catch (...)
+                {
+                    if (!has_failed.test_and_set())
+                        error = std::current_exception();
+                    context.cancel_group_execution();
+                }
+            },
+            context);
+    }
+    catch (const std::runtime_error& own)
+    {
+        // Not a part's, but the library's own: it could not begin a thread.
+        throw std::system_error(
+            std::make_error_code(std::errc::resource_unavailable_try_again), own.what());
+    }
     if (error)
         std::rethrow_exception(error);
 }

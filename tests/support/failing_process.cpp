@@ -11,6 +11,7 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
@@ -93,6 +94,15 @@ extern "C"
     ssize_t write(int file, const void* bytes, std::size_t count)
     {
         return fails("write", ENOSPC) ? -1 : ::syscall(SYS_write, file, bytes, count);
+    }
+    int pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
+                       void* (*start)(void*), void* argument)
+    {
+        static const auto real =
+            next<int(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*)>(
+                "pthread_create");
+        return fails("thread", EAGAIN) ? EAGAIN
+                                       : real(thread, attributes, start, argument);
     }
     int fsync(int file)
     {

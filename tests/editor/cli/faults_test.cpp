@@ -107,6 +107,13 @@ TEST_F(Faults, of_opening_files_are_told_as_files_that_cannot_be_opened)
     EXPECT_EQ(all_fail_well("open", {kFile}).count(kFile), 1u);
 }
 
+TEST_F(Faults, of_threads_are_told_as_too_few_of_them)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "its library must be loaded before all others";
+    EXPECT_EQ(all_fail_well("thread", {kBudget}).count(kBudget), 1u);
+}
+
 TEST_F(Faults, of_memory_are_told_as_too_little_of_it)
 {
     if (support::kIsSanitized)
