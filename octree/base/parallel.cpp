@@ -41,11 +41,11 @@ void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body
             },
             context);
     }
-    catch (const std::runtime_error& own)
+    catch (const std::runtime_error&)
     {
         // Not a part's, but the library's own: it could not begin a thread.
         throw std::system_error(
-            std::make_error_code(std::errc::resource_unavailable_try_again), own.what());
+            std::make_error_code(std::errc::resource_unavailable_try_again));
     }
     if (error)
         std::rethrow_exception(error);

@@ -31,9 +31,24 @@ std::size_t num_faults()
     return wanted ? idx(std::atol(wanted)) : 24;
 }
 
-class Faults : public testing::Test
+/// Of a command: what it reads and writes is there.
+class Faults : public testing::TestWithParam<const char*>
 {
 protected:
+    void SetUp() override
+    {
+        if (support::kIsSanitized)
+            GTEST_SKIP() << "its library must be loaded before all others";
+        arguments_ = bar_.deform_arguments({"--max-depth", "1"});
+        if (GetParam() == std::string("apply"))
+        {
+            const std::string field = bar_.folder / "bend.cwf";
+            ASSERT_EQ(bar_.deform({"--save-field", field}).code, 0);
+            arguments_ = {"apply", field, bar_.model, "-o", bar_.out};
+        }
+        arguments_.insert(arguments_.end(), {"--overwrite", "--threads", "2"});
+    }
+
     /// Runs with one call failing; false where so many are not made.
     bool fails_well(const std::string& kind, std::size_t which,
                     const std::set<int>& codes)
@@ -83,41 +98,37 @@ protected:
 
     BarFiles bar_;
     support::Folder told_;
+    std::vector<std::string> arguments_;
     std::string whole_;
     std::set<int> codes_;
 };
+
+INSTANTIATE_TEST_SUITE_P(Of, Faults, testing::Values("deform", "apply"),
+                         [](const auto& of) { return std::string(of.param); });
 
 constexpr int kFile = static_cast<int>(Fault::File);
 constexpr int kBudget = static_cast<int>(Fault::Budget);
 
 } // namespace
 
-TEST_F(Faults, of_the_disk_leave_the_old_output_or_the_new_one)
+TEST_P(Faults, of_the_disk_leave_the_old_output_or_the_new_one)
 {
-    if (support::kIsSanitized)
-        GTEST_SKIP() << "its library must be loaded before all others";
     for (const char* kind : {"write", "fsync", "rename"})
         EXPECT_EQ(all_fail_well(kind, {kFile}).count(kFile), 1u) << kind;
 }
 
-TEST_F(Faults, of_opening_files_are_told_as_files_that_cannot_be_opened)
+TEST_P(Faults, of_opening_files_are_told_as_files_that_cannot_be_opened)
 {
-    if (support::kIsSanitized)
-        GTEST_SKIP() << "its library must be loaded before all others";
     EXPECT_EQ(all_fail_well("open", {kFile}).count(kFile), 1u);
 }
 
-TEST_F(Faults, of_threads_are_told_as_too_few_of_them)
+TEST_P(Faults, of_threads_are_told_as_too_few_of_them)
 {
-    if (support::kIsSanitized)
-        GTEST_SKIP() << "its library must be loaded before all others";
     EXPECT_EQ(all_fail_well("thread", {kBudget}).count(kBudget), 1u);
 }
 
-TEST_F(Faults, of_memory_are_told_as_too_little_of_it)
+TEST_P(Faults, of_memory_are_told_as_too_little_of_it)
 {
-    if (support::kIsSanitized)
-        GTEST_SKIP() << "its library must be loaded before all others";
     EXPECT_EQ(all_fail_well("malloc", {kBudget}).count(kBudget), 1u);
 }
 
