@@ -54,7 +54,7 @@ public:
             load();
         }
     }
-    /// To the first number at \p byte or behind it, from one before it.
+    /// Goes on to the first number at \p byte or behind it.
     void skip_to(std::uint64_t byte)
     {
         std::size_t low = first_ / places_.length, high = after_.size() / places_.length;
@@ -176,6 +176,7 @@ PatchedBytes::PatchedBytes(const std::string& path, std::string_view bytes,
 std::vector<std::uint64_t> PatchedBytes::cuts(std::uint64_t length) const
 {
     std::vector<std::uint64_t> cuts = {start_};
+    length = std::max(length, std::uint64_t(1));
     EditStreams streams = edit_streams(geometry_, patch_);
     while (end_ - cuts.back() > length)
     {

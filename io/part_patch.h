@@ -37,8 +37,8 @@ public:
     /// Appends all of them. Throws as patched() does.
     void append_to(std::string& out) const;
 
-    /// [byte] of the file: where to part it into ranges of about \p length so that no
-    /// number is cut, from its beginning to where the last number ends.
+    /// [byte] of the file: where to part it into ranges of about \p length (> 0) so that
+    /// no number is cut, from its beginning to where the last number ends.
     std::vector<std::uint64_t> cuts(std::uint64_t length) const;
     /// Appends what stands from one of cuts() up to another. Throws as patched() does.
     void append_to(std::string& out, std::uint64_t from, std::uint64_t to) const;
@@ -51,7 +51,7 @@ private:
     std::uint64_t start_ = 0;
     const Geometry& geometry_;
     PartPatch patch_;
-    std::uint64_t end_ = 0; ///< [byte] of the last number
+    std::uint64_t end_ = 0; ///< [byte] behind the last number
 };
 
 } // namespace cellwarp

@@ -23,6 +23,8 @@ std::vector<LimbJoint> limbs_of(const std::string& path, const Geometry& geometr
     }
     catch (const std::system_error& error)
     {
+        if (error.code() == std::errc::resource_unavailable_try_again)
+            throw; // no thread, and no file
         throw Error(Fault::File, error.what());
     }
     if (joints.size() < 2)

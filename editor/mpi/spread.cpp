@@ -90,8 +90,9 @@ void SpreadPly::move(std::uint64_t first, std::uint64_t end,
                            {},
                            {geometry.rotation_samples, rotations}});
         moved.clear();
-        append_patched(path_, bytes, start, geometry,
-                       {samples, directions, {}, rotations, {}, {}}, moved);
+        PatchedBytes(path_, bytes, start, geometry,
+                     {samples, directions, {}, rotations, {}, {}})
+            .append_to(moved);
         output.write_at(start, moved);
     }
 }

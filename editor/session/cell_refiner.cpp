@@ -237,6 +237,8 @@ CellRefiner::larger_bodies(const CellSystem& system,
             leaves.insert(leaves.end(), contested.begin(), contested.end());
             if (leaves.empty())
                 break;
+            if (2 * larger->cells.size() > body->cells.size())
+                return bodies;
             larger = std::make_shared<const Body>(
                 cut(rest_, larger->octree.split(leaves, has_material_), larger.get()));
         }

@@ -38,6 +38,14 @@ constexpr double kRise = 1.02;
 /// So many that a long way is gone in larger ones first.
 constexpr std::size_t kManyCells = 4000;
 
+/// Iterations of a step that is hard: where no step of the way is, it is gone as fast in
+/// the cells themselves.
+constexpr int kHardStep = 5;
+
+/// By what factor the energy may rise when poses are handed on to smaller cells. Where
+/// cells hold several windings of a thin shape it is a thousand.
+constexpr double kTorn = 4.0;
+
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
 
@@ -76,6 +84,7 @@ struct FrameSolver::Way
     double largest_rise = 0.0; ///< see FrameReport
     int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
     int iterations_before = 0; ///< of an earlier way of the same frame
+    int most_iterations = 0;   ///< of one solve
     SolveReport total;
 
     bool is_out_of_time() const
@@ -124,6 +133,7 @@ void FrameSolver::solve_on(Way& way, bool is_last)
     // On the way the places that hold a rod come nearer to each other than at either end.
     // Soft rods would fold there: only where the way ends do they push back.
     SolveReport solve = system_.solve(options, way.part < way.parts);
+    way.most_iterations = std::max(way.most_iterations, solve.iterations);
     solve.add_earlier(way.total);
     way.total = solve;
 }
@@ -264,12 +274,17 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
 }
 
 /// travel() in larger cells, from there on solved for in smaller and smaller ones: where
-/// the way is long and the cells are many, most iterations then cost little. False, with
-/// nothing done, where that is not so or the larger cells do not get there.
+/// the way is long and hard and the cells are many, most iterations then cost little.
+/// False, with the system as it was, where that is not so. Rods want small cells of their
+/// own, and in larger ones turns of wound material are not told apart.
 bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
                                          FrameReport& report, bool ends_exactly)
 {
-    if (plan_.num_parts == 1 || system_.body().cells.size() < kManyCells)
+    const bool has_rods = std::any_of(system_.splines().begin(), system_.splines().end(),
+                                      [](const std::shared_ptr<const SplineState>& spline)
+                                      { return spline != nullptr; });
+    if (plan_.num_parts == 1 || system_.body().cells.size() < kManyCells ||
+        plan_.is_wound() || has_rods)
         return false;
     const Clock::time_point begin = Clock::now();
     const std::vector<std::shared_ptr<const Body>> bodies =
@@ -283,28 +298,41 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     larger.start = way.start;
     int steps = 0;
     travel(larger, steps, false);
-    for (std::size_t k = bodies.size() - 1; k-- > 0 && larger.goes_on();)
+    // Out of time it is nearer to the end than the own cells would get from the start.
+    bool is_worth_it = larger.most_iterations >= kHardStep || larger.is_out_of_time();
+    for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
     {
         const Clock::time_point next = Clock::now();
+        const double energy = system_.energy();
         system_ = refiner_.handed_to(bodies[k], system_);
         report.cells_ms += ms_since(next);
-        solve_wound(larger, false);
+        is_worth_it = system_.energy() <= kTorn * energy;
+        if (is_worth_it)
+            solve_on(larger, false);
     }
     std::swap(other, system_);
-    if (!larger.goes_on())
+    report.iterations_in_larger_cells = std::max(0, larger.total.iterations);
+    is_worth_it = is_worth_it && larger.total.stop != Stop::NotPositiveDefinite;
+    if (is_worth_it)
+    {
+        // Gradients are measured against those of the first step in these cells.
+        const double share = 1.0 / plan_.num_parts;
+        system_.move_regions(plan_.motions(share), {},
+                             system_.way_left() * (1.0 - share));
+        larger.gradient_scale = gradient_scale_here();
+        system_.set_state(start.state);
+        refiner_.hand_on(other, system_);
+        is_worth_it = system_.energy() <= kTorn * other.energy();
+    }
+    if (!is_worth_it)
+    {
+        system_.set_state(start.state);
+        way.total.add_earlier(larger.total);
         return false;
-    // Gradients are measured against those of the first step in these cells.
-    const double share = 1.0 / plan_.num_parts;
-    system_.move_regions(plan_.motions(share), bent(0.0, share),
-                         system_.way_left() * (1.0 - share));
+    }
     way = larger;
-    way.gradient_scale = gradient_scale_here();
-    system_.set_state(start.state);
-    refiner_.hand_on(other, system_);
     report.steps += steps;
-    report.iterations_in_larger_cells = larger.total.iterations;
-    way.energy_before = system_.energy();
-    solve_wound(way, ends_exactly);
+    solve_on(way, ends_exactly);
     return true;
 }
 

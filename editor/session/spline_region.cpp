@@ -101,6 +101,8 @@ std::vector<Eigen::Vector3d> centre_points(const RegionStatement& statement,
     }
     catch (const std::system_error& error)
     {
+        if (error.code() == std::errc::resource_unavailable_try_again)
+            throw; // no thread, and no file
         throw Error(Fault::File,
                     at({file, statement.line, statement.name}, error.what()));
     }

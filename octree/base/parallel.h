@@ -24,7 +24,7 @@ struct ParallelBody
 };
 
 /// Calls \p body for parts of [0, count), on all threads, and returns when all are
-/// done. What is no longer than \p grain is not split. Throws what a part throws.
+/// done; \p grain and less is not split. Throws what a part throws, EAGAIN: no thread.
 void run_parallel(std::size_t count, std::size_t grain, const ParallelBody& body);
 
 /// Calls body(begin, end) as run_parallel() does: for loops that keep something from
@@ -112,7 +112,7 @@ void parallel_sort(std::vector<Value>& values)
     }
 }
 
-/// Caps the threads of all loops while it lives; 0: as many as there are cores.
+/// Caps the threads of all loops while it lives (for good if an error ends it); 0: not.
 class ThreadLimit
 {
 public:

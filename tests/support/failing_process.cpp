@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A process of which one call fails, wherever it is made, in libraries too: a library to
-// be loaded before all others (LD_PRELOAD). CELLWARP_FAILS names the kind of call and
-// which one of it, "write 3"; CELLWARP_FAILS_FROM a file: calls are counted once it is
-// opened; CELLWARP_FAILS_TOLD a file that is made when the call fails.
+// A process of which one call fails, in libraries too: a library to be loaded before all
+// others (LD_PRELOAD). The calls are those below. CELLWARP_FAILS names the kind of call
+// and which one of it, "write 3"; CELLWARP_FAILS_FROM a file: calls are counted once it
+// is opened; CELLWARP_FAILS_TOLD a file that is made when the call fails.
 #include <atomic>
 #include <cerrno>
 #include <cstdarg>

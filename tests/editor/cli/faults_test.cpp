@@ -60,15 +60,15 @@ protected:
         bar_.folder.write("out.obj", old);
         const std::size_t files = support::num_files(bar_.folder);
         const Result result =
-            bar_.deform({"--overwrite", "--threads", "2", "--max-depth", "1"},
-                        [&]
-                        {
-                            ::setenv("LD_PRELOAD", CELLWARP_FAILING_PROCESS, 1);
-                            ::setenv("CELLWARP_FAILS",
-                                     (kind + " " + std::to_string(which)).c_str(), 1);
-                            ::setenv("CELLWARP_FAILS_FROM", bar_.model.c_str(), 1);
-                            ::setenv("CELLWARP_FAILS_TOLD", told.c_str(), 1);
-                        });
+            support::run(arguments_,
+                         [&]
+                         {
+                             ::setenv("LD_PRELOAD", CELLWARP_FAILING_PROCESS, 1);
+                             ::setenv("CELLWARP_FAILS",
+                                      (kind + " " + std::to_string(which)).c_str(), 1);
+                             ::setenv("CELLWARP_FAILS_FROM", bar_.model.c_str(), 1);
+                             ::setenv("CELLWARP_FAILS_TOLD", told.c_str(), 1);
+                         });
         const bool has_failed = std::filesystem::exists(told);
         codes_.insert(result.code);
         EXPECT_TRUE(result.code == 0 || (has_failed && codes.contains(result.code)))
@@ -124,7 +124,9 @@ TEST_P(Faults, of_opening_files_are_told_as_files_that_cannot_be_opened)
 
 TEST_P(Faults, of_threads_are_told_as_too_few_of_them)
 {
-    EXPECT_EQ(all_fail_well("thread", {kBudget}).count(kBudget), 1u);
+    // The files of apply are read and written without one, if need be.
+    const std::set<int> codes = all_fail_well("thread", {kBudget});
+    EXPECT_TRUE(codes.contains(kBudget) || GetParam() == std::string("apply"));
 }
 
 TEST_P(Faults, of_memory_are_told_as_too_little_of_it)
