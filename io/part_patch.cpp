@@ -61,7 +61,7 @@ public:
         while (low < high)
         {
             const std::size_t middle = low + (high - low) / 2;
-            if (end_of(middle) < byte)
+            if (places_.starts[last_number(middle)] < byte)
                 low = middle + 1;
             else
                 high = middle;
@@ -78,19 +78,20 @@ public:
     /// The last number's; not of an empty list.
     Edit last() const
     {
-        const std::size_t first = after_.size() - places_.length;
-        const std::uint64_t* starts = &places_.starts[first];
-        const auto k = static_cast<std::size_t>(
-            std::max_element(starts, starts + places_.length) - starts);
-        return {starts[k], places_.scalars[k], places_.big_endian, after_[first + k]};
+        const std::size_t number = last_number(after_.size() / places_.length - 1);
+        return {places_.starts[number], places_.scalars[number % places_.length],
+                places_.big_endian, after_[number]};
     }
 
 private:
-    /// [byte] Where the last number of a vector starts.
-    std::uint64_t end_of(std::size_t vector) const
+    /// Of all numbers the one that stands last in a vector.
+    std::size_t last_number(std::size_t vector) const
     {
-        const std::uint64_t* starts = &places_.starts[vector * places_.length];
-        return *std::max_element(starts, starts + places_.length);
+        const auto first =
+            places_.starts.begin() + static_cast<std::ptrdiff_t>(vector * places_.length);
+        const auto end = first + static_cast<std::ptrdiff_t>(places_.length);
+        return static_cast<std::size_t>(std::max_element(first, end) -
+                                        places_.starts.begin());
     }
     void load()
     {
