@@ -327,6 +327,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     if (!is_worth_it)
     {
         system_.set_state(start.state);
+        way.total.iterations = 0; // before the first solve it is -1
         way.total.add_earlier(larger.total);
         return false;
     }
