@@ -61,8 +61,10 @@ OctreeBlocks::OctreeBlocks(std::span<const GridPlace> places)
 
 bool OctreeBlocks::is_mixed() const
 {
-    return std::any_of(size_.begin(), size_.end(),
-                       [&](int size) { return size > level_; });
+    for (std::size_t node = 0; node < size_.size(); ++node)
+        if (is_waiting(node))
+            return true;
+    return false;
 }
 
 Grouping OctreeBlocks::join(const Links& links,

@@ -73,6 +73,8 @@ public:
     Grouping join(const Links& links,
                   const std::function<bool(std::size_t, std::size_t)>& may_join);
 
+    /// Whether the node's box is larger than those that the next call groups.
+    bool is_waiting(std::size_t node) const { return size_[node] > level_; }
     /// Whether some boxes are still waiting.
     bool is_mixed() const;
 

@@ -136,7 +136,9 @@ RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
     OctreeBlocks blocks(places);
     for (;;)
     {
-        SmoothedLevel& level = own.levels.emplace_back(A, level_bodies.is_on_rod);
+        SmoothedLevel& level = own.levels.emplace_back(
+            A, level_bodies.is_on_rod,
+            [&](std::size_t body) { return blocks.is_waiting(body); });
         if (A.count() <= kFewBodies)
             break;
         const bool is_waiting = blocks.is_mixed();
@@ -220,13 +222,13 @@ double RigidMultigrid::bytes() const
 {
     double bytes = levels_->coarsest ? 8.0 * levels_->coarsest->factor_numbers() : 0.0;
     for (const SmoothedLevel& level : levels_->levels)
-        bytes +=
-            static_cast<double>(
-                kBlockBytes * (level.block.size() + 2 * level.diagonal.size()) +
-                sizeof(int) * (level.links.column.size() + 4 * level.transfer.size()) +
-                sizeof(LevelTransfer) * level.transfer.size() +
-                5 * sizeof(WideVector) * level.x.size()) +
-            (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
+        bytes += static_cast<double>(
+                     kBlockBytes * (level.block.size() + level.inverse.size()) +
+                     sizeof(int) * (level.links.column.size() + level.smoothed.size() +
+                                    4 * level.transfer.size()) +
+                     sizeof(LevelTransfer) * level.transfer.size() +
+                     5 * sizeof(WideVector) * level.x.size()) +
+                 (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
     return bytes;
 }
 

@@ -5,6 +5,12 @@
 // correction, the cycle is symmetric; and it is positive definite whatever
 // kOvercorrection is, being the sum of a positive definite smoother and a positive
 // semi-definite correction.
+//
+// Where cells differ in size most bodies of the first levels are cells that wait for the
+// small ones to grow to their size. They are not smoothed before: a level costs what its
+// small bodies cost, and each body is smoothed at one level, or as a neighbour of smaller
+// ones at the last few. Positive definite the cycle stays: what the smoothing of a level
+// leaves out is a body of the next.
 #include "solver/cells/smoothed_level.h"
 
 #include <algorithm>
@@ -102,29 +108,46 @@ void ExactBodies::solve(const std::vector<WideVector>& right, std::vector<WideVe
                 static_cast<float>(solution_[6 * static_cast<Eigen::Index>(i) + k]);
 }
 
-SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod)
-    : block(A.column.size() - idx(A.count())), diagonal(idx(A.count())),
-      inverse(idx(A.count()))
+SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod,
+                             const std::function<bool(std::size_t)>& is_waiting)
 {
     const std::size_t n = idx(A.count());
+    // Of each row, whether one of its columns, the diagonal included, has the property.
+    const auto any_of = [&](const auto& has)
+    {
+        std::vector<char> found(n, 0);
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t k = A.begin(i); k < A.end(i) && !found[i]; ++k)
+                found[i] = has(idx(A.column[k]));
+        return found;
+    };
+    std::vector<char> is_smoothed = any_of([&](std::size_t i) { return !is_waiting(i); });
+    for (std::size_t i = 0; i < n; ++i)
+    {
+        is_smoothed[i] |= is_on_rod[i];
+        if (is_smoothed[i])
+            smoothed.push_back(static_cast<int>(i));
+    }
+    const std::vector<char> has_row =
+        any_of([&](std::size_t i) { return is_smoothed[i] != 0; });
     links.first.push_back(0);
     for (std::size_t i = 0; i < n; ++i)
     {
-        for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-            if (A.column[k] != static_cast<int>(i))
-            {
-                block.set(links.column.size(), A.block[k]);
-                links.column.push_back(A.column[k]);
-            }
+        if (has_row[i])
+            links.column.insert(links.column.end(), A.column.begin() + A.first[i],
+                                A.column.begin() + A.first[i + 1]);
         links.first.push_back(static_cast<int>(links.column.size()));
     }
+    block = WideBlocks(links.column.size());
     for_each_body(A.count(),
                   [&](std::size_t i)
                   {
-                      const Matrix6& D = A.block[A.diagonal(i)];
-                      diagonal.set(i, D);
-                      inverse.set(i, inverse_of(D));
+                      for (std::size_t k = links.begin(i); k < links.end(i); ++k)
+                          block.set(k, A.block[A.begin(i) + k - links.begin(i)]);
                   });
+    inverse = WideBlocks(smoothed.size());
+    for_each_smoothed([&](std::size_t k, std::size_t i)
+                      { inverse.set(k, inverse_of(A.block[A.diagonal(i)])); });
     for (std::vector<WideVector>* v : {&right, &x, &r, &d, &d2})
         v->assign(n, WideVector{});
     std::vector<int> found;
@@ -146,30 +169,26 @@ constexpr float kKeep = kRho * kRadius / kCentre, kGain = 2.0f * kRho / kRadius;
 
 void SmoothedLevel::before(SmoothedLevel& next)
 {
-    for_each_body(count(),
-                  [&](std::size_t i)
-                  {
-                      WideVector z{};
-                      inverse.add_product(i, right[i], z);
-                      d[i] = kFirst * z;
-                  });
+    std::fill(x.begin(), x.end(), WideVector{});
+    for_each_smoothed(
+        [&](std::size_t k, std::size_t i)
+        {
+            WideVector z{};
+            inverse.add_product(k, right[i], z);
+            d[i] = kFirst * z;
+        });
     for_rods(right, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
-    for_each_body(count(),
-                  [&](std::size_t i)
-                  {
-                      r[i] = right[i];
-                      subtract_row(i, d, r[i]);
-                      WideVector z{};
-                      inverse.add_product(i, r[i], z);
-                      d2[i] = kKeep * d[i] + kGain * z;
-                      x[i] = d[i] + d2[i];
-                  });
-    for_rods(r,
-             [&](std::size_t i, const WideVector& z)
-             {
-                 d2[i] = kKeep * d[i] + kGain * z;
-                 x[i] = d[i] + d2[i];
-             });
+    for_each_smoothed(
+        [&](std::size_t k, std::size_t i)
+        {
+            r[i] = right[i];
+            subtract_row(i, d, r[i]);
+            WideVector z{};
+            inverse.add_product(k, r[i], z);
+            x[i] = (1.0f + kKeep) * d[i] + kGain * z;
+        });
+    for_rods(r, [&](std::size_t i, const WideVector& z)
+             { x[i] = (1.0f + kKeep) * d[i] + kGain * z; });
     for_each_body(next.count(),
                   [&](std::size_t b)
                   {
@@ -177,8 +196,8 @@ void SmoothedLevel::before(SmoothedLevel& next)
                       for (const int member : grouping.members.of(b))
                       {
                           const std::size_t i = idx(member);
-                          WideVector left = r[i];
-                          subtract_row(i, d2, left);
+                          WideVector left = right[i];
+                          subtract_row(i, x, left);
                           const LevelTransfer& t = transfer[i];
                           // arm x force
                           const WideVector turned = {
@@ -210,25 +229,25 @@ void SmoothedLevel::after(const SmoothedLevel& next)
                                                   e[0] * t.arm[1] - e[1] * t.arm[0]};
                       x[i] += factor * e + carried;
                   });
-    for_each_body(count(),
-                  [&](std::size_t i)
-                  {
-                      r[i] = right[i];
-                      subtract_row(i, x, r[i]);
-                      WideVector z{};
-                      inverse.add_product(i, r[i], z);
-                      d[i] = kFirst * z;
-                  });
+    for_each_smoothed(
+        [&](std::size_t k, std::size_t i)
+        {
+            r[i] = right[i];
+            subtract_row(i, x, r[i]);
+            WideVector z{};
+            inverse.add_product(k, r[i], z);
+            d[i] = kFirst * z;
+        });
     for_rods(r, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
-    for_each_body(count(),
-                  [&](std::size_t i)
-                  {
-                      WideVector z{};
-                      subtract_row(i, d, r[i]);
-                      inverse.add_product(i, r[i], z);
-                      d2[i] = kGain * z;
-                      x[i] += (1.0f + kKeep) * d[i] + d2[i];
-                  });
+    for_each_smoothed(
+        [&](std::size_t k, std::size_t i)
+        {
+            WideVector z{};
+            subtract_row(i, d, r[i]);
+            inverse.add_product(k, r[i], z);
+            d2[i] = kGain * z;
+            x[i] += (1.0f + kKeep) * d[i] + d2[i];
+        });
     for_rods(r, [&](std::size_t i, const WideVector& z) { x[i] += kGain * z - d2[i]; });
 }
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstddef>
 #include <cstring>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -31,7 +32,9 @@ using WideVector = float __attribute__((vector_size(kWide * sizeof(float))));
 class WideBlocks
 {
 public:
-    explicit WideBlocks(std::size_t count) : numbers_(36 * count + (kWide - 6), 0.0f) {}
+    explicit WideBlocks(std::size_t count = 0) : numbers_(36 * count + (kWide - 6), 0.0f)
+    {
+    }
 
     std::size_t size() const { return numbers_.size() / 36; }
     void set(std::size_t at, const Matrix6& A)
@@ -98,9 +101,12 @@ private:
 
 struct SmoothedLevel
 {
-    // Rows without the diagonal.
+    /// Ascending; the others are at rest until the correction of the next level.
+    std::vector<int> smoothed;
+    // Rows; empty where no smoothed body has a part.
     Links links;
-    WideBlocks block, diagonal, inverse;
+    WideBlocks block;
+    WideBlocks inverse; ///< of the diagonal of each smoothed body
     // To the next level.
     Grouping grouping;
     std::vector<LevelTransfer> transfer;
@@ -110,16 +116,25 @@ struct SmoothedLevel
     std::vector<WideVector> right, x, r, d, d2;
     std::vector<WideVector> on_rods; ///< empty: no rods
 
-    SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod);
+    /// \p is_waiting(body): neighbours of bodies that do not wait are smoothed as well,
+    /// and bodies on rods.
+    SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod,
+                  const std::function<bool(std::size_t)>& is_waiting);
     int count() const { return links.count(); }
 
     /// sum -= A x, one row
     void subtract_row(std::size_t i, const std::vector<WideVector>& at,
                       WideVector& sum) const
     {
-        diagonal.subtract_product(i, at[i], sum);
         for (std::size_t k = links.begin(i); k < links.end(i); ++k)
             block.subtract_product(k, at[idx(links.column[k])], sum);
+    }
+    /// \p body(place in smoothed, body)
+    template <class Body>
+    void for_each_smoothed(Body&& body) const
+    {
+        for_each_body(static_cast<int>(smoothed.size()),
+                      [&](std::size_t k) { body(k, idx(smoothed[k])); });
     }
     /// \p use(body, its part of the solution) for all bodies on rods.
     template <class Use>

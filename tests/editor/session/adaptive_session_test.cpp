@@ -485,7 +485,7 @@ TEST(AdaptiveSession, links_of_a_chain_stay_apart_at_every_size)
 
 TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
 {
-    const Session session = played_sample("coil", "coil.obj", 0.006, 3e-4);
+    const Session session = played_sample("coil", "coil.obj", 0.006, 2e-4);
     std::set<int> levels;
     for (const Leaf& leaf : leaves(session))
         levels.insert(leaf.level);

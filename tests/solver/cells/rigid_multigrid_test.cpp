@@ -132,6 +132,42 @@ Cells graded_cells()
                        find_pieces(built.material.grid, octree));
 }
 
+/// The leaf in a corner of the box is split, and so are its parts, \p times in all.
+Cells smaller_at_a_corner(const support::Built& built, int times)
+{
+    const MaterialTest test = material_test(built.material.grid);
+    Octree octree(built.material.grid.shape(), test);
+    for (int level = 0; level < times; ++level)
+    {
+        std::vector<LeafNumber> some;
+        for (std::size_t l = 0; l < octree.leaves().size(); ++l)
+            if (octree.leaves()[l].corner.maxCoeff() == 0)
+                some.push_back(LeafNumber(l));
+        octree = octree.split(some, test);
+    }
+    return build_cells(built.material.grid, octree,
+                       find_pieces(built.material.grid, octree));
+}
+
+void expect_symmetric_and_definite(Prepared& p)
+{
+    Eigen::MatrixXd M(p.count, p.count);
+    for (Eigen::Index i = 0; i < p.count; ++i)
+        M.col(i) = p.applied(Eigen::VectorXd::Unit(p.count, i));
+    EXPECT_LT((M - M.transpose()).norm(), 1e-5 * M.norm());
+    // Against A, whose square root is L: all of M^-1 A, not only what is large in M.
+    const Eigen::MatrixXd A = support::dense_hessian(p.energy.total);
+    const Eigen::LLT<Eigen::MatrixXd> factor(A);
+    ASSERT_EQ(factor.info(), Eigen::Success);
+    const Eigen::MatrixXd L = factor.matrixL();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(L.transpose() * M * L);
+    EXPECT_GT(eigen.eigenvalues().minCoeff(), 0.1);
+    EXPECT_LT(eigen.eigenvalues().maxCoeff(), 3.0);
+    testing::Test::RecordProperty(
+        "condition",
+        std::to_string(eigen.eigenvalues().maxCoeff() / eigen.eigenvalues().minCoeff()));
+}
+
 /// Twists the whole bar along its axis by an angle in all.
 std::vector<Pose> twisted(const HeldBody& body, double angle)
 {
@@ -203,20 +239,7 @@ TEST(RigidMultigrid, is_symmetric_and_positive_definite)
     body.pin(60, body.cells.cells[60].centre + Eigen::Vector3d(0.5, 0.5, 0.0));
     Prepared p(body);
     ASSERT_GT(p.multigrid.sizes().size(), 1u);
-    Eigen::MatrixXd M(p.count, p.count);
-    for (Eigen::Index i = 0; i < p.count; ++i)
-        M.col(i) = p.applied(Eigen::VectorXd::Unit(p.count, i));
-    EXPECT_LT((M - M.transpose()).norm(), 1e-5 * M.norm());
-    // Against A, whose square root is L: all of M^-1 A, not only what is large in M.
-    const Eigen::MatrixXd A = support::dense_hessian(p.energy.total);
-    const Eigen::LLT<Eigen::MatrixXd> factor(A);
-    ASSERT_EQ(factor.info(), Eigen::Success);
-    const Eigen::MatrixXd L = factor.matrixL();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(L.transpose() * M * L);
-    EXPECT_GT(eigen.eigenvalues().minCoeff(), 0.1);
-    EXPECT_LT(eigen.eigenvalues().maxCoeff(), 3.0);
-    RecordProperty("condition", std::to_string(eigen.eigenvalues().maxCoeff() /
-                                               eigen.eigenvalues().minCoeff()));
+    expect_symmetric_and_definite(p);
 }
 
 TEST(RigidMultigrid, is_symmetric_and_positive_definite_for_many_cells)
@@ -233,6 +256,31 @@ TEST(RigidMultigrid, is_symmetric_and_positive_definite_for_many_cells)
         // Linear, to single precision.
         EXPECT_LT((p.applied(x + y) - Mx - My).norm(), 1e-5 * (Mx + My).norm());
     }
+}
+
+TEST(RigidMultigrid, is_symmetric_and_positive_definite_where_few_cells_are_small)
+{
+    const support::Built built =
+        support::built(support::box_shape({0, 0, 0}, {8, 3, 3}), 8, 2);
+    HeldBody body = held_at_one_end(smaller_at_a_corner(built, 2));
+    Prepared p(body);
+    const std::vector<int> sizes = p.multigrid.sizes();
+    ASSERT_GT(sizes.size(), 2u);
+    EXPECT_GT(sizes[1], 0.8 * sizes[0]);
+    expect_symmetric_and_definite(p);
+}
+
+/// Cells that wait for small ones to grow to their size cost nothing meanwhile.
+TEST(RigidMultigrid, costs_hardly_more_where_few_cells_are_small)
+{
+    const support::Built built =
+        support::built(support::box_shape({0, 0, 0}, {32, 8, 8}), 32, 2);
+    HeldBody alike = held_at_one_end(smaller_at_a_corner(built, 0)),
+             mixed = held_at_one_end(smaller_at_a_corner(built, 2));
+    Prepared of_alike(alike), of_mixed(mixed);
+    ASSERT_EQ(of_mixed.multigrid.sizes().size(), of_alike.multigrid.sizes().size() + 2);
+    EXPECT_LT(of_mixed.multigrid.bytes(), 1.3 * of_alike.multigrid.bytes());
+    EXPECT_LE(of_mixed.steps(), of_alike.steps() + 3);
 }
 
 TEST(RigidMultigrid, solves_for_few_cells_exactly)
