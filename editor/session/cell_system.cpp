@@ -88,8 +88,6 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
                        constraints_, components, departures.rigid_steps, make_rods);
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
-    guess_.emplace(cells, glue_, constraints_, driving(),
-                   static_cast<int>(steps_.size()));
     for (Component& component : components)
     {
         Part& part = parts_.emplace_back();
@@ -99,7 +97,6 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
         part.component = std::move(component);
     }
     warn_of_components();
-    place_fades();
 }
 
 void CellSystem::hold_cells()
@@ -472,6 +469,8 @@ void CellSystem::warn_of_components()
 /// near the last sample of the region happens to be.
 void CellSystem::place_fades()
 {
+    if (!fades_.empty())
+        return;
     const std::vector<std::vector<Eigen::Vector3d>> borders =
         border_points(body_->cells, constraints_);
     // Samples whose place is another region's before it is a rod's.
@@ -617,8 +616,16 @@ std::optional<Motion> CellSystem::rigid_step_of(const Component& component) cons
     return step;
 }
 
+void CellSystem::make_guess()
+{
+    if (!guess_)
+        guess_.emplace(body_->cells, glue_, constraints_, driving(),
+                       static_cast<int>(steps_.size()));
+}
+
 void CellSystem::carry_others()
 {
+    make_guess();
     for (std::size_t r = 0; r < motions_.size(); ++r)
         steps_[r] = motions_[r] * inverse(last_motions_[r]);
     for (std::size_t k = 0; k < stations_.size(); ++k)

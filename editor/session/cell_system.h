@@ -74,7 +74,9 @@ public:
     const CellMinimizer& minimizer() const { return *minimizer_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
 
-    /// Where a region's correction acts; null for one without samples.
+    /// Finds where the regions' corrections act, unless it has: for a field, or a drag.
+    void place_fades();
+    /// After place_fades(): where a region's correction acts; null for one without samples.
     const RegionFade* fade(std::size_t region) const
     {
         return fades_[region] ? &*fades_[region] : nullptr;
@@ -97,6 +99,8 @@ public:
     /// Lets the others take part in the last move: a component whose regions all made one
     /// rigid step makes it as a whole, in others each cell by its share.
     void carry_others();
+    /// Finds the shares, unless it has; else the first carry_others() does.
+    void make_guess();
     /// At the current poses.
     Residual residual();
     /// Lowers the glue energy of the cells that may move. Allocates nothing from the
@@ -197,7 +201,6 @@ private:
     void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
     void hold_pins();
     void warn_of_components();
-    void place_fades();
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
     std::optional<Motion> rigid_step_of(const Component& component) const;

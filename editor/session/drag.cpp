@@ -12,6 +12,8 @@ Drag::Drag(CellSystem system, const DragSettings& settings,
            std::span<const SampleNormal> normals)
     : settings_(settings), system_(std::make_unique<CellSystem>(std::move(system)))
 {
+    system_->make_guess();
+    system_->place_fades();
     std::vector<FadedRegion> faded;
     for (std::size_t r = 0; r < system_->regions().size(); ++r)
     {

@@ -599,7 +599,8 @@ void Session::solve_frame(FrameReport& report)
 /// Of the last frame.
 std::vector<MovedRegion> Session::moved_regions() const
 {
-    const StageState& s = *state_;
+    StageState& s = *state_;
+    s.system.place_fades();
     std::vector<MovedRegion> moved;
     for (std::size_t r = 0; r < s.system.regions().size(); ++r)
         if (const RegionFade* const fade = s.system.fade(r))
