@@ -10,7 +10,7 @@ namespace cellwarp
 namespace
 {
 
-[[noreturn]] void refuse()
+[[noreturn]] void refuse_skeletons()
 {
     throw Error(Fault::Usage, "this build has no skeletons (CELLWARP_SKELETON)");
 }
@@ -25,23 +25,23 @@ bool SkeletonAim::is_at(const SkeletonAim&) const
 std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>&, const Units&, const std::string&)
 {
-    refuse();
+    refuse_skeletons();
 }
 
 KeyedJoints::KeyedJoints(const SkeletonValues&)
 {
-    refuse();
+    refuse_skeletons();
 }
 
 std::vector<Move> KeyedJoints::moves_at(double) const
 {
-    refuse();
+    refuse_skeletons();
 }
 
 std::vector<FrameStatement> posed_frames(const SkeletonValues&, std::optional<double>,
                                          const std::string&)
 {
-    refuse();
+    refuse_skeletons();
 }
 
 } // namespace cellwarp

@@ -11,7 +11,7 @@ namespace cellwarp
 namespace
 {
 
-[[noreturn]] void refuse()
+[[noreturn]] void refuse_rods()
 {
     throw Error(Fault::Usage, "this build has no rods and curves (CELLWARP_RODS)");
 }
@@ -20,19 +20,19 @@ namespace
 
 std::vector<Eigen::Vector3d> points_for_rod(std::span<const Eigen::Vector3d>, double)
 {
-    refuse();
+    refuse_rods();
 }
 
 std::shared_ptr<const SplineHandle>
 make_spline_handle(const SplineStatement&, std::span<const Eigen::Vector3d>, bool, double)
 {
-    refuse();
+    refuse_rods();
 }
 
 std::unique_ptr<PushingSplines> make_pushing_splines(CellState&, const GlueTerm&,
                                                      std::vector<PushingSpline>)
 {
-    refuse();
+    refuse_rods();
 }
 
 } // namespace cellwarp

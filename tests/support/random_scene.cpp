@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <numbers>
 #include <random>
 
@@ -254,7 +256,7 @@ void Maker::make_model()
     const double kind = number(0.0, 1.0);
     if (kind < 0.2) // a cloud, on the surface or in a flat or full box
     {
-        const int count = integer(20, 1500);
+        const int count = integer(20, is_small_ ? 150 : 1500);
         if (happens(0.6))
         {
             Shape shape;
@@ -478,7 +480,7 @@ void Maker::make_handles()
     add_some("stiff", happens(0.15) ? 1 : 0);
     scene_.ends.resize(regions_.size());
     std::vector<Rigid> motions(regions_.size());
-    const int frames = integer(1, 3);
+    const int frames = integer(1, is_small_ ? 2 : 3);
     for (int frame = 1; frame <= frames; ++frame)
     {
         scene_.handles_text += "frame " + std::to_string(frame) + "\n";
@@ -511,7 +513,7 @@ void Maker::make_arguments()
         if (!value.empty())
             scene_.arguments.push_back(value);
     };
-    add("--across", std::to_string(integer(2, happens(0.1) ? 16 : 7)));
+    add("--across", std::to_string(integer(2, is_small_ ? 5 : happens(0.1) ? 16 : 7)));
     if (happens(0.5))
         add("--max-depth", std::to_string(integer(0, 2)));
     if (happens(0.3))
@@ -521,7 +523,7 @@ void Maker::make_arguments()
     if (happens(0.1))
         add("--thickness", text_of(power(-3.0, -1.0)).substr(1));
     if (is_small_)
-        add("--gap", text_of(power(-1.2, -0.7)).substr(1));
+        add("--gap", text_of(power(-1.0, -0.6)).substr(1));
     else if (happens(0.1))
         add("--gap", text_of(power(-1.9, -1.0)).substr(1));
     if (happens(0.1))
@@ -532,12 +534,12 @@ void Maker::make_arguments()
         add("--tight", "");
     if (happens(0.15))
         add("--solver", "gauss-newton");
-    if (happens(0.1))
-    {
+    scene_.is_limited = happens(0.1);
+    if (scene_.is_limited)
         add("--max-iterations", std::to_string(integer(0, 30)));
-        scene_.is_limited = true;
-    }
-    const int most = is_small_ ? 300 : 2000;
+    else if (is_small_)
+        add("--max-iterations", "60");
+    const int most = is_small_ ? 100 : 2000;
     add("--max-cells", std::to_string(happens(0.1) ? integer(1, 400) : most));
     add("--threads", std::to_string(integer(1, 2)));
 }
@@ -558,6 +560,45 @@ std::string RandomScene::describe() const
     for (const std::string& argument : arguments)
         text += " " + argument;
     return text + "\n" + handles_text;
+}
+
+std::string fault_of_samples(const RandomScene& scene,
+                             const std::vector<Vector3d>& samples)
+{
+    // Where a sample may end beside its target: of the larger of diagonal and travel.
+    constexpr double kPlace = 2e-9;
+    if (samples.size() != scene.samples.size())
+        return "lost samples";
+    double farthest = 0.0;
+    for (const Vector3d& x : scene.samples)
+        farthest = std::max(farthest, x.stableNorm());
+    const double size = scene.diagonal * std::max(1.0, scene.travel);
+    for (const Vector3d& x : samples)
+        if (!x.allFinite())
+            return "samples nowhere";
+    double worst = 0.0;
+    for (const std::vector<RandomScene::Target>& ends : scene.ends)
+        for (const RandomScene::Target& end : ends)
+            worst = std::max(worst, (samples[end.sample] - end.place).stableNorm());
+    return worst <= kPlace * size + 1e-15 * farthest
+               ? ""
+               : "handle samples in the wrong place, by " +
+                     std::to_string(worst / scene.diagonal) + " diagonals";
+}
+
+std::uint32_t number_of_scenes(const char* variable, std::uint32_t otherwise)
+{
+    const char* const text = std::getenv(variable);
+    return text ? static_cast<std::uint32_t>(std::strtoul(text, nullptr, 10)) : otherwise;
+}
+
+std::string kept_copy(const Folder& folder, std::uint32_t seed)
+{
+    const std::filesystem::path to =
+        std::filesystem::temp_directory_path() / ("scene-" + std::to_string(seed));
+    std::filesystem::remove_all(to);
+    std::filesystem::copy(folder.path(), to);
+    return to.string();
 }
 
 RandomScene random_scene(std::uint32_t seed)

@@ -9,6 +9,8 @@
 
 #include <Eigen/Core>
 
+#include "tests/support/shapes.h"
+
 namespace cellwarp::support
 {
 
@@ -35,7 +37,17 @@ struct RandomScene
 };
 
 RandomScene random_scene(std::uint32_t seed);
-/// One with coarse voxels and few cells, so that a core runs dozens in a second.
+/// One of few samples, with coarse voxels and few cells: a core runs dozens in a second.
 RandomScene small_random_scene(std::uint32_t seed);
+
+/// What is wrong with where the samples of \p scene have ended; empty: nothing.
+std::string fault_of_samples(const RandomScene& scene,
+                             const std::vector<Eigen::Vector3d>& samples);
+
+/// How many scenes a variable of the environment asks for.
+std::uint32_t number_of_scenes(const char* variable, std::uint32_t otherwise);
+
+/// Copies the files of a scene to where they stay, and tells where.
+std::string kept_copy(const Folder& folder, std::uint32_t seed);
 
 } // namespace cellwarp::support
