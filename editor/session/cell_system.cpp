@@ -464,6 +464,38 @@ void CellSystem::warn_of_components()
                 part.component.free_rotations));
 }
 
+/// Places of samples that lie so near to cells of another region that they may be corners
+/// of these, and the regions of the samples.
+std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() const
+{
+    constexpr int kNoRegion = -1, kSeveral = -2;
+    std::vector<int> near = region_of_cell_; // the region of cells nearby
+    const auto meet = [](int& one, int other)
+    {
+        if (other != kNoRegion && one != other)
+            one = one == kNoRegion ? other : kSeveral;
+    };
+    // From a cell to another one at its corner it is three steps through faces.
+    for (int step = 0; step < 3; ++step)
+    {
+        std::vector<int> next = near;
+        for (std::size_t c = 0; c < near.size(); ++c)
+            for (const int other : body_->cells.neighbours_of(static_cast<int>(c)))
+                meet(next[c], near[idx(other)]);
+        near = std::move(next);
+    }
+    std::map<std::array<double, 3>, int> places;
+    for (std::size_t r = 0; r < regions_->size(); ++r)
+        for (const std::uint32_t i : (*regions_)[r].samples)
+        {
+            const int other = near[idx(body_->cell_of_sample[i])];
+            const Eigen::Vector3d& x = rest().samples[i];
+            if (other != kNoRegion && other != static_cast<int>(r))
+                places.try_emplace({x.x(), x.y(), x.z()}, static_cast<int>(r));
+        }
+    return places;
+}
+
 /// Around the samples of the regions, and around the borders of their cells, where the
 /// field knows the motion too. Without these what lies just outside would depend on how
 /// near the last sample of the region happens to be.
@@ -473,6 +505,13 @@ void CellSystem::place_fades()
         return;
     const std::vector<std::vector<Eigen::Vector3d>> borders =
         border_points(body_->cells, constraints_);
+    const std::map<std::array<double, 3>, int> taken_places =
+        samples_near_other_regions();
+    const auto is_sample_of_another = [&](const Eigen::Vector3d& x, std::size_t region)
+    {
+        const auto found = taken_places.find({x.x(), x.y(), x.z()});
+        return found != taken_places.end() && found->second != static_cast<int>(region);
+    };
     // Samples whose place is another region's before it is a rod's.
     std::vector<bool> is_taken(on_rod_.empty() ? 0 : rest().samples.size(), false);
     for (std::size_t r = 0; !is_taken.empty() && r < regions_->size(); ++r)
@@ -498,7 +537,8 @@ void CellSystem::place_fades()
             if (region_of_cell_[c] == static_cast<int>(r) && region.moves_as_one() &&
                 constraints_[c].is_of_rigid_region())
                 for (const Eigen::Vector3d& point : borders[c])
-                    further.push_back({point, static_cast<int>(c)});
+                    if (!is_sample_of_another(point, r))
+                        further.push_back({point, static_cast<int>(c)});
         fade.emplace(body_->cells, samples, further);
     }
 }

@@ -3,6 +3,8 @@
 // where all of them are. Made anew for another body or other regions, never for a motion.
 #pragma once
 
+#include <array>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -76,7 +78,8 @@ public:
 
     /// Finds where the regions' corrections act, unless it has: for a field, or a drag.
     void place_fades();
-    /// After place_fades(): where a region's correction acts; null for one without samples.
+    /// After place_fades(): where a region's correction acts; null for one without
+    /// samples.
     const RegionFade* fade(std::size_t region) const
     {
         return fades_[region] ? &*fades_[region] : nullptr;
@@ -201,6 +204,7 @@ private:
     void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
     void hold_pins();
     void warn_of_components();
+    std::map<std::array<double, 3>, int> samples_near_other_regions() const;
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
     std::optional<Motion> rigid_step_of(const Component& component) const;

@@ -28,6 +28,10 @@ using support::RandomScene;
 
 constexpr std::uint32_t kShards = 16;
 
+/// That failed once: samples at corners of another region's cells went with that one.
+constexpr std::uint32_t kKept[] = {4302, 4303, 4319, 5256, 5625,
+                                   5636, 7078, 7140, 9381, 9755};
+
 /// What rounding makes of R^T R, and of an energy that should not rise.
 constexpr double kRounding = 1e-9;
 
@@ -178,9 +182,12 @@ TEST_P(RandomSessions, KeepWhatHoldsOfAll)
 {
     std::map<std::string, int> ends;
     const std::uint32_t count = support::number_of_scenes(
-        "CELLWARP_SMALL_SCENES", support::kIsSanitized ? 64 : 640);
+        "CELLWARP_SMALL_SCENES", support::kIsSanitized ? 64 : 480);
     for (std::uint32_t seed = GetParam(); seed < count; seed += kShards)
         play_scene(seed, ends);
+    for (const std::uint32_t seed : kKept)
+        if (seed % kShards == GetParam())
+            play_scene(seed, ends);
     for (const auto& [end, count_of_end] : ends)
         RecordProperty(end, std::to_string(count_of_end));
 }
