@@ -2,7 +2,34 @@
 #include "io/image.h"
 
 #include <cmath>
+#include <cstring>
+#include <memory_resource>
 
+namespace
+{
+
+/// Memory of a picture that is being packed. The packer does not look whether it got any:
+/// this throws std::bad_alloc, and all of it goes at once.
+thread_local std::pmr::memory_resource* memory_of_packer = nullptr;
+
+void* allocate_for_packer(std::size_t bytes)
+{
+    return memory_of_packer->allocate(bytes);
+}
+
+void* grow_for_packer(void* old, std::size_t old_bytes, std::size_t bytes)
+{
+    void* const grown = allocate_for_packer(bytes);
+    if (old)
+        std::memcpy(grown, old, old_bytes);
+    return grown;
+}
+
+} // namespace
+
+#define STBIW_MALLOC(bytes) allocate_for_packer(bytes)
+#define STBIW_REALLOC_SIZED(old, old_bytes, bytes) grow_for_packer(old, old_bytes, bytes)
+#define STBIW_FREE(old) static_cast<void>(old)
 #define STB_IMAGE_WRITE_IMPLEMENTATION
 #define STB_IMAGE_WRITE_STATIC
 #pragma GCC diagnostic push
@@ -30,6 +57,8 @@ void cover_pixel(Image& image, int column, int row,
 
 std::string png_bytes(const Image& image)
 {
+    std::pmr::monotonic_buffer_resource memory;
+    memory_of_packer = &memory;
     std::string bytes;
     stbi_write_png_to_func(
         [](void* out, void* data, int size)

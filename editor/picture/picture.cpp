@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <new>
 #include <numbers>
 
 #include <Eigen/Geometry>
@@ -31,6 +33,35 @@ constexpr double kSeenThrough = 0.7; ///< opacity of beads behind something
 constexpr double kEdgeWidth = 0.03;  ///< of the lines on boxes [edge]
 constexpr float kInk = 0.25f;        ///< brightness of those lines
 
+/// What holds one of Embree's objects and lets go of it.
+template <class Object, void (*release)(Object*)>
+struct Release
+{
+    void operator()(Object* object) const { release(object); }
+};
+using Device = std::unique_ptr<RTCDeviceTy, Release<RTCDeviceTy, rtcReleaseDevice>>;
+using Scene = std::unique_ptr<RTCSceneTy, Release<RTCSceneTy, rtcReleaseScene>>;
+using Mesh = std::unique_ptr<RTCGeometryTy, Release<RTCGeometryTy, rtcReleaseGeometry>>;
+
+/// Embree's functions return nothing, or note an error, where memory ends. Throws
+/// std::bad_alloc.
+void check(RTCDevice device, const void* made)
+{
+    if (!made || rtcGetDeviceError(device) != RTC_ERROR_NONE)
+        throw std::bad_alloc();
+}
+
+/// A new buffer of so many entries of \p each numbers. Throws std::bad_alloc.
+template <class Number>
+Number* new_buffer(RTCDevice device, const Mesh& mesh, RTCBufferType type,
+                   RTCFormat format, std::size_t each, std::size_t count)
+{
+    void* const buffer = rtcSetNewGeometryBuffer(mesh.get(), type, 0, format,
+                                                 each * sizeof(Number), count);
+    check(device, buffer);
+    return static_cast<Number*>(buffer);
+}
+
 /// A figure as the ray tracer sees it, in units of the picture's extent.
 class Traced
 {
@@ -40,6 +71,14 @@ public:
         : figure_(figure), scene_(rtcNewScene(device)), glass_(rtcNewScene(device)),
           beads_(rtcNewScene(device))
     {
+        for (const Scene* const scene : {&scene_, &glass_, &beads_})
+            check(device, scene->get());
+        const auto new_mesh = [&](RTCGeometryType type)
+        {
+            Mesh mesh(rtcNewGeometry(device, type));
+            check(device, mesh.get());
+            return mesh;
+        };
         const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3f
         { return ((x - centre) / extent).cast<float>(); };
         std::vector<bool> is_used(figure.points.size(), false);
@@ -48,17 +87,17 @@ public:
                 is_used[corner] = true;
         if (!figure.triangles.empty())
         {
-            const RTCGeometry mesh = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
-                mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
-                figure.points.size()));
+            const Mesh mesh = new_mesh(RTC_GEOMETRY_TYPE_TRIANGLE);
+            float* const v =
+                new_buffer<float>(device, mesh, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3,
+                                  3, figure.points.size());
             for (std::size_t i = 0; i < figure.points.size(); ++i)
                 Eigen::Map<Eigen::Vector3f>(v + 3 * i) = place(figure.points[i]);
-            void* t = rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0,
-                                              RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t),
-                                              figure.triangles.size());
-            std::copy_n(figure.triangles.data(), figure.triangles.size(),
-                        static_cast<std::array<std::uint32_t, 3>*>(t));
+            std::uint32_t* t =
+                new_buffer<std::uint32_t>(device, mesh, RTC_BUFFER_TYPE_INDEX,
+                                          RTC_FORMAT_UINT3, 3, figure.triangles.size());
+            for (const auto& triangle : figure.triangles)
+                t = std::copy(triangle.begin(), triangle.end(), t);
             attach(scene_, mesh, mesh_id_);
             find_normals();
         }
@@ -67,11 +106,9 @@ public:
                 balls_.push_back(static_cast<std::uint32_t>(i));
         if (!balls_.empty())
         {
-            const RTCGeometry balls =
-                rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
-            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
-                balls, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float),
-                balls_.size()));
+            const Mesh balls = new_mesh(RTC_GEOMETRY_TYPE_SPHERE_POINT);
+            float* const v = new_buffer<float>(device, balls, RTC_BUFFER_TYPE_VERTEX,
+                                               RTC_FORMAT_FLOAT4, 4, balls_.size());
             for (std::size_t i = 0; i < balls_.size(); ++i)
             {
                 Eigen::Map<Eigen::Vector3f>(v + 4 * i) = place(figure.points[balls_[i]]);
@@ -81,13 +118,13 @@ public:
         }
         if (!figure.boxes.empty())
         {
-            const RTCGeometry boxes = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_QUAD);
-            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
-                boxes, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float),
-                8 * figure.boxes.size()));
-            std::uint32_t* q = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-                boxes, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT4,
-                4 * sizeof(std::uint32_t), 6 * figure.boxes.size()));
+            const Mesh boxes = new_mesh(RTC_GEOMETRY_TYPE_QUAD);
+            float* const v =
+                new_buffer<float>(device, boxes, RTC_BUFFER_TYPE_VERTEX,
+                                  RTC_FORMAT_FLOAT3, 3, 8 * figure.boxes.size());
+            std::uint32_t* q =
+                new_buffer<std::uint32_t>(device, boxes, RTC_BUFFER_TYPE_INDEX,
+                                          RTC_FORMAT_UINT4, 4, 6 * figure.boxes.size());
             static constexpr std::uint32_t sides[6][4] = {{0, 2, 6, 4}, {1, 3, 7, 5},
                                                           {0, 1, 5, 4}, {2, 3, 7, 6},
                                                           {0, 1, 3, 2}, {4, 5, 7, 6}};
@@ -105,11 +142,9 @@ public:
         }
         if (!figure.beads.empty())
         {
-            const RTCGeometry beads =
-                rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SPHERE_POINT);
-            float* v = static_cast<float*>(rtcSetNewGeometryBuffer(
-                beads, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT4, 4 * sizeof(float),
-                figure.beads.size()));
+            const Mesh beads = new_mesh(RTC_GEOMETRY_TYPE_SPHERE_POINT);
+            float* const v = new_buffer<float>(device, beads, RTC_BUFFER_TYPE_VERTEX,
+                                               RTC_FORMAT_FLOAT4, 4, figure.beads.size());
             for (std::size_t i = 0; i < figure.beads.size(); ++i)
             {
                 Eigen::Map<Eigen::Vector3f>(v + 4 * i) = place(figure.beads[i].place);
@@ -118,15 +153,11 @@ public:
             unsigned ignored = 0;
             attach(beads_, beads, ignored);
         }
-        rtcCommitScene(scene_);
-        rtcCommitScene(glass_);
-        rtcCommitScene(beads_);
-    }
-    ~Traced()
-    {
-        rtcReleaseScene(scene_);
-        rtcReleaseScene(glass_);
-        rtcReleaseScene(beads_);
+        for (const Scene* const scene : {&scene_, &glass_, &beads_})
+        {
+            rtcCommitScene(scene->get());
+            check(device, scene->get());
+        }
     }
     Traced(const Traced&) = delete;
     Traced& operator=(const Traced&) = delete;
@@ -136,7 +167,7 @@ public:
                          std::uint32_t seed, int rays) const
     {
         Eigen::Vector4f seen = Eigen::Vector4f::Zero();
-        RTCRayHit hit = trace(scene_, origin, direction);
+        RTCRayHit hit = trace(scene_.get(), origin, direction);
         const float reach = hit.ray.tfar;
         if (hit.hit.geomID != RTC_INVALID_GEOMETRY_ID)
         {
@@ -155,7 +186,7 @@ public:
         const Eigen::Vector4f inside = with_beads(seen, origin, direction, reach);
         if (figure_.boxes.empty())
             return inside;
-        RTCRayHit box = trace(glass_, origin, direction);
+        RTCRayHit box = trace(glass_.get(), origin, direction);
         if (box.hit.geomID == RTC_INVALID_GEOMETRY_ID || box.ray.tfar > reach)
             return inside;
         Eigen::Vector3f normal(box.hit.Ng_x, box.hit.Ng_y, box.hit.Ng_z);
@@ -181,7 +212,7 @@ private:
     {
         if (figure_.beads.empty())
             return seen;
-        const RTCRayHit hit = trace(beads_, origin, direction);
+        const RTCRayHit hit = trace(beads_.get(), origin, direction);
         if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID)
             return seen;
         const Eigen::Vector3f normal =
@@ -201,11 +232,10 @@ private:
         return Eigen::Vector3f(c[0], c[1], c[2]) / 255.0f;
     }
 
-    static void attach(RTCScene scene, RTCGeometry geometry, unsigned& id)
+    static void attach(const Scene& scene, const Mesh& mesh, unsigned& id)
     {
-        rtcCommitGeometry(geometry);
-        id = rtcAttachGeometry(scene, geometry);
-        rtcReleaseGeometry(geometry);
+        rtcCommitGeometry(mesh.get());
+        id = rtcAttachGeometry(scene.get(), mesh.get());
     }
 
     void find_normals()
@@ -312,7 +342,7 @@ private:
             ray.tnear = 1e-4f;
             ray.tfar = 0.25f;
             ray.mask = ~0u;
-            rtcOccluded1(scene_, &context, &ray);
+            rtcOccluded1(scene_.get(), &context, &ray);
             open += ray.tfar > 0;
         }
         return 0.35f + 0.65f * static_cast<float>(open) / static_cast<float>(rays);
@@ -328,7 +358,7 @@ private:
     }
 
     const Figure& figure_;
-    RTCScene scene_, glass_, beads_;
+    Scene scene_, glass_, beads_;
     unsigned mesh_id_ = RTC_INVALID_GEOMETRY_ID, ball_id_ = RTC_INVALID_GEOMETRY_ID;
     std::vector<std::uint32_t> balls_;
     std::vector<Eigen::Vector3f> normals_;
@@ -466,14 +496,17 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     view.pixel = unit * extent;
 
     const int rays = occlusion_rays(options);
-    const RTCDevice device = rtcNewDevice("threads=1");
+    // Where a thread cannot begin this throws; within Embree it would end the program.
+    parallel_for(options.height, [](int) {});
+    const Device device(rtcNewDevice("threads=1"));
+    check(device.get(), device.get());
     Image image;
     image.width = options.width * static_cast<int>(figures.size());
     image.height = options.height;
     image.rgb.assign(3 * idx(image.width) * idx(image.height), 255);
     for (std::size_t f = 0; f < figures.size(); ++f)
     {
-        Traced traced(device, figures[f], centre, extent);
+        Traced traced(device.get(), figures[f], centre, extent);
         traced.key_light_ = (-0.45 * view.right + 0.75 * view.up + 0.6 * view.back)
                                 .normalized()
                                 .cast<float>();
@@ -511,7 +544,6 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                 }
             });
     }
-    rtcReleaseDevice(device);
     if (!options.shows_axes && !has_labels)
         return image;
     const Lettering lettering(line);

@@ -7,8 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include <Eigen/OrderingMethods>
 #include <Eigen/SparseCholesky>
-#include <Eigen/SparseLU>
+#include <Eigen/SparseQR>
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
@@ -48,8 +49,10 @@ std::vector<Eigen::Vector3d> solved(int n, const Triplets& entries,
 {
     Eigen::SparseMatrix<double> A(n, n);
     A.setFromTriplets(entries.begin(), entries.end());
-    Eigen::SparseLU<Eigen::SparseMatrix<double>> factor(A);
-    if (factor.info() != Eigen::Success)
+    A.makeCompressed();
+    // Not LU: Eigen's frees twice when memory ends in it.
+    Eigen::SparseQR<Eigen::SparseMatrix<double>, Eigen::COLAMDOrdering<int>> factor(A);
+    if (factor.info() != Eigen::Success || factor.rank() < n)
         throw std::invalid_argument("no curve goes through these points");
     const Eigen::MatrixX3d q = factor.solve(right);
     std::vector<Eigen::Vector3d> controls;

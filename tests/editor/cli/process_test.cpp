@@ -2,6 +2,7 @@
 // What the system does to the program: signals, closed streams, full disks, other
 // writers, limits, locales. Nothing is lost and nothing half-written stays.
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 #include <random>
 
@@ -83,7 +84,8 @@ TEST(Process, kill_at_any_moment_leaves_the_old_or_the_new_output)
     ASSERT_EQ(files.deform().code, 0);
     const std::string whole = bytes_of(files.out);
     std::mt19937 rng(1);
-    for (int trial = 0; trial < 12; ++trial)
+    const char* const wanted = std::getenv("CELLWARP_KILLS");
+    for (int trial = 0; trial < (wanted ? std::atoi(wanted) : 12); ++trial)
     {
         files.folder.write("out.obj", "old");
         const pid_t child = support::start(files.deform_arguments({"--overwrite"}));

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Long sessions: what ten thousand edits leave behind.
+#include <chrono>
+#include <cstdlib>
 #include <fstream>
+#include <thread>
 
 #include <gtest/gtest.h>
 #include <malloc.h>
@@ -130,6 +133,71 @@ TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_bac
     editing.wait();
     ASSERT_NE(editing.result(), nullptr) << editing.status().error;
     EXPECT_TRUE(editing.result()->samples == end);
+}
+
+/// A minute of them, sixty a second, or as many as CELLWARP_DRAG_EVENTS says: an hour has
+/// 216,000.
+TEST(Endurance, an_hour_of_drag_events_takes_no_more_memory_than_its_first_tenth)
+{
+    constexpr std::size_t kOfOneDrag = 300;
+    const char* const wanted = std::getenv("CELLWARP_DRAG_EVENTS");
+    const std::size_t events = wanted ? std::strtoul(wanted, nullptr, 10) : 3600;
+    const support::BarDocument bar;
+    Editing editing(bar.open());
+    Document& document = editing.document();
+    SceneSettings settings;
+    settings.cells.across = 6;
+    settings.cells.max_depth = 0;
+    settings.cells.gap = 0.1; // coarse voxels
+    document.change_settings(settings);
+    hold_ends(document);
+    editing.wait();
+    std::mt19937 rng(13);
+    double early_mb = 0.0;
+    std::size_t num_shown = 0;
+    for (std::size_t event = 0; event < events; ++event)
+    {
+        if (event == events / 10)
+            early_mb = resident_mb();
+        if (event % kOfOneDrag == 0)
+        {
+            ASSERT_TRUE(editing.begin_drag("head"));
+        }
+        Placement to;
+        to.axis = Eigen::Vector3d::UnitY();
+        to.degrees = support::random_number(rng, -60.0, 60.0);
+        to.translation = support::random_vector(rng, 0.5);
+        const std::uint64_t shown = editing.drag_status().frames;
+        editing.drag_to(to);
+        // Every one is solved for: none is replaced by the next.
+        for (int tries = 0; tries < 20000 && editing.drag_status().frames == shown;
+             ++tries)
+        {
+            editing.update();
+            std::this_thread::sleep_for(std::chrono::microseconds(50));
+        }
+        num_shown += editing.drag_status().frames - shown;
+        if (event % kOfOneDrag != kOfOneDrag - 1)
+            continue;
+        editing.end_drag();
+        document.save(bar.folder / "scene.json"); // while it solves
+        editing.wait();
+        ASSERT_NE(editing.result(), nullptr) << editing.status().error;
+    }
+    const double late_mb = resident_mb();
+    std::printf("%zu events, %zu shown: %.1f MB more than after a tenth\n", events,
+                num_shown, late_mb - early_mb);
+    EXPECT_GE(num_shown, events * 99 / 100);
+    if (!support::kIsSanitized)
+    {
+        EXPECT_LE(late_mb - early_mb, 5.0);
+    }
+    const SceneFile scene = read_scene(bar.folder / "scene.json");
+    Session replay(read_geometry(scene.model).geometry, read_handles(scene.handles),
+                   settings_of(scene));
+    while (replay.next_frame(true))
+        ;
+    EXPECT_TRUE(replay.deformed().samples == editing.result()->samples);
 }
 
 } // namespace cellwarp
