@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <new>
 #include <stdexcept>
 #include <utility>
 
-#include <Eigen/OrderingMethods>
 #include <Eigen/SparseCholesky>
-#include <Eigen/SparseQR>
+#include <umfpack.h>
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
@@ -43,18 +43,48 @@ void add_row(const BasisValues& values, int order, int row, Triplets& out)
         out.emplace_back(row, values.control[idx(j)], values.value[idx(order)][idx(j)]);
 }
 
+struct CurveFactors
+{
+    void *symbolic = nullptr, *numeric = nullptr;
+
+    CurveFactors() = default;
+    CurveFactors(const CurveFactors&) = delete;
+    CurveFactors& operator=(const CurveFactors&) = delete;
+    ~CurveFactors()
+    {
+        umfpack_di_free_symbolic(&symbolic);
+        umfpack_di_free_numeric(&numeric);
+    }
+};
+
+/// Of a factorisation. Throws std::bad_alloc, and std::invalid_argument where there is
+/// none.
+void check_factors(int status)
+{
+    if (status == UMFPACK_WARNING_singular_matrix)
+        throw std::invalid_argument("no curve goes through these points");
+    if (status != UMFPACK_OK)
+        throw std::bad_alloc();
+}
+
 /// Control points with sum A_ik q_k = x_i.
 std::vector<Eigen::Vector3d> solved(int n, const Triplets& entries,
                                     const Eigen::MatrixX3d& right)
 {
     Eigen::SparseMatrix<double> A(n, n);
     A.setFromTriplets(entries.begin(), entries.end());
-    A.makeCompressed();
-    // Not LU: Eigen's frees twice when memory ends in it.
-    Eigen::SparseQR<Eigen::SparseMatrix<double>, Eigen::COLAMDOrdering<int>> factor(A);
-    if (factor.info() != Eigen::Success || factor.rank() < n)
-        throw std::invalid_argument("no curve goes through these points");
-    const Eigen::MatrixX3d q = factor.solve(right);
+    // Eigen's own LU and QR do not bear that memory ends in them.
+    CurveFactors factors;
+    const int *columns = A.outerIndexPtr(), *rows = A.innerIndexPtr();
+    check_factors(umfpack_di_symbolic(n, n, columns, rows, A.valuePtr(),
+                                      &factors.symbolic, nullptr, nullptr));
+    check_factors(umfpack_di_numeric(columns, rows, A.valuePtr(), factors.symbolic,
+                                     &factors.numeric, nullptr, nullptr));
+    Eigen::MatrixX3d q(n, 3);
+    for (int k = 0; k < 3; ++k)
+        check_factors(umfpack_di_solve(UMFPACK_A, columns, rows, A.valuePtr(),
+                                       q.col(k).data(), right.col(k).data(),
+                                       factors.numeric, nullptr, nullptr));
     std::vector<Eigen::Vector3d> controls;
     for (int k = 0; k < n; ++k)
         controls.push_back(q.row(k).transpose());
