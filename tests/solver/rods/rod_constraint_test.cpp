@@ -78,7 +78,7 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
             const std::vector<ConstraintRow> rows = rows_of(constraint, state, basis);
             ASSERT_EQ(static_cast<int>(rows.size()), num_rows(constraint.hold));
             if (constraint.hold == HoldKind::GeometricCurvature)
-                continue; // its directions are those of the state: see below
+                continue; // its directions are those of the state: the next test
             for (int i = 0; i < n; ++i)
             {
                 RodState ahead = state, behind = state;
@@ -91,6 +91,42 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
                                 entry(rows[k], i), 2e-8);
             }
         }
+}
+
+TEST(RodConstraint, rows_of_a_curvature_that_is_met_are_its_derivatives)
+{
+    // Where nothing is violated it does not count that the directions turn.
+    const Rod rod = bent_rod();
+    std::mt19937 rng(6);
+    RodState state(rod);
+    const int n = rod.layout().num_unknowns;
+    state.move(support::random_step(n, 0.05, rng));
+    for (const double s : {0.0, 2.37, 4.0, 6.0})
+    {
+        SCOPED_TRACE(s);
+        const CurvePoint at = state.at(s);
+        RodConstraint c;
+        c.hold = HoldKind::GeometricCurvature;
+        c.s = s;
+        c.direction = at.first.cross(at.second) /
+                      (at.first.squaredNorm() * rod.rest().at(s).first.norm());
+        const HeldBasis basis(c, rod.basis());
+        const std::vector<ConstraintRow> rows = rows_of(c, state, basis);
+        ASSERT_EQ(rows.size(), 2u);
+        for (const ConstraintRow& row : rows)
+            EXPECT_NEAR(row.violation, 0.0, 1e-12);
+        for (int i = 0; i < n; ++i)
+        {
+            RodState ahead = state, behind = state;
+            ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
+            behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
+            const auto after = rows_of(c, ahead, basis),
+                       before = rows_of(c, behind, basis);
+            for (std::size_t k = 0; k < rows.size(); ++k)
+                EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
+                            entry(rows[k], i), 2e-8);
+        }
+    }
 }
 
 TEST(RodConstraint, a_curvature_is_that_of_the_circle_through_the_curve)
