@@ -9,8 +9,20 @@ namespace
 {
 
 /// Memory of a picture that is being packed. The packer does not look whether it got any:
-/// this throws std::bad_alloc, and all of it goes at once.
+/// this throws std::bad_alloc, and all of it goes at once. What has grown keeps its
+/// smaller parts until then, in all as much again.
 thread_local std::pmr::memory_resource* memory_of_packer = nullptr;
+
+/// While one picture is packed.
+struct PackerMemory
+{
+    std::pmr::monotonic_buffer_resource memory;
+
+    PackerMemory() { memory_of_packer = &memory; }
+    ~PackerMemory() { memory_of_packer = nullptr; }
+    PackerMemory(const PackerMemory&) = delete;
+    PackerMemory& operator=(const PackerMemory&) = delete;
+};
 
 void* allocate_for_packer(std::size_t bytes)
 {
@@ -57,8 +69,7 @@ void cover_pixel(Image& image, int column, int row,
 
 std::string png_bytes(const Image& image)
 {
-    std::pmr::monotonic_buffer_resource memory;
-    memory_of_packer = &memory;
+    const PackerMemory memory;
     std::string bytes;
     stbi_write_png_to_func(
         [](void* out, void* data, int size)

@@ -9,6 +9,8 @@
 #include <memory>
 #include <new>
 #include <numbers>
+#include <stdexcept>
+#include <string>
 
 #include <Eigen/Geometry>
 #include <embree3/rtcore.h>
@@ -44,11 +46,14 @@ using Scene = std::unique_ptr<RTCSceneTy, Release<RTCSceneTy, rtcReleaseScene>>;
 using Mesh = std::unique_ptr<RTCGeometryTy, Release<RTCGeometryTy, rtcReleaseGeometry>>;
 
 /// Embree's functions return nothing, or note an error, where memory ends. Throws
-/// std::bad_alloc.
+/// std::bad_alloc; of other errors std::runtime_error.
 void check(RTCDevice device, const void* made)
 {
-    if (!made || rtcGetDeviceError(device) != RTC_ERROR_NONE)
+    const RTCError error = rtcGetDeviceError(device);
+    if (error == RTC_ERROR_OUT_OF_MEMORY || (error == RTC_ERROR_NONE && !made))
         throw std::bad_alloc();
+    if (error != RTC_ERROR_NONE)
+        throw std::runtime_error("Embree ended with " + std::to_string(error));
 }
 
 /// A new buffer of so many entries of \p each numbers. Throws std::bad_alloc.

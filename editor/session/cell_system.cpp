@@ -486,6 +486,9 @@ std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() co
     }
     std::map<std::array<double, 3>, int> places;
     for (std::size_t r = 0; r < regions_->size(); ++r)
+    {
+        if (!(*regions_)[r].moves_as_one() && !(*regions_)[r].is_exact)
+            continue;
         for (const std::uint32_t i : (*regions_)[r].samples)
         {
             const int other = near[idx(body_->cell_of_sample[i])];
@@ -493,6 +496,7 @@ std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() co
             if (other != kNoRegion && other != static_cast<int>(r))
                 places.try_emplace({x.x(), x.y(), x.z()}, static_cast<int>(r));
         }
+    }
     return places;
 }
 
@@ -518,10 +522,10 @@ void CellSystem::place_fades()
         if ((*regions_)[r].moves_as_one())
             for (const std::uint32_t i : (*regions_)[r].samples)
                 is_taken[i] = true;
+    std::vector<std::optional<RegionFade>> fades(regions_->size());
     for (std::size_t r = 0; r < regions_->size(); ++r)
     {
         const Region& region = (*regions_)[r];
-        std::optional<RegionFade>& fade = fades_.emplace_back();
         if (!(region.moves_as_one() || region.is_exact) || region.samples.empty())
             continue;
         std::vector<RegionFade::Node> samples, further;
@@ -539,8 +543,9 @@ void CellSystem::place_fades()
                 for (const Eigen::Vector3d& point : borders[c])
                     if (!is_sample_of_another(point, r))
                         further.push_back({point, static_cast<int>(c)});
-        fade.emplace(body_->cells, samples, further);
+        fades[r].emplace(body_->cells, samples, further);
     }
+    fades_ = std::move(fades);
 }
 
 void CellSystem::check_memory(const char* what, double bytes,

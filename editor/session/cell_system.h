@@ -102,7 +102,7 @@ public:
     /// Lets the others take part in the last move: a component whose regions all made one
     /// rigid step makes it as a whole, in others each cell by its share.
     void carry_others();
-    /// Finds the shares, unless it has; else the first carry_others() does.
+    /// Finds the shares, once; carry_others() does it where it was not done before.
     void make_guess();
     /// At the current poses.
     Residual residual();

@@ -7,10 +7,10 @@
 // semi-definite correction.
 //
 // Where cells differ in size most bodies of the first levels are cells that wait for the
-// small ones to grow to their size. They are not smoothed before: a level costs what its
-// small bodies cost, and each body is smoothed at one level, or as a neighbour of smaller
-// ones at the last few. Positive definite the cycle stays: what the smoothing of a level
-// leaves out is a body of the next.
+// small ones to grow to their size. Unless they are neighbours of smaller ones, or on
+// rods, they are not smoothed before: what a level does for them is to pass their
+// residual on. The cycle stays positive definite: what the smoothing of a level leaves
+// out is a body of the next.
 #include "solver/cells/smoothed_level.h"
 
 #include <algorithm>

@@ -122,7 +122,8 @@ struct SmoothedLevel
                   const std::function<bool(std::size_t)>& is_waiting);
     int count() const { return links.count(); }
 
-    /// sum -= A x, one row
+    /// sum -= A x, one row. \pre x is 0 where bodies are not smoothed, if the row is
+    /// empty
     void subtract_row(std::size_t i, const std::vector<WideVector>& at,
                       WideVector& sum) const
     {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <new>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include <Eigen/SparseCholesky>
@@ -13,6 +14,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/segment.h"
+#include "solver/linear/cholesky.h"
 #include "solver/rods/gauss.h"
 
 namespace cellwarp
@@ -57,14 +59,16 @@ struct CurveFactors
     }
 };
 
-/// Of a factorisation. Throws std::bad_alloc, and std::invalid_argument where there is
-/// none.
+/// What UMFPACK says of its work. Throws std::bad_alloc, and std::invalid_argument where
+/// there are no factors.
 void check_factors(int status)
 {
     if (status == UMFPACK_WARNING_singular_matrix)
         throw std::invalid_argument("no curve goes through these points");
-    if (status != UMFPACK_OK)
+    if (status == UMFPACK_ERROR_out_of_memory)
         throw std::bad_alloc();
+    if (status != UMFPACK_OK)
+        throw std::runtime_error("UMFPACK ended with " + std::to_string(status));
 }
 
 /// Control points with sum A_ik q_k = x_i.
@@ -74,6 +78,7 @@ std::vector<Eigen::Vector3d> solved(int n, const Triplets& entries,
     Eigen::SparseMatrix<double> A(n, n);
     A.setFromTriplets(entries.begin(), entries.end());
     // Eigen's own LU and QR do not bear that memory ends in them.
+    prepare_dense_kernels();
     CurveFactors factors;
     const int *columns = A.outerIndexPtr(), *rows = A.innerIndexPtr();
     check_factors(umfpack_di_symbolic(n, n, columns, rows, A.valuePtr(),

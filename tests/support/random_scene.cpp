@@ -595,7 +595,9 @@ std::uint32_t number_of_scenes(const char* variable, std::uint32_t otherwise)
 std::string kept_copy(const Folder& folder, std::uint32_t seed)
 {
     const std::filesystem::path to =
-        std::filesystem::temp_directory_path() / ("scene-" + std::to_string(seed));
+        std::filesystem::temp_directory_path() /
+        ("scene-" + std::to_string(seed) + "-" +
+         std::filesystem::path(folder.path()).filename().string());
     std::filesystem::remove_all(to);
     std::filesystem::copy(folder.path(), to);
     return to.string();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The program ends every scene in a documented state, whatever it is: hundreds of them,
+// The program ends every scene in a documented state, whatever it is: 128 of them,
 // or as many as CELLWARP_RANDOM_SCENES says. The files of a scene that failed are kept,
 // and named.
 #include <csignal>

@@ -485,6 +485,7 @@ TEST(AdaptiveSession, links_of_a_chain_stay_apart_at_every_size)
 
 TEST(AdaptiveSession, turns_of_a_coil_are_glued_along_the_wire_alone)
 {
+    // A threshold so small that there are cells of three sizes.
     const Session session = played_sample("coil", "coil.obj", 0.006, 2e-4);
     std::set<int> levels;
     for (const Leaf& leaf : leaves(session))

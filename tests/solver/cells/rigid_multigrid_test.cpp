@@ -270,7 +270,7 @@ TEST(RigidMultigrid, is_symmetric_and_positive_definite_where_few_cells_are_smal
     expect_symmetric_and_definite(p);
 }
 
-/// Cells that wait for small ones to grow to their size cost nothing meanwhile.
+/// Cells that wait for small ones to grow to their size cost little meanwhile.
 TEST(RigidMultigrid, costs_hardly_more_where_few_cells_are_small)
 {
     const support::Built built =
