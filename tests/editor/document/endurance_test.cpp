@@ -38,6 +38,18 @@ double resident_mb()
     return resident * static_cast<double>(::sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
+/// Ready for edits that are solved for in no time.
+void hold_ends_in_large_cells(Editing& editing)
+{
+    SceneSettings settings;
+    settings.cells.across = 6;
+    settings.cells.max_depth = 0;
+    settings.cells.gap = 0.1; // coarse voxels
+    editing.document().change_settings(settings);
+    hold_ends(editing.document());
+    editing.wait();
+}
+
 } // namespace
 
 TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_speed)
@@ -84,13 +96,7 @@ TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_bac
     const support::BarDocument bar;
     Editing editing(bar.open());
     Document& document = editing.document();
-    SceneSettings settings;
-    settings.cells.across = 6;
-    settings.cells.max_depth = 0;
-    settings.cells.gap = 0.1; // coarse voxels
-    document.change_settings(settings);
-    hold_ends(document);
-    editing.wait();
+    hold_ends_in_large_cells(editing);
     std::mt19937 rng(11);
     for (int k = 0; k < 300; ++k)
     {
@@ -146,13 +152,7 @@ TEST(Endurance, drag_events_take_no_more_memory_in_the_end_than_after_a_tenth)
     const support::BarDocument bar;
     Editing editing(bar.open());
     Document& document = editing.document();
-    SceneSettings settings;
-    settings.cells.across = 6;
-    settings.cells.max_depth = 0;
-    settings.cells.gap = 0.1; // coarse voxels
-    document.change_settings(settings);
-    hold_ends(document);
-    editing.wait();
+    hold_ends_in_large_cells(editing);
     std::mt19937 rng(13);
     double early_mb = 0.0;
     std::size_t num_shown = 0;

@@ -60,6 +60,24 @@ double entry(const ConstraintRow& row, int unknown)
     return 0.0;
 }
 
+/// By differences, of what \p rows tell of the state.
+void expect_derivatives(const RodConstraint& constraint, const RodState& state,
+                        const HeldBasis& basis, const std::vector<ConstraintRow>& rows)
+{
+    const int n = state.rod().layout().num_unknowns;
+    for (int i = 0; i < n; ++i)
+    {
+        RodState ahead = state, behind = state;
+        ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
+        behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
+        const auto after = rows_of(constraint, ahead, basis),
+                   before = rows_of(constraint, behind, basis);
+        for (std::size_t k = 0; k < rows.size(); ++k)
+            EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
+                        entry(rows[k], i), 2e-8);
+    }
+}
+
 } // namespace
 
 TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
@@ -79,17 +97,7 @@ TEST(RodConstraint, rows_are_the_derivatives_of_what_is_violated)
             ASSERT_EQ(static_cast<int>(rows.size()), num_rows(constraint.hold));
             if (constraint.hold == HoldKind::GeometricCurvature)
                 continue; // its directions are those of the state: the next test
-            for (int i = 0; i < n; ++i)
-            {
-                RodState ahead = state, behind = state;
-                ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
-                behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
-                const auto after = rows_of(constraint, ahead, basis),
-                           before = rows_of(constraint, behind, basis);
-                for (std::size_t k = 0; k < rows.size(); ++k)
-                    EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
-                                entry(rows[k], i), 2e-8);
-            }
+            expect_derivatives(constraint, state, basis, rows);
         }
 }
 
@@ -115,17 +123,7 @@ TEST(RodConstraint, rows_of_a_curvature_that_is_met_are_its_derivatives)
         ASSERT_EQ(rows.size(), 2u);
         for (const ConstraintRow& row : rows)
             EXPECT_NEAR(row.violation, 0.0, 1e-12);
-        for (int i = 0; i < n; ++i)
-        {
-            RodState ahead = state, behind = state;
-            ahead.move(Eigen::VectorXd::Unit(n, i), 1e-6);
-            behind.move(Eigen::VectorXd::Unit(n, i), -1e-6);
-            const auto after = rows_of(c, ahead, basis),
-                       before = rows_of(c, behind, basis);
-            for (std::size_t k = 0; k < rows.size(); ++k)
-                EXPECT_NEAR((after[k].violation - before[k].violation) / 2e-6,
-                            entry(rows[k], i), 2e-8);
-        }
+        expect_derivatives(c, state, basis, rows);
     }
 }
 
