@@ -50,6 +50,17 @@ void hold_ends_in_large_cells(Editing& editing)
     editing.wait();
 }
 
+/// What a saved scene replays to.
+std::vector<Eigen::Vector3d> replayed_scene(const std::string& path)
+{
+    const SceneFile scene = read_scene(path);
+    Session session(read_geometry(scene.model).geometry, read_handles(scene.handles),
+                    settings_of(scene));
+    while (session.next_frame(true))
+        ;
+    return session.deformed().samples;
+}
+
 } // namespace
 
 TEST(Endurance, ten_thousand_edits_go_back_and_forth_in_little_memory_at_one_speed)
@@ -114,12 +125,7 @@ TEST(Endurance, three_hundred_solved_edits_are_the_same_to_the_bit_there_and_bac
     EXPECT_GT(document.history().size(), 100u);
     EXPECT_GT(document.handles().stages.size(), 3u);
     document.save(bar.folder / "scene.json");
-    const SceneFile scene = read_scene(bar.folder / "scene.json");
-    Session replay(read_geometry(scene.model).geometry, read_handles(scene.handles),
-                   settings_of(scene));
-    while (replay.next_frame(true))
-        ;
-    EXPECT_TRUE(replay.deformed().samples == end);
+    EXPECT_TRUE(replayed_scene(bar.folder / "scene.json") == end);
     const std::size_t done = document.history().position();
     for (std::size_t k = 1; document.can_undo(); ++k)
     {
@@ -193,12 +199,7 @@ TEST(Endurance, drag_events_take_no_more_memory_in_the_end_than_after_a_tenth)
     {
         EXPECT_LE(late_mb - early_mb, 5.0);
     }
-    const SceneFile scene = read_scene(bar.folder / "scene.json");
-    Session replay(read_geometry(scene.model).geometry, read_handles(scene.handles),
-                   settings_of(scene));
-    while (replay.next_frame(true))
-        ;
-    EXPECT_TRUE(replay.deformed().samples == editing.result()->samples);
+    EXPECT_TRUE(replayed_scene(bar.folder / "scene.json") == editing.result()->samples);
 }
 
 } // namespace cellwarp
