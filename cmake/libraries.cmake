@@ -26,7 +26,7 @@ if(CELLWARP_CGAL OR CELLWARP_BENCH)
   find_package(CGAL 5.5 REQUIRED)                                       # octree/wrap
 endif()
 if(CELLWARP_WINDOW OR CELLWARP_PICTURE)
-  find_package(embree 3.13 REQUIRED)                                    # editor/tools, picture
+  find_package(embree 3.13 REQUIRED)                                    # editor/rays
 endif()
 if(CELLWARP_WINDOW)                                                     # editor/window
   find_package(glfw3 3.3 REQUIRED)

@@ -130,6 +130,14 @@ std::string scene_text(const SceneFile& scene)
 {
     using Ordered = nlohmann::ordered_json;
     Ordered json = scene.text.empty() ? Ordered::object() : Ordered::parse(scene.text);
+    // Null that becomes an object by its first key is not destroyed well where memory
+    // ends (nlohmann 3.11.2).
+    const auto section_of = [&](const std::string& name) -> Ordered&
+    {
+        if (!json.contains(name))
+            json[name] = Ordered::object();
+        return json[name];
+    };
     json["cellwarp"] = 1;
     json["model"] = relative_name(scene.path, scene.model);
     if (scene.handles.empty())
@@ -140,7 +148,7 @@ std::string scene_text(const SceneFile& scene)
         [&](const std::string& section, const char* key, const auto&, const auto& value)
         {
             if (value)
-                (section.empty() ? json : json[section])[key] = *value;
+                (section.empty() ? json : section_of(section))[key] = *value;
             else if (section.empty())
                 json.erase(key);
             else if (json.contains(section))
@@ -149,10 +157,9 @@ std::string scene_text(const SceneFile& scene)
         scene.settings);
     if (scene.frame)
     {
-        Ordered& frame = json["cells"]["frame"];
-        frame["origin"] = scene.frame->origin;
-        frame["axes"] = scene.frame->axes;
-        frame["size"] = scene.frame->size;
+        section_of("cells")["frame"] = {{"origin", scene.frame->origin},
+                                        {"axes", scene.frame->axes},
+                                        {"size", scene.frame->size}};
     }
     else if (json.contains("cells"))
         json["cells"].erase("frame");

@@ -354,7 +354,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        Json json;
+        Json json = Json::object();
         json["model"] = request.model;
         json["samples"] = session.geometry().samples.size();
         json["faces"] = session.geometry().num_faces();

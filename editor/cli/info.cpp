@@ -30,7 +30,7 @@ Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
 {
     const Geometry& geometry = file.geometry;
     const ModelBox box = bounding_box(geometry.samples);
-    Json json;
+    Json json = Json::object();
     json["format"] = geometry.format;
     json["samples"] = geometry.samples.size();
     json["faces"] = geometry.num_faces();

@@ -261,7 +261,7 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        Json json;
+        Json json = Json::object();
         json["frames"] = record.take_frames();
         json["steps"] = in_time->steps_done();
         json["ms"] = {{"load", load_ms},

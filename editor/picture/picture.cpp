@@ -6,17 +6,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <new>
 #include <numbers>
-#include <stdexcept>
-#include <string>
+#include <optional>
 
 #include <Eigen/Geometry>
-#include <embree3/rtcore.h>
 
 #include "editor/picture/axes.h"
 #include "editor/picture/projection.h"
+#include "editor/rays/ray_tree.h"
 #include "io/lettering.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -35,134 +32,66 @@ constexpr double kSeenThrough = 0.7; ///< opacity of beads behind something
 constexpr double kEdgeWidth = 0.03;  ///< of the lines on boxes [edge]
 constexpr float kInk = 0.25f;        ///< brightness of those lines
 
-/// What holds one of Embree's objects and lets go of it.
-template <class Object, void (*release)(Object*)>
-struct Release
-{
-    void operator()(Object* object) const { release(object); }
-};
-using Device = std::unique_ptr<RTCDeviceTy, Release<RTCDeviceTy, rtcReleaseDevice>>;
-using Scene = std::unique_ptr<RTCSceneTy, Release<RTCSceneTy, rtcReleaseScene>>;
-using Mesh = std::unique_ptr<RTCGeometryTy, Release<RTCGeometryTy, rtcReleaseGeometry>>;
-
-/// Embree's functions return nothing, or note an error, where memory ends. Throws
-/// std::bad_alloc; of other errors std::runtime_error.
-void check(RTCDevice device, const void* made)
-{
-    const RTCError error = rtcGetDeviceError(device);
-    if (error == RTC_ERROR_OUT_OF_MEMORY || (error == RTC_ERROR_NONE && !made))
-        throw std::bad_alloc();
-    if (error != RTC_ERROR_NONE)
-        throw std::runtime_error("Embree ended with " + std::to_string(error));
-}
-
-/// A new buffer of so many entries of \p each numbers. Throws std::bad_alloc.
-template <class Number>
-Number* new_buffer(RTCDevice device, const Mesh& mesh, RTCBufferType type,
-                   RTCFormat format, std::size_t each, std::size_t count)
-{
-    void* const buffer = rtcSetNewGeometryBuffer(mesh.get(), type, 0, format,
-                                                 each * sizeof(Number), count);
-    check(device, buffer);
-    return static_cast<Number*>(buffer);
-}
-
 /// A figure as the ray tracer sees it, in units of the picture's extent.
 class Traced
 {
 public:
-    Traced(RTCDevice device, const Figure& figure, const Eigen::Vector3d& centre,
+    Traced(const RayDevice& device, const Figure& figure, const Eigen::Vector3d& centre,
            double extent)
-        : figure_(figure), scene_(rtcNewScene(device)), glass_(rtcNewScene(device)),
-          beads_(rtcNewScene(device))
+        : figure_(figure), tree_(device, RayTree::Making::Best),
+          glass_(device, RayTree::Making::Best), beads_(device, RayTree::Making::Best)
     {
-        for (const Scene* const scene : {&scene_, &glass_, &beads_})
-            check(device, scene->get());
-        const auto new_mesh = [&](RTCGeometryType type)
-        {
-            Mesh mesh(rtcNewGeometry(device, type));
-            check(device, mesh.get());
-            return mesh;
-        };
         const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3f
         { return ((x - centre) / extent).cast<float>(); };
+        if (!figure.triangles.empty())
+        {
+            float* const v = tree_.add_triangles(
+                figure.points.size(),
+                {figure.triangles.front().data(), 3 * figure.triangles.size()});
+            for (std::size_t i = 0; i < figure.points.size(); ++i)
+                Eigen::Map<Eigen::Vector3f>(v + 3 * i) = place(figure.points[i]);
+            find_normals();
+        }
         std::vector<bool> is_used(figure.points.size(), false);
         for (const auto& t : figure.triangles)
             for (const std::uint32_t corner : t)
                 is_used[corner] = true;
-        if (!figure.triangles.empty())
-        {
-            const Mesh mesh = new_mesh(RTC_GEOMETRY_TYPE_TRIANGLE);
-            float* const v =
-                new_buffer<float>(device, mesh, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3,
-                                  3, figure.points.size());
-            for (std::size_t i = 0; i < figure.points.size(); ++i)
-                Eigen::Map<Eigen::Vector3f>(v + 3 * i) = place(figure.points[i]);
-            std::uint32_t* t =
-                new_buffer<std::uint32_t>(device, mesh, RTC_BUFFER_TYPE_INDEX,
-                                          RTC_FORMAT_UINT3, 3, figure.triangles.size());
-            for (const auto& triangle : figure.triangles)
-                t = std::copy(triangle.begin(), triangle.end(), t);
-            attach(scene_, mesh, mesh_id_);
-            find_normals();
-        }
         for (std::size_t i = 0; i < figure.points.size(); ++i)
             if (!is_used[i] && figure.point_radius > 0)
                 balls_.push_back(static_cast<std::uint32_t>(i));
+        const auto add_ball = [&](float* ball, const Eigen::Vector3d& x, double radius)
+        {
+            Eigen::Map<Eigen::Vector3f>{ball} = place(x);
+            ball[3] = static_cast<float>(radius / extent);
+        };
         if (!balls_.empty())
         {
-            const Mesh balls = new_mesh(RTC_GEOMETRY_TYPE_SPHERE_POINT);
-            float* const v = new_buffer<float>(device, balls, RTC_BUFFER_TYPE_VERTEX,
-                                               RTC_FORMAT_FLOAT4, 4, balls_.size());
+            float* const v = tree_.add_balls(balls_.size());
             for (std::size_t i = 0; i < balls_.size(); ++i)
-            {
-                Eigen::Map<Eigen::Vector3f>(v + 4 * i) = place(figure.points[balls_[i]]);
-                v[4 * i + 3] = static_cast<float>(figure.point_radius / extent);
-            }
-            attach(scene_, balls, ball_id_);
+                add_ball(v + 4 * i, figure.points[balls_[i]], figure.point_radius);
         }
         if (!figure.boxes.empty())
         {
-            const Mesh boxes = new_mesh(RTC_GEOMETRY_TYPE_QUAD);
-            float* const v =
-                new_buffer<float>(device, boxes, RTC_BUFFER_TYPE_VERTEX,
-                                  RTC_FORMAT_FLOAT3, 3, 8 * figure.boxes.size());
-            std::uint32_t* q =
-                new_buffer<std::uint32_t>(device, boxes, RTC_BUFFER_TYPE_INDEX,
-                                          RTC_FORMAT_UINT4, 4, 6 * figure.boxes.size());
             static constexpr std::uint32_t sides[6][4] = {{0, 2, 6, 4}, {1, 3, 7, 5},
                                                           {0, 1, 5, 4}, {2, 3, 7, 6},
                                                           {0, 1, 3, 2}, {4, 5, 7, 6}};
             for (std::uint32_t b = 0; b < figure.boxes.size(); ++b)
-            {
-                for (std::size_t k = 0; k < 8; ++k)
-                    Eigen::Map<Eigen::Vector3f>(v + 3 * (8 * b + k)) =
-                        place(figure.boxes[b][k]);
                 for (const auto& side : sides)
                     for (const std::uint32_t corner : side)
-                        *q++ = 8 * b + corner;
-            }
-            unsigned ignored = 0;
-            attach(glass_, boxes, ignored);
+                        box_corners_.push_back(8 * b + corner);
+            float* v = glass_.add_quadrilaterals(8 * figure.boxes.size(), box_corners_);
+            for (const auto& box : figure.boxes)
+                for (std::size_t k = 0; k < 8; ++k, v += 3)
+                    Eigen::Map<Eigen::Vector3f>{v} = place(box[k]);
         }
         if (!figure.beads.empty())
         {
-            const Mesh beads = new_mesh(RTC_GEOMETRY_TYPE_SPHERE_POINT);
-            float* const v = new_buffer<float>(device, beads, RTC_BUFFER_TYPE_VERTEX,
-                                               RTC_FORMAT_FLOAT4, 4, figure.beads.size());
+            float* const v = beads_.add_balls(figure.beads.size());
             for (std::size_t i = 0; i < figure.beads.size(); ++i)
-            {
-                Eigen::Map<Eigen::Vector3f>(v + 4 * i) = place(figure.beads[i].place);
-                v[4 * i + 3] = static_cast<float>(figure.beads[i].radius / extent);
-            }
-            unsigned ignored = 0;
-            attach(beads_, beads, ignored);
+                add_ball(v + 4 * i, figure.beads[i].place, figure.beads[i].radius);
         }
-        for (const Scene* const scene : {&scene_, &glass_, &beads_})
-        {
-            rtcCommitScene(scene->get());
-            check(device, scene->get());
-        }
+        for (RayTree* const tree : {&tree_, &glass_, &beads_})
+            tree->commit();
     }
     Traced(const Traced&) = delete;
     Traced& operator=(const Traced&) = delete;
@@ -172,15 +101,14 @@ public:
                          std::uint32_t seed, int rays) const
     {
         Eigen::Vector4f seen = Eigen::Vector4f::Zero();
-        RTCRayHit hit = trace(scene_.get(), origin, direction);
-        const float reach = hit.ray.tfar;
-        if (hit.hit.geomID != RTC_INVALID_GEOMETRY_ID)
+        const std::optional<RayHit> hit = tree_.first_hit(origin, direction);
+        const float reach = hit ? hit->distance : INFINITY;
+        if (hit)
         {
             const Eigen::Vector3f x = origin + reach * direction;
-            Eigen::Vector3f flat(hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z);
-            flat.normalize();
+            Eigen::Vector3f flat = hit->normal.normalized();
             Eigen::Vector3f normal = flat, colour;
-            surface(hit, normal, colour);
+            surface(*hit, normal, colour);
             if (flat.dot(direction) > 0)
                 flat = -flat;
             if (normal.dot(flat) < 0)
@@ -191,18 +119,17 @@ public:
         const Eigen::Vector4f inside = with_beads(seen, origin, direction, reach);
         if (figure_.boxes.empty())
             return inside;
-        RTCRayHit box = trace(glass_.get(), origin, direction);
-        if (box.hit.geomID == RTC_INVALID_GEOMETRY_ID || box.ray.tfar > reach)
+        const std::optional<RayHit> box = glass_.first_hit(origin, direction);
+        if (!box || box->distance > reach)
             return inside;
-        Eigen::Vector3f normal(box.hit.Ng_x, box.hit.Ng_y, box.hit.Ng_z);
-        normal.normalize();
+        Eigen::Vector3f normal = box->normal.normalized();
         if (normal.dot(direction) > 0)
             normal = -normal;
-        const float u = box.hit.u, v = box.hit.v, edge = static_cast<float>(kEdgeWidth);
+        const float u = box->u, v = box->v, edge = static_cast<float>(kEdgeWidth);
         const bool is_line = std::min({u, v, 1 - u, 1 - v}) < edge;
         const Eigen::Vector3f colour = (is_line ? kInk : 1.0f) *
                                        shade(normal, direction) *
-                                       to_float(figure_.box_colours[box.hit.primID / 6]);
+                                       to_float(figure_.box_colours[box->element / 6]);
         const float cover = is_line ? 0.9f : static_cast<float>(kGlass);
         const Eigen::Vector4f glass = opaque(colour);
         const Eigen::Vector4f behind =
@@ -217,15 +144,14 @@ private:
     {
         if (figure_.beads.empty())
             return seen;
-        const RTCRayHit hit = trace(beads_.get(), origin, direction);
-        if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+        const std::optional<RayHit> hit = beads_.first_hit(origin, direction);
+        if (!hit)
             return seen;
-        const Eigen::Vector3f normal =
-            Eigen::Vector3f(hit.hit.Ng_x, hit.hit.Ng_y, hit.hit.Ng_z).normalized();
-        const Eigen::Vector4f bead = opaque(
-            shade(normal, direction) * to_float(figure_.beads[hit.hit.primID].colour));
+        const Eigen::Vector3f normal = hit->normal.normalized();
+        const Eigen::Vector4f bead = opaque(shade(normal, direction) *
+                                            to_float(figure_.beads[hit->element].colour));
         const float cover =
-            hit.ray.tfar < reach ? 1.0f : static_cast<float>(kSeenThrough);
+            hit->distance < reach ? 1.0f : static_cast<float>(kSeenThrough);
         return cover * bead + (1 - cover) * seen;
     }
     static Eigen::Vector4f opaque(const Eigen::Vector3f& c)
@@ -235,12 +161,6 @@ private:
     static Eigen::Vector3f to_float(const Colour& c)
     {
         return Eigen::Vector3f(c[0], c[1], c[2]) / 255.0f;
-    }
-
-    static void attach(const Scene& scene, const Mesh& mesh, unsigned& id)
-    {
-        rtcCommitGeometry(mesh.get());
-        id = rtcAttachGeometry(scene.get(), mesh.get());
     }
 
     void find_normals()
@@ -270,44 +190,25 @@ private:
             }
     }
 
-    void surface(const RTCRayHit& hit, Eigen::Vector3f& normal,
+    void surface(const RayHit& hit, Eigen::Vector3f& normal,
                  Eigen::Vector3f& colour) const
     {
-        if (hit.hit.geomID == ball_id_ && !balls_.empty())
+        if (hit.body == 1 || figure_.triangles.empty())
         {
-            colour = to_float(figure_.colours[balls_[hit.hit.primID]]);
+            colour = to_float(figure_.colours[balls_[hit.element]]);
             return;
         }
-        const auto& t = figure_.triangles[hit.hit.primID];
-        const float w[3] = {1 - hit.hit.u - hit.hit.v, hit.hit.u, hit.hit.v};
+        const auto& t = figure_.triangles[hit.element];
+        const float w[3] = {1 - hit.u - hit.v, hit.u, hit.v};
         Eigen::Vector3f sum = Eigen::Vector3f::Zero();
         colour.setZero();
         for (std::size_t k = 0; k < 3; ++k)
         {
-            sum += w[k] * normals_[3 * hit.hit.primID + k];
+            sum += w[k] * normals_[3 * hit.element + k];
             colour += w[k] * to_float(figure_.colours[t[k]]);
         }
         if (sum.norm() > 0)
             normal = sum.normalized();
-    }
-
-    static RTCRayHit trace(RTCScene scene, const Eigen::Vector3f& o,
-                           const Eigen::Vector3f& d)
-    {
-        RTCIntersectContext context;
-        rtcInitIntersectContext(&context);
-        RTCRayHit hit{};
-        hit.ray.org_x = o.x();
-        hit.ray.org_y = o.y();
-        hit.ray.org_z = o.z();
-        hit.ray.dir_x = d.x();
-        hit.ray.dir_y = d.y();
-        hit.ray.dir_z = d.z();
-        hit.ray.tfar = INFINITY;
-        hit.ray.mask = ~0u;
-        hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect1(scene, &context, &hit);
-        return hit;
     }
 
     /// A light from the viewer's upper left, and a weaker one from the viewer.
@@ -334,21 +235,7 @@ private:
             const Eigen::Vector3f d = radius * std::cos(phi) * side +
                                       radius * std::sin(phi) * other +
                                       std::sqrt(1.0f - a) * normal;
-            RTCIntersectContext context;
-            rtcInitIntersectContext(&context);
-            RTCRay ray{};
-            const Eigen::Vector3f o = x + 1e-4f * normal;
-            ray.org_x = o.x();
-            ray.org_y = o.y();
-            ray.org_z = o.z();
-            ray.dir_x = d.x();
-            ray.dir_y = d.y();
-            ray.dir_z = d.z();
-            ray.tnear = 1e-4f;
-            ray.tfar = 0.25f;
-            ray.mask = ~0u;
-            rtcOccluded1(scene_.get(), &context, &ray);
-            open += ray.tfar > 0;
+            open += !tree_.is_blocked(x + 1e-4f * normal, d, 1e-4f, 0.25f);
         }
         return 0.35f + 0.65f * static_cast<float>(open) / static_cast<float>(rays);
     }
@@ -363,9 +250,10 @@ private:
     }
 
     const Figure& figure_;
-    Scene scene_, glass_, beads_;
-    unsigned mesh_id_ = RTC_INVALID_GEOMETRY_ID, ball_id_ = RTC_INVALID_GEOMETRY_ID;
-    std::vector<std::uint32_t> balls_;
+    std::vector<std::uint32_t>
+        box_corners_;                  ///< four a side; the tree of boxes reads them
+    RayTree tree_, glass_, beads_;     ///< faces, then balls; boxes; beads
+    std::vector<std::uint32_t> balls_; ///< points that are balls
     std::vector<Eigen::Vector3f> normals_;
 
 public:
@@ -503,15 +391,14 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     const int rays = occlusion_rays(options);
     // Where a thread cannot begin this throws; within Embree it would end the program.
     parallel_for(options.height, [](int) {});
-    const Device device(rtcNewDevice("threads=1"));
-    check(device.get(), device.get());
+    const RayDevice device(RayDevice::Threads::One);
     Image image;
     image.width = options.width * static_cast<int>(figures.size());
     image.height = options.height;
     image.rgb.assign(3 * idx(image.width) * idx(image.height), 255);
     for (std::size_t f = 0; f < figures.size(); ++f)
     {
-        Traced traced(device.get(), figures[f], centre, extent);
+        Traced traced(device, figures[f], centre, extent);
         traced.key_light_ = (-0.45 * view.right + 0.75 * view.up + 0.6 * view.back)
                                 .normalized()
                                 .cast<float>();

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 
 #include <fmt/format.h>
 
@@ -75,6 +76,22 @@ void Interaction::focus_lost()
     state_->is_inside = false;
 }
 
+void Interaction::State::update_picker(bool waits)
+{
+    try
+    {
+        if (waits)
+            picker.wait();
+        picker.update(editing.shape());
+        if (waits)
+            picker.wait();
+    }
+    catch (const std::bad_alloc&)
+    {
+        complain("out of memory: nothing can be picked");
+    }
+}
+
 void Interaction::update()
 {
     State& s = *state_;
@@ -106,7 +123,7 @@ void Interaction::update()
     }
     s.follow_pointer();
     if (!s.current<State::HandleDrag>()) // nothing is picked meanwhile
-        s.picker.update(s.editing.shape());
+        s.update_picker(false);
     s.update_choice();
     if (s.spread && !s.editing.dragged())
         if (const Neighbours* const around = s.neighbours.get())
@@ -119,9 +136,7 @@ void Interaction::update()
 void Interaction::wait()
 {
     State& s = *state_;
-    s.picker.wait();
-    s.picker.update(s.editing.shape());
-    s.picker.wait();
+    s.update_picker(true);
     while ((s.spread && !s.editing.dragged()) ||
            (s.current<State::Choice>() && s.current<State::Choice>()->is_released))
     {

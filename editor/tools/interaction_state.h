@@ -217,6 +217,9 @@ struct Interaction::State
     void begin_pull(const Press& press);
     /// What the pointer's last place means for the gesture.
     void follow_pointer();
+    /// Hands the shape to the picker, and waits until it has it; that memory ends is
+    /// said.
+    void update_picker(bool waits);
     void find_hover();
     void cancel();
 

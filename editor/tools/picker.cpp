@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Embree's trees, in work space: it is made so that single precision is enough there.
-// Edges are watertight ("robust"), as a sample right behind another's edge is the rule
-// in models that people build.
+// Trees in work space: it is made so that single precision is enough there. No ray may
+// pass between two faces, as a sample right behind another's edge is the rule in models
+// that people build.
 #include "editor/tools/picker.h"
 
 #include <algorithm>
@@ -13,8 +13,8 @@
 #include <utility>
 
 #include <Eigen/LU>
-#include <embree3/rtcore.h>
 
+#include "editor/rays/ray_tree.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
@@ -24,7 +24,7 @@ namespace cellwarp
 namespace
 {
 
-/// Up to so many faces or points a tree is made at once: a few milliseconds.
+/// Up to so many faces or points a tree is waited for: a few milliseconds.
 constexpr std::size_t kBuiltAtOnce = 60'000;
 /// Of a cloud's balls: points strewn at random leave holes in 2 % of their surface then.
 constexpr double kBallRadius = 1.1; ///< [spacing]
@@ -36,20 +36,6 @@ constexpr double kBallOffset = 3.0;
 /// From how far a ray comes in parallel projection; the shape is about 1 large [view].
 constexpr double kFar = 100.0;
 constexpr std::size_t kRayGrain = 1024; ///< rays worth a thread
-
-RTCRay ray_of(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction)
-{
-    RTCRay ray{};
-    ray.org_x = static_cast<float>(origin.x());
-    ray.org_y = static_cast<float>(origin.y());
-    ray.org_z = static_cast<float>(origin.z());
-    ray.dir_x = static_cast<float>(direction.x());
-    ray.dir_y = static_cast<float>(direction.y());
-    ray.dir_z = static_cast<float>(direction.z());
-    ray.tfar = INFINITY;
-    ray.mask = ~0u;
-    return ray;
-}
 
 /// How far apart a cloud's points are, roughly, taking them for a surface's: from the
 /// number of grid cubes that hold any, at several points to a cube.
@@ -87,38 +73,17 @@ spacing_of(const Eigen::Ref<const Eigen::Matrix3Xf, 0, Eigen::OuterStride<>>& po
 class Tree
 {
 public:
-    /// commit() has to follow.
-    Tree(RTCDevice device, const ShownShape& shape)
-        : layout_(shape.layout), scene_(rtcNewScene(device)),
+    /// commit() has to follow. Throws std::bad_alloc, as does commit().
+    // A quick tree: rays are few. Fitting an old one to new positions would be faster
+    // still, but it could not serve meanwhile.
+    Tree(const RayDevice& device, const ShownShape& shape)
+        : layout_(shape.layout), tree_(device, RayTree::Making::Quick),
           count_(shape.positions.size() / 3)
     {
-        // A tree in Morton order: made in a quarter of the time that the best one takes,
-        // and rays are few. Fitting an old one to new positions would be faster still,
-        // but it could not serve meanwhile.
-        rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
-        rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_LOW);
-        const auto& triangles = layout_->triangles;
-        geometry_ = rtcNewGeometry(device, is_cloud() ? RTC_GEOMETRY_TYPE_SPHERE_POINT
-                                                      : RTC_GEOMETRY_TYPE_TRIANGLE);
-        vertices_ = static_cast<float*>(
-            rtcSetNewGeometryBuffer(geometry_, RTC_BUFFER_TYPE_VERTEX, 0,
-                                    is_cloud() ? RTC_FORMAT_FLOAT4 : RTC_FORMAT_FLOAT3,
-                                    stride() * sizeof(float), count_));
-        if (!is_cloud())
-            rtcSetSharedGeometryBuffer(geometry_, RTC_BUFFER_TYPE_INDEX, 0,
-                                       RTC_FORMAT_UINT3, triangles.data(), 0,
-                                       3 * sizeof(std::uint32_t), triangles.size() / 3);
-        rtcSetGeometryBuildQuality(geometry_, RTC_BUILD_QUALITY_LOW);
-        rtcAttachGeometry(scene_, geometry_);
+        vertices_ = is_cloud() ? tree_.add_balls(count_)
+                               : tree_.add_triangles(count_, layout_->triangles);
         place(shape);
     }
-    ~Tree()
-    {
-        rtcReleaseGeometry(geometry_);
-        rtcReleaseScene(scene_);
-    }
-    Tree(const Tree&) = delete;
-    Tree& operator=(const Tree&) = delete;
 
     void commit()
     {
@@ -130,26 +95,22 @@ public:
             for (std::size_t i = 0; i < count_; ++i)
                 vertices_[4 * i + 3] = static_cast<float>(radius_);
         }
-        rtcCommitGeometry(geometry_);
-        rtcCommitScene(scene_);
+        tree_.commit();
     }
 
     std::optional<Picked> pick(const Ray& ray) const
     {
-        RTCIntersectContext context;
-        rtcInitIntersectContext(&context);
-        RTCRayHit hit{};
         // The direction keeps its length in view space, and so does the distance.
-        hit.ray = ray_of(to_work(ray.origin), to_work_.block<3, 3>(0, 0) * ray.direction);
-        hit.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect1(scene_, &context, &hit);
-        if (hit.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+        const std::optional<RayHit> hit =
+            tree_.first_hit(to_work(ray.origin).cast<float>(),
+                            (to_work_.block<3, 3>(0, 0) * ray.direction).cast<float>());
+        if (!hit)
             return std::nullopt;
-        const std::size_t face = hit.hit.primID;
+        const std::size_t face = hit->element;
         if (is_cloud())
             return Picked{layout_->order[face], at(face)};
         const std::uint32_t* const corners = layout_->triangles.data() + 3 * face;
-        const double u = hit.hit.u, v = hit.hit.v;
+        const double u = hit->u, v = hit->v;
         const Eigen::Vector3d x[3] = {at(corners[0]), at(corners[1]), at(corners[2])};
         const Eigen::Vector3d point = (1 - u - v) * x[0] + u * x[1] + v * x[2];
         std::size_t nearest = 0;
@@ -168,13 +129,10 @@ public:
         const double distance = way.norm(), offset = this->offset();
         if (!(distance > offset))
             return true;
-        RTCIntersectContext context;
-        rtcInitIntersectContext(&context);
-        RTCRay ray = ray_of(to_work(x + offset / distance * way),
-                            to_work_.block<3, 3>(0, 0) * (way / distance));
-        ray.tfar = static_cast<float>(distance - offset);
-        rtcOccluded1(scene_, &context, &ray);
-        return ray.tfar >= 0;
+        return !tree_.is_blocked(
+            to_work(x + offset / distance * way).cast<float>(),
+            (to_work_.block<3, 3>(0, 0) * (way / distance)).cast<float>(), 0.0f,
+            static_cast<float>(distance - offset));
     }
 
 private:
@@ -215,10 +173,9 @@ private:
     }
 
     std::shared_ptr<const ShapeLayout> layout_;
-    RTCScene scene_;
-    RTCGeometry geometry_;
-    float* vertices_; ///< as many as the layout has places; Embree's
+    RayTree tree_;
     std::size_t count_;
+    float* vertices_;     ///< as many as the layout has places; the tree's
     double radius_ = 0.0; ///< of a cloud's balls; 0: not yet known [work]
     Eigen::Matrix4d to_view_, to_work_;
     double scale_ = 1.0; ///< [view/work]
@@ -228,17 +185,16 @@ private:
 
 struct Picker::State
 {
-    RTCDevice device = rtcNewDevice(nullptr);
-    std::unique_ptr<Tree> tree;              ///< that serves
-    std::future<std::unique_ptr<Tree>> next; ///< that is being made
+    RayDevice device{RayDevice::Threads::One};
+    std::shared_ptr<Tree> tree;              ///< that serves
+    std::future<std::shared_ptr<Tree>> next; ///< that is being made
     std::uint64_t version = 0;               ///< of the shape that was given last
     bool has_version = false;
 
     ~State()
     {
-        take();
-        tree.reset();
-        rtcReleaseDevice(device);
+        if (next.valid())
+            next.wait();
     }
 
     void take()
@@ -246,42 +202,64 @@ struct Picker::State
         if (next.valid())
             tree = next.get();
     }
+
+    void update(const ShownShape& shape);
+
+    /// Does something that may throw; then no tree is left, as the old one may be of
+    /// other samples.
+    template <class Do>
+    void attempt(Do&& what)
+    {
+        try
+        {
+            what();
+        }
+        catch (...)
+        {
+            tree.reset();
+            throw;
+        }
+    }
 };
 
 Picker::Picker() : state_(std::make_unique<State>()) {}
 Picker::~Picker() = default;
 
-void Picker::update(const ShownShape& shape)
+void Picker::State::update(const ShownShape& shape)
 {
-    State& state = *state_;
-    if (state.next.valid())
+    if (next.valid())
     {
-        if (state.next.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
+        if (next.wait_for(std::chrono::seconds(0)) == std::future_status::timeout)
             return;
-        state.take();
+        take();
     }
     if (!shape.layout || shape.positions.empty() ||
-        (state.has_version && state.version == shape.version))
+        (has_version && version == shape.version))
         return;
     assert(shape.layout->order.size() == shape.positions.size() / 3);
-    state.version = shape.version;
-    state.has_version = true;
-    const auto commit = [](std::unique_ptr<Tree> made)
+    version = shape.version;
+    has_version = true;
+    const auto commit = [made = std::make_shared<Tree>(device, shape)]
     {
         made->commit();
         return made;
     };
+    // Each tree is made by a thread of its own: a thread in which Embree once met the end
+    // of memory hangs in its next tree. Where none can begin, it is made by who waits.
+    next = std::async(std::launch::async | std::launch::deferred, commit);
     if (std::max(shape.layout->triangles.size(), shape.positions.size()) / 3 <=
         kBuiltAtOnce)
-        state.tree = commit(std::make_unique<Tree>(state.device, shape));
-    else
-        state.next = std::async(std::launch::async, commit,
-                                std::make_unique<Tree>(state.device, shape));
+        take();
+}
+
+void Picker::update(const ShownShape& shape)
+{
+    state_->attempt([&] { state_->update(shape); });
 }
 
 void Picker::wait()
 {
-    state_->take();
+    state_->attempt([&] { state_->take(); });
 }
 
 bool Picker::is_ready() const

@@ -2,12 +2,21 @@
 #include "editor/tools/picker.h"
 
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <random>
+
+#include <fcntl.h>
+#include <unistd.h>
 
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include "io/error.h"
+#include "octree/base/parallel.h"
 #include "tests/editor/tools/shown.h"
+#include "tests/support/program.h"
+#include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -228,6 +237,77 @@ TEST(Picker, a_large_shape_never_keeps_the_caller_waiting_and_the_old_one_serves
     EXPECT_NEAR(picker.pick(ray)->point.z(), 2.0, 1e-6);
     picker.update(shown(small, layout_of(small), 4)); // and ends well while one is made
     picker.update(shown(large, layout, 5));
+}
+
+/// In a process of which one allocation fails: 0 where none does that a picker makes, 5
+/// where the picker tells so, finds nothing then, and serves again with a newer shape.
+[[noreturn]] void pick_while_memory_ends()
+{
+    const Ray ray{{0.19, 0.21, 5}, {0, 0, -1}};
+    const Shape shapes[] = {box_shape({-0.4, -0.4, -0.4}, {0.4, 0.4, 0.4}), // at once,
+                            ball_of_points(500), sheet(200, 0.4)}; // the last behind it
+    std::vector<ShownShape> given;
+    for (const Shape& shape : shapes)
+        given.push_back(shown(shape, layout_of(shape), given.size()));
+    // Threads are there before a picker is, as in the editor: oneTBB, whose first
+    // beginning fails, waits for ever in the second.
+    parallel_for(64, [](int) {});
+    ::close(::open(std::getenv("CELLWARP_FAILS_FROM"), O_RDONLY));
+    int code = 0;
+    std::unique_ptr<Picker> picker;
+    for (std::size_t i = 0; i < given.size(); ++i)
+        try
+        {
+            if (!picker)
+                picker = std::make_unique<Picker>();
+            picker->update(given[i]);
+            picker->wait();
+            if (!picker->pick(ray))
+                std::_Exit(1);
+        }
+        catch (const std::bad_alloc&)
+        {
+            if (code != 0 || (picker && (picker->is_ready() || picker->pick(ray))))
+                std::_Exit(2);
+            code = static_cast<int>(Fault::Budget);
+        }
+    std::_Exit(code);
+}
+
+TEST(Picker, that_memory_ends_is_told_and_a_newer_shape_serves_again)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "the library that fails must be loaded before all others";
+    if (std::getenv("CELLWARP_FAILS"))
+        pick_while_memory_ends();
+    const support::Folder folder;
+    const std::string begins = folder.write("begins", ""), told = folder / "told";
+    int num_told = 0;
+    for (std::size_t which = 2;; which += 2)
+    {
+        SCOPED_TRACE(which);
+        std::filesystem::remove(told);
+        const support::Result result = support::run_program(
+            "/proc/self/exe", {"--gtest_filter=Picker.that_memory_ends*"},
+            [&]
+            {
+                ::setenv("LD_PRELOAD", CELLWARP_FAILING_PROCESS, 1);
+                ::setenv("CELLWARP_FAILS", ("malloc " + std::to_string(which)).c_str(),
+                         1);
+                ::setenv("CELLWARP_FAILS_FROM", begins.c_str(), 1);
+                ::setenv("CELLWARP_FAILS_TOLD", told.c_str(), 1);
+            });
+        if (!std::filesystem::exists(told)) // so many are not made
+        {
+            EXPECT_EQ(result.code, 0) << result.err;
+            break;
+        }
+        num_told += result.code == static_cast<int>(Fault::Budget);
+        EXPECT_TRUE(result.code == 0 || result.code == static_cast<int>(Fault::Budget))
+            << result.code << "\n"
+            << result.err;
+    }
+    EXPECT_GT(num_told, 20);
 }
 
 TEST(Picker, without_a_shape_finds_nothing_and_hides_nothing)
