@@ -62,7 +62,7 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
 /// nothing of what is near.
 bool is_nearly_closed(const BoundingSurface& surface);
 
-/// What find_material() takes at the most while it runs [byte].
+/// What find_material() and the cells' pieces take, about [byte].
 double material_bytes(const BoundingSurface& surface, const GridShape& grid_shape,
                       Fill fill);
 

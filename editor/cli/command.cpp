@@ -226,6 +226,7 @@ SessionRequest read_request(const SessionFlags& flags, bool in_time)
     if (flags.time)
         settings.time_budget = in_range("--time", *flags.time, 0.0, 1e9);
     settings.cells.max_memory = memory_limit(flags.max_memory);
+    check_memory_of_file(request.model, settings.cells.max_memory);
     const std::string solver = flags.solver.value_or("");
     if (solver == "newton")
         settings.method = Method::Newton;

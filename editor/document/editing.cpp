@@ -597,6 +597,12 @@ std::optional<std::string> Editing::dragged() const
     return state_->hand ? std::optional(state_->hand->region) : std::nullopt;
 }
 
+std::optional<Placement> Editing::dragged_placement() const
+{
+    const auto& hand = state_->hand;
+    return hand && !hand->point ? std::optional(hand->to) : std::nullopt;
+}
+
 void Editing::export_model(const std::string& path, Overwrite overwrite)
 {
     const std::shared_ptr<const DeformedSamples> patch = result();

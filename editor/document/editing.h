@@ -78,6 +78,8 @@ public:
     void end_drag();
     void cancel_drag();
     std::optional<std::string> dragged() const;
+    /// Where the region in the hand is; none while a point of it is, or nothing.
+    std::optional<Placement> dragged_placement() const;
 
     /// A frame of a film is seen instead of the shape, and nothing can be taken into the
     /// hand; null: the shape again.

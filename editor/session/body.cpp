@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "editor/session/flat.h"
+#include "editor/session/memory_limit.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/index.h"
@@ -46,8 +47,9 @@ constexpr double kVoxelsPerOpening = 16.0;
 /// take about a second. More than this only for what needs them by its gap.
 constexpr double kMostOpenVoxels = 7.5e6;
 
-/// What a sample takes in the end, with its faces, places in the file and motions [byte].
-constexpr double kBytesPerSample = 250.0;
+/// What a sample takes from here on, with its motions, and what cells and fields do where
+/// nothing is refined, as measured [byte]. Shells have several times as many cells.
+constexpr double kBytesPerSample = 120.0, kBytesOfCells = 4e7, kBytesOfShellCells = 1e8;
 
 /// Whether more than \p most leaves of the coarsest grid of \p shape hold voxels of the
 /// material.
@@ -227,8 +229,11 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         size[flat_axis] = grid.voxel();
         grid = grid_shape(size, across, settings.max_depth, max_voxel);
     }
-    const double bytes_of_samples = kBytesPerSample * static_cast<double>(samples.size());
-    const double bytes = material_bytes(surface, grid, settings.fill) + bytes_of_samples;
+    const double others =
+        resident_memory() +
+        (settings.fill == Fill::Shell ? kBytesOfShellCells : kBytesOfCells) +
+        kBytesPerSample * static_cast<double>(samples.size());
+    const double bytes = material_bytes(surface, grid, settings.fill) + others;
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
         num_voxels(grid) > 4e9)
     {
@@ -237,7 +242,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                            grid_shape(frame.size, across, settings.max_depth,
                                       std::max(max_voxel, 2.0 * voxel_of_gap)),
                            settings.fill) +
-            bytes_of_samples;
+            others;
         const std::string way =
             coarser < 0.9 * bytes
                 ? fmt::format("a --gap of {:.2g} needs {}", 2.0 * settings.gap,

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "editor/session/memory_limit.h"
 #include "editor/session/region_cells.h"
 #include "io/error.h"
 #include "io/number.h"
@@ -551,6 +552,7 @@ void CellSystem::place_fades()
 void CellSystem::check_memory(const char* what, double bytes,
                               const CellSystemSettings& settings) const
 {
+    bytes += resident_memory();
     if (settings.max_memory > 0 && bytes > settings.max_memory)
         throw Error(Fault::Budget,
                     fmt::format("the {} of {} cells need about {} (limit {}): a "

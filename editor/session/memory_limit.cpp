@@ -5,14 +5,20 @@
 #include "editor/session/memory_limit.h"
 
 #include <algorithm>
+#include <array>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include <unistd.h>
+
+#include "io/error.h"
 #include "io/number.h"
 
 namespace cellwarp
@@ -24,6 +30,11 @@ namespace
 namespace fs = std::filesystem;
 
 constexpr double kShare = 0.7, kBytesPerKilobyte = 1024.0;
+/// What reading takes of memory for each byte of a file, as measured, by format. Text in
+/// columns has other extensions.
+constexpr std::pair<std::string_view, double> kOfFiles[] = {
+    {".obj", 3.8}, {".off", 3.8}, {".ply", 5.3}, {".stl", 8.9}};
+constexpr double kOfOtherFiles = 1.9;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 /// The files of a control group, by its version.
@@ -165,6 +176,14 @@ double left_in_groups(const std::string& proc)
 
 } // namespace
 
+double resident_memory(const std::string& proc)
+{
+    std::ifstream in(proc + "/self/statm");
+    double all = 0.0, resident = 0.0; // [page]
+    return in >> all >> resident ? resident * static_cast<double>(::sysconf(_SC_PAGESIZE))
+                                 : 0.0;
+}
+
 double default_memory_limit(const std::string& proc)
 {
     const std::optional<double> available =
@@ -172,7 +191,28 @@ double default_memory_limit(const std::string& proc)
     const double left = std::min(available ? kBytesPerKilobyte * *available : kUnlimited,
                                  left_in_groups(proc));
     // Not even one byte is left is another thing than that there is no limit.
-    return left < kUnlimited ? std::max(1.0, kShare * left) : 0.0;
+    return left < kUnlimited ? resident_memory(proc) + std::max(1.0, kShare * left) : 0.0;
+}
+
+void check_memory_of_file(const std::string& path, double max_memory)
+{
+    std::error_code missing;
+    const std::uintmax_t size = fs::file_size(path, missing);
+    if (missing || !(max_memory > 0))
+        return;
+    std::string extension = fs::path(path).extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return std::tolower(c); });
+    double factor = kOfOtherFiles;
+    for (const auto& [of, times] : kOfFiles)
+        if (extension == of)
+            factor = times;
+    const double bytes = resident_memory() + factor * static_cast<double>(size);
+    if (bytes > max_memory)
+        throw Error(Fault::Budget,
+                    at({path, 0, ""}, "a file of " + in_bytes(static_cast<double>(size)) +
+                                          " needs about " + in_bytes(bytes) + " (limit " +
+                                          in_bytes(max_memory) + ")"));
 }
 
 } // namespace cellwarp

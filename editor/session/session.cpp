@@ -14,6 +14,7 @@
 #include "editor/session/deformation.h"
 #include "editor/session/flat.h"
 #include "editor/session/frame_solver.h"
+#include "editor/session/memory_limit.h"
 #include "io/error.h"
 #include "io/number.h"
 #include "octree/base/clock.h"
@@ -340,7 +341,7 @@ void Session::check_memory_of(const FieldChoice& field) const
     const std::size_t centres = centres_of_all(field.kind, system.body().cells,
                                                system.constraints(), system.poses())
                                     .points.size();
-    const double bytes = RbfSystem::memory_estimate(centres);
+    const double bytes = resident_memory() + RbfSystem::memory_estimate(centres);
     if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
         throw Error(Fault::Budget,
                     fmt::format("the global release field of {} centres needs {} (limit "

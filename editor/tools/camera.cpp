@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A turntable: the up axis stays upright on the screen, and at the poles the azimuth
+// On a turntable the up axis stays upright on the screen, and at the poles the azimuth
 // still says where the right hand is, so nothing ever flips. The opening angle is that
 // of the shorter side of the view; parallel projection shows the target's depth as large
 // as perspective does.
@@ -28,6 +28,8 @@ constexpr double kMargin = 0.85; ///< of the view, that a framed box fills
 constexpr double kFramedNearest = 0.05; ///< [view]
 /// Before this there is nothing to see, relative to the target's distance.
 constexpr double kNearPlane = 0.01;
+/// From here on up, or down, a view is one along the up axis [rad].
+constexpr double kSteep = 1.57;
 /// What is closer to the eye counts as behind it [view].
 constexpr double kBehind = 1e-9;
 
@@ -62,23 +64,57 @@ double Camera::focal() const
     return 0.5 * at_least_one(std::min(width_, height_)) / std::tan(0.5 * kOpening);
 }
 
+Eigen::Matrix3d Camera::upright_axes() const
+{
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(up_axis_);
+    const Eigen::Vector3d front = front_of(up_axis_), side = axis.cross(front);
+    const Eigen::Vector3d right = std::cos(azimuth_) * side - std::sin(azimuth_) * front;
+    const Eigen::Vector3d level = right.cross(axis); // towards the viewer
+    const Eigen::Vector3d back =
+        std::cos(elevation_) * level + std::sin(elevation_) * axis;
+    Eigen::Matrix3d axes;
+    axes << right, back.cross(right), back;
+    return axes;
+}
+
 Eigen::Vector3d Camera::right() const
 {
-    const Eigen::Vector3d front = front_of(up_axis_);
-    const Eigen::Vector3d side = Eigen::Vector3d::Unit(up_axis_).cross(front);
-    return std::cos(azimuth_) * side - std::sin(azimuth_) * front;
+    return is_free_ ? Eigen::Vector3d(axes_.col(0)) : upright_axes().col(0);
 }
 
 Eigen::Vector3d Camera::forward() const
 {
-    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(up_axis_);
-    const Eigen::Vector3d level = right().cross(axis); // towards the viewer
-    return -(std::cos(elevation_) * level + std::sin(elevation_) * axis);
+    return is_free_ ? Eigen::Vector3d(-axes_.col(2)) : -upright_axes().col(2);
 }
 
 Eigen::Vector3d Camera::up() const
 {
     return right().cross(forward());
+}
+
+void Camera::set_turning(Turning turning)
+{
+    if (turning == this->turning())
+        return;
+    is_free_ = turning == Turning::Trackball;
+    if (is_free_)
+    {
+        axes_ = upright_axes();
+        return;
+    }
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(up_axis_);
+    const Eigen::Vector3d front = front_of(up_axis_), side = axis.cross(front);
+    const Eigen::Vector3d back = axes_.col(2);
+    elevation_ = std::asin(std::clamp(back.dot(axis), -1.0, 1.0));
+    // Seen along the axis, or upside down, the right hand tells the azimuth.
+    const Eigen::Vector3d level =
+        std::abs(elevation_) < kSteep ? back : Eigen::Vector3d(axes_.col(0).cross(axis));
+    azimuth_ = std::atan2(level.dot(side), level.dot(front));
+}
+
+void Camera::set_up_axis(int axis)
+{
+    up_axis_ = std::clamp(axis, 0, 2);
 }
 
 Eigen::Vector3d Camera::eye() const
@@ -90,6 +126,15 @@ void Camera::orbit(const Eigen::Vector2d& pixels)
 {
     if (!pixels.allFinite())
         return;
+    if (is_free_)
+    {
+        const Eigen::Quaterniond turned =
+            Eigen::AngleAxisd(-kOrbitRate * pixels.x(), up()) *
+            Eigen::AngleAxisd(-kOrbitRate * pixels.y(), right()) *
+            Eigen::Quaterniond(axes_);
+        axes_ = turned.normalized().toRotationMatrix();
+        return;
+    }
     azimuth_ = std::remainder(azimuth_ - kOrbitRate * pixels.x(), 2.0 * std::numbers::pi);
     elevation_ = std::clamp(elevation_ + kOrbitRate * pixels.y(), -0.5 * std::numbers::pi,
                             0.5 * std::numbers::pi);
@@ -146,6 +191,7 @@ void Camera::look_from(View view)
         elevation_ = -0.5 * std::numbers::pi;
         break;
     }
+    axes_ = upright_axes();
 }
 
 void Camera::frame(const Eigen::Vector3d& low, const Eigen::Vector3d& high)

@@ -38,8 +38,19 @@ public:
     double width() const { return width_; }
     double height() const { return height_; }
 
-    void orbit(const Eigen::Vector2d& pixels); ///< turntable about the target
-    void pan(const Eigen::Vector2d& pixels);   ///< what is at the target's depth follows
+    enum class Turning
+    {
+        Turntable, ///< the up axis stays upright
+        Trackball  ///< about the axes of the screen, any side up
+    };
+
+    void orbit(const Eigen::Vector2d& pixels); ///< about the target
+    Turning turning() const { return is_free_ ? Turning::Trackball : Turning::Turntable; }
+    /// The view stays; a turntable sets it upright.
+    void set_turning(Turning turning);
+    /// Of view space: 0, 1 or 2. A trackball's view stays.
+    void set_up_axis(int axis);
+    void pan(const Eigen::Vector2d& pixels); ///< what is at the target's depth follows
     /// Towards what is under \p pixel, at \p depth_point where something is there.
     void zoom(double steps, const Eigen::Vector2d& pixel,
               const std::optional<Eigen::Vector3d>& depth_point);
@@ -63,14 +74,17 @@ public:
     double pixel_size(const Eigen::Vector3d& point) const;
 
 private:
-    double focal() const; ///< eye to the plane of the pixels [pixel]
+    double focal() const;                 ///< eye to the plane of the pixels [pixel]
+    Eigen::Matrix3d upright_axes() const; ///< axes_ of the two angles
     void move_target(const Eigen::Vector3d& target);
 
     int up_axis_ = 1;
     double width_ = 1.0, height_ = 1.0;
     Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
-    double azimuth_ = 0.6, elevation_ = 0.35; ///< [rad]
-    double distance_ = 2.5;                   ///< eye to target [view]
+    double azimuth_ = 0.6, elevation_ = 0.35; ///< of the turntable [rad]
+    bool is_free_ = false;
+    Eigen::Matrix3d axes_;  ///< of the trackball: to the right, up, to the viewer
+    double distance_ = 2.5; ///< eye to target [view]
     bool is_perspective_ = true;
 };
 

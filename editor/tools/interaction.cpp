@@ -161,6 +161,16 @@ Navigation Interaction::navigation() const
     return state_->navigation;
 }
 
+void Interaction::set_up_axis(int axis)
+{
+    state_->camera.set_up_axis(axis);
+}
+
+void Interaction::set_turning(Camera::Turning turning)
+{
+    state_->camera.set_turning(turning);
+}
+
 void Interaction::set_navigation(Navigation navigation)
 {
     state_->navigation = navigation;

@@ -100,6 +100,8 @@ public:
 
     // What is to be drawn.
     const Camera& camera() const;
+    void set_up_axis(int axis); ///< 0, 1 or 2
+    void set_turning(Camera::Turning turning);
     std::vector<GizmoPart> gizmo() const; ///< empty: none
     /// Of the selection gesture under way, or of the brush at the pointer; closed
     /// [pixel].

@@ -247,7 +247,8 @@ void show_view_toggles(EditorApp& app)
     tip("The cells as glass, as wire, not at all");
 }
 
-/// What is selected, and the region under the pointer.
+/// What is selected, and what is under the pointer: the nearest sample, where it is at
+/// rest, as selectors of scenes want it, and its region.
 std::string at_rest(const EditorApp& app)
 {
     const OpenedDocument& opened = *app.opened();
@@ -258,13 +259,18 @@ std::string at_rest(const EditorApp& app)
                        "sample selected", "samples selected");
     const std::optional<Hover> hover = opened.hand.hover();
     const bool is_over = !ImGui::IsWindowHovered(ImGuiHoveredFlags_AnyWindow);
+    if (!hover || !is_over)
+        return said;
+    const Eigen::Vector3d& place = document.model()->geometry.samples[hover->sample];
+    if (!said.empty())
+        said += "     ";
+    said += fmt::format("Under the pointer: sample {} ({:.4g}  {:.4g}  {:.4g})",
+                        hover->sample, place.x(), place.y(), place.z());
     // The hover may be older than the document.
-    if (!hover || !is_over || hover->region < 0 ||
-        idx(hover->region) >= document.regions().size())
+    if (hover->region < 0 || idx(hover->region) >= document.regions().size())
         return said;
     const EditedRegion& region = document.regions()[idx(hover->region)];
-    return (said.empty() ? "" : said + "     ") + "Under the pointer: " + region.name +
-           " (" + role_name(region.role) + ")";
+    return said + " of " + region.name + " (" + role_name(region.role) + ")";
 }
 
 } // namespace

@@ -121,6 +121,17 @@ void show_view_panel(EditorApp& app)
     ImGui::SetNextItemWidth(-1);
     if (ImGui::Combo("##navigation", &navigation, "Blender\0Maya\0"))
         hand.set_navigation(static_cast<Navigation>(navigation));
+    label("Turns like");
+    int turning = static_cast<int>(hand.camera().turning());
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::Combo("##turning", &turning, "a turntable\0a trackball\0"))
+        hand.set_turning(static_cast<Camera::Turning>(turning));
+    tip("A turntable keeps the axis below upright; a trackball lets any side be up");
+    label("Up");
+    int up = hand.camera().up_axis();
+    ImGui::SetNextItemWidth(-1);
+    if (ImGui::Combo("##up", &up, "x\0y\0z\0"))
+        hand.set_up_axis(up);
 }
 
 } // namespace cellwarp

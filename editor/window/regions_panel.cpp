@@ -375,9 +375,11 @@ void show_placement(EditorApp& app, PanelState& state, const EditedRegion& regio
 {
     Editing& editing = app.opened()->editing;
     PlacementEntry& entry = state.placement;
-    if (!entry.is_held)
-        entry.value = region.placement;
     const std::string name = region.name;
+    if (!entry.is_held)
+        entry.value = editing.dragged() == name
+                          ? editing.dragged_placement().value_or(region.placement)
+                          : region.placement;
     bool changed = false;
     // While the hand in the view is at work, numbers only show.
     ImGui::BeginDisabled(app.opened()->hand.is_busy() && !entry.is_held);

@@ -2,6 +2,7 @@
 // Subcommands, flags, exit codes and what they print.
 #include <cmath>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +11,7 @@
 #include "io/geometry_file.h"
 #include "octree/wrap/triangle_pair.h"
 #include "tests/support/program.h"
+#include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
@@ -434,6 +436,36 @@ TEST(Cli, file_errors_exit_with_4_before_any_work)
                    files.folder / "none/x.obj"})
                   .code,
               4);
+}
+
+TEST(Cli, the_memory_that_a_scene_is_said_to_need_is_enough_for_it)
+{
+    if (support::kIsSanitized)
+        GTEST_SKIP() << "a sanitizer takes memory of its own";
+    const support::Folder folder;
+    // Closed, open and a skeleton in few of its voxels.
+    for (const std::string name : {"bar", "vase", "creature", "reach"})
+    {
+        SCOPED_TRACE(name);
+        const auto deform = [&](const std::string& limit)
+        {
+            return run({"deform", CELLWARP_SAMPLES "/" + name + ".json", "-o",
+                        folder / "out.obj", "--overwrite", "--json", "--max-memory",
+                        limit});
+        };
+        const Result refused = deform("40M");
+        EXPECT_EQ(refused.code, 5);
+        const std::string need = " voxels need about ";
+        const std::size_t at = refused.err.find(need);
+        ASSERT_NE(at, std::string::npos) << refused.err;
+        const double megabytes = std::stod(refused.err.substr(at + need.size()));
+        const Result kept = deform(fmt::format("{}M", std::ceil(1.02 * megabytes)));
+        ASSERT_EQ(kept.code, 0) << kept.err;
+        const double peak =
+            nlohmann::json::parse(kept.out)["peak_rss_mb"].get<double>() * 1.048576;
+        EXPECT_LE(peak, 1.02 * megabytes);
+        EXPECT_GE(peak, 0.3 * megabytes); // nor is it said to need much more
+    }
 }
 
 TEST(Cli, budgets_contradictions_and_limits_have_their_codes)

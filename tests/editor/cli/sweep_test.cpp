@@ -539,7 +539,7 @@ TEST(SweepCommand, a_run_that_is_not_possible_has_empty_fields)
 {
     const Files files;
     std::vector<std::string> arguments = files.arguments(
-        {"--no-pictures", "--interpolators", "rbf-global", "--max-memory", "25M"});
+        {"--no-pictures", "--interpolators", "rbf-global", "--max-memory", "80M"});
     arguments[7] = "2";
     const Result result = run(arguments);
     EXPECT_EQ(result.code, 7) << result.err;

@@ -231,8 +231,11 @@ TEST(Editing, a_drag_that_is_taken_back_leaves_no_edit_and_the_shape_as_it_was)
     editing.wait();
     const std::vector<float> before = editing.shape().positions;
     const std::size_t edits = editing.document().history().size();
+    EXPECT_FALSE(editing.dragged_placement());
     ASSERT_TRUE(editing.begin_drag("head"));
     editing.drag_to(turned(0, {1, 0, 0}));
+    EXPECT_EQ(editing.dragged_placement(), turned(0, {1, 0, 0}));
+    EXPECT_EQ(editing.document().region("head")->placement, Placement());
     for (int k = 0; k < 2000 && editing.shape().positions == before; ++k)
     {
         editing.update();
@@ -241,6 +244,7 @@ TEST(Editing, a_drag_that_is_taken_back_leaves_no_edit_and_the_shape_as_it_was)
     EXPECT_NE(editing.shape().positions, before);
     EXPECT_GT(editing.drag_status().frames, 0u);
     editing.cancel_drag();
+    EXPECT_FALSE(editing.dragged_placement());
     EXPECT_EQ(editing.shape().positions, before);
     EXPECT_EQ(editing.document().history().size(), edits);
     editing.wait();

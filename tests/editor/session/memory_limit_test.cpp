@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/shapes.h"
+#include "tests/support/throws.h"
 
 namespace cellwarp
 {
@@ -59,6 +60,27 @@ TEST(MemoryLimit, is_a_share_of_what_is_available)
     EXPECT_DOUBLE_EQ(system.limit(), 700.0);
     EXPECT_EQ(default_memory_limit(system.folder / "none"), 0.0);
     EXPECT_GT(default_memory_limit(), 0.0);
+    // What the process has already is its own: 25,600 pages of 4 kB.
+    system.folder.write("proc/self/statm", "99999 25600 1 1 0 1 0\n");
+    EXPECT_DOUBLE_EQ(system.limit(),
+                     700.0 + resident_memory(system.folder / "proc") / kMegabyte);
+    EXPECT_GE(resident_memory(system.folder / "proc"), 100.0 * kMegabyte);
+}
+
+TEST(MemoryLimit, stands_against_files_that_take_more_when_they_are_read)
+{
+    const support::Folder folder;
+    const std::string file = folder.write("big.obj", std::string(10'000'000, '#'));
+    const double now = resident_memory();
+    EXPECT_NO_THROW(check_memory_of_file(file, 0.0));
+    EXPECT_NO_THROW(check_memory_of_file(file, now + 1e8));
+    EXPECT_NO_THROW(check_memory_of_file(folder / "none.obj", 1.0));
+    EXPECT_TRUE(support::contains(
+        support::error_of(Fault::Budget, [&] { check_memory_of_file(file, now + 2e7); }),
+        "a file of 10 MB needs about"));
+    // Text in columns takes less.
+    std::filesystem::rename(file, folder / "big.xyz");
+    EXPECT_NO_THROW(check_memory_of_file(folder / "big.xyz", now + 3e7));
 }
 
 TEST(MemoryLimit, follows_the_groups_of_version_2)

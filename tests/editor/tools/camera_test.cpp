@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -207,6 +208,67 @@ TEST(Camera, orbiting_never_flips)
             last = camera.up();
         }
     }
+}
+
+TEST(Camera, a_trackball_turns_about_the_axes_of_the_screen_beyond_the_poles)
+{
+    std::mt19937 rng(7);
+    for (int i = 0; i < 50; ++i)
+    {
+        SCOPED_TRACE(i);
+        Camera camera = random_camera(rng, i % 3);
+        const Eigen::Vector3d eye = camera.eye(), target = camera.target();
+        camera.set_turning(Camera::Turning::Trackball);
+        EXPECT_LT((camera.eye() - eye).norm(), 1e-12);
+        camera.orbit(random_pixels(rng, 2000));
+        expect_right_handed(camera, "turned");
+        EXPECT_EQ(camera.target(), target);
+        // Downwards about the screen's own horizontal axis: half a turn is upside down.
+        const Eigen::Vector3d right = camera.right(), up = camera.up();
+        const double half = std::numbers::pi / 0.007; // [pixel]
+        camera.orbit({0, half});
+        EXPECT_LT((camera.right() - right).norm(), 1e-9);
+        EXPECT_LT((camera.up() + up).norm(), 1e-9);
+        camera.orbit({half, 0});
+        EXPECT_LT((camera.right() + right).norm(), 1e-9);
+        // A turntable again: it looks along the same line, upright.
+        const Eigen::Vector3d forward = camera.forward();
+        camera.set_turning(Camera::Turning::Turntable);
+        EXPECT_LT((camera.forward() - forward).norm(), 1e-7);
+        EXPECT_GE(camera.up()[i % 3], -1e-12);
+        expect_right_handed(camera, "turntable");
+    }
+}
+
+TEST(Camera, seen_along_the_up_axis_a_turntable_keeps_what_is_to_the_right)
+{
+    Camera camera(2);
+    camera.look_from(Camera::View::Top);
+    camera.orbit({123, 0});
+    const Eigen::Vector3d right = camera.right();
+    camera.set_turning(Camera::Turning::Trackball);
+    camera.set_turning(Camera::Turning::Turntable);
+    EXPECT_LT((camera.right() - right).norm(), 1e-6);
+}
+
+TEST(Camera, another_up_axis_is_upright_at_once_on_a_turntable)
+{
+    Camera camera;
+    camera.orbit({40, -30});
+    for (const int up : {0, 2, 1})
+    {
+        camera.set_up_axis(up);
+        EXPECT_EQ(camera.up_axis(), up);
+        EXPECT_NEAR(camera.right()[up], 0.0, 1e-12);
+        EXPECT_GT(camera.up()[up], 0.5);
+        expect_right_handed(camera, "up");
+    }
+    camera.set_turning(Camera::Turning::Trackball);
+    const Eigen::Vector3d forward = camera.forward();
+    camera.set_up_axis(0);
+    EXPECT_EQ(camera.forward(), forward);
+    camera.look_from(Camera::View::Front);
+    EXPECT_NEAR(camera.up()[0], 1.0, 1e-12);
 }
 
 TEST(Camera, the_numbered_views_look_along_the_axes)
