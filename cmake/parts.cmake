@@ -11,7 +11,8 @@ function(cellwarp_part name)
     UNITY_BUILD ${CELLWARP_UNITY} UNITY_BUILD_BATCH_SIZE 8)
   if(CELLWARP_UNITY)
     # What is local to a file is taken for what a header would hand to others.
-    target_compile_options(cellwarp_${name} PRIVATE -Wno-subobject-linkage)
+    target_compile_options(cellwarp_${name} PRIVATE
+      $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   endif()
 endfunction()
 

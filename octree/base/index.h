@@ -6,7 +6,6 @@
 
 #include <concepts>
 #include <cstddef>
-#include <ranges>
 #include <type_traits>
 
 namespace cellwarp
@@ -27,14 +26,42 @@ constexpr std::size_t idx(Number number)
     return static_cast<std::size_t>(number);
 }
 
-/// The numbers from 0 to before \p count.
+/// The numbers from 0 to before a count, for loops over them. (The standard's views are
+/// beyond clang 14.)
 template <class Number>
 requires std::is_enum_v<Number>
-constexpr auto numbers_below(std::size_t count)
+class NumbersBelow
 {
-    return std::views::iota(std::size_t{0}, count) |
-           std::views::transform([](std::size_t number)
-                                 { return static_cast<Number>(number); });
+public:
+    class Iterator
+    {
+    public:
+        constexpr explicit Iterator(std::size_t at) : at_(at) {}
+        constexpr Number operator*() const { return static_cast<Number>(at_); }
+        constexpr Iterator& operator++()
+        {
+            ++at_;
+            return *this;
+        }
+        constexpr bool operator==(const Iterator&) const = default;
+
+    private:
+        std::size_t at_;
+    };
+
+    constexpr explicit NumbersBelow(std::size_t count) : count_(count) {}
+    constexpr Iterator begin() const { return Iterator(0); }
+    constexpr Iterator end() const { return Iterator(count_); }
+
+private:
+    std::size_t count_;
+};
+
+/// The numbers from 0 to before \p count.
+template <class Number>
+constexpr NumbersBelow<Number> numbers_below(std::size_t count)
+{
+    return NumbersBelow<Number>(count);
 }
 
 } // namespace cellwarp

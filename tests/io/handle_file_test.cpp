@@ -255,6 +255,73 @@ TEST(HandleFile, refuses_joints_that_cannot_be)
         "need .tgf, .bvh, .gltf or .glb"));
 }
 
+TEST(HandleFile, refuses_rods_and_curves_that_cannot_be)
+{
+    const auto tells = [](const std::string& text, const std::string& what)
+    {
+        const std::string said =
+            refused(kHead + "pin p indices 0\nhandle h all\n" + text);
+        EXPECT_TRUE(contains(said, what)) << text << said;
+    };
+    const std::string points = "0 0 0 1 0 0 2 0 0";
+    tells("rod r through 0 0 0\n", "got 1 points, need 2 to 1000");
+    tells("curve r points " + points + "\n", "got 3 points, need 4 to 1000");
+    tells("rod r from here\n", "need 'from skeleton'");
+    tells("rod r along 0 0 0\n", "need through, points or from skeleton");
+    tells("curve r from skeleton\n", "need through or points");
+    tells("rod r through " + points + " radius 0\n", "radius: got 0, need");
+    tells("rod r through " + points + " spans 65\n", "spans: got 65, need 1 to 64");
+    tells("rod r through " + points + " thick\n",
+          "need closed, spans, radius, stiffness or exact");
+    tells("curve r through " + points + " radius 1\n", "need closed or spans");
+    tells("rod r through 0 0 0 1 0 0 closed\n", "a closed one needs 3 points");
+    tells("rod r through 0 0 0 0 0 0\n", "point 1: is where the one before is");
+    const std::string rod =
+        "rod r through " + points + "\ncurve c through " + points + "\n";
+    tells(rod + "rod r through " + points + "\n", "r: is already told of (line 4)");
+    tells(rod + "on p c by 0.5\n", "need 'at' and a share of the length");
+    tells(rod + "on p c at 2\n", "at: got 2, need 0 to 1");
+    tells(rod + "on h c\n", "h: is a handle region, only a pin");
+    tells(rod + "on p h\n", "h: is no curve or rod");
+    tells(rod + "on p c\non p r\n", "p: is already on a curve (line 6)");
+    tells(rod + "frame 1\non p c\n", "on: comes before the frames");
+    const std::string moved = rod + "frame 1\n";
+    tells(moved + "move r point 1 tangent 0 0 0\n",
+          "tangent: got 0 0 0, need a direction");
+    tells(moved + "move r point 1 rotate 0 0 1 20\n",
+          "takes translate, to, turn or tangent");
+    tells(moved + "move c point 1 turn 20\n", "a curve has no twist");
+    tells(moved + "move r turn 20\n", "are for points of a rod");
+    tells(moved + "move h point 1 translate 1 0 0\n", "h: has no points");
+    tells(moved + "move r point 3 translate 1 0 0\n", "point: got 3, need 0 to 2");
+    tells(moved + "release r point 1 colour\n", "need place, tangent or twist");
+    tells(moved + "release r\n", "only a joint, or a point, start or end of a rod");
+    tells(moved + "move h translate 1 0 0 from r\n",
+          "from: comes after the 'to' of a joint");
+    tells("rod r through " + points +
+              " 0 1 0 closed\nframe 1\nmove r end translate 1 0 0\n",
+          "is closed: it has no end");
+}
+
+TEST(HandleFile, refuses_skeletons_that_are_placed_in_no_way)
+{
+    const auto tells = [](const std::string& text, const std::string& what)
+    {
+        const std::string said = refused(kHead + text);
+        EXPECT_TRUE(contains(said, what)) << text << said;
+    };
+    tells("skeleton a.tgf scale 0\n", "scale: got 0, need");
+    tells("skeleton a.tgf up w\n", "up: got 'w', need x, y or z");
+    tells("skeleton a.tgf colour\n", "need root, scale, up or translate");
+    tells("units relative\nskeleton a.tgf\n", "leave out 'units relative'");
+    tells("joint \"\" at 0 0 0\n", "joint name");
+    std::string chain = "joint j0 at 0 0 0\n";
+    for (int k = 1; k <= 10000; ++k)
+        chain += "joint j" + std::to_string(k) + " at " + std::to_string(k) +
+                 " 0 0 parent j" + std::to_string(k - 1) + "\n";
+    tells(chain, "joint: more than 10000 joints");
+}
+
 TEST(HandleFile, reads_the_survey_pair)
 {
     const support::Folder folder;

@@ -5,6 +5,7 @@
 
 #include "io/error.h"
 #include "tests/support/shapes.h"
+#include "tests/support/throws.h"
 
 namespace cellwarp
 {
@@ -64,6 +65,9 @@ TEST(MeditFile, other_sections_are_passed_over)
 
 TEST(MeditFile, what_is_wrong_is_told_by_line_and_section)
 {
+    EXPECT_TRUE(support::contains(
+        support::error_of(Fault::Malformed, [] { parse_medit("m.mesh", "PK\x03\x04"); }),
+        "is a ZIP archive, need a Medit mesh"));
     EXPECT_EQ(message_of(with("1 2 3 4 5 6 7 8", "1 2 3 4 5 6 7 9")),
               "x.mesh:16: Hexahedra: vertex 9 is not there (there are 8)");
     EXPECT_NE(message_of(with("1 1 1 0", "1 one 1 0")).find("x.mesh:12: vertex 7: got"),

@@ -296,6 +296,46 @@ TEST(SkeletonFile, what_is_wrong_with_a_bvh_is_told_with_its_line)
     EXPECT_TRUE(contains(with("MOTION", "ROOT Other"), "is a second root"));
 }
 
+TEST(SkeletonFile, no_part_of_a_bvh_may_be_missing)
+{
+    const auto tells =
+        [](const std::string& part, const std::string& instead, const std::string& what)
+    {
+        std::string text = kWalk;
+        text.replace(text.find(part), part.size(), instead);
+        const std::string said = refusal("walk.bvh", text);
+        EXPECT_TRUE(contains(said, what)) << part << ": " << said;
+    };
+    tells("ROOT Hips", "Hips", "ROOT: is missing");
+    tells("    }\n  }\n  JOINT", "    } x\n  }\n  JOINT", "}: one word too many");
+    tells("End Site", "Last Site", "got 'Last', need JOINT, End Site or }");
+    tells("JOINT Left Leg", "JOINT", "JOINT: has no name");
+    tells("Frames: 2", "Frames 2", "Frames: is missing");
+    tells("Frames: 2", "Frames: -2", "Frames: got '-2', need a count");
+    tells("Frame Time: 0.5", "Frame 0.5", "Frame Time: is missing");
+    SkeletonPlacement far;
+    far.scale = 1e100;
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { bvh(kWalk, far); }),
+                         "is beyond 1e100"));
+}
+
+TEST(SkeletonFile, has_ten_thousand_joints_at_the_most)
+{
+    std::string points, bones, tree = "HIERARCHY\nROOT r\n{\nOFFSET 0 0 0\n", ends;
+    for (int k = 1; k <= 10001; ++k)
+    {
+        points += std::to_string(k) + " " + std::to_string(k) + " 0 0\n";
+        tree += "JOINT j" + std::to_string(k) + "\n{\nOFFSET 1 0 0\n";
+    }
+    EXPECT_TRUE(contains(refusal("a.tgf", points + "#\n"), "more than 10000 joints"));
+    EXPECT_TRUE(contains(refusal("a.bvh", tree), "more than 10000 joints"));
+    EXPECT_TRUE(contains(refusal("a.tgf", "1 0 0 0\n2 1 0 0\n#\n1\n"), "is missing"));
+    EXPECT_TRUE(contains(refusal("a.tgf", "1 0 0 0\n2 1 0 0\n#\n1 x\n"),
+                         "got 'x', need an integer"));
+    EXPECT_TRUE(contains(refusal("a.tgf", "PK\x03\x04"),
+                         "looks like a ZIP archive, need a skeleton"));
+}
+
 TEST(SkeletonFile, a_bvh_without_frames_is_a_skeleton_at_rest)
 {
     std::string still = kWalk.substr(0, kWalk.find("Frames:"));
@@ -379,6 +419,81 @@ TEST(SkeletonFile, what_scales_a_bone_is_refused)
     json = rig();
     json["nodes"][1]["scale"] = {1, -1, 1};
     EXPECT_TRUE(contains(gltf_refusal(json), "mirrored"));
+}
+
+TEST(SkeletonFile, what_a_gltf_lacks_or_has_twice_is_told_by_its_place)
+{
+    const auto tells = [](const std::string& what, auto&& change)
+    {
+        Json json = rig();
+        change(json);
+        const std::string said = gltf_refusal(json);
+        EXPECT_TRUE(contains(said, what)) << what << ": " << said;
+    };
+    const auto animation = [](Json& json) -> Json& { return json["animations"][0]; };
+    tells("channels[0].target: is missing",
+          [&](Json& json) { animation(json)["channels"][0].erase("target"); });
+    tells("channels[1]: moves what another channel moves", [&](Json& json)
+          { animation(json)["channels"].push_back(animation(json)["channels"][0]); });
+    tells("moves nodes[2], which stands by a matrix",
+          [](Json& json)
+          {
+              json["nodes"][2] = {
+                  {"name", "two"},
+                  {"matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 100, 0, 0, 1}}};
+          });
+    tells("channels[0].input: is missing",
+          [&](Json& json) { animation(json)["samplers"][0].erase("input"); });
+    tells("channels[0].sampler: is missing",
+          [&](Json& json) { animation(json)["channels"][0].erase("sampler"); });
+    tells("accessors[2] holds what is not finite",
+          [](Json& json)
+          {
+              std::string all =
+                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
+                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
+                  floats({0, 1, 2}) + floats({0, 0, 0, 1e31, 0, 0, 1, 1, 0, 0, 1, 0});
+              json["buffers"][0]["uri"] =
+                  "data:application/octet-stream;base64," + base64(all);
+          });
+    tells("key 1 is no rotation",
+          [](Json& json)
+          {
+              std::string all =
+                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
+                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
+                  floats({0, 1, 2}) + floats({0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0});
+              json["buffers"][0]["uri"] =
+                  "data:application/octet-stream;base64," + base64(all);
+          });
+    tells("its bind pose is flat",
+          [](Json& json)
+          {
+              std::string all =
+                  floats({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
+                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
+                  floats({0, 1, 2}) + floats({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0});
+              json["buffers"][0]["uri"] =
+                  "data:application/octet-stream;base64," + base64(all);
+          });
+    tells("there is no skeleton",
+          [](Json& json)
+          {
+              json.erase("skins");
+              json.erase("animations");
+              json["scenes"][0]["nodes"] = Json::array();
+          });
+    tells("more than 10000 joints",
+          [](Json& json)
+          {
+              json.erase("skins");
+              json.erase("animations");
+              for (int k = 3; k < 10010; ++k)
+              {
+                  json["nodes"].push_back({{"name", "n" + std::to_string(k)}});
+                  json["nodes"][2]["children"].push_back(k);
+              }
+          });
 }
 
 TEST(SkeletonFile, an_animation_is_taken_by_its_name_or_number)

@@ -105,6 +105,57 @@ TEST(SkeletonScene, what_is_wrong_is_told_by_its_key)
                          "need one of slerp, squad"));
 }
 
+TEST(SkeletonScene, what_a_part_of_it_lacks_is_told_by_its_place)
+{
+    const auto tells = [](const std::string& text, const std::string& what)
+    {
+        const std::string said = refusal(text);
+        EXPECT_TRUE(contains(said, what)) << text << "\n" << said;
+    };
+    const auto joint = [](const std::string& of)
+    { return R"("joints": [{)" + of + "}]"; };
+    tells(R"("joints": 3)", "joints: need a list");
+    tells(joint(R"("at": [0, 0, 0])"), "joints[0].name: is missing");
+    tells(joint(R"("name": "a")"), "joints[0].at: is missing");
+    tells(joint(R"("name": "", "at": [0, 0, 0])"), "need a name");
+    tells(joint(R"("name": "a", "parent": 3, "at": [0, 0, 0])"),
+          "parent: need the name of a joint, or null");
+    tells(joint(R"("name": "a", "at": [0, 0, 1e31])"), "at: is beyond 1e30");
+    tells(joint(R"("name": "a", "at": [0, 0, 0], "limits": {"hinge": [0, 0, 0]})"),
+          "hinge: got 0 0 0, need a direction");
+    tells(joint(R"("name": "a", "at": [0, 0, 0], "limits": {"twist": [1]})"),
+          "twist: need 2 numbers");
+    tells(joint(R"("name": "a", "at": [0, 0, 0], "limits": {"twist": [1, "x"]})"),
+          "twist: need 2 finite numbers");
+    const auto more = [](const std::string& of) { return kJoints + ", " + of; };
+    tells(more(R"("keys": [{"joint": "elbow", "rotate": [0, 0, 1, 9]}])"),
+          "keys[0].time: is missing");
+    tells(more(R"("keys": [{"time": 0, "rotate": [0, 0, 1, 9]}])"),
+          "keys[0].joint: is missing");
+    tells(R"("file": "")", "file: need the name of a file");
+    tells(more(R"("lattice": "")"), "lattice: need octree, or the name of a file");
+    tells(more(R"("detail_regions": ["all"])"), "detail_regions: need detail");
+    tells(more(R"("detail": 0.1, "detail_regions": [3])"), "need a list of selectors");
+    tells(more(R"("weights": "")"), "weights: need the name of a file");
+    tells(more(R"("contact": [{"sphere": [0, 0, 0, 0]}])"), "got the radius 0, need > 0");
+    tells(more(R"("contact": [{}])"), "contact[0]: needs a plane or a sphere");
+    tells(more(R"("held": [{}])"), "held[0].at: is missing");
+    tells(more(R"("held": [{"at": [0, 0, 0], "normal": [0, 0, 0]}])"),
+          "normal: got 0 0 0, need a direction");
+    const auto keys = [&](const std::string& of)
+    { return more(R"("held": [{"at": [0, 0, 0], "keys": [)" + of + "]}]"); };
+    tells(keys(R"({"translate": [0, 0, 0]})"), "held[0].keys[0].time: is missing");
+    tells(keys(R"({"time": 1})"), "keys[0].translate: is missing");
+    tells(
+        keys(
+            R"({"time": 1, "translate": [0, 0, 0]}, {"time": 1, "translate": [0, 0, 0]})"),
+        "keys[1].time: got 1, need more than 1");
+    std::string many = R"({"name": "j0", "at": [0, 0, 0]})";
+    for (int k = 1; k <= 10000; ++k)
+        many += R"(, {"name": "j)" + std::to_string(k) + R"(", "at": [0, 0, 0]})";
+    tells(R"("joints": [)" + many + "]", "more than 10000 joints");
+}
+
 TEST(SkeletonScene, unknown_keys_and_those_of_flesh_in_time_are_warnings)
 {
     const SceneFile scene = scene_of(kJoints + R"(, "bones": 3, "E": 1e4)");

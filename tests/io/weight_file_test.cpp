@@ -82,11 +82,25 @@ TEST(WeightFile, a_skin_has_weights_for_the_samples_of_its_mesh)
     none["nodes"][2].erase("skin");
     nlohmann::json beyond = usual;
     beyond["skins"][0]["joints"] = {1};
+    nlohmann::json nowhere = usual;
+    nowhere["meshes"][1]["primitives"][0]["attributes"].erase("POSITION");
+    nlohmann::json below = usual;
+    below["accessors"][2]["componentType"] = 5126;
+    below["bufferViews"][2] = {{"buffer", 0}, {"byteOffset", 96}, {"byteLength", 48}};
+    below["buffers"][0]["byteLength"] = 144;
+    below["buffers"][0]["uri"] = "below.bin";
+    std::string bytes = support::bytes_of(folder / "rig.bin");
+    for (const double value :
+         {0.5, -0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0})
+        store(value, Scalar::Float32, false, bytes);
+    folder.write("below.bin", bytes);
     nlohmann::json short_of = usual;
     short_of["accessors"][2]["count"] = 2;
     for (const auto& [json, words] :
          {std::pair{none, "skins: there is no skin"},
           {beyond, "JOINTS_0: names a joint that the skin has not"},
+          {nowhere, "meshes[1].primitives[0]: has no POSITION"},
+          {below, "WEIGHTS_0: holds a weight below 0"},
           {short_of, "its attributes differ in count"}})
     {
         const std::string found =
@@ -100,6 +114,7 @@ TEST(WeightFile, what_is_wrong_is_told_with_its_line)
 {
     for (const auto& [text, words] :
          {std::pair<std::string, std::string>{"", "names no joints"},
+          {"PK\x03\x04", "this looks like a ZIP archive, need weights"},
           {"cellwarp-weights 2\na\n", "w.txt:1: the first line is wrong"},
           {"cellwarp-weights 1\na a\n", "w.txt:2: a: is named twice"},
           {"cellwarp-weights 1\na b\n1 2\n1\n",

@@ -46,8 +46,10 @@ Octree randomly_split(unsigned seed, int rounds)
 
 std::vector<LeafNumber> all_of(const Octree& octree)
 {
-    const auto all = octree.numbers();
-    return {all.begin(), all.end()};
+    std::vector<LeafNumber> all;
+    for (const LeafNumber leaf : octree.numbers())
+        all.push_back(leaf);
+    return all;
 }
 
 bool overlap(const Leaf& leaf, const Leaf& box)

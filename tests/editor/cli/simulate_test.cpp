@@ -67,7 +67,22 @@ TEST(SimulateCommand, says_what_it_cannot_do)
     EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.stl"}).code, 2);
     EXPECT_EQ(run({"simulate", scene, "-o", folder / "x.ply", "--lines"}).code, 2);
     EXPECT_EQ(run({"simulate", scene, "-o", "-", "--json"}).code, 2);
+    const Result to_stdout = run({"simulate", scene, "--rods", "-", "--json"});
+    EXPECT_EQ(to_stdout.code, 2);
+    EXPECT_TRUE(contains(to_stdout.err, "--rods: need the name of a file"));
     EXPECT_EQ(run({"simulate", folder / "none.json", "--json"}).code, 4);
+    const std::string long_one = folder.write(
+        "long.json", R"({"cellwarp": 1, "rods": [{"through": [[0,0,0],[1,0,0]],
+        "fixed": [{"at": 0}]}], "simulate": {"dt": 0.001, "duration": 2000, "every": 0.001}})");
+    const Result many =
+        run({"simulate", long_one, "-o", folder / "many-{frame}.obj", "--quiet"});
+    EXPECT_EQ(many.code, 2) << many.err;
+    EXPECT_TRUE(contains(many.err, "raise simulate.every")) << many.err;
+    const std::string still =
+        folder.write("still.json", R"({"cellwarp": 1, "model": "m.obj"})");
+    const Result nothing = run({"simulate", still, "--json"});
+    EXPECT_EQ(nothing.code, 3);
+    EXPECT_TRUE(contains(nothing.err, "simulate")) << nothing.err;
     const std::string bad = folder.write("bad.json", R"({"cellwarp": 1, "rods": 7})");
     EXPECT_EQ(run({"simulate", bad, "--json"}).code, 3);
     folder.write("out.obj", "old");

@@ -140,6 +140,14 @@ TEST(SkeletonCli, what_contradicts_is_refused)
     const std::string none = files.folder.write(
         "n.json", R"({"cellwarp": 1, "model": "bar.obj", "skeleton": {}})");
     EXPECT_EQ(run({"check", none}).code, 3);
+    result = run(
+        {"deform", files.scene, "-o", files.out("o.obj"), "--fix", "box 0 0 0 1 1 1"});
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "do not know the skeleton of a scene"))
+        << result.err;
+    result = run({"skeleton", files.folder / "bar.obj", "-o", "-", "--json"});
+    EXPECT_EQ(result.code, 2);
+    EXPECT_TRUE(contains(result.err, "both need stdout")) << result.err;
 }
 
 TEST(SkeletonCli, a_handle_file_moves_the_joints_of_a_scene)

@@ -189,8 +189,26 @@ TEST(Lines, says_what_cannot_be)
     says("is no rod", [&] { document.set_line("foot", kAxis); });
     says("needs 2 points", [&] { document.set_line("rod", {{{0, 0, 0}}, false, {}}); });
     says("is no pin", [&] { document.put_on("foot", "rod", {}); });
+    document.select(support::between(document, 3, 3.5), "Select by box");
+    says("told by points, not by samples",
+         [&] { document.add_region(Role::Rod, "other"); });
+    says("is a rod or a curve", [&] { document.set_role("rod", Role::Fixed, 1.0); });
+    says("'rod'", [&] { document.set_samples("rod"); });
+    says("has no point 9", [&] { document.release_point("rod", 9, {true, true, true}); });
+    document.add_line(Role::Curve, {{{2, 0, 0}, {2, 0, 4}}, false, {}}, "rail");
+    says("goes where its points are put",
+         [&] {
+             document.release_point("rail", 0, {true, true, true});
+         });
+    document.select(support::between(document, 3.9, 4.1), "Select by box");
+    document.add_region(Role::Pin, "tip");
+    says("between 0 and 1", [&] { document.put_on("tip", "rail", 2.0); });
+    says("'foot' is no rod or curve", [&] { document.put_on("tip", "foot", {}); });
     document.move_point("rod", 1, to({0.6, 0.5, 2}));
     says("something has moved", [&] { document.set_line("rod", kAxis); });
+    says("pins can be put on curves before that",
+         [&] { document.put_on("tip", "rail", {}); });
+    says("a shape that is not there yet", [&] { document.centre_line({}, nullptr); });
 }
 
 TEST(Lines, a_point_in_the_hand_bends_what_is_shown_and_is_solved_on_release)
@@ -269,6 +287,8 @@ TEST(Lines, a_rod_is_drawn_along_the_middle_of_the_shape)
     const Bar bar;
     Editing editing(bar.open_small(false));
     editing.draw_centre_line({});
+    EXPECT_TRUE(contains(error_of(Fault::Usage, [&] { editing.draw_centre_line({}); }),
+                         "is looked for already"));
     EXPECT_TRUE(editing.is_drawing());
     editing.wait();
     EXPECT_FALSE(editing.is_drawing());

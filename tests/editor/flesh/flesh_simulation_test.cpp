@@ -631,6 +631,24 @@ TEST(FleshSimulation, what_cannot_be_is_refused_by_its_key)
         EXPECT_TRUE(contains(bar.refusal(), what)) << bar.refusal();
     }
     bar.skeleton = usual;
+    for (const bool of_cells : {true, false})
+    {
+        const SceneFile scene = bar.scene();
+        CellSettings cells = settings_of(scene).cells;
+        if (of_cells)
+            cells.max_cells = 10;
+        else
+            cells.max_memory = 1e6;
+        const std::string said = support::error_of(
+            Fault::Budget,
+            [&]
+            {
+                FleshSimulation(
+                    std::make_shared<const Geometry>(read_geometry(scene.model).geometry),
+                    scene, cells, false);
+            });
+        EXPECT_TRUE(contains(said, "skeleton.across: ")) << said;
+    }
     bar.more = R"(, "integrator": "midpoint")";
     EXPECT_TRUE(contains(bar.refusal(), "simulate.integrator: got 'midpoint'"));
 }

@@ -10,6 +10,7 @@
 #include <Eigen/LU>
 #include <gtest/gtest.h>
 
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -605,6 +606,17 @@ TEST(Simulation, refuses_what_cannot_be_joined)
                              weight + R"([{"a": "rod r 0", "b": "body b 0 0.1 0"}])",
                              "{}"));
     EXPECT_EQ(pulled.warnings().size(), 2u);
+}
+
+TEST(Simulation, an_obstacle_without_faces_is_refused)
+{
+    const support::Folder folder;
+    folder.write("points.obj", "v 0 0 0\nv 1 0 0\n");
+    const RodScene scene = parse_rod_scene(
+        folder / "s.json", R"({"cellwarp": 1, "rods": [)" + kRope +
+                               R"(], "obstacles": [{"mesh": "points.obj"}]})");
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, [&] { Simulation{scene}; }),
+                         "points.obj: has no faces to touch"));
 }
 
 TEST(Simulation, what_slides_needs_a_rule_that_knows_it)

@@ -138,6 +138,20 @@ TEST(InteractionLines, points_come_and_go_before_anything_has_moved)
     EXPECT_TRUE(desk.hand.lines().empty());
 }
 
+TEST(InteractionLines, commands_of_a_point_say_so_where_none_is_active)
+{
+    RodDesk desk;
+    const std::string before = desk.last_edit();
+    for (const Command command :
+         {Command::InsertPoint, Command::ReleasePoint, Command::ReleaseDirection})
+    {
+        desk.hand.set_active_point(std::nullopt);
+        desk.hand.run(command);
+        EXPECT_TRUE(contains(desk.hand.complaint(), "point")) << desk.hand.complaint();
+        EXPECT_EQ(desk.last_edit(), before);
+    }
+}
+
 TEST(InteractionLines, the_last_point_once_more_ends_the_line)
 {
     Desk desk;

@@ -252,6 +252,18 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
     const Result place = play("move 0.5q 3\n");
     EXPECT_EQ(place.code, 3);
     EXPECT_TRUE(contains(place.err, "script:1: move: ")) << place.err;
+    const std::string model = bar(folder_);
+    for (const auto& [script, what] :
+         {std::pair<std::string, std::string>{"point rod -1 0 0 0\n",
+                                              "points count from 0"},
+          {"wait\npoint rod 0 0 0 0\n", "rod"},
+          {"wait\nfilm 3\n", "there is nothing to play"},
+          {"wait\nlive 1\n", "the scene has no flesh in time"}})
+    {
+        const Result refused = play(script, {model});
+        EXPECT_EQ(refused.code, 3) << script << refused.err;
+        EXPECT_TRUE(contains(refused.err, what)) << script << refused.err;
+    }
     EXPECT_EQ(play("quit\n", {file("nothing.obj")}).code, 4);
     EXPECT_EQ(play("quit\n", {folder_.write("bad.obj", "v 1 2\n")}).code, 3);
     EXPECT_EQ(support::run_program(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
