@@ -132,11 +132,11 @@ std::string scene_text(const SceneFile& scene)
     Ordered json = scene.text.empty() ? Ordered::object() : Ordered::parse(scene.text);
     // Null that becomes an object by its first key is not destroyed well where memory
     // ends (nlohmann 3.11.2).
-    const auto section_of = [&](const std::string& name) -> Ordered&
+    const auto object_in = [](Ordered& of, const std::string& name) -> Ordered&
     {
-        if (!json.contains(name))
-            json[name] = Ordered::object();
-        return json[name];
+        if (!of.contains(name))
+            of[name] = Ordered::object();
+        return of[name];
     };
     json["cellwarp"] = 1;
     json["model"] = relative_name(scene.path, scene.model);
@@ -148,7 +148,7 @@ std::string scene_text(const SceneFile& scene)
         [&](const std::string& section, const char* key, const auto&, const auto& value)
         {
             if (value)
-                (section.empty() ? json : section_of(section))[key] = *value;
+                (section.empty() ? json : object_in(json, section))[key] = *value;
             else if (section.empty())
                 json.erase(key);
             else if (json.contains(section))
@@ -157,9 +157,10 @@ std::string scene_text(const SceneFile& scene)
         scene.settings);
     if (scene.frame)
     {
-        section_of("cells")["frame"] = {{"origin", scene.frame->origin},
-                                        {"axes", scene.frame->axes},
-                                        {"size", scene.frame->size}};
+        Ordered& frame = object_in(object_in(json, "cells"), "frame");
+        frame["origin"] = scene.frame->origin;
+        frame["axes"] = scene.frame->axes;
+        frame["size"] = scene.frame->size;
     }
     else if (json.contains("cells"))
         json["cells"].erase("frame");

@@ -38,6 +38,7 @@ constexpr double kMaxHollowRadius = 0.125;
 constexpr double kNearlyClosed = 0.2;
 
 constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
+/// As measured: of all voxels, and of those of the flood and what comes after it [byte].
 constexpr double kBytesOfVoxel = 6.0, kBytesOfFloodedVoxel = 17.0;
 
 /// The widest opening that is closed, as a radius [voxel].

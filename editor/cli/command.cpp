@@ -141,9 +141,10 @@ void SessionFlags::add_to(CLI::App& app)
 
 void add_max_memory(CLI::App& app, std::optional<std::string>& max_memory)
 {
-    app.add_option("--max-memory", max_memory,
-                   "bytes, like 500M or 2G (default: 70 % of what is free, in the "
-                   "process's control groups too)");
+    app.add_option(
+        "--max-memory", max_memory,
+        "of the whole process in bytes, like 500M or 2G (default: 70 % of what "
+        "is free, in the process's control groups too)");
 }
 
 double memory_limit(const std::optional<std::string>& max_memory)

@@ -391,7 +391,7 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
     const int rays = occlusion_rays(options);
     // Where a thread cannot begin this throws; within Embree it would end the program.
     parallel_for(options.height, [](int) {});
-    const RayDevice device(RayDevice::Threads::One);
+    const RayDevice device;
     Image image;
     image.width = options.width * static_cast<int>(figures.size());
     image.height = options.height;

@@ -61,14 +61,15 @@ struct RayDevice::State
     DeviceHold device;
 };
 
-RayDevice::RayDevice(Threads threads) : state_(std::make_unique<State>())
+RayDevice::RayDevice() : state_(std::make_unique<State>())
 {
-    state_->device.reset(rtcNewDevice(threads == Threads::One ? "threads=1" : nullptr));
+    // Several threads would keep what they hold after one of them has met the end of
+    // memory, and the next tree would wait for it for ever.
+    state_->device.reset(rtcNewDevice("threads=1"));
     check(state_->device.get(), state_->device.get());
 }
 
 RayDevice::~RayDevice() = default;
-RayDevice::RayDevice(RayDevice&& other) noexcept = default;
 
 struct RayTree::State
 {
@@ -126,7 +127,6 @@ RayTree::RayTree(const RayDevice& device, Making making)
 }
 
 RayTree::~RayTree() = default;
-RayTree::RayTree(RayTree&& other) noexcept = default;
 
 float* RayTree::add_triangles(std::size_t num_points,
                               std::span<const std::uint32_t> corners)

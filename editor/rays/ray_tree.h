@@ -12,21 +12,15 @@
 namespace cellwarp
 {
 
-/// Makes trees. Outlives them.
+/// Makes trees, each in the thread that asks for it. Outlives them.
 class RayDevice
 {
 public:
-    enum class Threads
-    {
-        One, ///< trees are made by the thread that asks for them
-        All
-    };
-
-    /// Throws std::bad_alloc.
-    explicit RayDevice(Threads threads);
+    /// Throws std::bad_alloc, std::runtime_error of any other fault.
+    RayDevice();
     ~RayDevice();
-    RayDevice(RayDevice&& other) noexcept;
-    RayDevice& operator=(RayDevice&&) = delete;
+    RayDevice(const RayDevice&) = delete;
+    RayDevice& operator=(const RayDevice&) = delete;
 
 private:
     friend class RayTree;
@@ -41,7 +35,7 @@ struct RayHit
     std::uint32_t element = 0; ///< face or ball of that body
     float distance = 0;        ///< [length of the ray's direction]
     /// Of a triangle the weights of its second and third corner, of a quadrilateral its
-    /// two parameters.
+    /// two parameters, of a ball nothing.
     float u = 0, v = 0;
     Eigen::Vector3f normal = Eigen::Vector3f::Zero(); ///< of any length
 };
@@ -53,15 +47,15 @@ class RayTree
 public:
     enum class Making
     {
-        Quick, ///< in a quarter of the time; rays pass between no two faces
+        Quick, ///< several times as fast; rays pass between no two faces
         Best   ///< for many rays
     };
 
-    /// Throws std::bad_alloc, as do the functions that add bodies and commit().
+    /// Throws as RayDevice() does, and so do the functions that add bodies and commit().
     RayTree(const RayDevice& device, Making making);
     ~RayTree();
-    RayTree(RayTree&& other) noexcept;
-    RayTree& operator=(RayTree&&) = delete;
+    RayTree(const RayTree&) = delete;
+    RayTree& operator=(const RayTree&) = delete;
 
     /// Bodies are numbered as they are added. Gives 3 numbers a point (x, y, z), to be
     /// written before commit() and to be read as long as the tree stands.
@@ -77,7 +71,8 @@ public:
 
     std::optional<RayHit> first_hit(const Eigen::Vector3f& origin,
                                     const Eigen::Vector3f& direction) const;
-    /// Whether anything lies between the distances \p near and \p far.
+    /// Whether anything lies between the distances \p near and \p far [length of the
+    /// direction].
     bool is_blocked(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
                     float near, float far) const;
 

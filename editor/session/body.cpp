@@ -230,10 +230,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         grid = grid_shape(size, across, settings.max_depth, max_voxel);
     }
     const double others =
-        resident_memory() +
         (settings.fill == Fill::Shell ? kBytesOfShellCells : kBytesOfCells) +
         kBytesPerSample * static_cast<double>(samples.size());
-    const double bytes = material_bytes(surface, grid, settings.fill) + others;
+    const double bytes = memory_with(
+        material_bytes(surface, grid, settings.fill) + others, settings.max_memory);
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
         num_voxels(grid) > 4e9)
     {
@@ -242,7 +242,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                            grid_shape(frame.size, across, settings.max_depth,
                                       std::max(max_voxel, 2.0 * voxel_of_gap)),
                            settings.fill) +
-            others;
+            others + resident_memory();
         const std::string way =
             coarser < 0.9 * bytes
                 ? fmt::format("a --gap of {:.2g} needs {}", 2.0 * settings.gap,

@@ -49,7 +49,7 @@ struct CellSettings
     bool is_flat = false;     ///< all stays in the plane that the samples lie in
     bool joins_parts = false; ///< closed parts that touch or overlap are one material
     std::int64_t max_cells = 200000;
-    double max_memory = 0.0;       ///< [byte], 0: no limit
+    double max_memory = 0.0;       ///< of the process [byte], 0: no limit
     std::optional<FrameBox> frame; ///< default: the model's bounding box
     std::string frame_file;        ///< the scene that gives it
 };
@@ -81,8 +81,8 @@ struct Body
 };
 
 /// The material of \p samples (rest places [model unit], in the order of \p geometry,
-/// which gives the faces). Throws Fault::Budget when the voxels are over max_memory,
-/// Fault::Malformed where they are to be flat and are not.
+/// which gives the faces). Throws Fault::Budget when the process would be over
+/// max_memory, Fault::Malformed where they are to be flat and are not.
 std::shared_ptr<const RestShape>
 build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,
                  const CellSettings& settings);

@@ -552,7 +552,7 @@ void CellSystem::place_fades()
 void CellSystem::check_memory(const char* what, double bytes,
                               const CellSystemSettings& settings) const
 {
-    bytes += resident_memory();
+    bytes = memory_with(bytes, settings.max_memory);
     if (settings.max_memory > 0 && bytes > settings.max_memory)
         throw Error(Fault::Budget,
                     fmt::format("the {} of {} cells need about {} (limit {}): a "

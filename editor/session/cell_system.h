@@ -23,7 +23,7 @@ namespace cellwarp
 
 struct CellSystemSettings
 {
-    double max_memory = 0.0; ///< [byte], 0: no limit
+    double max_memory = 0.0; ///< of the process [byte], 0: no limit
     Method method = Method::Newton;
     Departures departures = {};
 };

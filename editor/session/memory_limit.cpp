@@ -5,8 +5,6 @@
 #include "editor/session/memory_limit.h"
 
 #include <algorithm>
-#include <array>
-#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -17,9 +15,13 @@
 #include <vector>
 
 #include <unistd.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #include "io/error.h"
 #include "io/number.h"
+#include "io/text.h"
 
 namespace cellwarp
 {
@@ -30,10 +32,10 @@ namespace
 namespace fs = std::filesystem;
 
 constexpr double kShare = 0.7, kBytesPerKilobyte = 1024.0;
-/// What reading takes of memory for each byte of a file, as measured, by format. Text in
-/// columns has other extensions.
+/// What reading takes of memory for each byte of a file, as measured, by format. For all
+/// others it is that of text in columns; the buffers beside a .gltf are not counted.
 constexpr std::pair<std::string_view, double> kOfFiles[] = {
-    {".obj", 3.8}, {".off", 3.8}, {".ply", 5.3}, {".stl", 8.9}};
+    {"obj", 3.8}, {"off", 3.8}, {"ply", 5.3}, {"stl", 8.9}};
 constexpr double kOfOtherFiles = 1.9;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
@@ -194,20 +196,29 @@ double default_memory_limit(const std::string& proc)
     return left < kUnlimited ? resident_memory(proc) + std::max(1.0, kShare * left) : 0.0;
 }
 
+double memory_with(double more, double max_memory)
+{
+    const double bytes = resident_memory() + more;
+    if (!(max_memory > 0) || bytes <= max_memory)
+        return bytes;
+#ifdef __GLIBC__
+    ::malloc_trim(0);
+#endif
+    return resident_memory() + more;
+}
+
 void check_memory_of_file(const std::string& path, double max_memory)
 {
     std::error_code missing;
     const std::uintmax_t size = fs::file_size(path, missing);
     if (missing || !(max_memory > 0))
         return;
-    std::string extension = fs::path(path).extension().string();
-    std::transform(extension.begin(), extension.end(), extension.begin(),
-                   [](unsigned char c) { return std::tolower(c); });
+    const std::string extension = extension_of(path);
     double factor = kOfOtherFiles;
     for (const auto& [of, times] : kOfFiles)
         if (extension == of)
             factor = times;
-    const double bytes = resident_memory() + factor * static_cast<double>(size);
+    const double bytes = memory_with(factor * static_cast<double>(size), max_memory);
     if (bytes > max_memory)
         throw Error(Fault::Budget,
                     at({path, 0, ""}, "a file of " + in_bytes(static_cast<double>(size)) +

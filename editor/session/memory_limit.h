@@ -16,6 +16,10 @@ double default_memory_limit(const std::string& proc = "/proc");
 /// Resident memory of the process now [byte]; 0 where the system does not tell.
 double resident_memory(const std::string& proc = "/proc");
 
+/// What the process has with \p more [byte]. Where that is over \p max_memory (0: no
+/// limit), what it no longer needs is given back to the system first.
+double memory_with(double more, double max_memory);
+
 /// Throws Fault::Budget where reading a geometry file of such a size takes more than
 /// \p max_memory [byte] (0: no limit). A file that is not there is no concern of it.
 void check_memory_of_file(const std::string& path, double max_memory);

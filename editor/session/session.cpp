@@ -341,7 +341,8 @@ void Session::check_memory_of(const FieldChoice& field) const
     const std::size_t centres = centres_of_all(field.kind, system.body().cells,
                                                system.constraints(), system.poses())
                                     .points.size();
-    const double bytes = resident_memory() + RbfSystem::memory_estimate(centres);
+    const double bytes =
+        memory_with(RbfSystem::memory_estimate(centres), settings_.cells.max_memory);
     if (settings_.cells.max_memory > 0 && bytes > settings_.cells.max_memory)
         throw Error(Fault::Budget,
                     fmt::format("the global release field of {} centres needs {} (limit "

@@ -106,7 +106,7 @@ void Camera::set_turning(Turning turning)
     const Eigen::Vector3d front = front_of(up_axis_), side = axis.cross(front);
     const Eigen::Vector3d back = axes_.col(2);
     elevation_ = std::asin(std::clamp(back.dot(axis), -1.0, 1.0));
-    // Seen along the axis, or upside down, the right hand tells the azimuth.
+    // Seen along the axis the right hand tells the azimuth.
     const Eigen::Vector3d level =
         std::abs(elevation_) < kSteep ? back : Eigen::Vector3d(axes_.col(0).cross(axis));
     azimuth_ = std::atan2(level.dot(side), level.dot(front));

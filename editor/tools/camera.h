@@ -83,7 +83,8 @@ private:
     Eigen::Vector3d target_ = Eigen::Vector3d::Zero();
     double azimuth_ = 0.6, elevation_ = 0.35; ///< of the turntable [rad]
     bool is_free_ = false;
-    Eigen::Matrix3d axes_;  ///< of the trackball: to the right, up, to the viewer
+    /// Of the trackball: to the right, up, to the viewer.
+    Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();
     double distance_ = 2.5; ///< eye to target [view]
     bool is_perspective_ = true;
 };

@@ -78,18 +78,22 @@ void Interaction::focus_lost()
 
 void Interaction::State::update_picker(bool waits)
 {
-    try
+    const auto attempt = [&](auto&& what)
     {
-        if (waits)
-            picker.wait();
-        picker.update(editing.shape());
-        if (waits)
-            picker.wait();
-    }
-    catch (const std::bad_alloc&)
-    {
-        complain("out of memory: nothing can be picked");
-    }
+        try
+        {
+            what();
+        }
+        catch (const std::bad_alloc&)
+        {
+            complain("out of memory: nothing can be picked");
+        }
+    };
+    if (waits)
+        attempt([&] { picker.wait(); });
+    attempt([&] { picker.update(editing.shape()); });
+    if (waits)
+        attempt([&] { picker.wait(); });
 }
 
 void Interaction::update()

@@ -217,8 +217,8 @@ struct Interaction::State
     void begin_pull(const Press& press);
     /// What the pointer's last place means for the gesture.
     void follow_pointer();
-    /// Hands the shape to the picker, and waits until it has it; that memory ends is
-    /// said.
+    /// Hands the shape to the picker; that memory ends is said. \p waits: until the
+    /// picker has it.
     void update_picker(bool waits);
     void find_hover();
     void cancel();

@@ -185,7 +185,7 @@ private:
 
 struct Picker::State
 {
-    RayDevice device{RayDevice::Threads::One};
+    RayDevice device;
     std::shared_ptr<Tree> tree;              ///< that serves
     std::future<std::shared_ptr<Tree>> next; ///< that is being made
     std::uint64_t version = 0;               ///< of the shape that was given last

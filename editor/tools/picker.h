@@ -28,13 +28,13 @@ struct Picked
 class Picker
 {
 public:
-    Picker(); ///< throws std::bad_alloc
+    Picker(); ///< throws std::bad_alloc, std::runtime_error of any other fault
     ~Picker();
     Picker(const Picker&) = delete;
     Picker& operator=(const Picker&) = delete;
 
     /// Takes over a newer shape. Does nothing where it has it, or while it is still busy
-    /// with an older one: call it once a frame. Throws std::bad_alloc, as wait() does;
+    /// with an older one: call it once a frame. Throws as Picker(), as wait() does;
     /// then it is not ready until it is given a newer shape.
     void update(const ShownShape& shape);
     /// Until what it was given last is there.

@@ -264,7 +264,7 @@ std::string at_rest(const EditorApp& app)
     const Eigen::Vector3d& place = document.model()->geometry.samples[hover->sample];
     if (!said.empty())
         said += "     ";
-    said += fmt::format("Under the pointer: sample {} ({:.4g}  {:.4g}  {:.4g})",
+    said += fmt::format("Under the pointer: sample {} ({:.6g}  {:.6g}  {:.6g})",
                         hover->sample, place.x(), place.y(), place.z());
     // The hover may be older than the document.
     if (hover->region < 0 || idx(hover->region) >= document.regions().size())

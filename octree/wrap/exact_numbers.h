@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // CGAL's exact numbers are those of GMP, which ends the process where memory ends. Where
-// this is included it throws std::bad_alloc instead, as all else does.
+// this is included it throws std::bad_alloc instead, as all else does. The exception
+// passes through GMP's functions, which are C: they have tables to be unwound by, as all
+// has on the machines that this is built for, and what they held is not given back.
 #pragma once
 
 #include <cstdlib>

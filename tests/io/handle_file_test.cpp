@@ -22,6 +22,13 @@ std::string refused(const std::string& text)
     return error_of(Fault::Malformed, [&] { parse_handles("h.handles", text); });
 }
 
+/// \p statements: behind the first line.
+void expect_refused(const std::string& statements, const std::string& what)
+{
+    const std::string said = refused(kHead + statements);
+    EXPECT_TRUE(contains(said, what)) << statements << said;
+}
+
 } // namespace
 
 TEST(HandleFile, reads_every_statement)
@@ -258,11 +265,7 @@ TEST(HandleFile, refuses_joints_that_cannot_be)
 TEST(HandleFile, refuses_rods_and_curves_that_cannot_be)
 {
     const auto tells = [](const std::string& text, const std::string& what)
-    {
-        const std::string said =
-            refused(kHead + "pin p indices 0\nhandle h all\n" + text);
-        EXPECT_TRUE(contains(said, what)) << text << said;
-    };
+    { expect_refused("pin p indices 0\nhandle h all\n" + text, what); };
     const std::string points = "0 0 0 1 0 0 2 0 0";
     tells("rod r through 0 0 0\n", "got 1 points, need 2 to 1000");
     tells("curve r points " + points + "\n", "got 3 points, need 4 to 1000");
@@ -305,21 +308,16 @@ TEST(HandleFile, refuses_rods_and_curves_that_cannot_be)
 
 TEST(HandleFile, refuses_skeletons_that_are_placed_in_no_way)
 {
-    const auto tells = [](const std::string& text, const std::string& what)
-    {
-        const std::string said = refused(kHead + text);
-        EXPECT_TRUE(contains(said, what)) << text << said;
-    };
-    tells("skeleton a.tgf scale 0\n", "scale: got 0, need");
-    tells("skeleton a.tgf up w\n", "up: got 'w', need x, y or z");
-    tells("skeleton a.tgf colour\n", "need root, scale, up or translate");
-    tells("units relative\nskeleton a.tgf\n", "leave out 'units relative'");
-    tells("joint \"\" at 0 0 0\n", "joint name");
+    expect_refused("skeleton a.tgf scale 0\n", "scale: got 0, need");
+    expect_refused("skeleton a.tgf up w\n", "up: got 'w', need x, y or z");
+    expect_refused("skeleton a.tgf colour\n", "need root, scale, up or translate");
+    expect_refused("units relative\nskeleton a.tgf\n", "leave out 'units relative'");
+    expect_refused("joint \"\" at 0 0 0\n", "joint name");
     std::string chain = "joint j0 at 0 0 0\n";
     for (int k = 1; k <= 10000; ++k)
         chain += "joint j" + std::to_string(k) + " at " + std::to_string(k) +
                  " 0 0 parent j" + std::to_string(k - 1) + "\n";
-    tells(chain, "joint: more than 10000 joints");
+    expect_refused(chain, "joint: more than 10000 joints");
 }
 
 TEST(HandleFile, reads_the_survey_pair)

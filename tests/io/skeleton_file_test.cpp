@@ -446,35 +446,32 @@ TEST(SkeletonFile, what_a_gltf_lacks_or_has_twice_is_told_by_its_place)
           [&](Json& json) { animation(json)["samplers"][0].erase("input"); });
     tells("channels[0].sampler: is missing",
           [&](Json& json) { animation(json)["channels"][0].erase("sampler"); });
+    // Of the first joint's bind matrix its linear part, of the second's animation its
+    // turns.
+    const auto set_numbers = [](Json& json, std::initializer_list<double> linear,
+                                std::initializer_list<double> turns)
+    {
+        const std::string all =
+            floats(linear) + floats({-100, 0, 0, 1}) +
+            floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
+            floats({0, 1, 2}) + floats(turns);
+        json["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64(all);
+    };
+    const auto usual = {0.0, -100.0, 0.0, 0.0, 100.0, 0.0,
+                        0.0, 0.0,    0.0, 0.0, 100.0, 0.0};
     tells("accessors[2] holds what is not finite",
-          [](Json& json)
-          {
-              std::string all =
-                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
-                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
-                  floats({0, 1, 2}) + floats({0, 0, 0, 1e31, 0, 0, 1, 1, 0, 0, 1, 0});
-              json["buffers"][0]["uri"] =
-                  "data:application/octet-stream;base64," + base64(all);
+          [&](Json& json) {
+              set_numbers(json, usual, {0, 0, 0, 1e31, 0, 0, 1, 1, 0, 0, 1, 0});
           });
     tells("key 1 is no rotation",
-          [](Json& json)
-          {
-              std::string all =
-                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
-                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
-                  floats({0, 1, 2}) + floats({0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0});
-              json["buffers"][0]["uri"] =
-                  "data:application/octet-stream;base64," + base64(all);
+          [&](Json& json) {
+              set_numbers(json, usual, {0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0});
           });
     tells("its bind pose is flat",
-          [](Json& json)
+          [&](Json& json)
           {
-              std::string all =
-                  floats({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 100, 0, -100, 0, 0, 1}) +
-                  floats({0, -100, 0, 0, 100, 0, 0, 0, 0, 0, 100, 0, -200, 0, 0, 1}) +
-                  floats({0, 1, 2}) + floats({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0});
-              json["buffers"][0]["uri"] =
-                  "data:application/octet-stream;base64," + base64(all);
+              set_numbers(json, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 100, 0},
+                          {0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0});
           });
     tells("there is no skeleton",
           [](Json& json)

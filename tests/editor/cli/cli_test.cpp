@@ -443,8 +443,8 @@ TEST(Cli, the_memory_that_a_scene_is_said_to_need_is_enough_for_it)
     if (support::kIsSanitized)
         GTEST_SKIP() << "a sanitizer takes memory of its own";
     const support::Folder folder;
-    // Closed, open and a skeleton in few of its voxels.
-    for (const std::string name : {"bar", "vase", "creature", "reach"})
+    // Closed, a shell, and one in few of its voxels.
+    for (const std::string name : {"bar", "vase", "creature"})
     {
         SCOPED_TRACE(name);
         const auto deform = [&](const std::string& limit)
@@ -464,7 +464,7 @@ TEST(Cli, the_memory_that_a_scene_is_said_to_need_is_enough_for_it)
         const double peak =
             nlohmann::json::parse(kept.out)["peak_rss_mb"].get<double>() * 1.048576;
         EXPECT_LE(peak, 1.02 * megabytes);
-        EXPECT_GE(peak, 0.3 * megabytes); // nor is it said to need much more
+        EXPECT_GE(peak, 0.4 * megabytes); // nor is it said to need much more
     }
 }
 
@@ -472,7 +472,9 @@ TEST(Cli, budgets_contradictions_and_limits_have_their_codes)
 {
     const Files files;
     EXPECT_EQ(files.deform({"--max-cells", "10"}).code, 5);
-    EXPECT_EQ(files.deform({"--max-memory", "10k"}).code, 5);
+    const Result small = files.deform({"--max-memory", "10k"});
+    EXPECT_EQ(small.code, 5);
+    EXPECT_TRUE(contains(small.err, "bar.obj: a file of")) << small.err;
     files.folder.write(
         "six.handles",
         "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 5\nhandle tip indices 0\n"

@@ -514,7 +514,9 @@ TEST(SweepCommand, malformed_inputs_and_budgets_have_their_codes_and_leave_nothi
     EXPECT_EQ(budget.code, 5);
     EXPECT_TRUE(contains(budget.err, "use --max-depth 0")) << budget.err;
     EXPECT_TRUE(budget.out.empty());
-    EXPECT_EQ(files.sweep({"--max-memory", "10k"}).code, 5);
+    const Result voxels = files.sweep({"--max-memory", "40M"});
+    EXPECT_EQ(voxels.code, 5);
+    EXPECT_TRUE(contains(voxels.err, "voxels need about")) << voxels.err;
     EXPECT_FALSE(std::filesystem::exists(files.reports));
 }
 

@@ -22,7 +22,7 @@ void write(float* out, std::initializer_list<float> numbers)
 /// A triangle at z = 0, a ball above (0.25, 0.25), a square at z = -1.
 struct Bodies
 {
-    RayDevice device{RayDevice::Threads::One};
+    RayDevice device;
     std::vector<std::uint32_t> triangle = {0, 1, 2}, square = {0, 1, 2, 3};
     RayTree tree;
 
@@ -77,7 +77,7 @@ TEST(RayTree, is_blocked_between_two_distances_alone)
 
 TEST(RayTree, without_bodies_is_met_by_no_ray)
 {
-    const RayDevice device(RayDevice::Threads::All);
+    const RayDevice device;
     RayTree tree(device, RayTree::Making::Quick);
     tree.commit();
     EXPECT_FALSE(tree.first_hit({0, 0, 5}, kDown));

@@ -237,10 +237,6 @@ TEST(Flat, what_is_not_flat_is_refused)
     { return error_of(Fault::Malformed, [&] { played(shape, statements, true); }); };
     EXPECT_TRUE(contains(refused(support::box_shape({0, 0, 0}, {3, 1, 1}), kBend),
                          "cells.flat: the samples lie in no plane"));
-    EXPECT_TRUE(
-        contains(refused(flat_l(), "joint a at 0.2 0.2 0\njoint b at 2 0.2 0 parent a\n"
-                                   "frame 1\n"),
-                 "a flat model (cells.flat) has regions alone, no skeleton"));
     for (const std::string& move :
          {std::string("translate 0 0 0.1"), std::string("rotate 0 1 0 20"),
           std::string("rotate 1 0 0 180"),

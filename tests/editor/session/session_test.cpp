@@ -11,6 +11,7 @@
 #include <Eigen/SVD>
 #include <gtest/gtest.h>
 
+#include "editor/session/memory_limit.h"
 #include "io/geometry_file.h"
 #include "io/number.h"
 #include "io/stored_number.h"
@@ -1235,22 +1236,23 @@ TEST(Session, too_many_cells_are_over_the_budget)
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
                          "290 samples and"));
-    s = settings(32);
-    s.cells.gap = 1.0;        // few voxels
-    s.cells.max_memory = 7e6; // enough for the samples and voxels
+    s = settings(48);
+    s.cells.gap = 1.0; // few voxels
+    // Enough for the samples and voxels; the process's own memory counts.
+    s.cells.max_memory = resident_memory() + 4.4e7;
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
-                         "the equations of 2048 cells need about"));
-    s.cells.across = 48; // factors grow faster than the rest
-    s.cells.max_memory = 8e7;
+                         "the equations of 6912 cells need about"));
+    // Factors grow faster than the rest.
+    s.cells.max_memory = resident_memory() + 8.5e7;
     s.method = Method::GaussNewtonDirect;
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
                          "the factors of 6912 cells need about"));
-    s = settings(16);
+    s = settings(32);
     s.cells.gap = 1.0;
     s.field = FieldKind::RbfGlobal;
-    s.cells.max_memory = 2e6;
+    s.cells.max_memory = resident_memory() + 5.2e7;
     EXPECT_TRUE(contains(error_of(Fault::Budget, [&]
                                   { Session(model(survey_bar(4)), handles(kTwist), s); }),
                          "the global release field of"));

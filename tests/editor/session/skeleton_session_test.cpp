@@ -390,6 +390,19 @@ TEST(SkeletonSession, moves_beyond_numbers_are_told_with_file_and_line)
     EXPECT_TRUE(contains(said, "h.handles:6: foot: moves beyond")) << said;
 }
 
+TEST(SkeletonSession, a_flat_model_takes_none)
+{
+    SessionSettings flat = settings(12);
+    flat.cells.is_flat = true;
+    const auto play = [&]
+    {
+        played(support::sheet_shape(3.0, 1.0, 6),
+               "joint a at 0.2 0.2 0\njoint b at 2 0.2 0 parent a\nframe 1\n", flat);
+    };
+    EXPECT_TRUE(contains(error_of(Fault::Malformed, play),
+                         "a flat model (cells.flat) has regions alone, no skeleton"));
+}
+
 TEST(SkeletonSession, scenes_without_one_build_none)
 {
     const Session session =

@@ -239,13 +239,17 @@ TEST(Picker, a_large_shape_never_keeps_the_caller_waiting_and_the_old_one_serves
     picker.update(shown(large, layout, 5));
 }
 
+namespace
+{
+
 /// In a process of which one allocation fails: 0 where none does that a picker makes, 5
 /// where the picker tells so, finds nothing then, and serves again with a newer shape.
 [[noreturn]] void pick_while_memory_ends()
 {
     const Ray ray{{0.19, 0.21, 5}, {0, 0, -1}};
-    const Shape shapes[] = {box_shape({-0.4, -0.4, -0.4}, {0.4, 0.4, 0.4}), // at once,
-                            ball_of_points(500), sheet(200, 0.4)}; // the last behind it
+    // Two whose trees are waited for, and one whose tree is made behind.
+    const Shape shapes[] = {box_shape({-0.4, -0.4, -0.4}, {0.4, 0.4, 0.4}),
+                            ball_of_points(500), sheet(200, 0.4)};
     std::vector<ShownShape> given;
     for (const Shape& shape : shapes)
         given.push_back(shown(shape, layout_of(shape), given.size()));
@@ -273,6 +277,8 @@ TEST(Picker, a_large_shape_never_keeps_the_caller_waiting_and_the_old_one_serves
         }
     std::_Exit(code);
 }
+
+} // namespace
 
 TEST(Picker, that_memory_ends_is_told_and_a_newer_shape_serves_again)
 {
