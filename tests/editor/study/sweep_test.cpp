@@ -371,7 +371,7 @@ TEST(Sweep, a_reference_over_its_memory_names_a_depth_that_fits)
 {
     SweptBar bar;
     bar.settings.max_depth = 4;
-    bar.settings.session.cells.max_memory = resident_memory() + 75e6;
+    bar.settings.session.cells.max_memory = resident_memory() + 95e6;
     const std::string message = error_of(Fault::Budget, [&] { bar.run(); });
     EXPECT_TRUE(contains(message, "(use --max-depth ")) << message;
 }
@@ -380,7 +380,7 @@ TEST(Sweep, a_run_over_its_budget_gets_a_row_that_says_so)
 {
     SweptBar bar;
     bar.settings.fields = {FieldKind::RbfGlobal, FieldKind::Blend};
-    bar.settings.session.cells.max_memory = resident_memory() + 52e6;
+    bar.settings.session.cells.max_memory = resident_memory() + 66e6;
     const SweepResult result = bar.run();
     EXPECT_FALSE(result.is_converged());
     const SweepRow& failed = row_of(result, SweepKind::Uniform, 2, FieldKind::RbfGlobal);
