@@ -21,6 +21,8 @@
 namespace cellwarp
 {
 
+/// An object begins as Json::object(): a null that becomes one by its first key is not
+/// destroyed well where memory ends (nlohmann 3.11.2).
 using Json = nlohmann::ordered_json;
 
 /// Flags that every subcommand has.

@@ -354,7 +354,6 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        // No null that its first key makes an object: see scene_text().
         Json json = Json::object();
         json["model"] = request.model;
         json["samples"] = session.geometry().samples.size();

@@ -30,7 +30,6 @@ Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
 {
     const Geometry& geometry = file.geometry;
     const ModelBox box = bounding_box(geometry.samples);
-    // No null that its first key makes an object: see scene_text().
     Json json = Json::object();
     json["format"] = geometry.format;
     json["samples"] = geometry.samples.size();

@@ -261,7 +261,6 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        // No null that its first key makes an object: see scene_text().
         Json json = Json::object();
         json["frames"] = record.take_frames();
         json["steps"] = in_time->steps_done();

@@ -250,9 +250,9 @@ private:
     }
 
     const Figure& figure_;
-    std::vector<std::uint32_t>
-        box_corners_;                  ///< four a side; the tree of boxes reads them
-    RayTree tree_, glass_, beads_;     ///< faces, then balls; boxes; beads
+    std::vector<std::uint32_t> box_corners_; ///< four a side; glass_ reads them
+    RayTree tree_; ///< of faces, then of balls, where there are any
+    RayTree glass_, beads_;
     std::vector<std::uint32_t> balls_; ///< points that are balls
     std::vector<Eigen::Vector3f> normals_;
 

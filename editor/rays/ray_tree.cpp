@@ -63,8 +63,8 @@ struct RayDevice::State
 
 RayDevice::RayDevice() : state_(std::make_unique<State>())
 {
-    // Several threads would keep what they hold after one of them has met the end of
-    // memory, and the next tree would wait for it for ever.
+    // Embree keeps something for each of its threads, and a thread that has met the end
+    // of memory hangs in its next tree: only the caller's own thread is used.
     state_->device.reset(rtcNewDevice("threads=1"));
     check(state_->device.get(), state_->device.get());
 }

@@ -82,6 +82,8 @@ public:
     void set_tool(Tool tool);
     Navigation navigation() const;
     void set_navigation(Navigation navigation);
+    void set_up_axis(int axis); ///< 0, 1 or 2
+    void set_turning(Camera::Turning turning);
     bool selects_through() const; ///< also what is hidden
     void set_selects_through(bool through);
     double brush_radius() const; ///< [pixel]
@@ -100,8 +102,6 @@ public:
 
     // What is to be drawn.
     const Camera& camera() const;
-    void set_up_axis(int axis); ///< 0, 1 or 2
-    void set_turning(Camera::Turning turning);
     std::vector<GizmoPart> gizmo() const; ///< empty: none
     /// Of the selection gesture under way, or of the brush at the pointer; closed
     /// [pixel].

@@ -25,7 +25,7 @@ namespace
 {
 
 /// Up to so many faces or points a tree is waited for: a few milliseconds.
-constexpr std::size_t kBuiltAtOnce = 60'000;
+constexpr std::size_t kMostWaitedFor = 60'000;
 /// Of a cloud's balls: points strewn at random leave holes in 2 % of their surface then.
 constexpr double kBallRadius = 1.1; ///< [spacing]
 /// Rays to the viewer begin so far from their sample: enough to leave the faces around
@@ -244,11 +244,11 @@ void Picker::State::update(const ShownShape& shape)
         made->commit();
         return made;
     };
-    // Each tree is made by a thread of its own: a thread in which Embree once met the end
-    // of memory hangs in its next tree. Where none can begin, it is made by who waits.
+    // Each tree is made by a thread of its own, as one in which memory once ended hangs
+    // in its next tree (RayDevice). Where none can begin, it is made by who waits.
     next = std::async(std::launch::async | std::launch::deferred, commit);
     if (std::max(shape.layout->triangles.size(), shape.positions.size()) / 3 <=
-        kBuiltAtOnce)
+        kMostWaitedFor)
         take();
 }
 

@@ -82,7 +82,8 @@ TEST(SimulateCommand, says_what_it_cannot_do)
         folder.write("still.json", R"({"cellwarp": 1, "model": "m.obj"})");
     const Result nothing = run({"simulate", still, "--json"});
     EXPECT_EQ(nothing.code, 3);
-    EXPECT_TRUE(contains(nothing.err, "simulate")) << nothing.err;
+    EXPECT_TRUE(contains(nothing.err, "simulate: is missing: there is nothing to"))
+        << nothing.err;
     const std::string bad = folder.write("bad.json", R"({"cellwarp": 1, "rods": 7})");
     EXPECT_EQ(run({"simulate", bad, "--json"}).code, 3);
     folder.write("out.obj", "old");

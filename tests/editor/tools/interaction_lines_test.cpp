@@ -147,7 +147,8 @@ TEST(InteractionLines, commands_of_a_point_say_so_where_none_is_active)
     {
         desk.hand.set_active_point(std::nullopt);
         desk.hand.run(command);
-        EXPECT_TRUE(contains(desk.hand.complaint(), "point")) << desk.hand.complaint();
+        EXPECT_TRUE(contains(desk.hand.complaint(), "no point of a rod is active"))
+            << desk.hand.complaint();
         EXPECT_EQ(desk.last_edit(), before);
     }
 }
