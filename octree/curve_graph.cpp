@@ -43,6 +43,9 @@ constexpr int kDirections = 12, kLeastDirections = 9;
 constexpr double kAlong = 0.6, kAcross = 2.5;
 constexpr int kCentrings = 4;
 
+/// So many points of the surface around a place lie on all sides of it.
+constexpr std::size_t kLeastAround = 48;
+
 /// How far towards the surface the tip goes.
 constexpr double kToTip = 0.75;
 
@@ -132,6 +135,17 @@ std::vector<Eigen::Vector3d> resampled(const std::vector<Eigen::Vector3d>& line,
         out.push_back(line[k] + t * (line[k + 1] - line[k]));
     }
     return out;
+}
+
+/// What came to the places next to a tip may lie beyond it, for the flow draws limbs
+/// together along their length too: without those places the line does not fold back.
+void unfold_end(std::vector<Eigen::Vector3d>& line)
+{
+    for (std::size_t last = line.size() - 1;
+         last >= 2 &&
+         (line[last] - line[last - 1]).dot(line[last - 1] - line[last - 2]) < 0.0;
+         --last)
+        line.erase(line.end() - 2);
 }
 
 /// On towards the surface around a tip, in the direction of the line there.
@@ -342,7 +356,9 @@ std::pair<double, int> CurveGraph::spur_of(int tip) const
     return {length_of(way) / (spur * r), foot};
 }
 
-/// Of what came to a place of a way and its neighbours; a branching stays where it is.
+/// Of what came to a place of a way and to those near it: to few places of a coarse
+/// surface comes anything at all, and seldom from all sides. A branching stays where it
+/// is.
 Eigen::Vector3d CurveGraph::middle(const std::vector<int>& way, std::size_t k) const
 {
     const int node = way[k];
@@ -350,13 +366,23 @@ Eigen::Vector3d CurveGraph::middle(const std::vector<int>& way, std::size_t k) c
         return skeleton_.points[idx(node)];
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     std::size_t count = 0;
-    for (std::size_t other = k - 1; other <= k + 1; ++other)
-        if (degree(way[other]) == 2)
-            for (const Eigen::Vector3d& x : skeleton_.around[idx(way[other])])
-            {
-                sum += x;
-                ++count;
-            }
+    const auto add = [&](std::size_t other)
+    {
+        if (degree(way[other]) != 2)
+            return;
+        for (const Eigen::Vector3d& x : skeleton_.around[idx(way[other])])
+        {
+            sum += x;
+            ++count;
+        }
+    };
+    add(k);
+    for (std::size_t off = 1;
+         off <= k && k + off < way.size() && (off == 1 || count < kLeastAround); ++off)
+    {
+        add(k - off);
+        add(k + off);
+    }
     return count == 0 ? skeleton_.points[idx(node)]
                       : Eigen::Vector3d(sum / static_cast<double>(count));
 }
@@ -438,6 +464,12 @@ std::vector<Eigen::Vector3d> CurveGraph::line(const std::vector<int>& way,
     std::vector<Eigen::Vector3d> places;
     for (std::size_t k = 0; k < way.size(); ++k)
         places.push_back(middle(way, k));
+    for (const int end : {way.back(), way.front()})
+    {
+        if (degree(end) == 1)
+            unfold_end(places);
+        std::reverse(places.begin(), places.end());
+    }
     extend(way, places);
     places = resampled(places, count);
     smooth(places, kRounds);

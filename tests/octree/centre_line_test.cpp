@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include <gtest/gtest.h>
 
@@ -15,6 +16,7 @@ namespace cellwarp
 namespace
 {
 
+using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 double length_of(const std::vector<Vector3d>& places)
@@ -47,6 +49,37 @@ TEST(CentreLine, of_a_bar_is_its_axis)
         EXPECT_LT(x.head<2>().norm(), 0.08) << x.transpose();
     EXPECT_GT(line.radius, 0.3);
     EXPECT_LT(line.radius, 0.8);
+}
+
+TEST(CentreLine, of_a_bar_of_few_samples_is_its_axis_however_it_lies)
+{
+    std::mt19937 rng(3);
+    for (int n = 1; n <= 10; ++n)
+        for (int turn = 0; turn < 2; ++turn)
+        {
+            SCOPED_TRACE(testing::Message() << n << " segments, turn " << turn);
+            std::array<std::vector<double>, 3> lines;
+            for (std::size_t axis = 0; axis < 3; ++axis)
+                for (int i = 0; i <= (axis == 2 ? 4 * n : n); ++i)
+                    lines[axis].push_back(double(i) / n - (axis == 2 ? 0.0 : 0.5));
+            Shape bar = support::blocks_shape(lines, [](int, int, int) { return true; });
+            const Matrix3d rotation =
+                turn ? support::random_rotation(rng) : Matrix3d::Identity();
+            for (Vector3d& x : bar.samples)
+                x = rotation * x;
+            const CentreLine line = centre_line(bar, {});
+            ASSERT_GT(line.places.size(), 2u);
+            // It goes to and fro nowhere.
+            EXPECT_GT(length_of(line.places), 2.8);
+            EXPECT_LT(length_of(line.places), 4.2);
+            for (const Vector3d& x : line.places)
+            {
+                const Vector3d y = rotation.transpose() * x;
+                // Only at its ends it may lean towards a corner.
+                const bool is_end = y.z() < 0.5 || y.z() > 3.5;
+                EXPECT_LT(y.head<2>().norm(), is_end ? 0.45 : 0.15) << y.transpose();
+            }
+        }
 }
 
 TEST(CentreLine, of_a_limb_goes_from_the_branching_to_its_tip)
