@@ -324,6 +324,19 @@ std::uint64_t Document::stage_fingerprint() const
     return state_->stage_fingerprints.back();
 }
 
+void Document::set_borders(std::map<std::string, Eigen::Vector3d> borders)
+{
+    State& s = *state_;
+    if (s.borders == borders)
+        return;
+    s.borders = std::move(borders);
+    const RegionGround on = s.ground();
+    for (EditedRegion& region : s.regions)
+        if (!region.joint)
+            s.find_placement(region, on);
+    ++s.revision;
+}
+
 void Document::set_rest(std::uint64_t stage_fingerprint,
                         std::shared_ptr<const std::vector<Eigen::Vector3d>> samples)
 {

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -82,6 +83,10 @@ public:
     /// then its regions are placed on the model.
     void set_rest(std::uint64_t stage_fingerprint,
                   std::shared_ptr<const std::vector<Eigen::Vector3d>> samples);
+
+    /// Where the glue of regions is at rest, by their names [model unit]: known from the
+    /// cells, for as long as neither those nor the regions change.
+    void set_borders(std::map<std::string, Eigen::Vector3d> borders);
 
     // Commands: each is one edit, or none where it changes nothing. Throw Error
     // (Fault::Usage) with the reason where they cannot be. Regions that change after a

@@ -18,7 +18,7 @@ namespace
 /// Why a region that is told by places cannot be changed yet.
 constexpr const char* kNoRest =
     " lies on a shape that is not there yet (wait for the result of what comes before "
-    "it), or turns about its border (undo that move to place it by hand)";
+    "it), or turns about its border, which the cells tell when they are there";
 
 /// Whether samples can be of one such region alone.
 bool prescribes(Role role)
@@ -322,7 +322,20 @@ void Document::move_region(const std::string& region, const Placement& placement
     if (old.role == Role::Pin)
         to.degrees = 0.0; // it turns as it likes
     if (to.degrees == 0.0)
+    {
         to.axis = old.placement.axis;
+        to.about = old.placement.about;
+    }
+    if (to.about && !to.about->allFinite())
+        throw usage("a pivot needs finite numbers");
+    if (const RegionGround on = s.ground();
+        to.about && on.units.is_relative && on.units.box.size().minCoeff() == 0.0)
+    {
+        // Shares of a flat box tell no place beside it.
+        EditedRegion moved = old;
+        moved.placement = to;
+        to = about(old.centre, moved);
+    }
     if (to == old.placement)
         return;
     const bool turns = to.degrees != old.placement.degrees;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -72,6 +73,8 @@ struct Document::State
         coincident; ///< found when they are asked for
     mutable const std::vector<Eigen::Vector3d>* coincident_of = nullptr;
     ModelBox rest_box;
+    /// EditedRegion::border of the regions, where they are known.
+    std::map<std::string, Eigen::Vector3d> borders;
     std::shared_ptr<const SkeletonHandle> skeleton; ///< of the stage; null: none
     SkeletonAim pose;                               ///< after so many of its frames
     std::size_t posed_frames = 0;
@@ -109,6 +112,9 @@ struct Document::State
     {
         region.points = points_of(region, frames(), on);
         region.placement = {};
+        region.border.reset();
+        if (const auto border = borders.find(region.name); border != borders.end())
+            region.border = border->second;
         region.knows_placement = on.is_known || !on.units.is_relative;
         if (!region.moves())
             return;
@@ -122,8 +128,8 @@ struct Document::State
         if (!last)
             return;
         region.placement = placement_of(*last, region, on);
-        region.knows_placement =
-            !turns_about_border(*last) && (on.is_known || is_placed_anywhere(*last, on));
+        region.knows_placement = (region.border || !turns_about_border(*last)) &&
+                                 (on.is_known || is_placed_anywhere(*last, on));
     }
 
     /// Of the stages that have none yet: so an edit costs the same after thousands of
@@ -202,7 +208,7 @@ struct Document::State
     /// What changes may have made other than it was.
     struct Touched
     {
-        bool regions = false, content = false;
+        bool regions = false, cells = false, content = false;
         std::set<std::string> moved;
 
         void add(const Edit& edit)
@@ -217,6 +223,7 @@ struct Document::State
                            std::holds_alternative<OnsChange>(change) ||
                            std::holds_alternative<Renamed>(change) ||
                            std::holds_alternative<StageAdded>(change);
+                cells |= std::holds_alternative<SettingsChange>(change);
                 content |= !std::holds_alternative<Toggled>(change);
             }
         }
@@ -224,13 +231,16 @@ struct Document::State
 
     void follow(const Touched& touched)
     {
+        if (touched.regions || touched.cells)
+            borders.clear();
         if (touched.regions)
             find_regions();
-        else if (!touched.moved.empty())
+        else if (touched.cells || !touched.moved.empty())
         {
             const RegionGround on = ground();
             for (EditedRegion& region : regions)
-                if (!region.joint && touched.moved.contains(region.name))
+                if (!region.joint &&
+                    (touched.cells || touched.moved.contains(region.name)))
                     find_placement(region, on);
             if (skeleton)
                 place_joints(on);

@@ -21,16 +21,12 @@ namespace
 /// the shortest way could go either way round.
 constexpr double kFirstTurn = 120.0;
 
-/// Operations turn about the centre of the region unless they say otherwise: then a
-/// placement can be read from them as it was written.
+/// A turn, a shift, or the one and then the other: a placement can be read from them as
+/// it was written.
 bool is_plain(const std::vector<Operation>& operations)
 {
     using Kind = Operation::Kind;
-    const auto is = [&](std::size_t k, Kind kind)
-    {
-        return operations[k].kind == kind && !operations[k].about &&
-               !operations[k].is_about_border;
-    };
+    const auto is = [&](std::size_t k, Kind kind) { return operations[k].kind == kind; };
     return (operations.size() == 1 && (is(0, Kind::Translate) || is(0, Kind::Rotate))) ||
            (operations.size() == 2 && is(0, Kind::Rotate) && is(1, Kind::Translate));
 }
@@ -59,12 +55,26 @@ Eigen::Vector3d unit(const Eigen::Vector3d& axis)
     return (axis / axis.cwiseAbs().maxCoeff()).normalized();
 }
 
-Operation rotation(const Placement& to)
+/// A point from the model's unit into the file's, and back.
+Eigen::Vector3d given_point(const Eigen::Vector3d& model, const Units& units)
+{
+    return units.is_relative ? given_vector(model - units.box.low, units) : model;
+}
+
+Eigen::Vector3d model_point(const Eigen::Vector3d& given, const Units& units)
+{
+    return units.is_relative ? Eigen::Vector3d(units.box.low + model_vector(given, units))
+                             : given;
+}
+
+Operation rotation(const Placement& to, const RegionGround& ground)
 {
     Operation operation;
     operation.kind = Operation::Kind::Rotate;
     operation.vector = to.axis;
     operation.degrees = to.degrees;
+    if (to.about)
+        operation.about = given_point(*to.about, ground.units);
     return operation;
 }
 
@@ -81,7 +91,7 @@ FrameStatement frame_to(const EditedRegion& region, const Placement& to,
     Move move;
     move.region = region.name;
     if (to.degrees != 0.0 || region.placement.degrees != 0.0)
-        move.operations.push_back(rotation(to));
+        move.operations.push_back(rotation(to, ground));
     move.operations.push_back(translation(to, ground));
     return {number, {move}, 0};
 }
@@ -155,6 +165,11 @@ Placement placement_of(const Move& move, const EditedRegion& region,
             {
                 placement.axis = unit(operation.vector);
                 placement.degrees = operation.degrees;
+                placement.about =
+                    operation.is_about_border ? region.border
+                    : operation.about
+                        ? std::optional(model_point(*operation.about, ground.units))
+                        : std::nullopt;
             }
             else
                 placement.translation = model_vector(operation.vector, ground.units);
@@ -163,7 +178,8 @@ Placement placement_of(const Move& move, const EditedRegion& region,
     const WorkFrame& frame = ground.units.frame;
     const Eigen::Vector3d centre = frame.to_work(region.centre);
     std::vector<std::string> warnings;
-    const std::vector<Step> steps = steps_of(move, ground.units, {centre, centre, centre},
+    const Eigen::Vector3d border = region.border ? frame.to_work(*region.border) : centre;
+    const std::vector<Step> steps = steps_of(move, ground.units, {centre, border, centre},
                                              ground.file.path, warnings);
     return placement_by(motion_of(steps), centre, frame);
 }
@@ -236,12 +252,6 @@ EditedPoint moved(EditedPoint point, const PointPlacement& to)
 
 namespace
 {
-
-/// A point from the model's unit into the file's.
-Eigen::Vector3d given_point(const Eigen::Vector3d& model, const Units& units)
-{
-    return units.is_relative ? given_vector(model - units.box.low, units) : model;
-}
 
 Move move_of(const EditedRegion& region, std::size_t point)
 {
@@ -317,15 +327,33 @@ Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
     turn.kind = Step::Kind::Rotate;
     turn.vector = frame.axes * placement.axis;
     turn.angle = placement.degrees * std::numbers::pi / 180.0;
-    turn.about = frame.to_work(centre);
+    turn.about = frame.to_work(placement.about.value_or(centre));
     Step shift;
     shift.vector = frame.vector_to_work(placement.translation);
     return motion_of({turn, shift});
 }
 
+Motion motion_of(const EditedRegion& region)
+{
+    return motion_of(region.placement, region.centre, WorkFrame());
+}
+
+Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region)
+{
+    Placement placement = region.placement;
+    if (pivot == region.pivot())
+        return placement;
+    placement.about.reset();
+    if (pivot != region.centre)
+        placement.about = pivot;
+    if (placement.degrees != 0.0)
+        placement.translation = motion_of(region)(pivot) - pivot;
+    return placement;
+}
+
 Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place)
 {
-    return inverse(motion_of(region.placement, region.centre, WorkFrame()))(place);
+    return inverse(motion_of(region))(place);
 }
 
 std::vector<EditedRegion> edited_joints(const SkeletonHandle& skeleton,

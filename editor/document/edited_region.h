@@ -20,12 +20,14 @@
 namespace cellwarp
 {
 
-/// Where a region has been moved to from its rest shape: turned about the centre of its
-/// rest samples' box, then shifted.
+/// Where a region has been moved to from its rest shape: turned about its pivot, then
+/// shifted.
 struct Placement
 {
-    Eigen::Vector3d axis = Eigen::Vector3d::UnitX();       ///< unit
-    double degrees = 0.0;                                  ///< any number of turns
+    Eigen::Vector3d axis = Eigen::Vector3d::UnitX(); ///< unit
+    double degrees = 0.0;                            ///< any number of turns
+    /// The pivot, at rest [model unit]; none: the centre of the rest samples' box.
+    std::optional<Eigen::Vector3d> about = {};
     Eigen::Vector3d translation = Eigen::Vector3d::Zero(); ///< [model unit]
 
     bool operator==(const Placement&) const = default;
@@ -77,6 +79,9 @@ struct EditedRegion
     std::vector<std::uint32_t> samples;               ///< ascending
     Eigen::Vector3d centre = Eigen::Vector3d::Zero(); ///< Region::centre [model unit]
     Placement placement;                              ///< at the current edit
+    /// Where its glue to free material is at rest, where the cells are known [model
+    /// unit].
+    std::optional<Eigen::Vector3d> border = {};
     /// False where they follow from a rest shape that is not known yet: then they are
     /// those that the model would have.
     bool knows_samples = true, knows_placement = true;
@@ -103,6 +108,8 @@ struct EditedRegion
     {
         return frame.to_model(spline->rest()->at(s).place);
     }
+    /// What its placement turns about, at rest [model unit].
+    Eigen::Vector3d pivot() const { return placement.about.value_or(centre); }
     bool is_guided() const { return !guide.empty(); }
     bool is_spline() const { return role == Role::Rod || role == Role::Curve; }
     bool moves() const
@@ -140,7 +147,8 @@ Move joint_move(const EditedRegion& joint, const Placement& to,
 /// A list of samples as a selector.
 Selector selector_of(const std::vector<std::uint32_t>& samples);
 
-/// Where a move puts a region. Throws what steps_of() throws.
+/// Where a move puts a region; one that turns about its border: where that is known, else
+/// about its centre. Throws what steps_of() throws.
 Placement placement_of(const Move& move, const EditedRegion& region,
                        const RegionGround& ground);
 /// Whether that is the same on any rest shape.
@@ -182,6 +190,12 @@ Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d&
 /// A region's placement as a motion of work space.
 Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
                  const WorkFrame& frame);
+/// The same of model space.
+Motion motion_of(const EditedRegion& region);
+
+/// The placement that moves the region alike, told as a turn about another place at rest
+/// [model unit].
+Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region);
 
 /// The frames that take a region to a placement, numbers from \p number on: one, or two
 /// where the way would not be clear from its end alone (more than half a turn about a new

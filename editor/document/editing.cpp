@@ -130,6 +130,7 @@ struct Editing::State
         if (!hand && !film)
             show(result_shape);
         document.set_rest(solved->stage_fingerprint, std::move(solved->rest));
+        document.set_borders(std::move(solved->borders));
         return true;
     }
 
@@ -470,7 +471,8 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     if (!found->knows_samples || !found->knows_placement)
         return refuse(
             in_quotes(region) +
-            " lies on a shape that is not there yet, or turns about its border");
+            " lies on a shape that is not there yet, or turns about its border, which "
+            "the cells tell when they are there");
     const bool is_ready = s.prepared && s.fits(*s.prepared);
     if (const SolveStatus status = s.worker.status();
         !is_ready && s.is_settled() && status.state == SolveStatus::State::Failed)

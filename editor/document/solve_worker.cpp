@@ -178,6 +178,7 @@ struct SolveWorker::State
         out.rest =
             std::make_shared<const std::vector<Eigen::Vector3d>>(session->rest_samples());
         out.stage_fingerprint = session->stage_fingerprint();
+        out.borders = session->borders();
         const auto& regions = system.regions().regions();
         const SessionSettings preview = settings_of(request.scene, true);
         if (std::any_of(regions.begin(), regions.end(),

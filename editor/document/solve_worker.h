@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -68,6 +69,7 @@ struct Solved
     ShownCells cells;
     std::shared_ptr<const std::vector<Eigen::Vector3d>> rest; ///< of the last stage
     std::uint64_t stage_fingerprint = 0;
+    std::map<std::string, Eigen::Vector3d> borders; ///< Session::borders()
     /// Of the last stage; nothing where no region can be moved.
     std::optional<DragSource> drag;
 };

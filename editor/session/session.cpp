@@ -108,6 +108,16 @@ const CellSystem* Session::system() const
     return state_ ? &state_->system : nullptr;
 }
 
+std::map<std::string, Eigen::Vector3d> Session::borders() const
+{
+    const StageStart& start = *state_->start;
+    std::map<std::string, Eigen::Vector3d> borders;
+    for (std::size_t r = 0; r < start.borders.size(); ++r)
+        borders.emplace((*start.regions)[r].name,
+                        rest_->shape->frame.to_model(start.borders[r]));
+    return borders;
+}
+
 CellRefiner Session::refiner() const
 {
     return state_->refiner;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -103,6 +104,9 @@ public:
     }
     /// ScriptFingerprint::before() of this stage. \pre system()
     std::uint64_t stage_fingerprint() const { return rest_->fingerprint; }
+    /// Where the glue between each region of this stage and free material is at rest, by
+    /// its name: what 'about border' turns about [model unit]. \pre system()
+    std::map<std::string, Eigen::Vector3d> borders() const;
     /// Makes other cells of the system. \pre system()
     CellRefiner refiner() const;
     /// What the session works on now: null before its first stage, and valid until the

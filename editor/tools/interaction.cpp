@@ -55,7 +55,7 @@ void Interaction::wheel(const Eigen::Vector2d& steps, const Modifiers& modifiers
         s.lead();
     }
     if (!steps.allFinite() || s.current<State::HandleDrag>() ||
-        s.current<State::Choice>())
+        s.current<State::PivotDrag>() || s.current<State::Choice>())
         return;
     s.follow_pointer();
     if (s.tool == Tool::Brush && !modifiers.control)
@@ -111,6 +111,8 @@ void Interaction::update()
     const EditedRegion* const region = s.active_region();
     if (!region)
         s.active.clear();
+    if (s.current<State::PivotDrag>() && (!region || !State::has_pivot(*region)))
+        s.gesture = {};
     if (!region || region->points.empty())
         s.active_point.reset();
     else if (s.active_point) // undo may have taken it
@@ -319,6 +321,8 @@ std::string Interaction::status() const
                     : "") +
                (handle_drag->is_by_key ? " (Enter or click: done, Esc: back)"
                                        : " (let go: done, Esc: back)");
+    if (s.current<State::PivotDrag>())
+        return s.pivot_status();
     if (const State::Choice* const choice = s.current<State::Choice>())
         return choice->name() + (choice->is_released ? " ..." : " (Esc: back)");
     if (const State::Pull* const pull = s.current<State::Pull>())

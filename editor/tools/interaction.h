@@ -40,6 +40,20 @@ struct SeenLine
     bool is_rod = true, is_bone = false, is_active = false;
 };
 
+/// What the active region turns about, in view space.
+struct SeenPivot
+{
+    /// A place that it snaps to.
+    struct Mark
+    {
+        Eigen::Vector3d place;
+        std::string name;
+        Eigen::Vector3d rest; ///< [model unit]
+    };
+    Eigen::Vector3d place;
+    std::vector<Mark> marks; ///< while it is in the hand
+};
+
 /// Who leads the joints of a skeleton while time runs.
 class FleshPuller
 {
@@ -94,6 +108,10 @@ public:
     /// Of the active region, if it is a rod or curve: the point that keys act on.
     std::optional<std::size_t> active_point() const;
     void set_active_point(std::optional<std::size_t> point);
+    /// What the active region turns about, at rest [model unit]; none: it does not turn,
+    /// or about itself alone.
+    std::optional<Eigen::Vector3d> pivot() const;
+    void set_pivot(const std::optional<Eigen::Vector3d>& rest); ///< none: its middle
     /// While a film is shown its bones can be taken by their joints, and this is told;
     /// null: they cannot. It must outlive the film.
     void set_puller(FleshPuller* puller);
@@ -103,6 +121,7 @@ public:
     // What is to be drawn.
     const Camera& camera() const;
     std::vector<GizmoPart> gizmo() const; ///< empty: none
+    std::optional<SeenPivot> seen_pivot() const;
     /// Of the selection gesture under way, or of the brush at the pointer; closed
     /// [pixel].
     std::vector<Eigen::Vector2d> outline() const;

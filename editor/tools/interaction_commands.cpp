@@ -43,6 +43,14 @@ void Interaction::State::key(const KeyEvent& event)
         }
         return;
     }
+    if (PivotDrag* const held = current<PivotDrag>())
+    {
+        if (event.key == Key::Enter || event.key == Key::Space)
+            return let_pivot_go();
+        if (held->drag.key(event))
+            move_pivot();
+        return;
+    }
     // A region may also be in the hand of a number field: no commands meanwhile.
     if (!is_idle() || editing.dragged())
         return;
@@ -70,6 +78,10 @@ void Interaction::State::run(Command command)
     case Command::Turn:
         return take(active,
                     {{DragWay::Kind::TurnView, 0}, pixel, true, {}, {}, active_point});
+    case Command::PlacePivot:
+        return take_pivot();
+    case Command::PivotToBorder:
+        return pivot_to_border();
     case Command::ToolClick:
         return take_tool(Tool::Click);
     case Command::ToolBox:

@@ -65,11 +65,6 @@ void Interaction::State::complain(const std::string& what)
     complaint_ends = Clock::now() + kComplaintLasts;
 }
 
-Eigen::Vector3d Interaction::State::centre_of(const EditedRegion& region) const
-{
-    return editing.view_frame().to_work(region.centre + region.placement.translation);
-}
-
 const EditedRegion*
 Interaction::State::region_at(const std::optional<Picked>& picked) const
 {
@@ -81,13 +76,14 @@ std::vector<GizmoPart> Interaction::State::gizmo() const
 {
     const EditedRegion* const region = active_region();
     if (!region || !region->moves() ||
-        (tool != Tool::Move && tool != Tool::Rotate && !current<HandleDrag>()))
+        (tool != Tool::Move && tool != Tool::Rotate && !current<HandleDrag>()) ||
+        current<PivotDrag>())
         return {};
     const HandleDrag* const handle_drag = current<HandleDrag>();
     const std::optional<Eigen::Vector3d> point = active_place();
     const Eigen::Vector3d centre = handle_drag ? handle_drag->drag.centre()
                                    : point     ? *point
-                                               : centre_of(*region);
+                                               : place_of(pivot_of(*region), *region);
     const bool turns =
         handle_drag ? handle_drag->drag.way().turns() : tool_turns(*region);
     std::vector<GizmoPart> parts =
@@ -120,6 +116,12 @@ std::optional<GizmoPart> Interaction::State::part_at(const Eigen::Vector2d& wher
     return index ? std::optional(parts[*index]) : std::nullopt;
 }
 
+DragSpace Interaction::State::drag_space() const
+{
+    return {std::ldexp(1.0, editing.view_frame().exponent),
+            snap_step(document().box().size().maxCoeff())};
+}
+
 void Interaction::State::take(const std::string& name, const DragStart& start)
 {
     complaint.clear();
@@ -137,22 +139,22 @@ void Interaction::State::take(const std::string& name, const DragStart& start)
         return complain(why);
     active = name;
     active_point = start.point;
-    const double view_per_model = std::ldexp(1.0, editing.view_frame().exponent);
-    const double longest = document().box().size().maxCoeff();
     EditedRegion held = *region;
-    Eigen::Vector3d centre = centre_of(*region);
+    const Eigen::Vector3d pivot = pivot_of(*region);
+    Placement turned = about(pivot, *region);
+    Eigen::Vector3d centre = place_of(pivot, *region);
     std::optional<PointDrag> point;
     if (start.point)
     {
         const std::size_t k = *start.point;
         centre = line->points[k];
-        held.placement = {};
+        held.placement = turned = {};
         const EditedPoint& edited = region->points[k];
         point = PointDrag{k, editing.view_frame().to_model(centre), line->tangents[k],
                           edited.parts.twist ? edited.degrees : line->turns[k]};
     }
-    gesture = HandleDrag{RegionDrag(held, {view_per_model, snap_step(longest)}, camera,
-                                    centre, start.grabbed, start.way, start.pixel),
+    gesture = HandleDrag{RegionDrag(held, turned, drag_space(), camera, centre,
+                                    start.grabbed, start.way, start.pixel),
                          start.is_by_key, start.part, point};
 }
 
@@ -266,7 +268,12 @@ void Interaction::State::press(Button button, const Modifiers& with)
         }
         return;
     }
-    if (current<Choice>() && button == Button::Right)
+    if (current<PivotDrag>() && button == Button::Left)
+    {
+        move_pivot();
+        return let_pivot_go();
+    }
+    if ((current<Choice>() || current<PivotDrag>()) && button == Button::Right)
         return cancel();
     if (!is_idle())
         return;
@@ -384,6 +391,8 @@ void Interaction::State::follow_pointer()
         handle_drag->drag.move_to(pixel, modifiers.control);
         lead();
     }
+    else if (current<PivotDrag>())
+        move_pivot();
     else if (const Pull* const pull = current<Pull>(); pull && puller)
     {
         const Eigen::Vector3d place = at_depth(pixel, pull->place);

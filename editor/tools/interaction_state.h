@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <map>
 #include <new>
 #include <optional>
 #include <string>
@@ -73,6 +74,18 @@ struct Interaction::State
         std::optional<GizmoPart> part = {};
         std::optional<PointDrag> point = {}; ///< of a rod or curve, that alone
     };
+    /// The pivot of the active region in the hand.
+    struct PivotDrag
+    {
+        RegionDrag drag;
+        std::optional<SeenPivot::Mark> mark; ///< that it snaps to
+    };
+    /// A pivot that the hand has given a region.
+    struct Pivot
+    {
+        Eigen::Vector3d rest;   ///< [model unit]
+        std::size_t stages = 0; ///< of the document, when it was given
+    };
     /// A joint, or a sample of the flesh, in the hand while time runs.
     struct Pull
     {
@@ -120,7 +133,9 @@ struct Interaction::State
     Modifiers modifiers;
     bool is_inside = false; ///< the pointer has been in the view
     bool has_moved = false; ///< since the last update
-    std::variant<std::monostate, Press, Look, Choice, HandleDrag, Pull> gesture;
+    std::variant<std::monostate, Press, Look, Choice, HandleDrag, PivotDrag, Pull>
+        gesture;
+    std::map<std::string, Pivot> pivots; ///< by the regions' names
     FleshPuller* puller = nullptr;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
@@ -174,15 +189,30 @@ struct Interaction::State
     // Regions.
     const EditedRegion* active_region() const { return document().region(active); }
     const EditedRegion* region_at(const std::optional<Picked>& picked) const;
-    Eigen::Vector3d centre_of(const EditedRegion& region) const; ///< now [view]
-    bool tool_turns(const EditedRegion& region) const;           ///< a pin never
+    bool tool_turns(const EditedRegion& region) const; ///< a pin never
     std::vector<GizmoPart> gizmo() const;
     /// The part under a pixel.
     std::optional<GizmoPart> part_at(const Eigen::Vector2d& where) const;
     void take(const std::string& name, const DragStart& start);
+    DragSpace drag_space() const;
     /// Tells the document's hand where the gesture's is.
     void lead();
     void let_go();
+
+    // Pivots.
+    static bool has_pivot(const EditedRegion& region);
+    Eigen::Vector3d pivot_of(const EditedRegion& region) const; ///< at rest [model unit]
+    /// Of a place at rest [model unit], where its region has it now [view].
+    Eigen::Vector3d place_of(const Eigen::Vector3d& rest,
+                             const EditedRegion& region) const;
+    std::vector<SeenPivot::Mark> pivot_marks(const EditedRegion& region) const;
+    const EditedRegion& turning_region() const;
+    void set_pivot(const std::optional<Eigen::Vector3d>& rest);
+    void pivot_to_border();
+    void take_pivot();
+    void move_pivot();
+    void let_pivot_go();
+    std::string pivot_status() const;
 
     // Rods and curves.
     const ShownLine* line_of(const std::string& region) const; ///< null: none is shown

@@ -107,6 +107,10 @@ constexpr auto kBindings = std::to_array<Binding>({
      "move the active region"},
     {Command::Turn, kChar, 'r', kPlain, Pad::Off, kRegions, "R",
      "turn it; twice: freely"},
+    {Command::PlacePivot, kChar, 'v', kPlain, Pad::Off, kRegions, "V",
+     "what it turns about: to be put elsewhere, snaps to its border and middle"},
+    {Command::PivotToBorder, kChar, 'v', kShift, Pad::Off, kRegions, "Shift+V",
+     "it turns about its border"},
 
     {Command::FrameSelection, kChar, 'f', kPlain, Pad::Off, kView, "F or keypad .",
      "show the selection, or all"},

@@ -16,6 +16,8 @@ enum class Command
 {
     Move,
     Turn,
+    PlacePivot,
+    PivotToBorder,
     ToolClick,
     ToolBox,
     ToolLasso,

@@ -35,13 +35,14 @@ double snap_step(double longest_side)
     return power;
 }
 
-RegionDrag::RegionDrag(const EditedRegion& region, const DragSpace& space,
-                       const Camera& camera, const Eigen::Vector3d& centre,
+RegionDrag::RegionDrag(const EditedRegion& region, const Placement& turned,
+                       const DragSpace& space, const Camera& camera,
+                       const Eigen::Vector3d& centre,
                        const std::optional<Eigen::Vector3d>& grabbed, const DragWay& way,
                        const Eigen::Vector2d& pixel)
     : region_(region.name), can_turn_(region.role != Role::Pin), start_(region.placement),
-      space_(space), camera_(camera), centre_(centre), grabbed_(grabbed.value_or(centre)),
-      pressed_(pixel), pixel_(pixel),
+      turned_(turned), space_(space), camera_(camera), centre_(centre),
+      grabbed_(grabbed.value_or(centre)), pressed_(pixel), pixel_(pixel),
       drag_(camera, way.turns() ? centre : grabbed_, way, pixel)
 {
 }
@@ -107,8 +108,9 @@ DragAmount RegionDrag::amount() const
 Placement RegionDrag::placement() const
 {
     const DragAmount amount = this->amount();
-    return moved(start_, amount.shift / space_.view_per_model, amount.axis,
-                 amount.degrees);
+    // A shift is written as it was, whatever the pivot is.
+    return moved(amount.degrees == 0.0 ? start_ : turned_,
+                 amount.shift / space_.view_per_model, amount.axis, amount.degrees);
 }
 
 Eigen::Vector3d RegionDrag::centre() const

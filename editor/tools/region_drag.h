@@ -30,9 +30,11 @@ double snap_step(double longest_side);
 class RegionDrag
 {
 public:
-    /// \p centre: of the region where it is now [view]. \p grabbed: what the pointer
-    /// holds, the centre if none.
-    RegionDrag(const EditedRegion& region, const DragSpace& space, const Camera& camera,
+    /// \p turned: the region's placement, told as a turn about what it is turned about
+    /// from now on, which is at \p centre now [view]. \p grabbed: what the pointer holds,
+    /// the centre if none.
+    RegionDrag(const EditedRegion& region, const Placement& turned,
+               const DragSpace& space, const Camera& camera,
                const Eigen::Vector3d& centre,
                const std::optional<Eigen::Vector3d>& grabbed, const DragWay& way,
                const Eigen::Vector2d& pixel);
@@ -47,6 +49,7 @@ public:
 
     Placement placement() const;
     Eigen::Vector3d centre() const; ///< now [view]
+    bool is_typed() const { return !typed_.empty(); }
     /// "Move X 0.23".
     std::string status() const;
 
@@ -56,7 +59,7 @@ private:
 
     std::string region_;
     bool can_turn_;
-    Placement start_;
+    Placement start_, turned_;
     DragSpace space_;
     Camera camera_;
     Eigen::Vector3d centre_, grabbed_; ///< where it began [view]

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <imgui.h>
@@ -146,6 +147,42 @@ void draw_lines(const Overlay& overlay, const Interaction& hand)
     draw_thread(overlay, hand.drawn(), ink, 2.0f);
     for (const Eigen::Vector3d& place : hand.drawn())
         draw_point(overlay, {place, true, false, false}, ink);
+}
+
+/// What the active region turns about: a cross in a ring, and where it snaps to.
+void draw_pivot(const Overlay& overlay, const Interaction& hand)
+{
+    const std::optional<SeenPivot> pivot = hand.seen_pivot();
+    if (!pivot)
+        return;
+    const ImU32 shade = IM_COL32(0, 0, 0, 120);
+    ImDrawList& list = overlay.list();
+    const float r = overlay.px(4.5f);
+    for (const SeenPivot::Mark& mark : pivot->marks)
+        if (ImVec2 at; overlay.at(mark.place, at))
+        {
+            const ImU32 ink = packed(palette().view_ink);
+            list.AddRect({at.x - r, at.y - r}, {at.x + r, at.y + r}, shade, 0, 0,
+                         overlay.px(3.0f));
+            list.AddRect({at.x - r, at.y - r}, {at.x + r, at.y + r}, ink, 0, 0,
+                         overlay.px(1.4f));
+            list.AddText({at.x + 2 * r, at.y - 0.5f * ImGui::GetTextLineHeight()}, ink,
+                         mark.name.c_str());
+        }
+    ImVec2 at;
+    if (!overlay.at(pivot->place, at))
+        return;
+    const ImU32 ink = pivot->marks.empty() ? packed(shown(colour_of(Role::Handle)))
+                                           : IM_COL32(255, 226, 110, 255);
+    const float reach = 1.9f * r;
+    for (const auto& [width, colour] : {std::pair(3.4f, shade), std::pair(1.6f, ink)})
+    {
+        list.AddCircle(at, r, colour, 20, overlay.px(width));
+        list.AddLine({at.x - reach, at.y}, {at.x + reach, at.y}, colour,
+                     overlay.px(width));
+        list.AddLine({at.x, at.y - reach}, {at.x, at.y + reach}, colour,
+                     overlay.px(width));
+    }
 }
 
 void draw_outline(const Overlay& overlay, const Interaction& hand)
@@ -311,6 +348,7 @@ void draw_overlay(EditorApp& app, const ViewRect& view, double scale,
     draw_lines(overlay, hand);
     for (const GizmoPart& part : hand.gizmo())
         draw_part(overlay, part);
+    draw_pivot(overlay, hand);
     draw_outline(overlay, hand);
     draw_hover(overlay, hand);
     draw_axes(overlay, hand.camera());

@@ -356,7 +356,7 @@ bool show_numbers(EditorApp& app, const EditedRegion& region, Placement& value,
     changed |= ImGui::DragScalar("##turn", ImGuiDataType_Double, &value.degrees, 0.25f,
                                  nullptr, nullptr, "%.4g°");
     is_held |= ImGui::IsItemActive();
-    tip("About the axis below, through the middle of the region");
+    tip("About the axis below, through the pivot");
     label("Axis");
     ImGui::SetNextItemWidth(-1);
     Eigen::Vector3d axis = value.axis;
@@ -371,15 +371,42 @@ bool show_numbers(EditorApp& app, const EditedRegion& region, Placement& value,
     return is_held;
 }
 
+/// What the region turns about.
+void show_pivot(EditorApp& app, const EditedRegion& region)
+{
+    Interaction& hand = app.opened()->hand;
+    std::optional<Eigen::Vector3d> pivot = hand.pivot();
+    if (!pivot)
+        return;
+    label("Pivot");
+    ImGui::SetNextItemWidth(-1);
+    const auto speed = static_cast<float>(app.document().box().size().norm() * 1e-3);
+    if (ImGui::DragScalarN("##pivot", ImGuiDataType_Double, pivot->data(), 3, speed,
+                           nullptr, nullptr, "%.4g"))
+        hand.set_pivot(pivot);
+    tip("What it turns about, where the model is at rest [model unit]. V in the view "
+        "puts it elsewhere");
+    label("");
+    ImGui::BeginDisabled(!region.border);
+    if (ImGui::Button("To its border"))
+        hand.run(Command::PivotToBorder);
+    tip("The middle of where it hangs together with the rest (Shift+V)");
+    ImGui::EndDisabled();
+    ImGui::SameLine();
+    if (ImGui::Button("To its middle"))
+        hand.set_pivot(std::nullopt);
+}
+
 void show_placement(EditorApp& app, PanelState& state, const EditedRegion& region)
 {
     Editing& editing = app.opened()->editing;
     PlacementEntry& entry = state.placement;
     const std::string name = region.name;
     if (!entry.is_held)
-        entry.value = editing.dragged() == name
-                          ? editing.dragged_placement().value_or(region.placement)
-                          : region.placement;
+        entry.value =
+            editing.dragged() == name
+                ? editing.dragged_placement().value_or(region.placement)
+                : about(app.opened()->hand.pivot().value_or(region.pivot()), region);
     bool changed = false;
     // While the hand in the view is at work, numbers only show.
     ImGui::BeginDisabled(app.opened()->hand.is_busy() && !entry.is_held);
@@ -456,6 +483,9 @@ void show_active(EditorApp& app, PanelState& state)
     ImGui::EndDisabled();
     if (region.moves())
         show_placement(app, state, region);
+    ImGui::BeginDisabled(app.opened()->hand.is_busy());
+    show_pivot(app, region);
+    ImGui::EndDisabled();
     const bool is_dragging = app.opened()->editing.dragged().has_value();
     ImGui::BeginDisabled(is_dragging);
     if (region.moves() && ImGui::Button("Back to rest"))

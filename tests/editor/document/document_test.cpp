@@ -233,6 +233,82 @@ TEST(Document, reads_placements_from_any_operations)
     EXPECT_TRUE(document.is_saved());
 }
 
+TEST(Document, reads_and_writes_pivots_in_the_units_of_the_file)
+{
+    const Bar bar;
+    for (const std::string units : {"model", "relative"})
+    {
+        SCOPED_TRACE(units);
+        // The bar is 1 x 1 x 4.
+        const std::string pivot = units == "model" ? "0.5 1 3" : "0.5 1 0.75";
+        Document document(
+            bar.write_scene(std::string(units == "model" ? "" : "units relative\n") +
+                            "handle head indices 0 1 2 3\nframe 1\n"
+                            "move head rotate 1 0 0 90 about " +
+                            pivot + "\n"),
+            "");
+        Placement to = document.region("head")->placement;
+        EXPECT_EQ(to.about, Eigen::Vector3d(0.5, 1, 3));
+        EXPECT_EQ(to.translation, Eigen::Vector3d::Zero());
+        EXPECT_EQ(document.region("head")->pivot(), Eigen::Vector3d(0.5, 1, 3));
+        to.degrees = 100;
+        document.move_region("head", to);
+        EXPECT_EQ(document.region("head")->placement, to);
+        const std::string text = handle_text(document.handles());
+        EXPECT_TRUE(contains(text, "rotate 1 0 0 100 about " + pivot)) << text;
+    }
+}
+
+TEST(Document, a_pivot_beside_a_flat_box_is_told_otherwise_in_relative_units)
+{
+    const Bar bar;
+    bar.folder.write("bar.obj", "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4\n");
+    Document document(
+        bar.write_scene(
+            "units relative\nfixed foot indices 0 1\nhandle head indices 2 3\n"),
+        "");
+    Placement to;
+    to.about = Eigen::Vector3d(0.5, 1, 0.25);
+    to.axis = Eigen::Vector3d::UnitX();
+    to.degrees = 90;
+    document.move_region("head", to);
+    const EditedRegion& head = *document.region("head");
+    EXPECT_FALSE(head.placement.about);
+    // The centre (0.5, 2, 0) turns about a line at (y, z) = (1, 0.25): to (1.25, 1.25).
+    // It leaves the plane of the box, which such units cannot tell either.
+    EXPECT_LT((motion_of(head)(head.centre) - Eigen::Vector3d(0.5, 1.25, 0)).norm(),
+              1e-12);
+}
+
+TEST(Document, a_turn_about_a_border_is_placed_when_the_border_is_known)
+{
+    const Bar bar;
+    Document document(bar.write_scene("fixed foot box -1 -1 -1 2 2 0.6\n"
+                                      "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
+                                      "move head rotate 1 0 0 90 about border\n"),
+                      "");
+    const auto move = [&] { document.move_region("head", shifted(0.5)); };
+    EXPECT_FALSE(document.region("head")->knows_placement);
+    EXPECT_TRUE(contains(error_of(Fault::Usage, move), "turns about its border"));
+    const Eigen::Vector3d border(0.5, 0.5, 3.25);
+    document.set_borders({{"head", border}});
+    EXPECT_TRUE(document.region("head")->knows_placement);
+    Placement to = document.region("head")->placement;
+    EXPECT_EQ(to.about, border);
+    EXPECT_EQ(to.degrees, 90);
+    to.degrees = 60;
+    document.move_region("head", to);
+    EXPECT_TRUE(
+        contains(handle_text(document.handles()), "rotate 1 0 0 60 about 0.5 0.5 3.25"));
+    document.undo();
+    // Other cells have another border.
+    SceneSettings settings = document.settings();
+    settings.cells.across = 9;
+    document.change_settings(settings);
+    EXPECT_FALSE(document.region("head")->border);
+    EXPECT_FALSE(document.region("head")->knows_placement);
+}
+
 TEST(Document, a_commit_keeps_a_region_without_samples_by_its_shape)
 {
     const Bar bar;

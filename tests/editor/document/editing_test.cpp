@@ -383,6 +383,46 @@ TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
     EXPECT_EQ(document.region("core")->centre, Eigen::Vector3d(0.4, 0.55, 1.7));
 }
 
+TEST(Editing, a_region_turned_about_its_border_is_taken_on_from_there)
+{
+    const Bar bar;
+    bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
+                                  "move head rotate 0 1 0 30 about border\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
+                      "cells": {"across": 8}})");
+    Editing editing(Document(scene, ""));
+    editing.wait();
+    const EditedRegion head = *editing.document().region("head");
+    ASSERT_TRUE(head.border);
+    EXPECT_LE(head.border->z(), 3.5);
+    EXPECT_GT(head.border->z(), 2.9);
+    EXPECT_EQ(head.placement.about, head.border);
+    Placement to = head.placement;
+    to.degrees = 45;
+    drag(editing, "head", to);
+    editing.wait();
+    // As a file that says so from the beginning.
+    bar.folder.write("t.handles", "cellwarp-handles 1\n"
+                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
+                                  "move head rotate 0 1 0 30 about border\nframe 2\n"
+                                  "move head rotate 0 1 0 45 about border\n");
+    const std::string other = bar.folder.write(
+        "t.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "t.handles",
+                      "cells": {"across": 8}})");
+    Editing told(Document(other, ""));
+    told.wait();
+    ASSERT_TRUE(editing.result() && told.result());
+    const std::vector<Eigen::Vector3d>& a = editing.result()->samples;
+    const std::vector<Eigen::Vector3d>& b = told.result()->samples;
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i)
+        EXPECT_LT((a[i] - b[i]).norm(), 1e-9);
+}
+
 TEST(Editing, a_region_on_a_shape_that_is_not_there_yet_is_not_taken_into_the_hand)
 {
     const Bar bar;

@@ -32,7 +32,8 @@ struct Scene
     }
     RegionDrag drag(Kind kind, int axis = 0) const
     {
-        return {region, space, camera, centre, {}, {kind, axis}, pixel(centre)};
+        return {region, region.placement, space,        camera, centre,
+                {},     {kind, axis},     pixel(centre)};
     }
 };
 
