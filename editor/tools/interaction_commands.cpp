@@ -48,7 +48,7 @@ void Interaction::State::key(const KeyEvent& event)
         if (event.key == Key::Enter || event.key == Key::Space)
             return let_pivot_go();
         if (held->drag.key(event))
-            move_pivot();
+            snap_pivot();
         return;
     }
     // A region may also be in the hand of a number field: no commands meanwhile.

@@ -86,16 +86,25 @@ void Interaction::State::take_pivot()
     held.name = region.name;
     held.role = Role::Pin;
     const Eigen::Vector3d place = place_of(pivot_of(region), region);
-    gesture = PivotDrag{
-        RegionDrag(held, {}, drag_space(), camera, place, place, DragWay(), pixel), {}};
+    // By its middle, so that it comes to where the pointer goes.
+    const auto seen = camera.project(place);
+    gesture =
+        PivotDrag{RegionDrag(held, {}, drag_space(), camera, place, place, DragWay(),
+                             seen ? Eigen::Vector2d(seen->head<2>()) : pixel),
+                  {}};
     complaint.clear();
-    move_pivot();
+    snap_pivot();
 }
 
 void Interaction::State::move_pivot()
 {
+    current<PivotDrag>()->drag.move_to(pixel, modifiers.control);
+    snap_pivot();
+}
+
+void Interaction::State::snap_pivot()
+{
     PivotDrag& held = *current<PivotDrag>();
-    held.drag.move_to(pixel, modifiers.control);
     held.mark.reset();
     const auto seen = camera.project(held.drag.centre());
     if (!seen || held.drag.is_typed())

@@ -211,6 +211,7 @@ struct Interaction::State
     void pivot_to_border();
     void take_pivot();
     void move_pivot();
+    void snap_pivot();
     void let_pivot_go();
     std::string pivot_status() const;
 

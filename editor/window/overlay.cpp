@@ -166,8 +166,12 @@ void draw_pivot(const Overlay& overlay, const Interaction& hand)
                          overlay.px(3.0f));
             list.AddRect({at.x - r, at.y - r}, {at.x + r, at.y + r}, ink, 0, 0,
                          overlay.px(1.4f));
-            list.AddText({at.x + 2 * r, at.y - 0.5f * ImGui::GetTextLineHeight()}, ink,
-                         mark.name.c_str());
+            // To both sides, for they may lie close together.
+            const ImVec2 size = ImGui::CalcTextSize(mark.name.c_str());
+            const bool is_first = &mark == &pivot->marks[0];
+            list.AddText(
+                {is_first ? at.x + 2 * r : at.x - 2 * r - size.x, at.y - 0.5f * size.y},
+                ink, mark.name.c_str());
         }
     ImVec2 at;
     if (!overlay.at(pivot->place, at))

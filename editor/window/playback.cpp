@@ -105,8 +105,8 @@ constexpr std::array<Known, 26> kKnown = {{
     {"region", 1, 1, &Player::region, "region NAME              becomes the active one"},
     {"make", 1, 2, &Player::make,
      "make fixed|handle|pin|stiff [NAME]   of the selection"},
-    {"place", 4, 8, &Player::place,
-     "place REGION X Y Z [AX AY AZ DEGREES]   as the number fields do"},
+    {"place", 4, 11, &Player::place,
+     "place REGION X Y Z [AX AY AZ DEGREES [PX PY PZ]]   as the number fields do"},
     {"point", 5, 6, &Player::point,
      "point REGION NUMBER X Y Z [DEGREES]   of a rod or curve, in rest coordinates"},
     {"show", 2, 2, &Player::show,
@@ -437,11 +437,11 @@ void Player::make()
 
 void Player::place()
 {
-    if (num_words() != 5 && num_words() != 9)
-        fail("a region and 3 or 7 numbers are needed");
+    if (num_words() != 5 && num_words() != 9 && num_words() != 12)
+        fail("a region and 3, 7 or 10 numbers are needed");
     Placement placement;
     placement.translation = {number(2), number(3), number(4)};
-    if (num_words() == 9)
+    if (num_words() > 5)
     {
         const Eigen::Vector3d axis(number(5), number(6), number(7));
         if (!(axis.norm() > 0.0))
@@ -449,6 +449,8 @@ void Player::place()
         placement.axis = axis.normalized();
         placement.degrees = number(8);
     }
+    if (num_words() > 9)
+        placement.about = Eigen::Vector3d(number(9), number(10), number(11));
     Editing& editing = opened().editing;
     std::string why;
     if (!editing.begin_drag(word(1), &why))

@@ -285,7 +285,7 @@ TEST_F(EditorWindow, tells_what_a_statement_needs)
           {"tool hammer", "no tool 'hammer'"},
           {"region head", "no region 'head'"},
           {"make loose", "no role 'loose'"},
-          {"place head 1 2 3 4", "a region and 3 or 7 numbers"},
+          {"place head 1 2 3 4", "a region and 3, 7 or 10 numbers"},
           {"place head 0 0 0 0 0 0 5", "the axis has no length"},
           {"place head 0 0 1", "there is no region 'head'"},
           {"show faces maybe", "on or off is needed"},
