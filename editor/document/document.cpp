@@ -77,6 +77,43 @@ void Document::State::set_aside(const Error& error)
     warnings.push_back(note);
 }
 
+Document::State::Replayed Document::State::replayed(Left from) const
+{
+    JournalHeader header = parse_header(from.contents.header, journal);
+    Edited now;
+    now.settings = parse_scene(header.document, header.scene).settings;
+    now.handles = parse_handles(header.handles_path, header.handles);
+    now.handles.labels = edited.handles.labels;
+    now.selection = Selection(model->geometry.samples.size());
+    History edits(std::move(from.journal), from.contents);
+    for (std::size_t k = 0; k < edits.position(); ++k)
+        apply(edits.edit(k), now);
+    return {std::move(edits), std::move(now), std::move(header)};
+}
+
+bool Document::State::is_of_this_model(const JournalHeader& header) const
+{
+    return header.model_bytes == model->bytes.size() &&
+           header.model_checksum == checksum_of(model->bytes);
+}
+
+bool Document::State::go_on_with(Left kept)
+{
+    if (!is_of_this_model(parse_header(kept.contents.header, journal)))
+        return false;
+    Replayed now = replayed(std::move(kept));
+    now.edited.handles.path = edited.handles.path;
+    if (now.edited.settings != edited.settings ||
+        handle_text(now.edited.handles) != handle_text(edited.handles))
+        return false; // something else was written there
+    edited = std::move(now.edited);
+    stage_fingerprints.clear();
+    find_regions();
+    history = std::move(now.history);
+    saved_content = history.content();
+    return true;
+}
+
 bool Document::State::find_left()
 {
     std::error_code none;
@@ -86,10 +123,12 @@ bool Document::State::find_left()
     try
     {
         Journal opened = Journal::open(journal, contents);
-        if (contents.starts.empty())
-            return false;
-        left.emplace(Left{std::move(opened), std::move(contents)});
-        return true;
+        const History::End end = History::end_of(opened, contents);
+        Left found{std::move(opened), std::move(contents), end.records_after};
+        last_view = end.word.value_or("");
+        if (found.count > 0)
+            left.emplace(std::move(found));
+        return left || (end.word && go_on_with(std::move(found)));
     }
     catch (const InUse&)
     {
@@ -149,7 +188,7 @@ Document::Document(const std::string& path, const std::string& journal_folder)
 
 std::size_t Document::num_recoverable() const
 {
-    return state_->left ? state_->left->contents.starts.size() : 0;
+    return state_->left ? state_->left->count : 0;
 }
 
 std::vector<std::string> Document::recover()
@@ -162,26 +201,16 @@ std::vector<std::string> Document::recover()
     std::vector<std::string> warnings = left.contents.warnings;
     try
     {
-        const JournalHeader header = parse_header(left.contents.header, s.journal);
-        Edited edited;
-        edited.settings = parse_scene(header.document, header.scene).settings;
-        edited.handles = parse_handles(header.handles_path, header.handles);
-        edited.handles.labels = s.edited.handles.labels;
-        edited.selection = Selection(s.model->geometry.samples.size());
-        const std::uint32_t checksum = checksum_of(s.model->bytes);
-        if (header.model_bytes != s.model->bytes.size() ||
-            header.model_checksum != checksum)
+        State::Replayed now = s.replayed(std::move(left));
+        if (!s.is_of_this_model(now.header))
             warnings.push_back(s.model->path +
                                ": has changed since then (its checksum was " +
-                               std::to_string(header.model_checksum) + ", and is " +
-                               std::to_string(checksum) + " now)");
-        History history(std::move(left.journal), left.contents);
-        for (std::size_t k = 0; k < history.position(); ++k)
-            apply(history.edit(k), edited);
-        s.edited = std::move(edited);
+                               std::to_string(now.header.model_checksum) + ", and is " +
+                               std::to_string(checksum_of(s.model->bytes)) + " now)");
+        s.edited = std::move(now.edited);
         s.stage_fingerprints.clear();
         s.find_regions();
-        s.history = std::move(history);
+        s.history = std::move(now.history);
     }
     catch (const Error& error)
     {
@@ -411,6 +440,11 @@ void Document::go_to(std::size_t position)
     }
 }
 
+const std::string& Document::last_view() const
+{
+    return state_->last_view;
+}
+
 bool Document::is_saved() const
 {
     return state_->saved_content == history().content();
@@ -468,9 +502,16 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     ++s.revision;
 }
 
-void Document::close()
+void Document::close(const std::string& view)
 {
-    state_->history.remove();
+    State& s = *state_;
+    const std::optional<std::size_t> saved =
+        s.saved_content ? s.history.position_of(*s.saved_content) : std::nullopt;
+    if (!saved)
+        return s.history.remove();
+    if (!is_saved())
+        s.history.move_to(*saved);
+    s.history.close(view);
 }
 
 } // namespace cellwarp

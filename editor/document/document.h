@@ -129,12 +129,16 @@ public:
     /// To after the first \p position edits.
     void go_to(std::size_t position);
 
+    /// What close() was told when the document was last open; empty: nothing.
+    const std::string& last_view() const;
     bool is_saved() const; ///< since the last change that a file would hold
     /// Writes scene and handle file, NAME.json and NAME.handles beside it; what they hold
     /// replays to the same result. Its own scene is replaced in any case. Throws Error.
     void save(const std::string& scene_path, Overwrite overwrite = Overwrite::No);
-    /// Ends the journal: nothing is left to recover.
-    void close();
+    /// Ends the journal: nothing is left to recover. What was saved is kept in it, with a
+    /// word of the caller's: who opens the same again can go on to undo, and to redo what
+    /// was not saved.
+    void close(const std::string& view = "");
 
 private:
     struct State;

@@ -56,8 +56,10 @@ struct Document::State
     {
         Journal journal;
         JournalContents contents;
+        std::size_t count; ///< of its records that were not saved
     };
     std::optional<Left> left; ///< by an earlier run
+    std::string last_view;
     std::string journal_folder;
     std::string journal; ///< its path; empty: none
     std::optional<std::uint32_t> saved_content = 0;
@@ -339,7 +341,20 @@ struct Document::State
     void start_history();
     /// Keeps a journal that cannot be read, under another name.
     void set_aside(const Error& error);
-    /// Looks for what an earlier run has left; true if there is something.
+    /// What the edits of a journal amount to, from what it begins with.
+    struct Replayed
+    {
+        History history;
+        Edited edited;
+        JournalHeader header;
+    };
+    Replayed replayed(Left from) const;
+    bool is_of_this_model(const JournalHeader& header) const;
+    /// Goes on with the journal of a document that was saved, if that is what the files
+    /// say.
+    bool go_on_with(Left kept);
+    /// Looks for the journal of an earlier run: what it has left to recover, or its
+    /// history. False: there is none.
     bool find_left();
 };
 

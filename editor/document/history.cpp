@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A record of the journal is an edit, or "at N": from here on N edits are done. An edit
-// that comes after an undo takes the place of what was undone.
+// A record of the journal is an edit, or "at N": from here on N edits are done, or
+// "closed WORD": the document was saved and ended here. An edit that comes after an undo
+// takes the place of what was undone.
 #include "editor/document/history.h"
 
 #include <algorithm>
@@ -16,7 +17,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::string_view kMoved = "at ";
+constexpr std::string_view kMoved = "at ", kClosed = "closed ";
 
 bool changes_content(const Edit& edit)
 {
@@ -36,6 +37,8 @@ History::History(Journal journal, const JournalContents& contents)
     {
         const std::uint64_t start = contents.starts[r];
         const std::string text = journal_.read(start);
+        if (text.starts_with(kClosed))
+            continue;
         const std::string where = journal_.path() + ": record " + std::to_string(r + 1);
         if (!text.starts_with(kMoved))
         {
@@ -72,6 +75,33 @@ Edit History::edit(std::size_t index) const
 {
     return parse_edit(journal_.read(starts_[index]),
                       journal_.path() + ": edit " + std::to_string(index + 1));
+}
+
+void History::close(const std::string& word)
+{
+    journal_.append(std::string(kClosed) + word);
+    journal_.sync();
+}
+
+History::End History::end_of(const Journal& journal, const JournalContents& contents)
+{
+    End end;
+    for (std::size_t r = contents.starts.size(); r-- > 0; ++end.records_after)
+        if (const std::string text = journal.read(contents.starts[r]);
+            text.starts_with(kClosed))
+        {
+            end.word = text.substr(kClosed.size());
+            break;
+        }
+    return end;
+}
+
+std::optional<std::size_t> History::position_of(std::uint32_t content) const
+{
+    for (std::size_t position = size() + 1; position-- > 0;)
+        if (content_at(position) == content)
+            return position;
+    return std::nullopt;
 }
 
 void History::move_to(std::size_t position)

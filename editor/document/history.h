@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <unordered_set>
 #include <vector>
@@ -26,10 +27,9 @@ public:
     std::size_t position() const { return position_; }  ///< edits that are done
     const std::string& name(std::size_t edit) const { return *names_[edit]; }
     /// The same wherever the done edits amount to the same but for what is selected.
-    std::uint32_t content() const
-    {
-        return position_ == 0 ? 0 : contents_[position_ - 1];
-    }
+    std::uint32_t content() const { return content_at(position_); }
+    /// The last position with that content; none: it is gone.
+    std::optional<std::size_t> position_of(std::uint32_t content) const;
 
     /// Drops what is undone, and adds one that is done. Throws Fault::File; then it is
     /// not in it.
@@ -39,12 +39,28 @@ public:
     /// \pre position <= size()
     void move_to(std::size_t position);
 
+    /// Ends the journal well: the file stays, for the next time, with a word of the
+    /// caller's. Nothing more may be added. Throws Fault::File.
+    void close(const std::string& word);
+    /// How a journal ended: with its last close() (none: it did not), and how many
+    /// records have come after that.
+    struct End
+    {
+        std::optional<std::string> word;
+        std::size_t records_after = 0;
+    };
+    static End end_of(const Journal& journal, const JournalContents& contents);
+
     /// The journal's file has another name from now on.
     void move_journal(const std::string& path) { journal_.move_to(path); }
     /// Ends the journal: the file goes.
     void remove() { journal_.remove(); }
 
 private:
+    std::uint32_t content_at(std::size_t position) const
+    {
+        return position == 0 ? 0 : contents_[position - 1];
+    }
     void append(std::uint64_t start, const Edit& edit);
 
     Journal journal_;

@@ -8,6 +8,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
+
+#include "io/number.h"
 
 namespace cellwarp
 {
@@ -221,6 +224,62 @@ void Camera::frame(const Eigen::Vector3d& low, const Eigen::Vector3d& high)
 void Camera::move_target(const Eigen::Vector3d& target)
 {
     target_ = target.cwiseMax(-kFarthest).cwiseMin(kFarthest);
+}
+
+std::string Camera::text() const
+{
+    const double flags[] = {double(up_axis_), double(is_free_), double(is_perspective_),
+                            azimuth_,         elevation_,       distance_};
+    std::string text;
+    const auto add = [&](double value)
+    {
+        append_shortest(value, text);
+        text += ' ';
+    };
+    for (const double value : flags)
+        add(value);
+    for (const double value : target_)
+        add(value);
+    for (const double value : axes_.reshaped())
+        add(value);
+    text.pop_back();
+    return text;
+}
+
+bool Camera::look_as(std::string_view text)
+{
+    constexpr std::size_t kNumbers = 18;
+    std::vector<double> numbers;
+    while (!text.empty() && numbers.size() <= kNumbers)
+    {
+        const std::size_t end = std::min(text.find(' '), text.size());
+        const std::optional<double> number = parse_double(text.substr(0, end));
+        if (!number || !std::isfinite(*number))
+            return false;
+        numbers.push_back(*number);
+        text.remove_prefix(std::min(end + 1, text.size()));
+    }
+    if (numbers.size() != kNumbers)
+        return false;
+    const auto is_in = [&](std::size_t k, double low, double high)
+    { return low <= numbers[k] && numbers[k] <= high; };
+    const Eigen::Matrix3d axes = Eigen::Map<const Eigen::Matrix3d>(numbers.data() + 9);
+    const bool is_rotation =
+        (axes.transpose() * axes - Eigen::Matrix3d::Identity()).norm() < 1e-6 &&
+        axes.determinant() > 0.0;
+    const bool has_axis = numbers[0] == 0 || numbers[0] == 1 || numbers[0] == 2;
+    if (!has_axis || !is_in(1, 0, 1) || !is_in(2, 0, 1) || !is_in(4, -2, 2) ||
+        !is_in(5, kNearest, kFarthest) || !is_rotation)
+        return false;
+    up_axis_ = static_cast<int>(numbers[0]);
+    is_free_ = numbers[1] != 0;
+    is_perspective_ = numbers[2] != 0;
+    azimuth_ = numbers[3];
+    elevation_ = numbers[4];
+    distance_ = numbers[5];
+    move_target(Eigen::Map<const Eigen::Vector3d>(numbers.data() + 6));
+    axes_ = axes;
+    return true;
 }
 
 Eigen::Matrix4d Camera::view_matrix() const

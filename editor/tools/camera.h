@@ -3,6 +3,8 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -58,6 +60,11 @@ public:
     void toggle_perspective() { is_perspective_ = !is_perspective_; }
     bool is_perspective() const { return is_perspective_; }
     int up_axis() const { return up_axis_; } ///< of view space: 0, 1 or 2
+    /// From where it looks, and how, in a few numbers; the size of the view is not among
+    /// them.
+    std::string text() const;
+    /// Looks so again. False: \p text is of no camera, and nothing changes.
+    bool look_as(std::string_view text);
     /// Shows a box whole, from where it looks now.
     void frame(const Eigen::Vector3d& low, const Eigen::Vector3d& high);
 

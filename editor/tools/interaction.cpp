@@ -177,6 +177,11 @@ void Interaction::set_turning(Camera::Turning turning)
     state_->camera.set_turning(turning);
 }
 
+void Interaction::look_as(const std::string& view)
+{
+    state_->has_framed |= state_->camera.look_as(view);
+}
+
 void Interaction::set_navigation(Navigation navigation)
 {
     state_->navigation = navigation;

@@ -98,6 +98,8 @@ public:
     void set_navigation(Navigation navigation);
     void set_up_axis(int axis); ///< 0, 1 or 2
     void set_turning(Camera::Turning turning);
+    /// As Camera::text() told it; what tells no view changes nothing.
+    void look_as(const std::string& view);
     bool selects_through() const; ///< also what is hidden
     void set_selects_through(bool through);
     double brush_radius() const; ///< [pixel]

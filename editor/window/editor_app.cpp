@@ -77,6 +77,7 @@ void EditorApp::take_document(Document document)
 {
     close();
     opened_ = std::make_unique<OpenedDocument>(std::move(document));
+    opened_->hand.look_as(opened_->editing.document().last_view());
     asks_to_recover = opened_->editing.document().num_recoverable() > 0;
     recent.add(opening_path_);
     const std::vector<std::string>& warnings = opened_->editing.document().warnings();
@@ -88,7 +89,7 @@ void EditorApp::close()
 {
     if (opened_ == nullptr)
         return;
-    attempt(Place::Window, [&] { document().close(); });
+    attempt(Place::Window, [&] { document().close(opened_->hand.camera().text()); });
     opened_.reset();
     is_exporting_ = false;
     asks_to_recover = false;

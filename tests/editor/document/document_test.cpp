@@ -642,6 +642,134 @@ TEST(Document, what_a_run_left_is_recovered_edit_by_edit)
     EXPECT_EQ(bar.open().num_recoverable(), 0u);
 }
 
+TEST(Document, a_saved_scene_opens_with_its_history_and_the_last_view)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json";
+    const auto state = [](const Document& document)
+    {
+        return handle_text(document.handles()) +
+               std::to_string(document.selection().count());
+    };
+    std::vector<std::string> states;
+    {
+        Document document = bar.open();
+        EXPECT_EQ(document.last_view(), "");
+        hold_ends(document);
+        for (const double x : {1.0, 2.0, 3.0})
+        {
+            states.push_back(state(document));
+            document.move_region("head", shifted(x));
+        }
+        document.undo();
+        states.push_back(state(document));
+        document.save(scene);
+        document.select(between(document, 0, 1), "Select by box"); // no file tells that
+        document.close("from the left");
+    }
+    for (int run = 0; run < 3; ++run)
+    {
+        SCOPED_TRACE(run);
+        Document document(scene, bar.journals);
+        EXPECT_EQ(document.num_recoverable(), 0u);
+        EXPECT_EQ(document.last_view(), "from the left");
+        EXPECT_TRUE(document.is_saved());
+        EXPECT_FALSE(document.selection().empty());
+        document.undo();
+        for (const std::size_t k : {2u, 1u, 0u})
+        {
+            EXPECT_EQ(state(document), states[k + (k == 2)]) << k;
+            EXPECT_EQ(document.is_saved(), k == 2);
+            document.undo();
+        }
+        document.go_to(document.history().size());
+        EXPECT_TRUE(document.is_saved());
+        if (run < 2) // the last one ends as by kill -9
+            document.close("from the left");
+    }
+    Document document(scene, bar.journals);
+    EXPECT_EQ(document.num_recoverable(), 5u); // four undone, and all done again
+    document.recover();
+    EXPECT_EQ(document.history().position(), 7u);
+    document.save(scene);
+}
+
+TEST(Document, has_no_history_of_a_file_that_says_something_else_now)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json";
+    const auto close_saved = [&](Document document)
+    {
+        hold_ends(document);
+        document.move_region("head", shifted(1));
+        document.save(scene, Overwrite::Yes);
+        document.close("from the left");
+    };
+    const auto expect_none = [&]
+    {
+        Document document(scene, bar.journals);
+        EXPECT_EQ(document.num_recoverable(), 0u);
+        EXPECT_FALSE(document.can_undo());
+        EXPECT_TRUE(document.is_saved());
+        EXPECT_EQ(document.last_view(), "from the left");
+        document.close();
+    };
+    close_saved(bar.open());
+    bar.folder.write("scene.handles",
+                     "cellwarp-handles 1\nfixed foot box -1 -1 -1 2 2 0.6\n");
+    expect_none();
+    std::filesystem::remove(scene);
+    std::filesystem::remove(bar.folder / "scene.handles");
+    close_saved(bar.open());
+    write_file(bar.model, support::obj_text(support::box_shape({0, 0, 0}, {1, 2, 4}, 4)),
+               Overwrite::Yes);
+    expect_none();
+    // What was not saved is not there, and can be done again.
+    {
+        Document document(scene, bar.journals);
+        document.move_region("head", shifted(2));
+        document.close("from the right");
+    }
+    Document document(scene, bar.journals);
+    EXPECT_FALSE(document.can_undo());
+    EXPECT_TRUE(document.is_saved());
+    EXPECT_EQ(document.last_view(), "from the right");
+    document.redo();
+    EXPECT_EQ(document.region("head")->placement, shifted(2));
+    EXPECT_FALSE(document.can_redo());
+}
+
+TEST(Document, any_edits_are_gone_back_through_when_their_scene_is_opened_again)
+{
+    const Bar bar;
+    for (unsigned seed = 0; seed < 6; ++seed)
+    {
+        SCOPED_TRACE(seed);
+        const std::string scene = bar.folder / ("s" + std::to_string(seed) + ".json");
+        std::mt19937 rng(seed);
+        std::string before;
+        std::size_t count = 0;
+        {
+            Document document = bar.open();
+            hold_ends(document);
+            for (int k = 0; k < 40; ++k)
+                edit_at_random(document, rng);
+            document.save(scene);
+            before = contents(document);
+            count = document.history().position();
+            document.close();
+        }
+        Document document(scene, bar.journals);
+        EXPECT_EQ(document.num_recoverable(), 0u);
+        ASSERT_EQ(document.history().position(), count);
+        EXPECT_EQ(contents(document), before);
+        document.go_to(0);
+        EXPECT_TRUE(document.regions().empty());
+        document.go_to(count);
+        EXPECT_EQ(contents(document), before);
+    }
+}
+
 TEST(Document, recovers_from_the_scene_as_it_was_when_the_edits_began)
 {
     const Bar bar;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 #include <random>
+#include <sstream>
 
 #include <gtest/gtest.h>
 
@@ -305,6 +306,59 @@ TEST(Camera, parallel_projection_shows_the_target_as_large_as_perspective)
     camera.toggle_perspective();
     EXPECT_NEAR(camera.pixel_size(camera.target()), size, 1e-12);
     EXPECT_NEAR((*camera.project(beside)).x(), 351.0, 1e-9);
+}
+
+TEST(Camera, looks_again_as_its_text_says)
+{
+    std::mt19937 rng(12);
+    for (int i = 0; i < 60; ++i)
+    {
+        SCOPED_TRACE(i);
+        Camera camera = random_camera(rng, i % 3);
+        if (i % 2)
+        {
+            camera.set_turning(Camera::Turning::Trackball);
+            camera.orbit(random_pixels(rng, 500));
+        }
+        const std::string text = camera.text();
+        Camera other;
+        other.resize(camera.width(), camera.height());
+        ASSERT_TRUE(other.look_as(text));
+        EXPECT_EQ(other.text(), text);
+        EXPECT_EQ(other.view_matrix(), camera.view_matrix());
+        EXPECT_EQ(other.projection_matrix(), camera.projection_matrix());
+        EXPECT_EQ(other.turning(), camera.turning());
+        camera.orbit({30, 20});
+        other.orbit({30, 20});
+        EXPECT_EQ(other.view_matrix(), camera.view_matrix());
+    }
+}
+
+TEST(Camera, a_text_of_no_camera_changes_nothing)
+{
+    const std::string good = Camera().text();
+    const auto with = [&](std::size_t k, const std::string& number)
+    {
+        std::istringstream words(good);
+        std::string text, word;
+        for (std::size_t i = 0; words >> word; ++i)
+            text += (i ? " " : "") + (i == k ? number : word);
+        return text;
+    };
+    EXPECT_EQ(with(99, ""), good);
+    Camera camera;
+    camera.orbit({100, 0});
+    const std::string before = camera.text();
+    for (const std::string& text :
+         {std::string(), std::string("from the left"), good + " 1", good + "x",
+          good.substr(0, good.rfind(' ')), with(0, "3"), with(0, "0.5"), with(1, "2"),
+          with(3, "nan"), with(4, "7"), with(5, "0"), with(5, "1e300"), with(6, "inf"),
+          with(9, "2"), with(17, "-1")})
+    {
+        EXPECT_FALSE(camera.look_as(text)) << text;
+        EXPECT_EQ(camera.text(), before);
+    }
+    EXPECT_TRUE(camera.look_as(good));
 }
 
 TEST(Camera, a_view_of_no_size_and_numbers_that_are_none_do_no_harm)
