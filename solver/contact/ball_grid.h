@@ -2,6 +2,7 @@
 // Pairs of balls that are near each other, in time linear in the balls and the pairs.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -15,11 +16,14 @@ namespace cellwarp
 class BallGrid
 {
 public:
-    /// All pairs (i, j), i < j, that are apart by less than \p margin. Keeps its memory
-    /// from one call to the next.
+    static constexpr std::size_t kAll = ~std::size_t(0);
+
+    /// All pairs (i, j), i < j, that are apart by less than \p margin; where there are
+    /// more than \p most, one more than that of them. Keeps its memory from one call to
+    /// the next.
     const std::vector<std::pair<std::uint32_t, std::uint32_t>>&
     pairs(std::span<const Eigen::Vector3d> centres, std::span<const double> radii,
-          double margin);
+          double margin, std::size_t most = kAll);
 
 private:
     struct Cell

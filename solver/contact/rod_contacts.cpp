@@ -53,6 +53,9 @@ constexpr double kWay = 0.5;
 constexpr double kMargin = 0.1;
 constexpr double kStableShare = 0.1; ///< of m* / dt^2
 constexpr int kMostBalls = 4000;     ///< in a span
+/// Pairs and contacts for each ball. In the densest coil a ball has some 50 contacts;
+/// where a step is so long that all might come to all it has to be shorter anyway.
+constexpr std::size_t kMostPairs = 512, kMostContacts = 128;
 
 } // namespace
 
@@ -246,12 +249,18 @@ bool RodContacts::is_exempt(const Ball& a, const Ball& b) const
                        });
 }
 
-void RodContacts::find_contacts(double margin)
+bool RodContacts::find_contacts(double margin, Limit limit)
 {
     margin_ = margin;
     contacts_.clear();
+    const auto most = [&](std::size_t of_a_ball)
+    { return limit == Limit::None ? BallGrid::kAll : of_a_ball * balls_.size(); };
     if (settings_.between_rods || settings_.with_itself)
-        for (const auto& [i, j] : grid_.pairs(centres_, radii_, margin))
+    {
+        const auto& pairs = grid_.pairs(centres_, radii_, margin, most(kMostPairs));
+        if (pairs.size() > most(kMostPairs))
+            return false;
+        for (const auto& [i, j] : pairs)
         {
             const Ball &a = balls_[i], &b = balls_[j];
             if (a.rod == b.rod ? !settings_.with_itself : !settings_.between_rods)
@@ -271,7 +280,10 @@ void RodContacts::find_contacts(double margin)
             contact.stiffness =
                 2.0 * a.stiffness * b.stiffness / (a.stiffness + b.stiffness);
             contacts_.push_back(contact);
+            if (contacts_.size() > most(kMostContacts))
+                return false;
         }
+    }
     std::vector<NearPlace> places;
     for (std::size_t i = 0; i < balls_.size() && !obstacles_.empty(); ++i)
     {
@@ -291,6 +303,7 @@ void RodContacts::find_contacts(double margin)
             contacts_.push_back(contact);
         }
     }
+    return true;
 }
 
 bool RodContacts::is_too_fast(double step) const
@@ -311,7 +324,8 @@ bool RodContacts::is_too_fast(double step) const
 bool RodContacts::start(double step)
 {
     place_balls();
-    find_contacts(3.0 * largest_way(step) + kMargin * largest_radius_);
+    const bool are_all_found = find_contacts(
+        3.0 * largest_way(step) + kMargin * largest_radius_, Limit::OfBalls);
     for (Contact& contact : contacts_)
     {
         const double k = contact.stiffness,
@@ -323,7 +337,7 @@ bool RodContacts::start(double step)
         contact.grip = settings_.friction * k * overlap;
         contact.slack = kCreep * balls_[contact.a].radius * step;
     }
-    return !is_too_fast(step);
+    return are_all_found && !is_too_fast(step);
 }
 
 Vector3d RodContacts::between(const Contact& contact, bool of_trial) const
@@ -443,8 +457,7 @@ bool RodContacts::is_beyond()
         return is_far;
     // Nothing was near. Is anything now?
     place_balls();
-    find_contacts(0.0);
-    return !contacts_.empty();
+    return !find_contacts(0.0, Limit::OfBalls) || !contacts_.empty();
 }
 
 double RodContacts::energy() const
@@ -477,9 +490,10 @@ int RodContacts::parts(double step)
         return 1;
     place_balls();
     const double way = largest_way(step);
-    find_contacts(2.0 * way + kMargin * largest_radius_);
     constexpr double kMost = 1e6;
     double parts = 1.0;
+    if (!find_contacts(2.0 * way + kMargin * largest_radius_, Limit::OfBalls))
+        parts = way / (kWay * *std::min_element(radii_.begin(), radii_.end()));
     for (const Contact& contact : contacts_)
     {
         double radius = balls_[contact.a].radius;
@@ -493,7 +507,7 @@ int RodContacts::parts(double step)
 std::vector<Eigen::VectorXd> RodContacts::forces(double step)
 {
     place_balls();
-    find_contacts(kMargin * largest_radius_);
+    find_contacts(kMargin * largest_radius_, Limit::None);
     std::vector<Eigen::VectorXd> out;
     for (const Member& rod : rods_)
         out.push_back(Eigen::VectorXd::Zero(rod.state->x().size()));

@@ -118,7 +118,13 @@ private:
     static double least_radius(const Member& of);
     void place_balls();
     void place_balls_on(std::size_t rod);
-    void find_contacts(double margin);
+    /// All contacts, or as many as a limit allows: false where there are more.
+    enum class Limit
+    {
+        None,
+        OfBalls ///< so many for each ball
+    };
+    bool find_contacts(double margin, Limit limit);
     bool is_exempt(const Ball& a, const Ball& b) const;
     Eigen::Vector3d place(const Ball& ball, const Eigen::VectorXd& x) const;
     Eigen::Vector3d between(const Contact& contact, bool of_trial) const;

@@ -34,6 +34,9 @@ TEST(BallGrid, finds_every_pair_once)
         std::sort(found.begin(), found.end());
         EXPECT_EQ(found, wanted);
         EXPECT_FALSE(found.empty());
+        EXPECT_EQ(grid.pairs(centres, radii, 0.1, found.size()).size(), found.size());
+        EXPECT_EQ(grid.pairs(centres, radii, 0.1, found.size() - 1).size(), found.size());
+        EXPECT_EQ(grid.pairs(centres, radii, 1e9, 20).size(), 21u); // of 80,200
     }
     EXPECT_TRUE(grid.pairs({}, {}, 1.0).empty());
 }
