@@ -104,90 +104,224 @@ std::vector<MaterialRun> runs_in_parts(const VoxelGrid& grid)
     return runs;
 }
 
-} // namespace
-
-void join_fragments(VoxelGrid& grid, int reach)
+/// The voxels from which a way of at most \p reach voxels leads to another part than the
+/// largest, and some more: all that joining fragments is about. In blocks of voxels.
+class NearFragments
 {
-    VoxelFlags& material = grid.material();
-    const std::vector<MaterialRun> runs = runs_in_parts(grid);
-    const std::int32_t num_parts = std::accumulate(runs.begin(), runs.end(), 0,
-                                                   [](std::int32_t most, const auto& run)
-                                                   { return std::max(most, run.part); });
-    if (num_parts < 2)
-        return;
-    constexpr std::int32_t kFree = 0;
-    VoxelValues<std::int32_t> part(grid.size());
-    parallel_for(runs.size(), 64,
-                 [&](std::size_t k)
-                 {
-                     for (std::size_t v = runs[k].begin; v < runs[k].end; ++v)
-                         part[v] = runs[k].part;
-                 });
-    const auto for_neighbours = [&](std::size_t voxel, auto&& visit)
+public:
+    NearFragments(const VoxelGrid& grid, const std::vector<MaterialRun>& runs,
+                  std::int32_t num_parts, int reach)
+        : grid_(grid), edge_(std::max(8, reach)),
+          counts_((grid.counts().array() + edge_ - 1) / edge_),
+          is_near_(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()), 0)
     {
-        const Eigen::Vector3i place = grid.coordinates(voxel);
+        std::vector<std::size_t> sizes(idx(num_parts) + 1, 0);
+        for (const MaterialRun& run : runs)
+            sizes[idx(run.part)] += run.end - run.begin;
+        const auto largest = std::max_element(sizes.begin(), sizes.end()) - sizes.begin();
+        for (const MaterialRun& run : runs)
+            if (run.part != largest)
+            {
+                const std::size_t first = block_of(grid_.coordinates(run.begin)),
+                                  last = block_of(grid_.coordinates(run.end - 1));
+                std::fill(is_near_.begin() + std::ptrdiff_t(first),
+                          is_near_.begin() + std::ptrdiff_t(last) + 1, char{1});
+            }
+        // Ways may begin and end two blocks off: on both of them twice the reach.
+        for (int axis = 0; axis < 3; ++axis)
+            for (int times = 0; times < 2; ++times)
+                widen(axis);
+    }
+    bool contains(const Eigen::Vector3i& voxel) const
+    {
+        return is_near_[block_of(voxel)] != 0;
+    }
+    /// Calls visit(voxel) for those of a run, ascending.
+    template <class Visit>
+    void for_each_in(const MaterialRun& run, Visit&& visit) const
+    {
+        const Eigen::Vector3i first = grid_.coordinates(run.begin);
+        const std::size_t row = run.begin - idx(first.x());
+        for (std::size_t v = run.begin; v < run.end;)
+        {
+            const int x = static_cast<int>(v - row);
+            const std::size_t end = std::min(run.end, row + idx((x / edge_ + 1) * edge_));
+            if (contains({x, first.y(), first.z()}))
+                for (; v < end; ++v)
+                    visit(v);
+            v = end;
+        }
+    }
+
+private:
+    std::size_t block_of(const Eigen::Vector3i& voxel) const
+    {
+        const Eigen::Vector3i block = voxel / edge_;
+        return (idx(block.z()) * idx(counts_.y()) + idx(block.y())) * idx(counts_.x()) +
+               idx(block.x());
+    }
+    /// By a block to both sides.
+    void widen(int axis)
+    {
+        const std::size_t step = axis == 0   ? 1
+                                 : axis == 1 ? idx(counts_.x())
+                                             : idx(counts_.x()) * idx(counts_.y()),
+                          count = idx(counts_[axis]);
+        std::vector<char> wider = is_near_;
+        for (std::size_t block = 0; block < is_near_.size(); ++block)
+            if (is_near_[block])
+            {
+                const std::size_t at = block / step % count;
+                if (at > 0)
+                    wider[block - step] = 1;
+                if (at + 1 < count)
+                    wider[block + step] = 1;
+            }
+        is_near_ = std::move(wider);
+    }
+
+    const VoxelGrid& grid_;
+    int edge_;
+    Eigen::Vector3i counts_;
+    std::vector<char> is_near_;
+};
+
+/// The shortest links between parts that join them.
+class Links
+{
+public:
+    Links(const VoxelGrid& grid, const std::vector<MaterialRun>& runs,
+          std::int32_t num_parts, int reach)
+        : grid_(grid), near_(grid, runs, num_parts, reach), part_(grid.size()),
+          from_(grid.size()), joined_(idx(num_parts) + 1), num_apart_(num_parts)
+    {
+        std::vector<std::size_t> front = borders_of(runs);
+        // All parts grow at once; where two fronts meet there is a link, shortest first.
+        for (int distance = 0; distance <= reach / 2 && !front.empty() && num_apart_ > 1;
+             ++distance)
+            front = grown(front);
+    }
+    bool are_all_joined() const { return num_apart_ == 1; }
+    void add_to(VoxelFlags& material) const
+    {
+        for (std::size_t voxel : ends_)
+            for (; !material[voxel]; voxel = from_[voxel])
+                material[voxel] = 1;
+    }
+
+private:
+    static constexpr std::int32_t kFree = 0;
+
+    template <class Visit>
+    void for_neighbours(std::size_t voxel, Visit&& visit) const
+    {
+        const Eigen::Vector3i place = grid_.coordinates(voxel);
         for (int axis = 0; axis < 3; ++axis)
             for (const int step : {-1, 1})
             {
                 Eigen::Vector3i other = place;
                 other[axis] += step;
-                if (grid.inside_box().contains(other))
-                    visit(grid.index(other));
+                if (grid_.inside_box().contains(other) && near_.contains(other))
+                    visit(grid_.index(other));
             }
-    };
-    // The voxels of the parts beside others, ascending.
-    std::vector<std::vector<std::size_t>> borders(runs.size());
-    parallel_for(runs.size(), 64,
-                 [&](std::size_t k)
-                 {
-                     for (std::size_t v = runs[k].begin; v < runs[k].end; ++v)
-                     {
-                         bool is_border = false;
-                         for_neighbours(v, [&](std::size_t other)
-                                        { is_border |= part[other] != part[v]; });
-                         if (is_border)
-                             borders[k].push_back(v);
-                     }
-                 });
-    std::vector<std::size_t> front;
-    for (const std::vector<std::size_t>& of_run : borders)
-        front.insert(front.end(), of_run.begin(), of_run.end());
-    // All parts grow at once; where two fronts meet there is a link, shortest first.
-    struct Link
+    }
+
+    /// The voxels of the parts beside others, ascending.
+    std::vector<std::size_t> borders_of(const std::vector<MaterialRun>& runs)
     {
-        int length;
-        std::size_t a, b;
-    };
-    std::vector<Link> links;
-    VoxelValues<std::size_t> from(grid.size());
-    for (int distance = 0; distance <= reach / 2 && !front.empty(); ++distance)
+        parallel_for(runs.size(), 64,
+                     [&](std::size_t k) {
+                         near_.for_each_in(runs[k], [&](std::size_t v)
+                                           { part_[v] = runs[k].part; });
+                     });
+        std::vector<std::vector<std::size_t>> borders(runs.size());
+        parallel_for(runs.size(), 64,
+                     [&](std::size_t k)
+                     {
+                         near_.for_each_in(
+                             runs[k],
+                             [&](std::size_t v)
+                             {
+                                 bool is_border = false;
+                                 for_neighbours(v,
+                                                [&](std::size_t other) {
+                                                    is_border |= part_[other] != part_[v];
+                                                });
+                                 if (is_border)
+                                     borders[k].push_back(v);
+                             });
+                     });
+        std::vector<std::size_t> front;
+        for (const std::vector<std::size_t>& of_run : borders)
+            front.insert(front.end(), of_run.begin(), of_run.end());
+        return front;
+    }
+
+    std::vector<std::size_t> grown(const std::vector<std::size_t>& front)
     {
         std::vector<std::size_t> next;
+        std::vector<std::pair<std::size_t, std::size_t>> meetings;
         for (const std::size_t voxel : front)
             for_neighbours(voxel,
                            [&](std::size_t other)
                            {
-                               if (part[other] == kFree)
+                               if (part_[other] == kFree)
                                {
-                                   part[other] = part[voxel];
-                                   from[other] = voxel;
+                                   part_[other] = part_[voxel];
+                                   from_[other] = voxel;
                                    next.push_back(other);
                                }
-                               else if (part[other] != part[voxel])
-                                   links.push_back({2 * distance, voxel, other});
+                               else if (part_[other] != part_[voxel])
+                                   meetings.emplace_back(voxel, other);
                            });
-        front = std::move(next);
+        for (const auto& [a, b] : meetings)
+            if (joined_.join(part_[a], part_[b]))
+            {
+                --num_apart_;
+                ends_.insert(ends_.end(), {a, b});
+            }
+        return next;
     }
-    std::stable_sort(links.begin(), links.end(),
-                     [](const Link& a, const Link& b) { return a.length < b.length; });
-    UnionFind joined(idx(num_parts) + 1);
-    for (const Link& link : links)
+
+    const VoxelGrid& grid_;
+    NearFragments near_;
+    VoxelValues<std::int32_t> part_;
+    VoxelValues<std::size_t> from_; ///< where a part came from as it grew
+    UnionFind joined_;
+    std::int32_t num_apart_;
+    std::vector<std::size_t> ends_; ///< of the links
+};
+
+} // namespace
+
+void join_fragments(VoxelGrid& grid, int reach)
+{
+    const std::vector<MaterialRun> runs = runs_in_parts(grid);
+    std::vector<std::size_t> sizes(1, 0); // of the parts, from 1
+    for (const MaterialRun& run : runs)
     {
-        if (!joined.join(part[link.a], part[link.b]))
+        sizes.resize(std::max(sizes.size(), idx(run.part) + 1), 0);
+        sizes[idx(run.part)] += run.end - run.begin;
+    }
+    const std::size_t num_voxels =
+        std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
+    const auto num_parts = static_cast<std::int32_t>(sizes.size()) - 1;
+    if (num_parts < 2)
+        return;
+    // Specks beside a body mostly lie close to it: all the way is looked at only where
+    // that does not join them.
+    constexpr std::size_t kSpecks = 64; ///< times as much as all of them
+    constexpr int kClose = 8;
+    const std::size_t largest = *std::max_element(sizes.begin(), sizes.end());
+    const bool are_specks = (num_voxels - largest) * kSpecks < num_voxels;
+    for (int way = are_specks ? std::min(kClose, reach) : reach;;
+         way = std::min(4 * way, reach))
+    {
+        const Links links(grid, runs, num_parts, way);
+        if (!links.are_all_joined() && way < reach)
             continue;
-        for (std::size_t voxel : {link.a, link.b})
-            for (; !material[voxel]; voxel = from[voxel])
-                material[voxel] = 1;
+        links.add_to(grid.material());
+        return;
     }
 }
 

@@ -8,9 +8,8 @@
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
 #include "octree/distance_transform.h"
-#include "octree/flood.h"
 #include "octree/fragments.h"
-#include "octree/hollows.h"
+#include "octree/open_inside.h"
 #include "octree/surface_marks.h"
 #include "octree/touching.h"
 #include "octree/winding.h"
@@ -21,18 +20,6 @@ namespace cellwarp
 namespace
 {
 
-/// Largest opening that is closed to find an inside, as a radius [of the diagonal].
-/// The bunny's two base holes need 0.03.
-constexpr double kMaxSealRadius = 0.04;
-
-/// Above this radius of an opening [of the diagonal] hollows are nearer to the closed
-/// shape than what a flood leaves (docs/benchmarks.md).
-constexpr double kWideRadius = 0.015;
-
-/// Largest opening of a hollow, as a radius [of the diagonal]. A pot without its lid is
-/// solid; the sample vase, whose rim needs 0.16, stays a shell.
-constexpr double kMaxHollowRadius = 0.125;
-
 /// A surface counts as nearly closed below this share of open edges. A soup that
 /// lost every third triangle has more than half of its edges open.
 constexpr double kNearlyClosed = 0.2;
@@ -41,33 +28,26 @@ constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 /// As measured: of all voxels, and of those of the flood and what comes after it [byte].
 constexpr double kBytesOfVoxel = 6.0, kBytesOfFloodedVoxel = 17.0;
 
-/// The widest opening that is closed, as a radius [voxel].
-int max_seal_radius(const GridShape& grid_shape)
+/// Of the voxels inside those beside others, from which all outside are as far as from
+/// the inside.
+VoxelFlags boundary_of(const VoxelGrid& grid, const VoxelFlags& inside)
 {
-    return std::clamp(
-        static_cast<int>(kMaxSealRadius * grid_shape.size.norm() / grid_shape.voxel()), 1,
-        100);
-}
-
-/// What is inside and not touched by the surface.
-VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks)
-{
-    parallel_for_each_set(marks,
+    VoxelFlags boundary(grid.size());
+    parallel_for_each_set(inside,
                           [&](std::size_t i)
                           {
-                              if (is_inside[i])
-                                  is_inside[i] = 0;
+                              const Eigen::Vector3i voxel = grid.coordinates(i);
+                              for (int axis = 0; axis < 3; ++axis)
+                                  for (const int step : {-1, 1})
+                                  {
+                                      Eigen::Vector3i other = voxel;
+                                      other[axis] += step;
+                                      if (!grid.contains(other) ||
+                                          !inside[grid.index(other)])
+                                          boundary[i] = 1;
+                                  }
                           });
-    return is_inside;
-}
-
-/// Which openings are closed where a flood needed \p seal_radius [voxel] (negative: where
-/// it found no inside up to \p max_seal). Below two voxels marks are no surface.
-Openings wide_openings(const GridShape& grid_shape, double seal_radius, double max_seal)
-{
-    const double narrowest = std::max(2.0, seal_radius < 0 ? max_seal : seal_radius);
-    const double widest = kMaxHollowRadius * grid_shape.size.norm() / grid_shape.voxel();
-    return {narrowest, std::max(narrowest, widest)};
+    return boundary;
 }
 
 /// Spreads the marks that bound no inside, none being within \p reach: an open sheet
@@ -76,7 +56,7 @@ void spread_sheets(VoxelGrid& grid, const VoxelFlags& marks, const VoxelFlags& i
                    double reach, double r)
 {
     VoxelFlags sheet(grid.size());
-    const NearDistances distances(inside, grid.counts(), reach);
+    const NearDistances distances(boundary_of(grid, inside), grid.counts(), reach);
     parallel_for_each_set(marks, [&](std::size_t i) { sheet[i] = distances.is_far(i); });
     spread(grid, sheet, r);
 }
@@ -89,13 +69,13 @@ constexpr double kWall = 3.0;
 /// empty if there are none.
 VoxelFlags sheet_voxels(const VoxelGrid& grid, const VoxelFlags& inside, double reach)
 {
-    const NearDistances distances(inside, grid.counts(), reach);
+    const NearDistances distances(boundary_of(grid, inside), grid.counts(), reach);
     VoxelFlags is_sheet(grid.size());
     bool has_any = false;
     for_each_set(grid.material(),
                  [&](std::size_t i)
                  {
-                     if (!distances.is_far(i))
+                     if (inside[i] || !distances.is_far(i))
                          return;
                      is_sheet[i] = 1;
                      has_any = true;
@@ -155,38 +135,21 @@ double material_bytes(const BoundingSurface& surface, const GridShape& grid_shap
 {
     // Measured: a closed shape takes a byte and some bits a voxel, and 4 more where
     // leaves hold several pieces. The flood, which open surfaces need, works on a grid
-    // with a border: marks, a byte; distances, four; how free a voxel is and how far the
-    // flood comes, two; and voxels to go on from. Hollows, after the flood, take less.
+    // with a border, of larger voxels where these are fine: marks, a byte; distances,
+    // four; how free a voxel is and how far the flood comes, two; and voxels to go on
+    // from. Hollows, after the flood, take less.
     if (fill == Fill::Shell || surface.open_edges == 0.0)
         return kBytesOfVoxel * num_voxels(grid_shape);
-    const double border = 2.0 * (max_seal_radius(grid_shape) + 2.0);
-    const Eigen::Array3d inner =
-        grid_shape.coarsest.cast<double>().array() * grid_shape.voxels_per_coarsest();
-    return kBytesOfFloodedVoxel * (inner + border).prod();
+    const int scale = inside_scale(grid_shape);
+    const double border = 2.0 * (max_seal_radius(grid_shape) / scale + 2.0);
+    const Eigen::Array3d inner = grid_shape.coarsest.cast<double>().array() *
+                                 grid_shape.voxels_per_coarsest() / scale;
+    return kBytesOfFloodedVoxel * (inner + border).prod() +
+           (scale > 1 ? kBytesOfVoxel * num_voxels(grid_shape) : 0.0);
 }
 
 namespace
 {
-
-/// Of a soup or a cloud: what its marks enclose, and of the voxels that the surface only
-/// touches those beside it. Which side of the surface the others are on nobody knows.
-void add_touched_inside(const VoxelGrid& grid, const VoxelFlags& marks,
-                        VoxelFlags& is_inside)
-{
-    const VoxelFlags enclosed = beyond_marks(is_inside, marks);
-    parallel_for_each_set(
-        marks,
-        [&](std::size_t i)
-        {
-            const Eigen::Vector3i voxel = grid.coordinates(i);
-            std::uint8_t is_beside = 0;
-            for_each_voxel(
-                VoxelRange{voxel.array() - 1, voxel.array() + 1}.cut(grid.inside_box()),
-                [&](const Eigen::Vector3i& other)
-                { is_beside |= enclosed[grid.index(other)]; });
-            is_inside[i] = is_beside;
-        });
-}
 
 /// Marks all that the samples touch where the material holds none of it: a speck in the
 /// corner between voxels.
@@ -205,46 +168,6 @@ void hold_samples(const Shape& shape, VoxelGrid& grid)
             for_each_voxel(grid.touched(shape.samples[i]),
                            [&](const Eigen::Vector3i& voxel)
                            { grid.material()[grid.index(voxel)] = 1; });
-}
-
-/// The inside of a shape that no closed surface bounds.
-struct OpenInside
-{
-    InsideMethod method = InsideMethod::None;
-    VoxelFlags is_inside;       ///< of each voxel
-    double flood_radius = -1.0; ///< at which the flood was kept out [voxel]; -1: at none
-    double seal_radius = 0.0;   ///< of the widest opening that was closed [voxel]
-};
-
-/// \p votes: inside_votes() of a nearly closed surface, else empty.
-OpenInside open_inside(const VoxelGrid& grid, const VoxelFlags& marks,
-                       const VoxelFlags& votes)
-{
-    const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };
-    const GridShape& shape = grid.shape();
-    const int max_radius = max_seal_radius(shape);
-    EnclosedVoxels flooded = enclosed_voxels(grid, marks, max_radius, may_fill);
-    const double radius = flooded.radius;
-    OpenInside found{InsideMethod::None, std::move(flooded.is_inside), radius,
-                     std::max(radius, 0.0)};
-    if (radius >= 0)
-        found.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
-    if (radius < 0 || radius * shape.voxel() > kWideRadius * shape.size.norm())
-    {
-        EnclosedVoxels hollows = hollow_voxels(
-            grid, marks, wide_openings(shape, radius, max_radius), may_fill);
-        if (hollows.radius >= 0)
-        {
-            found.method = InsideMethod::Wrap;
-            found.is_inside = std::move(hollows.is_inside);
-            found.seal_radius = hollows.radius;
-        }
-    }
-    // Rays tell of each voxel whether it is inside; the others only of those beyond the
-    // marks.
-    if (found.method != InsideMethod::Votes)
-        add_touched_inside(grid, marks, found.is_inside);
-    return found;
 }
 
 /// Of a shape that encloses nothing: a cloud's points are spread to their spacing.

@@ -334,4 +334,15 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
     return marks;
 }
 
+VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks)
+{
+    parallel_for_each_set(marks,
+                          [&](std::size_t i)
+                          {
+                              if (is_inside[i])
+                                  is_inside[i] = 0;
+                          });
+    return is_inside;
+}
+
 } // namespace cellwarp

@@ -30,4 +30,7 @@ struct SurfaceMark
 /// none. A sample reaches into every voxel that it touches.
 VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid);
 
+/// What is inside and not touched by the surface.
+VoxelFlags beyond_marks(VoxelFlags is_inside, const VoxelFlags& marks);
+
 } // namespace cellwarp

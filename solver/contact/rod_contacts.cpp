@@ -326,6 +326,8 @@ bool RodContacts::start(double step)
     place_balls();
     const bool are_all_found = find_contacts(
         3.0 * largest_way(step) + kMargin * largest_radius_, Limit::OfBalls);
+    if (!are_all_found)
+        contacts_.clear(); // some of them would tell nothing
     for (Contact& contact : contacts_)
     {
         const double k = contact.stiffness,
