@@ -53,9 +53,10 @@ constexpr double kWay = 0.5;
 constexpr double kMargin = 0.1;
 constexpr double kStableShare = 0.1; ///< of m* / dt^2
 constexpr int kMostBalls = 4000;     ///< in a span
-/// Pairs and contacts for each ball. In the densest coil a ball has some 50 contacts;
-/// where a step is so long that all might come to all it has to be shorter anyway.
-constexpr std::size_t kMostPairs = 512, kMostContacts = 128;
+/// Pairs and contacts for each ball. In the densest coil a ball has some 50 contacts, one
+/// for two balls; where a step is so long that all might come to all it has to be shorter
+/// anyway.
+constexpr std::size_t kMostPairs = 256, kMostContacts = 64;
 
 } // namespace
 
