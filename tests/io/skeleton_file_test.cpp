@@ -444,6 +444,18 @@ TEST(SkeletonFile, what_a_gltf_lacks_or_has_twice_is_told_by_its_place)
           });
     tells("channels[0].input: is missing",
           [&](Json& json) { animation(json)["samplers"][0].erase("input"); });
+    tells("inverseBindMatrices: is compressed, which is not supported",
+          [](Json& json)
+          {
+              json["extensionsUsed"] = {"EXT_meshopt_compression"};
+              Json& view = json["bufferViews"]
+                               [json["accessors"][0]["bufferView"].get<std::size_t>()];
+              view["extensions"]["EXT_meshopt_compression"] = {{"buffer", 0},
+                                                               {"byteLength", 4},
+                                                               {"byteStride", 64},
+                                                               {"count", 2},
+                                                               {"mode", "ATTRIBUTES"}};
+          });
     tells("channels[0].sampler: is missing",
           [&](Json& json) { animation(json)["channels"][0].erase("sampler"); });
     // Of the first joint's bind matrix its linear part, of the second's animation its

@@ -211,6 +211,31 @@ TEST(Lines, says_what_cannot_be)
     says("a shape that is not there yet", [&] { document.centre_line({}, nullptr); });
 }
 
+TEST(Lines, what_waits_for_its_rest_shape_is_told)
+{
+    // The second stage lies on what the first one makes; shares of its box are unknown.
+    const Bar bar;
+    bar.folder.write("s.handles", "cellwarp-handles 1\nunits relative\n"
+                                  "handle all all\nframe 1\nmove all translate 0 0 1\n"
+                                  "commit\nrod r through 0.5 0.5 0.1  0.5 0.5 0.9\n"
+                                  "frame 2\nmove r end translate 0 0.1 0\n");
+    const std::string scene = bar.folder.write(
+        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles"})");
+    Document document(scene, "");
+    EXPECT_TRUE(contains(error_of(Fault::Usage,
+                                  [&] {
+                                      document.move_point("r", 1, to({0, 0, 4}));
+                                  }),
+                         "not there yet"));
+    document.set_rest(document.stage_fingerprint(),
+                      std::make_shared<const std::vector<Vector3d>>(
+                          document.model()->geometry.samples));
+    EXPECT_TRUE(contains(
+        error_of(Fault::Usage, [&] { document.add_line(Role::Curve, kAxis, "rail"); }),
+        "in relative units lines are drawn before anything has moved"));
+    document.move_point("r", 1, to({0.5, 0.5, 3.5}));
+}
+
 TEST(Lines, a_point_in_the_hand_bends_what_is_shown_and_is_solved_on_release)
 {
     const Bar bar;

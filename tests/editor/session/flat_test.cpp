@@ -237,6 +237,22 @@ TEST(Flat, what_is_not_flat_is_refused)
     { return error_of(Fault::Malformed, [&] { played(shape, statements, true); }); };
     EXPECT_TRUE(contains(refused(support::box_shape({0, 0, 0}, {3, 1, 1}), kBend),
                          "cells.flat: the samples lie in no plane"));
+    SessionSettings askew;
+    askew.cells.is_flat = true;
+    askew.cells.frame.emplace();
+    askew.cells.frame->origin = {-9, -9, -9};
+    askew.cells.frame->axes = {{{1, 0, 0}, {0, 0.8, 0.6}, {0, -0.6, 0.8}}};
+    askew.cells.frame->size = {20, 20, 20};
+    EXPECT_TRUE(contains(
+        error_of(Fault::Malformed,
+                 [&]
+                 {
+                     Session(
+                         scan_geometry("model.obj", support::obj_text(flat_l())).geometry,
+                         parse_handles("h.handles", "cellwarp-handles 1\n" + kBend),
+                         askew);
+                 }),
+        "cells.frame.axes: none of them is across the plane of the samples"));
     for (const std::string& move :
          {std::string("translate 0 0 0.1"), std::string("rotate 0 1 0 20"),
           std::string("rotate 1 0 0 180"),

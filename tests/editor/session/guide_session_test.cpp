@@ -202,6 +202,12 @@ TEST(GuideSession, what_cannot_be_is_told)
                       "fixed top box -1 -1 3.9 1 1 5\npin tip sphere 0 0 4 0.01\n" +
                           rail + "on tip rail\n"),
                  "tip"));
+    // The region in its cell does not hold its sample.
+    EXPECT_TRUE(
+        contains(told(Fault::Unsolvable, "fixed part box 0.01 0.01 3.3 1 1 4.1\n"
+                                         "pin tip sphere 0 0 4 0.01\n" +
+                                             rail + "on tip rail\n"),
+                 "h.handles:3: tip: fixed region part holds the cell of its sample"));
     EXPECT_TRUE(
         contains(refused(kRail + "on foot rail\n"), "only a pin can stay on a curve"));
     EXPECT_TRUE(contains(refused(kTip + "on tip foot\n"), "is no curve or rod"));

@@ -419,6 +419,27 @@ TEST(RodSession, what_cannot_be_is_told)
                                   }),
                          "is moved twice in this frame (line 4)"));
     EXPECT_TRUE(contains(told(wrong, "rod r from skeleton near nobody\n"), "nobody"));
+    EXPECT_TRUE(
+        contains(told(wrong, kSpine + "frame 0\nmove spine point 5 translate 0 0 1\n"),
+                 "point: got 5, need 0 to 4"));
+    std::string far = "move spine point 2";
+    for (int k = 0; k < 20; ++k)
+        far += " translate 0 0 1e308";
+    EXPECT_TRUE(contains(told(wrong, kSpine + "frame 0\n" + far + "\n"),
+                         "h.handles:4: spine: moves beyond what numbers can hold"));
+    // So far away that no state of the rod is at rest.
+    const auto tear = [&]
+    {
+        played(long_bar(), kSpine + "frame 1\nmove spine point 2 translate 0 0 1e9\n",
+               settings(8));
+    };
+    EXPECT_TRUE(contains(error_of(none, tear), "the rod finds no rest")) << "torn";
+    Shape triangle;
+    triangle.samples = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    triangle.triangles = {{0, 1, 2}};
+    const auto draw = [&]
+    { Session(model(triangle), handles("rod r from skeleton\nframe 1\n"), settings(8)); };
+    EXPECT_TRUE(contains(error_of(none, draw), "the shape has no centre line there"));
     EXPECT_TRUE(contains(told(wrong, "rod r points 1 1 1  1 1 1  1 1 1  1 1 1\n"),
                          "h.handles:2: r:"));
     EXPECT_TRUE(contains(told(wrong, "rod r points 0 0 0  0 0 1  0 0 2  0 0 4\nframe 0\n"

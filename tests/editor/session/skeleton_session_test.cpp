@@ -388,6 +388,13 @@ TEST(SkeletonSession, moves_beyond_numbers_are_told_with_file_and_line)
             played(long_bar(), kBones + "frame 1\nmove foot to 0 0 1e300\n", settings(8));
         });
     EXPECT_TRUE(contains(said, "h.handles:6: foot: moves beyond")) << said;
+    std::string far = "move root";
+    for (int k = 0; k < 20; ++k)
+        far += " translate 0 0 1e308";
+    const std::string shifted =
+        error_of(Fault::Malformed, [&]
+                 { played(long_bar(), kBones + "frame 1\n" + far + "\n", settings(8)); });
+    EXPECT_TRUE(contains(shifted, "h.handles:6: root: moves beyond")) << shifted;
 }
 
 TEST(SkeletonSession, a_flat_model_takes_none)

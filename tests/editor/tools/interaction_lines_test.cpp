@@ -153,6 +153,33 @@ TEST(InteractionLines, commands_of_a_point_say_so_where_none_is_active)
     }
 }
 
+TEST(InteractionLines, a_point_that_is_gone_or_is_a_control_point_is_told)
+{
+    RodDesk desk;
+    desk.click(desk.pixel(desk.place(1)));
+    ASSERT_EQ(desk.hand.active_point(), 1u);
+    desk.key('z', {.control = true}); // the rod with it, and no frame comes before
+    desk.key(Key::Delete);
+    EXPECT_TRUE(contains(desk.hand.complaint(), "no point of a rod is active"))
+        << desk.hand.complaint();
+
+    Desk other(
+        [](const support::Folder& folder)
+        {
+            Desk::bar(folder);
+            folder.write("r.handles", "cellwarp-handles 1\nrod r points 0.2 0.5 0.5  "
+                                      "1 0.5 0.5  2 0.5 0.5  2.8 0.5 0.5\n");
+            return folder.write("r.json", R"({"cellwarp": 1, "model": "bar.obj",
+                                "handles": "r.handles"})");
+        });
+    other.settle();
+    other.hand.set_active_region("r");
+    other.hand.set_active_point(1);
+    other.key('n');
+    EXPECT_TRUE(contains(other.hand.complaint(), "is told by control points"))
+        << other.hand.complaint();
+}
+
 TEST(InteractionLines, the_last_point_once_more_ends_the_line)
 {
     Desk desk;

@@ -264,6 +264,11 @@ TEST_F(EditorWindow, plays_nothing_that_it_does_not_know)
         EXPECT_EQ(refused.code, 3) << script << refused.err;
         EXPECT_TRUE(contains(refused.err, what)) << script << refused.err;
     }
+    folder_.write("rope.json", R"({"cellwarp": 1, "model": "bar.obj", "rods": [{"through":
+        [[0,0,0],[0,0,4]], "fixed": [{"at": 0}], "carries": true}],
+        "simulate": {"dt": 0.01, "duration": 0.03, "every": 0.01}})");
+    const Result beyond = play("wait\nfilm 99\n", {file("rope.json")});
+    EXPECT_TRUE(contains(beyond.err, "the film has no frame 99")) << beyond.err;
     EXPECT_EQ(play("quit\n", {file("nothing.obj")}).code, 4);
     EXPECT_EQ(play("quit\n", {folder_.write("bad.obj", "v 1 2\n")}).code, 3);
     EXPECT_EQ(support::run_program(CELLWARP_EDITOR_BINARY, {"--play", file("no-script")},
