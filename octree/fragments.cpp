@@ -104,21 +104,39 @@ std::vector<MaterialRun> runs_in_parts(const VoxelGrid& grid)
     return runs;
 }
 
+/// How much of the material is in each part.
+struct PartSizes
+{
+    std::int32_t count = 0, largest = 0; ///< parts are numbered from 1
+    std::size_t num_voxels = 0, num_beside_largest = 0;
+
+    explicit PartSizes(const std::vector<MaterialRun>& runs)
+    {
+        for (const MaterialRun& run : runs)
+            count = std::max(count, run.part);
+        std::vector<std::size_t> sizes(idx(count) + 1, 0);
+        for (const MaterialRun& run : runs)
+        {
+            sizes[idx(run.part)] += run.end - run.begin;
+            num_voxels += run.end - run.begin;
+        }
+        const auto most = std::max_element(sizes.begin(), sizes.end());
+        largest = static_cast<std::int32_t>(most - sizes.begin());
+        num_beside_largest = num_voxels - *most;
+    }
+};
+
 /// The voxels from which a way of at most \p reach voxels leads to another part than the
 /// largest, and some more: all that joining fragments is about. In blocks of voxels.
 class NearFragments
 {
 public:
     NearFragments(const VoxelGrid& grid, const std::vector<MaterialRun>& runs,
-                  std::int32_t num_parts, int reach)
+                  std::int32_t largest, int reach)
         : grid_(grid), edge_(std::max(8, reach)),
           counts_((grid.counts().array() + edge_ - 1) / edge_),
           is_near_(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()), 0)
     {
-        std::vector<std::size_t> sizes(idx(num_parts) + 1, 0);
-        for (const MaterialRun& run : runs)
-            sizes[idx(run.part)] += run.end - run.begin;
-        const auto largest = std::max_element(sizes.begin(), sizes.end()) - sizes.begin();
         for (const MaterialRun& run : runs)
             if (run.part != largest)
             {
@@ -127,7 +145,8 @@ public:
                 std::fill(is_near_.begin() + std::ptrdiff_t(first),
                           is_near_.begin() + std::ptrdiff_t(last) + 1, char{1});
             }
-        // Ways may begin and end two blocks off: on both of them twice the reach.
+        // A block is as wide as the reach. What grows towards a fragment from as far away
+        // as that may have begun as far again: two blocks on each side.
         for (int axis = 0; axis < 3; ++axis)
             for (int times = 0; times < 2; ++times)
                 widen(axis);
@@ -191,9 +210,9 @@ class Links
 {
 public:
     Links(const VoxelGrid& grid, const std::vector<MaterialRun>& runs,
-          std::int32_t num_parts, int reach)
-        : grid_(grid), near_(grid, runs, num_parts, reach), part_(grid.size()),
-          from_(grid.size()), joined_(idx(num_parts) + 1), num_apart_(num_parts)
+          const PartSizes& sizes, int reach)
+        : grid_(grid), near_(grid, runs, sizes.largest, reach), part_(grid.size()),
+          from_(grid.size()), joined_(idx(sizes.count) + 1), num_apart_(sizes.count)
     {
         std::vector<std::size_t> front = borders_of(runs);
         // All parts grow at once; where two fronts meet there is a link, shortest first.
@@ -297,27 +316,18 @@ private:
 void join_fragments(VoxelGrid& grid, int reach)
 {
     const std::vector<MaterialRun> runs = runs_in_parts(grid);
-    std::vector<std::size_t> sizes(1, 0); // of the parts, from 1
-    for (const MaterialRun& run : runs)
-    {
-        sizes.resize(std::max(sizes.size(), idx(run.part) + 1), 0);
-        sizes[idx(run.part)] += run.end - run.begin;
-    }
-    const std::size_t num_voxels =
-        std::accumulate(sizes.begin(), sizes.end(), std::size_t{0});
-    const auto num_parts = static_cast<std::int32_t>(sizes.size()) - 1;
-    if (num_parts < 2)
+    const PartSizes sizes(runs);
+    if (sizes.count < 2)
         return;
     // Specks beside a body mostly lie close to it: all the way is looked at only where
     // that does not join them.
     constexpr std::size_t kSpecks = 64; ///< times as much as all of them
     constexpr int kClose = 8;
-    const std::size_t largest = *std::max_element(sizes.begin(), sizes.end());
-    const bool are_specks = (num_voxels - largest) * kSpecks < num_voxels;
+    const bool are_specks = sizes.num_beside_largest * kSpecks < sizes.num_voxels;
     for (int way = are_specks ? std::min(kClose, reach) : reach;;
          way = std::min(4 * way, reach))
     {
-        const Links links(grid, runs, num_parts, way);
+        const Links links(grid, runs, sizes, way);
         if (!links.are_all_joined() && way < reach)
             continue;
         links.add_to(grid.material());

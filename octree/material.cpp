@@ -140,12 +140,12 @@ double material_bytes(const BoundingSurface& surface, const GridShape& grid_shap
     // from. Hollows, after the flood, take less.
     if (fill == Fill::Shell || surface.open_edges == 0.0)
         return kBytesOfVoxel * num_voxels(grid_shape);
-    const int scale = inside_scale(grid_shape);
-    const double border = 2.0 * (max_seal_radius(grid_shape) / scale + 2.0);
-    const Eigen::Array3d inner = grid_shape.coarsest.cast<double>().array() *
-                                 grid_shape.voxels_per_coarsest() / scale;
+    const GridShape flooded = inside_grid(grid_shape);
+    const double border = 2.0 * (max_seal_radius(flooded) + 2.0);
+    const Eigen::Array3d inner =
+        flooded.coarsest.cast<double>().array() * flooded.voxels_per_coarsest();
     return kBytesOfFloodedVoxel * (inner + border).prod() +
-           (scale > 1 ? kBytesOfVoxel * num_voxels(grid_shape) : 0.0);
+           (inside_scale(grid_shape) > 1 ? kBytesOfVoxel * num_voxels(grid_shape) : 0.0);
 }
 
 namespace

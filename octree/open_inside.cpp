@@ -105,7 +105,7 @@ class TwoGrids
 {
 public:
     TwoGrids(const VoxelGrid& fine, const VoxelFlags& marks, int scale)
-        : fine_(fine), marks_(marks), scale_(scale), coarse_(shape_of(fine, scale)),
+        : fine_(fine), marks_(marks), scale_(scale), coarse_(inside_grid(fine.shape())),
           coarse_marks_(largest_of(marks))
     {
     }
@@ -174,16 +174,6 @@ private:
         Inside,
         Outside
     };
-
-    static GridShape shape_of(const VoxelGrid& fine, int scale)
-    {
-        GridShape shape;
-        shape.coarsest = (fine.counts().array() + scale - 1) / scale;
-        shape.edge = fine.shape().voxel() * scale;
-        shape.size = shape.edge * shape.coarsest.cast<double>();
-        shape.voxels_per_leaf = 1;
-        return shape;
-    }
 
     VoxelRange voxels_of(std::size_t coarse) const
     {
@@ -303,6 +293,20 @@ int inside_scale(const GridShape& shape)
 {
     const double voxels = kFineEnough * shape.size.norm() / shape.voxel();
     return std::isfinite(voxels) ? std::clamp(static_cast<int>(voxels), 1, 1000) : 1;
+}
+
+GridShape inside_grid(const GridShape& shape)
+{
+    const int scale = inside_scale(shape);
+    if (scale == 1)
+        return shape;
+    GridShape larger;
+    larger.size = shape.size;
+    larger.edge = shape.voxel() * scale;
+    larger.coarsest =
+        (shape.coarsest.array() * shape.voxels_per_coarsest() + scale - 1) / scale;
+    larger.voxels_per_leaf = 1;
+    return larger;
 }
 
 OpenInside open_inside(const VoxelGrid& grid, const VoxelFlags& marks,

@@ -26,7 +26,10 @@ OpenInside open_inside(const VoxelGrid& grid, const VoxelFlags& marks,
 /// The widest opening that a flood is kept out of, as a radius [voxel].
 int max_seal_radius(const GridShape& shape);
 
-/// How many voxels along its edge one of those has in which openings are closed.
+/// Openings are closed in larger voxels where those of \p shape are finer than that
+/// needs: so many times as large, else 1.
 int inside_scale(const GridShape& shape);
+/// The grid of those over a grid of \p shape.
+GridShape inside_grid(const GridShape& shape);
 
 } // namespace cellwarp

@@ -31,6 +31,27 @@ std::string journal_path(const std::string& folder, const std::string& path)
         .string();
 }
 
+/// Removes a journal from which there is nothing to recover, of a file that is written
+/// anew; any other stays.
+void remove_closed(const std::string& journal)
+{
+    std::error_code none;
+    if (journal.empty() || !std::filesystem::exists(journal, none))
+        return;
+    try
+    {
+        JournalContents contents;
+        Journal opened = Journal::open(journal, contents);
+        const History::End end = History::end_of(opened, contents);
+        if (end.word && end.records_after == 0)
+            opened.remove();
+    }
+    catch (const Error&)
+    {
+        // It is kept aside.
+    }
+}
+
 } // namespace
 
 JournalHeader Document::State::header() const
@@ -77,18 +98,25 @@ void Document::State::set_aside(const Error& error)
     warnings.push_back(note);
 }
 
-Document::State::Replayed Document::State::replayed(Left from) const
+Edited Document::State::replayed(const JournalHeader& header, const History& edits) const
 {
-    JournalHeader header = parse_header(from.contents.header, journal);
     Edited now;
     now.settings = parse_scene(header.document, header.scene).settings;
     now.handles = parse_handles(header.handles_path, header.handles);
     now.handles.labels = edited.handles.labels;
     now.selection = Selection(model->geometry.samples.size());
-    History edits(std::move(from.journal), from.contents);
     for (std::size_t k = 0; k < edits.position(); ++k)
         apply(edits.edit(k), now);
-    return {std::move(edits), std::move(now), std::move(header)};
+    return now;
+}
+
+void Document::State::take(Edited now, History edits)
+{
+    edited = std::move(now);
+    stage_fingerprints.clear();
+    find_regions();
+    history = std::move(edits);
+    saved_content = history.closed_content();
 }
 
 bool Document::State::is_of_this_model(const JournalHeader& header) const
@@ -99,18 +127,24 @@ bool Document::State::is_of_this_model(const JournalHeader& header) const
 
 bool Document::State::go_on_with(Left kept)
 {
-    if (!is_of_this_model(parse_header(kept.contents.header, journal)))
+    const JournalHeader header = parse_header(kept.contents.header, journal);
+    if (!is_of_this_model(header))
         return false;
-    Replayed now = replayed(std::move(kept));
-    now.edited.handles.path = edited.handles.path;
-    if (now.edited.settings != edited.settings ||
-        handle_text(now.edited.handles) != handle_text(edited.handles))
+    History edits(std::move(kept.journal), kept.contents);
+    const std::optional<std::size_t> saved =
+        edits.closed_content() ? edits.position_of(*edits.closed_content())
+                               : std::nullopt;
+    if (!saved)
+        return false;
+    edits.move_to(*saved);
+    Edited now = replayed(header, edits);
+    now.handles.path = edited.handles.path;
+    if (now.settings != edited.settings ||
+        handle_text(now.handles) != handle_text(edited.handles))
         return false; // something else was written there
-    edited = std::move(now.edited);
-    stage_fingerprints.clear();
-    find_regions();
-    history = std::move(now.history);
-    saved_content = history.content();
+    take(std::move(now), std::move(edits));
+    warnings.insert(warnings.end(), kept.contents.warnings.begin(),
+                    kept.contents.warnings.end());
     return true;
 }
 
@@ -201,16 +235,15 @@ std::vector<std::string> Document::recover()
     std::vector<std::string> warnings = left.contents.warnings;
     try
     {
-        State::Replayed now = s.replayed(std::move(left));
-        if (!s.is_of_this_model(now.header))
+        const JournalHeader header = parse_header(left.contents.header, s.journal);
+        if (!s.is_of_this_model(header))
             warnings.push_back(s.model->path +
                                ": has changed since then (its checksum was " +
-                               std::to_string(now.header.model_checksum) + ", and is " +
+                               std::to_string(header.model_checksum) + ", and is " +
                                std::to_string(checksum_of(s.model->bytes)) + " now)");
-        s.edited = std::move(now.edited);
-        s.stage_fingerprints.clear();
-        s.find_regions();
-        s.history = std::move(now.history);
+        History edits(std::move(left.journal), left.contents);
+        Edited now = s.replayed(header, edits);
+        s.take(std::move(now), std::move(edits));
     }
     catch (const Error& error)
     {
@@ -218,7 +251,6 @@ std::vector<std::string> Document::recover()
         s.start_history();
         throw;
     }
-    s.saved_content.reset();
     ++s.revision;
     ++s.result_revision;
     return warnings;
@@ -226,11 +258,25 @@ std::vector<std::string> Document::recover()
 
 void Document::drop_recoverable()
 {
-    if (!state_->left)
+    State& s = *state_;
+    if (!s.left)
         return;
-    state_->left->journal.remove();
-    state_->left.reset();
-    state_->start_history();
+    State::Left left = std::move(*s.left);
+    s.left.reset();
+    try
+    {
+        // What was saved before has its history all the same.
+        if (s.go_on_with(std::move(left)))
+        {
+            ++s.revision;
+            return;
+        }
+    }
+    catch (const Error&)
+    {
+        // They are not wanted anyway.
+    }
+    s.start_history();
 }
 
 const std::string& Document::path() const
@@ -492,6 +538,7 @@ void Document::save(const std::string& scene_path, Overwrite overwrite)
     if (!is_own)
     {
         // Whoever opens the new scene finds the edits under its name.
+        remove_closed(journal);
         s.history.move_journal(journal);
         s.journal = journal;
     }

@@ -328,10 +328,8 @@ void Document::move_region(const std::string& region, const Placement& placement
     }
     if (to.about && !to.about->allFinite())
         throw usage("a pivot needs finite numbers");
-    if (const RegionGround on = s.ground();
-        to.about && on.units.is_relative && on.units.box.size().minCoeff() == 0.0)
+    if (const RegionGround on = s.ground(); to.about && !can_tell(*to.about, on.units))
     {
-        // Shares of a flat box tell no place beside it.
         EditedRegion moved = old;
         moved.placement = to;
         to = about(old.centre, moved);

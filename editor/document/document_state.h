@@ -56,7 +56,7 @@ struct Document::State
     {
         Journal journal;
         JournalContents contents;
-        std::size_t count; ///< of its records that were not saved
+        std::size_t count; ///< of its records since it was last closed
     };
     std::optional<Left> left; ///< by an earlier run
     std::string last_view;
@@ -341,14 +341,9 @@ struct Document::State
     void start_history();
     /// Keeps a journal that cannot be read, under another name.
     void set_aside(const Error& error);
-    /// What the edits of a journal amount to, from what it begins with.
-    struct Replayed
-    {
-        History history;
-        Edited edited;
-        JournalHeader header;
-    };
-    Replayed replayed(Left from) const;
+    /// What the edits of a journal that are done amount to, from what it begins with.
+    Edited replayed(const JournalHeader& header, const History& edits) const;
+    void take(Edited now, History edits);
     bool is_of_this_model(const JournalHeader& header) const;
     /// Goes on with the journal of a document that was saved, if that is what the files
     /// say.

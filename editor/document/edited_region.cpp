@@ -338,6 +338,13 @@ Motion motion_of(const EditedRegion& region)
     return motion_of(region.placement, region.centre, WorkFrame());
 }
 
+bool can_tell(const Eigen::Vector3d& place, const Units& units)
+{
+    const Eigen::Array3d size = units.box.size();
+    return !units.is_relative ||
+           (size > 0.0 || place.array() == units.box.low.array()).all();
+}
+
 Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region)
 {
     Placement placement = region.placement;
@@ -419,12 +426,19 @@ std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placemen
     if (region.joint)
         return {{number, {joint_move(region, to, ground)}, 0}};
     std::vector<FrameStatement> frames;
-    const Placement& from = region.placement;
+    // Told as a turn about the same place as the new one.
+    const Placement from = about(to.about.value_or(region.centre), region);
     // The way is clear where the operations are the same as before: from rest they are.
     const bool is_new_axis = from.degrees == 0.0
                                  ? from.translation != Placement().translation
                                  : from.axis != to.axis;
     EditedRegion on_the_way = region;
+    if (!is_new_axis && from.degrees != 0.0 && from != region.placement)
+    {
+        // It stands still while its pivot changes: between two pivots it would swerve.
+        frames.push_back(frame_to(region, from, number++, ground));
+        on_the_way.placement = from;
+    }
     if (is_new_axis && std::abs(to.degrees) > 180.0)
     {
         on_the_way.placement = to;

@@ -193,6 +193,10 @@ Motion motion_of(const Placement& placement, const Eigen::Vector3d& centre,
 /// The same of model space.
 Motion motion_of(const EditedRegion& region);
 
+/// Whether a file in these units can tell a place: shares of a flat box tell none beside
+/// it.
+bool can_tell(const Eigen::Vector3d& place, const Units& units);
+
 /// The placement that moves the region alike, told as a turn about another place at rest
 /// [model unit].
 Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region);

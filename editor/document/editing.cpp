@@ -32,6 +32,7 @@ bool is_done(const Future& future)
 bool is_finite(const Placement& placement)
 {
     return placement.translation.allFinite() && placement.axis.allFinite() &&
+           (!placement.about || placement.about->allFinite()) &&
            placement.axis.norm() > 0 && std::isfinite(placement.degrees);
 }
 

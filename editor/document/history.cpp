@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // A record of the journal is an edit, or "at N": from here on N edits are done, or
-// "closed WORD": the document was saved and ended here. An edit that comes after an undo
-// takes the place of what was undone.
+// "closed WORD": the document ended here, and its files say what it does at this place.
+// An edit that comes after an undo takes the place of what was undone.
 #include "editor/document/history.h"
 
 #include <algorithm>
@@ -38,7 +38,10 @@ History::History(Journal journal, const JournalContents& contents)
         const std::uint64_t start = contents.starts[r];
         const std::string text = journal_.read(start);
         if (text.starts_with(kClosed))
+        {
+            closed_content_ = content();
             continue;
+        }
         const std::string where = journal_.path() + ": record " + std::to_string(r + 1);
         if (!text.starts_with(kMoved))
         {

@@ -42,6 +42,9 @@ public:
     /// Ends the journal well: the file stays, for the next time, with a word of the
     /// caller's. Nothing more may be added. Throws Fault::File.
     void close(const std::string& word);
+    /// content() at the last close() before this history was opened; none: there was
+    /// none.
+    std::optional<std::uint32_t> closed_content() const { return closed_content_; }
     /// How a journal ended: with its last close() (none: it did not), and how many
     /// records have come after that.
     struct End
@@ -70,6 +73,7 @@ private:
     std::vector<std::uint64_t> starts_;     ///< of the records [byte]
     std::vector<std::uint32_t> contents_;
     std::uint32_t last_content_ = 0;
+    std::optional<std::uint32_t> closed_content_;
     std::size_t position_ = 0;
 };
 

@@ -113,8 +113,10 @@ std::map<std::string, Eigen::Vector3d> Session::borders() const
     const StageStart& start = *state_->start;
     std::map<std::string, Eigen::Vector3d> borders;
     for (std::size_t r = 0; r < start.borders.size(); ++r)
-        borders.emplace((*start.regions)[r].name,
-                        rest_->shape->frame.to_model(start.borders[r]));
+        // A region without glue has none: its centre stands for it.
+        if (start.borders[r] != start.regions->centre(r))
+            borders.emplace((*start.regions)[r].name,
+                            rest_->shape->frame.to_model(start.borders[r]));
     return borders;
 }
 

@@ -23,12 +23,19 @@ bool Interaction::State::has_pivot(const EditedRegion& region)
     return region.moves() && region.role != Role::Pin && !region.joint;
 }
 
+bool Interaction::State::is_of(const Pivot& pivot, const EditedRegion& region) const
+{
+    return pivot.num_stages == document().handles().stages.size() &&
+           pivot.num_samples == region.samples.size() && pivot.centre == region.centre;
+}
+
 Eigen::Vector3d Interaction::State::pivot_of(const EditedRegion& region) const
 {
-    const auto own = pivots.find(region.name);
-    const bool is_own = own != pivots.end() && has_pivot(region) &&
-                        own->second.stages == document().handles().stages.size();
-    return is_own ? own->second.rest : region.pivot();
+    if (has_pivot(region))
+        for (const Pivot& pivot : pivots)
+            if (is_of(pivot, region))
+                return pivot.rest;
+    return region.pivot();
 }
 
 Eigen::Vector3d Interaction::State::place_of(const Eigen::Vector3d& rest,
@@ -65,8 +72,11 @@ void Interaction::State::set_pivot(const std::optional<Eigen::Vector3d>& rest)
 {
     const EditedRegion& region = turning_region();
     const Eigen::Vector3d place = rest.value_or(region.centre);
-    if (place.allFinite())
-        pivots.insert_or_assign(active, Pivot{place, document().handles().stages.size()});
+    if (!place.allFinite())
+        return;
+    std::erase_if(pivots, [&](const Pivot& pivot) { return is_of(pivot, region); });
+    pivots.push_back({document().handles().stages.size(), region.samples.size(),
+                      region.centre, place});
 }
 
 void Interaction::State::pivot_to_border()
@@ -107,10 +117,13 @@ void Interaction::State::snap_pivot()
     PivotDrag& held = *current<PivotDrag>();
     held.mark.reset();
     const auto seen = camera.project(held.drag.centre());
-    if (!seen || held.drag.is_typed())
+    const EditedRegion* const region = active_region();
+    // Along an axis, or by a number, it goes just there.
+    if (!seen || !region || held.drag.is_typed() ||
+        held.drag.way().kind != DragWay::Kind::MoveScreen)
         return;
     double nearest = kSnapReach;
-    for (const SeenPivot::Mark& mark : pivot_marks(*active_region()))
+    for (const SeenPivot::Mark& mark : pivot_marks(*region))
         if (const auto at = camera.project(mark.place))
             if (const double away = (at->head<2>() - seen->head<2>()).norm();
                 away < nearest)
@@ -124,13 +137,13 @@ void Interaction::State::let_pivot_go()
 {
     const PivotDrag held = *current<PivotDrag>();
     gesture = {};
-    const EditedRegion& region = *active_region();
     attempt(
         [&]
         {
+            const Eigen::Vector3d place =
+                editing.view_frame().to_model(held.drag.centre());
             set_pivot(held.mark ? held.mark->rest
-                                : inverse(motion_of(region))(
-                                      editing.view_frame().to_model(held.drag.centre())));
+                                : inverse(motion_of(turning_region()))(place));
         });
 }
 

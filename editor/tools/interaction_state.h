@@ -4,7 +4,6 @@
 #pragma once
 
 #include <chrono>
-#include <map>
 #include <new>
 #include <optional>
 #include <string>
@@ -80,11 +79,13 @@ struct Interaction::State
         RegionDrag drag;
         std::optional<SeenPivot::Mark> mark; ///< that it snaps to
     };
-    /// A pivot that the hand has given a region.
+    /// A pivot that the hand has given a region, whatever its name is: one of these
+    /// samples, in the stage that has so many before it.
     struct Pivot
     {
+        std::size_t num_stages, num_samples;
+        Eigen::Vector3d centre; ///< EditedRegion::centre
         Eigen::Vector3d rest;   ///< [model unit]
-        std::size_t stages = 0; ///< of the document, when it was given
     };
     /// A joint, or a sample of the flesh, in the hand while time runs.
     struct Pull
@@ -135,7 +136,7 @@ struct Interaction::State
     bool has_moved = false; ///< since the last update
     std::variant<std::monostate, Press, Look, Choice, HandleDrag, PivotDrag, Pull>
         gesture;
-    std::map<std::string, Pivot> pivots; ///< by the regions' names
+    std::vector<Pivot> pivots;
     FleshPuller* puller = nullptr;
     std::optional<Spread> spread;
     std::optional<Selection> preview; ///< of a brush
@@ -201,6 +202,7 @@ struct Interaction::State
 
     // Pivots.
     static bool has_pivot(const EditedRegion& region);
+    bool is_of(const Pivot& pivot, const EditedRegion& region) const;
     Eigen::Vector3d pivot_of(const EditedRegion& region) const; ///< at rest [model unit]
     /// Of a place at rest [model unit], where its region has it now [view].
     Eigen::Vector3d place_of(const Eigen::Vector3d& rest,

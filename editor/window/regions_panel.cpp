@@ -464,7 +464,7 @@ void show_active(EditorApp& app, PanelState& state)
     ImGui::Dummy({0, letters(0.2f)});
     ImGui::Separator();
     ImGui::Dummy({0, letters(0.1f)});
-    ImGui::BeginDisabled(app.opened()->editing.dragged().has_value());
+    ImGui::BeginDisabled(app.opened()->hand.is_busy());
     if (region.joint)
         faint_text(region.name + (region.joint->is_root   ? ": the root of the skeleton"
                                   : region.joint->is_held ? ": held at its place"
@@ -486,8 +486,7 @@ void show_active(EditorApp& app, PanelState& state)
     ImGui::BeginDisabled(app.opened()->hand.is_busy());
     show_pivot(app, region);
     ImGui::EndDisabled();
-    const bool is_dragging = app.opened()->editing.dragged().has_value();
-    ImGui::BeginDisabled(is_dragging);
+    ImGui::BeginDisabled(app.opened()->hand.is_busy());
     if (region.moves() && ImGui::Button("Back to rest"))
         app.attempt(Place::Regions,
                     [&] { app.document().move_region(region.name, Placement()); });

@@ -258,14 +258,18 @@ bool RodContacts::find_contacts(double margin, Limit limit)
     { return limit == Limit::None ? BallGrid::kAll : of_a_ball * balls_.size(); };
     if (settings_.between_rods || settings_.with_itself)
     {
-        const auto& pairs = grid_.pairs(centres_, radii_, margin, most(kMostPairs));
+        const auto counts = [&](std::size_t i, std::size_t j)
+        {
+            return balls_[i].rod == balls_[j].rod ? settings_.with_itself
+                                                  : settings_.between_rods;
+        };
+        const auto& pairs =
+            grid_.pairs(centres_, radii_, margin, most(kMostPairs), counts);
         if (pairs.size() > most(kMostPairs))
             return false;
         for (const auto& [i, j] : pairs)
         {
             const Ball &a = balls_[i], &b = balls_[j];
-            if (a.rod == b.rod ? !settings_.with_itself : !settings_.between_rods)
-                continue;
             const Vector3d way = centres_[i] - centres_[j];
             const double length = way.norm();
             if (length >= a.radius + b.radius + margin || is_exempt(a, b))

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include "octree/base/index.h"
 #include "octree/bounding_surface.h"
 #include "octree/surface_marks.h"
 #include "octree/winding.h"
@@ -19,7 +18,7 @@ using Eigen::Vector3d;
 namespace
 {
 
-/// Without some triangles: every \p nth, or those near a corner of the first box.
+/// Without every \p nth triangle.
 Shape opened(Shape shape, std::size_t nth)
 {
     std::vector<Triangle> kept;
@@ -114,6 +113,18 @@ TEST(OpenInside, the_space_between_parts_is_outside_however_narrow)
             EXPECT_TRUE(is_inside(fine, {0.45, y, z}));
             EXPECT_TRUE(is_inside(fine, {0.55, y, z}));
         }
+}
+
+TEST(OpenInside, a_slender_box_is_measured_by_its_own_diagonal)
+{
+    // Leaves in a whole number reach far beyond it.
+    GridShape shape = grid_shape({1.0, 0.1, 0.1}, 2, 0, 0.001);
+    ASSERT_GE(inside_scale(shape), 3);
+    const GridShape larger = inside_grid(shape);
+    EXPECT_EQ(larger.size, shape.size);
+    EXPECT_NEAR(max_seal_radius(larger),
+                max_seal_radius(shape) / double(inside_scale(shape)), 1.0);
+    EXPECT_EQ(inside_scale(larger), 1);
 }
 
 TEST(OpenInside, a_sheet_encloses_nothing_in_voxels_of_any_size)

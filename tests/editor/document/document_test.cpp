@@ -280,6 +280,54 @@ TEST(Document, a_pivot_beside_a_flat_box_is_told_otherwise_in_relative_units)
               1e-12);
 }
 
+TEST(Document, a_pivot_in_the_plane_of_a_flat_box_stays)
+{
+    const Bar bar;
+    bar.folder.write("bar.obj", "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4\n");
+    Document document(bar.write_scene("units relative\nfixed foot indices 0 1\n"
+                                      "handle head indices 2 3\n"),
+                      "");
+    Placement to;
+    to.about = Eigen::Vector3d(0.5, 1, 0);
+    to.axis = Eigen::Vector3d::UnitZ();
+    to.degrees = 180;
+    document.move_region("head", to);
+    EXPECT_EQ(document.region("head")->placement, to);
+    to.about->x() = NAN;
+    EXPECT_TRUE(
+        contains(error_of(Fault::Usage, [&] { document.move_region("head", to); }),
+                 "a pivot needs finite numbers"));
+}
+
+TEST(Document, a_pivot_changes_while_its_region_stands_still)
+{
+    const Bar bar;
+    Document document = bar.open(false);
+    hold_ends(document);
+    Placement to;
+    to.axis = Eigen::Vector3d::UnitZ();
+    to.degrees = 60;
+    document.move_region("head", to);
+    const Motion before = motion_of(*document.region("head"));
+    EditedRegion head = *document.region("head");
+    to = about({2, 0.5, 3.5}, head);
+    to.degrees = 150;
+    document.move_region("head", to);
+    const std::vector<FrameStatement>& frames = document.handles().stages[0].frames;
+    ASSERT_EQ(frames.size(), 3u);
+    document.undo();
+    // The frame between says the same about the new pivot.
+    HandleFile file = document.handles();
+    EXPECT_EQ(file.stages[0].frames.size(), 1u);
+    document.redo();
+    head.placement = about({2, 0.5, 3.5}, head);
+    const Motion between = motion_of(head);
+    EXPECT_LT((before.R - between.R).norm() + (before.t - between.t).norm(), 1e-12);
+    const Operation& turn = document.handles().stages[0].frames[1].moves[0].operations[0];
+    EXPECT_EQ(turn.degrees, 60);
+    EXPECT_EQ(turn.about, head.placement.about);
+}
+
 TEST(Document, a_turn_about_a_border_is_placed_when_the_border_is_known)
 {
     const Bar bar;
@@ -737,6 +785,48 @@ TEST(Document, has_no_history_of_a_file_that_says_something_else_now)
     document.redo();
     EXPECT_EQ(document.region("head")->placement, shifted(2));
     EXPECT_FALSE(document.can_redo());
+}
+
+TEST(Document, dropping_what_a_crash_left_keeps_the_history_of_what_was_saved)
+{
+    const Bar bar;
+    const std::string scene = bar.folder / "scene.json";
+    {
+        Document document = bar.open();
+        hold_ends(document);
+        document.move_region("head", shifted(1));
+        document.save(scene);
+        document.close("from the left");
+    }
+    {
+        Document document(scene, bar.journals);
+        document.move_region("head", shifted(2)); // and it ends as by kill -9
+    }
+    {
+        Document document(scene, bar.journals);
+        ASSERT_EQ(document.num_recoverable(), 1u);
+        document.drop_recoverable();
+        EXPECT_TRUE(document.is_saved());
+        EXPECT_EQ(document.region("head")->placement, shifted(1));
+        EXPECT_TRUE(document.can_undo());
+        EXPECT_TRUE(document.can_redo());
+        document.undo();
+        EXPECT_FALSE(document.is_saved());
+        document.close(); // unsaved: the file's state is the last but one
+    }
+    {
+        Document document(scene, bar.journals);
+        EXPECT_TRUE(document.is_saved());
+        EXPECT_EQ(document.region("head")->placement, shifted(1));
+        document.save(bar.folder / "other.json");
+        document.close();
+    }
+    // Saved over another scene, a journal that was closed is not kept aside.
+    Document again = bar.open();
+    hold_ends(again);
+    again.save(bar.folder / "other.json", Overwrite::Yes);
+    for (const auto& entry : std::filesystem::directory_iterator(bar.journals))
+        EXPECT_FALSE(contains(entry.path().string(), ".kept")) << entry.path();
 }
 
 TEST(Document, any_edits_are_gone_back_through_when_their_scene_is_opened_again)

@@ -177,6 +177,50 @@ TEST(InteractionPivot, what_has_none_says_so)
     EXPECT_EQ(*desk.hand.pivot(), before);
 }
 
+TEST(InteractionPivot, is_of_these_samples_whatever_they_are_called)
+{
+    Desk desk;
+    desk.start();
+    const Vector3d pivot(2, 0.5, 0.5);
+    desk.hand.set_pivot(pivot);
+    desk.document().rename_region("handle", "tip");
+    desk.hand.set_active_region("tip");
+    EXPECT_EQ(*desk.hand.pivot(), pivot);
+    desk.key(Key::Delete);
+    desk.select(1.4, 1.6);
+    desk.document().add_region(Role::Handle, "tip");
+    desk.hand.set_active_region("tip");
+    EXPECT_EQ(*desk.hand.pivot(), desk.region("tip").centre);
+}
+
+TEST(InteractionPivot, one_in_the_hand_is_dropped_with_its_region)
+{
+    Desk desk;
+    desk.start();
+    desk.key('v');
+    EXPECT_TRUE(desk.hand.is_busy());
+    desk.document().remove_region("handle");
+    desk.move({100, 100}); // before the next frame
+    desk.key('x');
+    desk.key(Key::Enter);
+    desk.frame();
+    EXPECT_FALSE(desk.hand.is_busy());
+    EXPECT_FALSE(desk.hand.pivot());
+}
+
+TEST(InteractionPivot, along_an_axis_it_snaps_to_nothing)
+{
+    Desk desk;
+    desk.start();
+    desk.settle();
+    desk.key('v');
+    desk.key('y');
+    desk.move(desk.pixel(*desk.region("handle").border));
+    desk.frame();
+    EXPECT_TRUE(contains(desk.hand.status(), "Pivot at ")) << desk.hand.status();
+    desk.key(Key::Escape);
+}
+
 TEST(InteractionPivot, one_of_an_earlier_stage_is_forgotten)
 {
     Desk desk;

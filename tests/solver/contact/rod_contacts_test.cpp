@@ -284,6 +284,16 @@ TEST(RodContacts, a_step_in_which_all_might_come_to_all_has_to_be_shorter)
     }
 }
 
+TEST(RodContacts, a_rod_that_does_not_touch_itself_may_fly_as_fast_as_it_likes)
+{
+    ContactSettings settings;
+    settings.with_itself = false;
+    Scene scene(settings);
+    scene.add({-20, 0, 0}, {20, 0, 0}, 20).throw_with({0, -5000, 0});
+    EXPECT_TRUE(scene.contacts.start(1e-3));
+    EXPECT_EQ(scene.contacts.parts(1e-3), 1);
+}
+
 TEST(RodContacts, tell_where_something_may_have_gone_through)
 {
     // Too fast for the smallest part of a step, and too hard for so soft a rod.
