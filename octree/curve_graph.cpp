@@ -43,7 +43,7 @@ constexpr int kDirections = 12, kLeastDirections = 9;
 constexpr double kAlong = 0.6, kAcross = 2.5;
 constexpr int kCentrings = 4;
 
-/// So many points of the surface around a place lie on all sides of it.
+/// Where so many points of the surface came to places of a line, they lie on all sides.
 constexpr std::size_t kLeastAround = 48;
 
 /// How far towards the surface the tip goes.
@@ -137,8 +137,9 @@ std::vector<Eigen::Vector3d> resampled(const std::vector<Eigen::Vector3d>& line,
     return out;
 }
 
-/// What came to the places next to a tip may lie beyond it, for the flow draws limbs
-/// together along their length too: without those places the line does not fold back.
+/// The flow shortens limbs as well as it thins them, so the middles of what came to the
+/// places next to a tip may lie beyond the tip. Without those places the line does not
+/// fold back.
 void unfold_end(std::vector<Eigen::Vector3d>& line)
 {
     for (std::size_t last = line.size() - 1;
@@ -356,8 +357,8 @@ std::pair<double, int> CurveGraph::spur_of(int tip) const
     return {length_of(way) / (spur * r), foot};
 }
 
-/// Of what came to a place of a way and to those near it: to few places of a coarse
-/// surface comes anything at all, and seldom from all sides. A branching stays where it
+/// Of what came to a place of a way and to its neighbours; to more of them where that is
+/// little, as on a coarse surface: few points lie to one side. A branching stays where it
 /// is.
 Eigen::Vector3d CurveGraph::middle(const std::vector<int>& way, std::size_t k) const
 {

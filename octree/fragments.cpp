@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <numeric>
+#include <utility>
 #include <vector>
 
 #include "octree/base/index.h"
@@ -234,15 +234,13 @@ private:
     template <class Visit>
     void for_neighbours(std::size_t voxel, Visit&& visit) const
     {
-        const Eigen::Vector3i place = grid_.coordinates(voxel);
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int step : {-1, 1})
-            {
-                Eigen::Vector3i other = place;
-                other[axis] += step;
-                if (grid_.inside_box().contains(other) && near_.contains(other))
-                    visit(grid_.index(other));
-            }
+        for_each_beside(grid_.coordinates(voxel),
+                        [&](const Eigen::Vector3i& other)
+                        {
+                            if (grid_.inside_box().contains(other) &&
+                                near_.contains(other))
+                                visit(grid_.index(other));
+                        });
     }
 
     /// The voxels of the parts beside others, ascending.

@@ -28,24 +28,21 @@ constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 /// As measured: of all voxels, and of those of the flood and what comes after it [byte].
 constexpr double kBytesOfVoxel = 6.0, kBytesOfFloodedVoxel = 17.0;
 
-/// Of the voxels inside those beside others, from which all outside are as far as from
-/// the inside.
+/// The voxels inside that have a side in common with one that is not: from outside they
+/// are the nearest ones.
 VoxelFlags boundary_of(const VoxelGrid& grid, const VoxelFlags& inside)
 {
     VoxelFlags boundary(grid.size());
     parallel_for_each_set(inside,
                           [&](std::size_t i)
                           {
-                              const Eigen::Vector3i voxel = grid.coordinates(i);
-                              for (int axis = 0; axis < 3; ++axis)
-                                  for (const int step : {-1, 1})
-                                  {
-                                      Eigen::Vector3i other = voxel;
-                                      other[axis] += step;
-                                      if (!grid.contains(other) ||
-                                          !inside[grid.index(other)])
-                                          boundary[i] = 1;
-                                  }
+                              for_each_beside(grid.coordinates(i),
+                                              [&](const Eigen::Vector3i& other)
+                                              {
+                                                  if (!grid.contains(other) ||
+                                                      !inside[grid.index(other)])
+                                                      boundary[i] = 1;
+                                              });
                           });
     return boundary;
 }

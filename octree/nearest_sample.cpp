@@ -77,16 +77,13 @@ VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
             if (entry.distance != distance[entry.voxel] ||
                 nearest[entry.voxel] != entry.sample)
                 continue;
-            const Eigen::Vector3i place = grid.coordinates(entry.voxel);
-            for (int axis = 0; axis < 3; ++axis)
-                for (const int step : {-1, 1})
-                {
-                    Eigen::Vector3i other = place;
-                    other[axis] += step;
-                    if (grid.contains(other) &&
-                        material[grid.index(other)] == material[entry.voxel])
-                        offer(other, entry.sample);
-                }
+            for_each_beside(grid.coordinates(entry.voxel),
+                            [&](const Eigen::Vector3i& other)
+                            {
+                                if (grid.contains(other) &&
+                                    material[grid.index(other)] == material[entry.voxel])
+                                    offer(other, entry.sample);
+                            });
         }
     return nearest;
 }

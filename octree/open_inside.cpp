@@ -182,16 +182,22 @@ private:
             {Eigen::Vector3i::Zero(), fine_.counts().array() - 1});
     }
 
-    template <class Visit>
-    void for_each_neighbour(const Eigen::Vector3i& voxel, Visit&& visit) const
+    /// Whether a voxel is beside one that the surface is far from, on each side of it.
+    std::array<bool, 2> sides_beside(const Eigen::Vector3i& voxel,
+                                     const VoxelFlags& is_inside,
+                                     const VoxelFlags& side) const
     {
-        for (int axis = 0; axis < 3; ++axis)
-            for (const int step : {-1, 1})
-            {
-                Eigen::Vector3i next = voxel;
-                next[axis] += step;
-                visit(next, fine_.contains(next));
-            }
+        std::array<bool, 2> is_at = {false, false};
+        for_each_beside(voxel,
+                        [&](const Eigen::Vector3i& other)
+                        {
+                            if (!fine_.contains(other))
+                                is_at[1] = true;
+                            else if (const std::size_t o = fine_.index(other);
+                                     side[o] == 0)
+                                is_at[is_inside[o] ? 0 : 1] = true;
+                        });
+        return is_at;
     }
 
     /// From both sides into what is open, layer by layer, the inside first.
@@ -199,51 +205,39 @@ private:
     {
         constexpr std::array<Side, 2> kSides = {Side::Inside, Side::Outside};
         std::array<std::vector<std::size_t>, 2> front, next;
+        const auto begin_at = [&](const Eigen::Vector3i& voxel)
+        {
+            const std::size_t i = fine_.index(voxel);
+            if (side[i] != Side::Open)
+                return;
+            const std::array<bool, 2> is_at = sides_beside(voxel, is_inside, side);
+            if (is_at[0] || is_at[1])
+                front[is_at[0] ? 0 : 1].push_back(i);
+        };
         for_each_set(coarse_marks_,
-                     [&](std::size_t c)
-                     {
-                         for_each_voxel(
-                             voxels_of(c),
-                             [&](const Eigen::Vector3i& v)
-                             {
-                                 const std::size_t i = fine_.index(v);
-                                 if (side[i] != Side::Open)
-                                     return;
-                                 bool is_at[2] = {false, false};
-                                 for_each_neighbour(
-                                     v,
-                                     [&](const Eigen::Vector3i& other, bool is_there)
-                                     {
-                                         const std::size_t o =
-                                             is_there ? fine_.index(other) : 0;
-                                         if (!is_there || side[o] == 0)
-                                             is_at[is_there && is_inside[o] ? 0 : 1] =
-                                                 true;
-                                     });
-                                 if (is_at[0] || is_at[1])
-                                     front[is_at[0] ? 0 : 1].push_back(i);
-                             });
-                     });
+                     [&](std::size_t c) { for_each_voxel(voxels_of(c), begin_at); });
         for (std::size_t s : {0u, 1u})
             for (const std::size_t i : front[s])
                 side[i] = kSides[s];
+        const auto take = [&](const Eigen::Vector3i& voxel, std::size_t s)
+        {
+            if (!fine_.contains(voxel))
+                return;
+            const std::size_t i = fine_.index(voxel);
+            if (side[i] != Side::Open)
+                return;
+            side[i] = kSides[s];
+            next[s].push_back(i);
+        };
         while (!front[0].empty() || !front[1].empty())
         {
             for (std::size_t s : {0u, 1u})
             {
                 next[s].clear();
                 for (const std::size_t i : front[s])
-                    for_each_neighbour(fine_.coordinates(i),
-                                       [&](const Eigen::Vector3i& other, bool is_there)
-                                       {
-                                           if (!is_there)
-                                               return;
-                                           const std::size_t o = fine_.index(other);
-                                           if (side[o] != Side::Open)
-                                               return;
-                                           side[o] = kSides[s];
-                                           next[s].push_back(o);
-                                       });
+                    for_each_beside(fine_.coordinates(i),
+                                    [&](const Eigen::Vector3i& other)
+                                    { take(other, s); });
             }
             front.swap(next);
         }

@@ -217,19 +217,18 @@ private:
         std::map<std::int32_t, std::set<std::int32_t>> touches;
         const auto look_around = [&](std::int32_t piece, const Eigen::Vector3i& voxel)
         {
-            for (int axis = 0; axis < 3; ++axis)
-                for (const int step : {-1, 1})
-                {
-                    Eigen::Vector3i next = voxel;
-                    next[axis] += step;
-                    if (!grid_.contains(next))
-                        continue;
-                    const std::int32_t other = pieces_.at(grid_, next);
-                    if (other >= 0 && other != piece && !is_crumb[idx(other)] &&
-                        grid_.material()[grid_.index(next)] ==
-                            grid_.material()[grid_.index(voxel)])
-                        touches[piece].insert(other);
-                }
+            for_each_beside(voxel,
+                            [&](const Eigen::Vector3i& next)
+                            {
+                                if (!grid_.contains(next))
+                                    return;
+                                const std::int32_t other = pieces_.at(grid_, next);
+                                if (other >= 0 && other != piece &&
+                                    !is_crumb[idx(other)] &&
+                                    grid_.material()[grid_.index(next)] ==
+                                        grid_.material()[grid_.index(voxel)])
+                                    touches[piece].insert(other);
+                            });
         };
         const VoxelBlock block = block_of(leaf);
         pieces_.for_each_run(grid_, block, LeafNumber(leaf),

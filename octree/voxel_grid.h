@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -69,6 +70,20 @@ void for_each_voxel(const VoxelRange& range, Visit&& visit)
         for (int j = range.first.y(); j <= range.last.y(); ++j)
             for (int i = range.first.x(); i <= range.last.x(); ++i)
                 visit(Eigen::Vector3i(i, j, k));
+}
+
+/// Calls visit(voxel) for the six that have a side in common with a voxel, those beyond a
+/// grid among them.
+template <class Visit>
+void for_each_beside(const Eigen::Vector3i& voxel, Visit&& visit)
+{
+    for (int axis = 0; axis < 3; ++axis)
+        for (const int step : {-1, 1})
+        {
+            Eigen::Vector3i next = voxel;
+            next[axis] += step;
+            visit(std::as_const(next));
+        }
 }
 
 /// Which voxels hold material.

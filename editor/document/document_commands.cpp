@@ -334,7 +334,7 @@ void Document::move_region(const std::string& region, const Placement& placement
         moved.placement = to;
         to = about(old.centre, moved);
     }
-    if (to == old.placement)
+    if (is_at(old, to))
         return;
     const bool turns = to.degrees != old.placement.degrees;
     s.push({(turns ? "Turn " : "Move ") + region,

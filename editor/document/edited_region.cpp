@@ -358,6 +358,11 @@ Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region)
     return placement;
 }
 
+bool is_at(const EditedRegion& region, const Placement& placement)
+{
+    return placement == about(placement.about.value_or(region.centre), region);
+}
+
 Eigen::Vector3d before_motion(const EditedRegion& region, const Eigen::Vector3d& place)
 {
     return inverse(motion_of(region))(place);

@@ -201,9 +201,12 @@ bool can_tell(const Eigen::Vector3d& place, const Units& units);
 /// [model unit].
 Placement about(const Eigen::Vector3d& pivot, const EditedRegion& region);
 
+/// Whether a placement, whatever it turns about, is where the region is.
+bool is_at(const EditedRegion& region, const Placement& placement);
+
 /// The frames that take a region to a placement, numbers from \p number on: one, or two
 /// where the way would not be clear from its end alone (more than half a turn about a new
-/// axis).
+/// axis, a turn goes on about another pivot).
 std::vector<FrameStatement> frames_to(const EditedRegion& region, const Placement& to,
                                       std::int64_t number, const RegionGround& ground);
 

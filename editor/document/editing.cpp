@@ -41,7 +41,7 @@ struct ActiveDrag
 {
     std::string region;
     std::uint64_t revision = 0; ///< of the document's result, when it was taken
-    Placement from, to;
+    Placement to;
     std::optional<std::size_t> point = {}; ///< of a rod or curve; none: all of it
     PointPlacement point_to = {};
     std::shared_ptr<const RegionSet> regions = {}; ///< of the live drag
@@ -481,7 +481,7 @@ bool Editing::begin_drag(const std::string& region, std::string* why)
     ActiveDrag& hand = s.hand.emplace();
     hand.region = region;
     hand.revision = s.document.result_revision();
-    hand.from = hand.to = found->placement;
+    hand.to = found->placement;
     s.follow_hand();
     return true;
 }
@@ -573,7 +573,8 @@ void Editing::end_drag()
     const Placement to = s.hand->to;
     const std::optional<std::size_t> point = s.hand->point;
     const PointPlacement point_to = s.hand->point_to;
-    if (point ? point_to == PointPlacement() : to == s.hand->from)
+    const EditedRegion* const held = s.document.region(region);
+    if (point ? point_to == PointPlacement() : held && is_at(*held, to))
     {
         cancel_drag();
         return;

@@ -485,8 +485,6 @@ void show_active(EditorApp& app, PanelState& state)
         show_placement(app, state, region);
     ImGui::BeginDisabled(app.opened()->hand.is_busy());
     show_pivot(app, region);
-    ImGui::EndDisabled();
-    ImGui::BeginDisabled(app.opened()->hand.is_busy());
     if (region.moves() && ImGui::Button("Back to rest"))
         app.attempt(Place::Regions,
                     [&] { app.document().move_region(region.name, Placement()); });

@@ -52,7 +52,7 @@ std::size_t bucket_of(std::int64_t x, std::int64_t y, std::int64_t z, int level,
 const std::vector<std::pair<std::uint32_t, std::uint32_t>>&
 BallGrid::pairs(std::span<const Eigen::Vector3d> centres, std::span<const double> radii,
                 double margin, std::size_t most,
-                const std::function<bool(std::size_t, std::size_t)>& counts)
+                const std::function<bool(std::size_t, std::size_t)>& accepts)
 {
     pairs_.clear();
     const std::size_t count = centres.size(), mask = std::bit_ceil(2 * count + 1) - 1;
@@ -98,7 +98,7 @@ BallGrid::pairs(std::span<const Eigen::Vector3d> centres, std::span<const double
                             const double reach = radii[i] + radii[j] + margin;
                             if ((centres[i] - centres[j]).squaredNorm() >=
                                     reach * reach ||
-                                (counts && !counts(i, j)))
+                                (accepts && !accepts(i, j)))
                                 continue;
                             pairs_.emplace_back(
                                 std::min(j, static_cast<std::uint32_t>(i)),

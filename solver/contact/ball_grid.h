@@ -19,13 +19,13 @@ class BallGrid
 public:
     static constexpr std::size_t kAll = ~std::size_t(0);
 
-    /// All pairs (i, j), i < j, that are apart by less than \p margin and that \p counts
-    /// accepts (empty: all); where there are more than \p most, one more than that of
+    /// All pairs (i, j), i < j, that are apart by less than \p margin and that \p accepts
+    /// takes (empty: all); where there are more than \p most, one more than that of
     /// them. Keeps its memory from one call to the next.
     const std::vector<std::pair<std::uint32_t, std::uint32_t>>&
     pairs(std::span<const Eigen::Vector3d> centres, std::span<const double> radii,
           double margin, std::size_t most = kAll,
-          const std::function<bool(std::size_t, std::size_t)>& counts = {});
+          const std::function<bool(std::size_t, std::size_t)>& accepts = {});
 
 private:
     struct Cell

@@ -258,13 +258,13 @@ bool RodContacts::find_contacts(double margin, Limit limit)
     { return limit == Limit::None ? BallGrid::kAll : of_a_ball * balls_.size(); };
     if (settings_.between_rods || settings_.with_itself)
     {
-        const auto counts = [&](std::size_t i, std::size_t j)
+        const auto may_touch = [&](std::size_t i, std::size_t j)
         {
             return balls_[i].rod == balls_[j].rod ? settings_.with_itself
                                                   : settings_.between_rods;
         };
         const auto& pairs =
-            grid_.pairs(centres_, radii_, margin, most(kMostPairs), counts);
+            grid_.pairs(centres_, radii_, margin, most(kMostPairs), may_touch);
         if (pairs.size() > most(kMostPairs))
             return false;
         for (const auto& [i, j] : pairs)

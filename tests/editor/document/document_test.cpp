@@ -259,34 +259,13 @@ TEST(Document, reads_and_writes_pivots_in_the_units_of_the_file)
     }
 }
 
-TEST(Document, a_pivot_beside_a_flat_box_is_told_otherwise_in_relative_units)
+TEST(Document, a_pivot_of_a_flat_box_is_told_in_shares_where_it_lies_in_its_plane)
 {
     const Bar bar;
     bar.folder.write("bar.obj", "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4\n");
-    Document document(
-        bar.write_scene(
-            "units relative\nfixed foot indices 0 1\nhandle head indices 2 3\n"),
-        "");
-    Placement to;
-    to.about = Eigen::Vector3d(0.5, 1, 0.25);
-    to.axis = Eigen::Vector3d::UnitX();
-    to.degrees = 90;
-    document.move_region("head", to);
-    const EditedRegion& head = *document.region("head");
-    EXPECT_FALSE(head.placement.about);
-    // The centre (0.5, 2, 0) turns about a line at (y, z) = (1, 0.25): to (1.25, 1.25).
-    // It leaves the plane of the box, which such units cannot tell either.
-    EXPECT_LT((motion_of(head)(head.centre) - Eigen::Vector3d(0.5, 1.25, 0)).norm(),
-              1e-12);
-}
-
-TEST(Document, a_pivot_in_the_plane_of_a_flat_box_stays)
-{
-    const Bar bar;
-    bar.folder.write("bar.obj", "v 0 0 0\nv 1 0 0\nv 1 2 0\nv 0 2 0\nf 1 2 3 4\n");
-    Document document(bar.write_scene("units relative\nfixed foot indices 0 1\n"
-                                      "handle head indices 2 3\n"),
-                      "");
+    const std::string scene = bar.write_scene("units relative\nfixed foot indices 0 1\n"
+                                              "handle head indices 2 3\n");
+    Document document(scene, "");
     Placement to;
     to.about = Eigen::Vector3d(0.5, 1, 0);
     to.axis = Eigen::Vector3d::UnitZ();
@@ -297,6 +276,17 @@ TEST(Document, a_pivot_in_the_plane_of_a_flat_box_stays)
     EXPECT_TRUE(
         contains(error_of(Fault::Usage, [&] { document.move_region("head", to); }),
                  "a pivot needs finite numbers"));
+    document.undo();
+    to.about = Eigen::Vector3d(0.5, 1, 0.25); // beside it
+    to.axis = Eigen::Vector3d::UnitX();
+    to.degrees = 90;
+    document.move_region("head", to);
+    const EditedRegion& head = *document.region("head");
+    EXPECT_FALSE(head.placement.about);
+    // The centre (0.5, 2, 0) turns about a line at (y, z) = (1, 0.25): to (1.25, 1.25).
+    // It leaves the plane of the box, which such units cannot tell either.
+    EXPECT_LT((motion_of(head)(head.centre) - Eigen::Vector3d(0.5, 1.25, 0)).norm(),
+              1e-12);
 }
 
 TEST(Document, a_pivot_changes_while_its_region_stands_still)
@@ -311,6 +301,9 @@ TEST(Document, a_pivot_changes_while_its_region_stands_still)
     const Motion before = motion_of(*document.region("head"));
     EditedRegion head = *document.region("head");
     to = about({2, 0.5, 3.5}, head);
+    const std::size_t before_it = document.history().position();
+    document.move_region("head", to); // that is where it is
+    EXPECT_EQ(document.history().position(), before_it);
     to.degrees = 150;
     document.move_region("head", to);
     const std::vector<FrameStatement>& frames = document.handles().stages[0].frames;

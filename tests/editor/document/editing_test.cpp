@@ -386,14 +386,18 @@ TEST(Editing, regions_turn_about_the_same_centre_in_the_hand_and_on_release)
 TEST(Editing, a_region_turned_about_its_border_is_taken_on_from_there)
 {
     const Bar bar;
-    bar.folder.write("s.handles", "cellwarp-handles 1\n"
-                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
-                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
-                                  "move head rotate 0 1 0 30 about border\n");
-    const std::string scene = bar.folder.write(
-        "s.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "s.handles",
-                      "cells": {"across": 8}})");
-    Editing editing(Document(scene, ""));
+    const std::string turn = "move head rotate 0 1 0 30 about border\n";
+    const auto opened = [&](const std::string& frames)
+    {
+        bar.folder.write("s.handles", "cellwarp-handles 1\n"
+                                      "fixed foot box -1 -1 -1 2 2 0.6\n"
+                                      "handle head box -1 -1 3.4 2 2 5\n" +
+                                          frames);
+        return Document(bar.folder.write("s.json", R"({"cellwarp": 1, "model": "bar.obj",
+                                           "handles": "s.handles", "cells": {"across": 8}})"),
+                        "");
+    };
+    Editing editing(opened("frame 1\n" + turn));
     editing.wait();
     const EditedRegion head = *editing.document().region("head");
     ASSERT_TRUE(head.border);
@@ -405,15 +409,8 @@ TEST(Editing, a_region_turned_about_its_border_is_taken_on_from_there)
     drag(editing, "head", to);
     editing.wait();
     // As a file that says so from the beginning.
-    bar.folder.write("t.handles", "cellwarp-handles 1\n"
-                                  "fixed foot box -1 -1 -1 2 2 0.6\n"
-                                  "handle head box -1 -1 3.4 2 2 5\nframe 1\n"
-                                  "move head rotate 0 1 0 30 about border\nframe 2\n"
-                                  "move head rotate 0 1 0 45 about border\n");
-    const std::string other = bar.folder.write(
-        "t.json", R"({"cellwarp": 1, "model": "bar.obj", "handles": "t.handles",
-                      "cells": {"across": 8}})");
-    Editing told(Document(other, ""));
+    Editing told(
+        opened("frame 1\n" + turn + "frame 2\nmove head rotate 0 1 0 45 about border\n"));
     told.wait();
     ASSERT_TRUE(editing.result() && told.result());
     const std::vector<Eigen::Vector3d>& a = editing.result()->samples;

@@ -312,6 +312,34 @@ TEST_F(EditorWindow, tells_what_a_statement_needs)
     EXPECT_TRUE(contains(nothing.err, "no file is open")) << nothing.err;
 }
 
+TEST_F(EditorWindow, a_saved_turn_about_a_pivot_opens_with_its_history_and_view)
+{
+    const std::string model = bar(folder_);
+    const Result saved = play(bending(folder_.path().string()) +
+                                  "place handle 0 0 0  0 0 1 30  0.5 0.25 0.125\nwait\n"
+                                  "drag 0.5vw 0.1vh 0.6vw 0.2vh 4 middle\nframes 2\n"
+                                  "save " +
+                                  file("turned.json") + "\nshot " + file("closed.ppm"),
+                              {model});
+    ASSERT_EQ(saved.code, 0) << saved.err;
+    EXPECT_TRUE(contains(bytes_of(file("turned.handles")),
+                         "rotate 0 0 1 30 about 0.5 0.25 0.125"))
+        << bytes_of(file("turned.handles"));
+    // The same view, and all edits to undo: those of the regions too.
+    const Result opened =
+        play("size 1200 800\nwait\nframes 2\nshot " + file("opened.ppm") +
+                 "\nundo\nundo\nwait\nframes 2\nshot " + file("before.ppm"),
+             {file("turned.json")});
+    ASSERT_EQ(opened.code, 0) << opened.err;
+    const auto yellow = [&](const char* name)
+    { return Picture(file(name)).spot(is_yellow); };
+    EXPECT_NEAR(yellow("opened.ppm").x, yellow("closed.ppm").x, 2.0);
+    EXPECT_NEAR(yellow("opened.ppm").y, yellow("closed.ppm").y, 2.0);
+    EXPECT_GT(std::hypot(yellow("before.ppm").x - yellow("opened.ppm").x,
+                         yellow("before.ppm").y - yellow("opened.ppm").y),
+              10.0);
+}
+
 TEST_F(EditorWindow, is_drawn_at_any_size)
 {
     const Result result = play("size 1200 800\nframes 2\nsize 60 40\nframes 2\n"
