@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The squared distance separates: along a line, with f the squared distance found
 // on the axes before, d(p) = min_q (p - q)^2 + f(q) is the lower envelope of
-// parabolas, which a stack builds in one sweep. Where only what is near counts, a line
-// without any site is left as it is: zeros in memory that nobody has written yet.
+// parabolas, which a stack builds in one sweep.
 #include "octree/distance_transform.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <span>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -20,8 +18,6 @@ namespace
 {
 
 constexpr float kFar = std::numeric_limits<float>::infinity();
-
-constexpr std::size_t kBeside = NearDistances::kGroup; ///< lines taken together
 
 /// What a line is transformed in.
 struct LineScratch
@@ -109,121 +105,46 @@ void transform_first_line(float* values, std::int32_t* labels, int count,
     }
 }
 
-/// What is kept of each voxel, as squared distances from and to: as they are.
-struct Plain
-{
-    using Kept = float;
-    float from(float kept) const { return kept; }
-    float to(float squared) const { return squared; }
-};
-
-/// Up to a limit: 1 more than the squared distance, 0 beyond.
-struct UpTo
-{
-    using Kept = std::uint32_t;
-    float limit;
-    float from(Kept kept) const
-    {
-        return kept == 0 ? kFar : static_cast<float>(kept - 1);
-    }
-    Kept to(float squared) const
-    {
-        return squared <= limit ? static_cast<Kept>(squared) + 1 : 0;
-    }
-};
-
-/// Inside a set: the squared distance from what is outside of it, which itself has 0, or
-/// 1 << 31 beyond a limit.
-struct Depth
-{
-    using Kept = std::uint32_t;
-    static constexpr Kept kDeep = Kept{1} << 31;
-    float limit;
-    float from(Kept kept) const
-    {
-        return kept == kDeep ? kFar : static_cast<float>(kept);
-    }
-    Kept to(float squared) const
-    {
-        return squared <= limit ? static_cast<Kept>(squared) : kDeep;
-    }
-};
-
 /// Lines along one axis whose values stand apart in memory, \p beside of them side by
 /// side: they are taken over together, each into a row of its own, so that no line of
-/// the cache is fetched for one number. \p is_set(q): whether any of those of q is not 0;
-/// others are not read, since memory that nobody has written has to be provided for that.
-template <class From, class To, class Convert, class IsSet>
-void gather(const From* from, std::size_t stride, int count, std::size_t beside,
-            std::vector<To>& rows, Convert&& convert, IsSet&& is_set)
+/// the cache is fetched for one number.
+template <class Value>
+void gather(const Value* from, std::size_t stride, int count, std::size_t beside,
+            std::vector<Value>& rows)
 {
     rows.resize(beside * idx(count));
-    const To zero = convert(From{});
     for (std::size_t q = 0; q < idx(count); ++q)
-    {
-        const bool reads = is_set(q);
         for (std::size_t line = 0; line < beside; ++line)
-            rows[line * idx(count) + q] = reads ? convert(from[q * stride + line]) : zero;
-    }
+            rows[line * idx(count) + q] = from[q * stride + line];
 }
 
-/// Back again. Without \p with_zeros zeros are left out, since no value becomes 0 that
-/// was not, and they take no memory. Calls wrote(q) where there is another value.
-template <class From, class To, class Convert, class Wrote>
-void scatter(const std::vector<From>& rows, std::size_t stride, int count,
-             std::size_t beside, To* to, bool with_zeros, Convert&& convert,
-             Wrote&& wrote)
+/// Back again.
+template <class Value>
+void scatter(const std::vector<Value>& rows, std::size_t stride, int count,
+             std::size_t beside, Value* to)
 {
     for (std::size_t q = 0; q < idx(count); ++q)
-    {
-        bool is_set = false;
         for (std::size_t line = 0; line < beside; ++line)
-        {
-            const To value = convert(rows[line * idx(count) + q]);
-            if (value == To{} && !with_zeros)
-                continue;
-            to[q * stride + line] = value;
-            is_set = is_set || value != To{};
-        }
-        if (is_set)
-            wrote(q);
-    }
+            to[q * stride + line] = rows[line * idx(count) + q];
 }
 
-/// Along x, then y, then z. \p first_row(line, row) gives the values of a line along x,
-/// 0 or infinite each, or false: all are kept as 0. Lines of zeros stay so and take no
-/// time. \p is_set: of every kBeside voxels along x whether any is not 0 in the end.
-template <class Coding, class FirstRow>
-void transform(typename Coding::Kept* d, std::int32_t* labels,
-               const Eigen::Vector3i& counts, const Coding& coding, FirstRow&& first_row,
-               std::vector<char>& is_set)
+/// Along x, then y, then z, from values that are 0 or infinite.
+void transform(std::vector<float>& d, std::int32_t* labels, const Eigen::Vector3i& counts)
 {
-    using Kept = typename Coding::Kept;
     const std::size_t nx = idx(counts.x());
     const std::size_t ny = idx(counts.y());
     const std::size_t nz = idx(counts.z());
+    parallel_ranges(ny * nz, 64,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        LineScratch scratch;
+                        for (std::size_t line = begin; line < end; ++line)
+                            transform_first_line(&d[line * nx],
+                                                 labels ? labels + line * nx : nullptr,
+                                                 counts.x(), scratch);
+                    });
+    constexpr std::size_t kBeside = 32; // lines taken together
     const std::size_t groups = (nx + kBeside - 1) / kBeside;
-    is_set.assign(groups * ny * nz, 0);
-    const auto unchanged = [](std::int32_t label) { return label; };
-    const auto from = [&](Kept kept) { return coding.from(kept); };
-    const auto to = [&](float squared) { return coding.to(squared); };
-    parallel_ranges(
-        ny * nz, 64,
-        [&](std::size_t begin, std::size_t end)
-        {
-            LineScratch scratch;
-            std::vector<float> row;
-            for (std::size_t line = begin; line < end; ++line)
-            {
-                if (!first_row(line, row))
-                    continue;
-                transform_first_line(row.data(), labels ? labels + line * nx : nullptr,
-                                     counts.x(), scratch);
-                scatter(row, 1, counts.x(), 1, d + line * nx, false, to,
-                        [&](std::size_t x) { is_set[line * groups + x / kBeside] = 1; });
-            }
-        });
-    // Lines side by side along x, in groups.
     const auto sweep =
         [&](std::size_t planes, std::size_t plane_stride, std::size_t stride, int count)
     {
@@ -238,72 +159,22 @@ void transform(typename Coding::Kept* d, std::int32_t* labels,
                 {
                     const std::size_t x = group % groups * kBeside;
                     const std::size_t beside = std::min(kBeside, nx - x);
-                    const std::size_t plane = group / groups * plane_stride;
-                    char* const of_lines = &is_set[plane / nx * groups + group % groups];
-                    const std::size_t step = stride / nx * groups;
-                    bool is_any = false;
-                    for (std::size_t q = 0; q < idx(count); ++q)
-                        is_any = is_any || of_lines[q * step];
-                    if (!is_any)
-                        continue;
-                    const std::size_t first = plane + x;
-                    gather(d + first, stride, count, beside, rows, from,
-                           [&](std::size_t q) { return of_lines[q * step] != 0; });
+                    const std::size_t first = group / groups * plane_stride + x;
+                    gather(&d[first], stride, count, beside, rows);
                     if (labels)
-                        gather(labels + first, stride, count, beside, of_labels,
-                               unchanged, [](std::size_t) { return true; });
+                        gather(labels + first, stride, count, beside, of_labels);
                     for (std::size_t line = 0; line < beside; ++line)
                         transform_line(&rows[line * idx(count)],
                                        labels ? &of_labels[line * idx(count)] : nullptr,
                                        count, scratch);
-                    scatter(rows, stride, count, beside, d + first, false, to,
-                            [&](std::size_t q) { of_lines[q * step] = 1; });
+                    scatter(rows, stride, count, beside, &d[first]);
                     if (labels)
-                        scatter(of_labels, stride, count, beside, labels + first, true,
-                                unchanged, [](std::size_t) {});
+                        scatter(of_labels, stride, count, beside, labels + first);
                 }
             });
     };
     sweep(nz, nx * ny, nx, counts.y());
     sweep(ny, nx, nx * ny, counts.z());
-}
-
-/// Of all voxels, from values that are 0 or infinite.
-void transform_all(std::vector<float>& d, std::int32_t* labels,
-                   const Eigen::Vector3i& counts)
-{
-    const std::size_t nx = idx(counts.x());
-    std::vector<char> is_set;
-    transform(
-        d.data(), labels, counts, Plain{},
-        [&](std::size_t line, std::vector<float>& row)
-        {
-            const auto begin = d.begin() + static_cast<std::ptrdiff_t>(line * nx);
-            row.assign(begin, begin + counts.x());
-            return true;
-        },
-        is_set);
-}
-
-/// The values of a line along x: \p set and \p other for voxels that are not 0 and are
-/// in \p flags. False if all are 0.
-bool row_of(const VoxelFlags& flags, std::size_t line, std::size_t nx, float set,
-            float other, std::vector<float>& row)
-{
-    if (flags.is_zero(line * nx, (line + 1) * nx))
-        return false;
-    const std::span<const std::uint8_t> of_line = flags.part(line * nx, (line + 1) * nx);
-    row.resize(nx);
-    std::transform(of_line.begin(), of_line.end(), row.begin(),
-                   [&](std::uint8_t flag) { return flag ? set : other; });
-    return true;
-}
-
-/// What is at most \p reach away, squared; between two whole numbers, so that nothing
-/// rounds across.
-float limit_of(double reach)
-{
-    return static_cast<float>(std::floor(reach * reach) + 0.5);
 }
 
 } // namespace
@@ -314,36 +185,8 @@ std::vector<float> squared_distances(const VoxelFlags& marks,
     std::vector<float> d(marks.size());
     for (std::size_t i = 0; i < marks.size(); ++i)
         d[i] = marks[i] ? 0.0f : kFar;
-    transform_all(d, nullptr, counts);
+    transform(d, nullptr, counts);
     return d;
-}
-
-NearDistances::NearDistances(const VoxelFlags& marks, const Eigen::Vector3i& counts,
-                             double reach)
-    : nx_(idx(counts.x())), codes_(marks.size())
-{
-    transform(
-        codes_.data(), nullptr, counts, UpTo{limit_of(reach)},
-        [&](std::size_t line, std::vector<float>& row)
-        { return row_of(marks, line, nx_, 0.0f, kFar, row); },
-        is_near_);
-}
-
-void shrink(VoxelFlags& set, const Eigen::Vector3i& counts, int reach)
-{
-    VoxelValues<std::uint32_t> depths(set.size());
-    std::vector<char> is_set;
-    transform(
-        depths.data(), nullptr, counts, Depth{limit_of(reach)},
-        [&](std::size_t line, std::vector<float>& row)
-        { return row_of(set, line, idx(counts.x()), kFar, 0.0f, row); },
-        is_set);
-    parallel_for_each_set(set,
-                          [&](std::size_t voxel)
-                          {
-                              if (depths[voxel] != Depth::kDeep)
-                                  set[voxel] = 0;
-                          });
 }
 
 void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& counts)
@@ -351,7 +194,7 @@ void spread_labels(std::vector<std::int32_t>& labels, const Eigen::Vector3i& cou
     std::vector<float> d(labels.size());
     for (std::size_t i = 0; i < labels.size(); ++i)
         d[i] = labels[i] >= 0 ? 0.0f : kFar;
-    transform_all(d, labels.data(), counts);
+    transform(d, labels.data(), counts);
 }
 
 } // namespace cellwarp

@@ -9,7 +9,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/union_find.h"
-#include "octree/distance_transform.h"
+#include "octree/near_distances.h"
 
 namespace cellwarp
 {

@@ -7,8 +7,8 @@
 
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
-#include "octree/distance_transform.h"
 #include "octree/fragments.h"
+#include "octree/near_distances.h"
 #include "octree/open_inside.h"
 #include "octree/surface_marks.h"
 #include "octree/touching.h"
@@ -26,7 +26,7 @@ constexpr double kNearlyClosed = 0.2;
 
 constexpr std::size_t kSamplesAtOnce = 4096; ///< of one thread
 /// As measured: of all voxels, and of those of the flood and what comes after it [byte].
-constexpr double kBytesOfVoxel = 6.0, kBytesOfFloodedVoxel = 17.0;
+constexpr double kBytesOfVoxel = 6.0, kBytesOfFloodedVoxel = 10.0;
 
 /// The voxels inside that have a side in common with one that is not: from outside they
 /// are the nearest ones.
@@ -131,10 +131,10 @@ double material_bytes(const BoundingSurface& surface, const GridShape& grid_shap
                       Fill fill)
 {
     // Measured: a closed shape takes a byte and some bits a voxel, and 4 more where
-    // leaves hold several pieces. The flood, which open surfaces need, works on a grid
-    // with a border, of larger voxels where these are fine: marks, a byte; distances,
-    // four; how free a voxel is and how far the flood comes, two; and voxels to go on
-    // from. Hollows, after the flood, take less.
+    // leaves hold several pieces. The flood, which open surfaces need, works in larger
+    // voxels where these are fine: marks, a byte; distances, two; how free a voxel is and
+    // how far the flood comes, two. What it leaves is found in a grid with a border, with
+    // six bytes beside them. Hollows take no more.
     if (fill == Fill::Shell || surface.open_edges == 0.0)
         return kBytesOfVoxel * num_voxels(grid_shape);
     const GridShape flooded = inside_grid(grid_shape);
@@ -195,7 +195,7 @@ void join_open_parts(const OpenInside& found, const VoxelFlags& marks,
     if (reach_of_samples > 0)
         material.joins_below = std::max(material.joins_below, (reach + 2.0) * voxel);
     // How far the inside may be from the marks around it.
-    const double away = found.method == InsideMethod::Wrap ? 1.0 : found.flood_radius;
+    const double away = found.method == InsideMethod::Hollows ? 1.0 : found.flood_radius;
     const double wall = std::max<double>(away, reach_of_samples) + 1.0;
     const VoxelFlags inside = beyond_marks(found.is_inside, marks);
     if (reach_of_samples > 0)
@@ -260,8 +260,8 @@ const char* inside_name(InsideMethod method)
         return "rays";
     case InsideMethod::Flood:
         return "flood";
-    case InsideMethod::Wrap:
-        return "wrap";
+    case InsideMethod::Hollows:
+        return "hollows";
     case InsideMethod::None:
         break;
     }

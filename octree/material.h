@@ -29,10 +29,10 @@ enum class InsideMethod
     Winding, ///< closed surface: winding number
     Votes,   ///< nearly closed surface: most of six rays
     Flood,   ///< soup or cloud: what a flood from outside does not reach
-    Wrap     ///< wide openings: hollows behind them, in an alpha wrap
+    Hollows  ///< wide openings: hollows behind them
 };
 
-/// "winding number", "rays", "flood", "wrap" or "none".
+/// "winding number", "rays", "flood", "hollows" or "none".
 const char* inside_name(InsideMethod method);
 
 struct Material

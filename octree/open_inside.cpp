@@ -80,24 +80,18 @@ OpenInside inside_in(const VoxelGrid& grid, const VoxelFlags& marks,
     { return votes.empty() || votes[i] >= kVotes; };
     const GridShape& shape = grid.shape();
     const int max_radius = max_seal_radius(shape);
-    EnclosedVoxels flooded = enclosed_voxels(grid, marks, max_radius, may_fill);
-    const double radius = flooded.radius;
-    OpenInside found{InsideMethod::None, std::move(flooded.is_inside), radius,
-                     std::max(radius, 0.0)};
-    if (radius >= 0)
-        found.method = votes.empty() ? InsideMethod::Flood : InsideMethod::Votes;
+    SealedInside sealed(grid, marks, max_radius);
+    const double radius = sealed.radius();
     if (radius < 0 || radius * shape.voxel() > kWideRadius * shape.size.norm())
-    {
-        EnclosedVoxels hollows = hollow_voxels(
-            grid, marks, wide_openings(shape, radius, max_radius), may_fill);
-        if (hollows.radius >= 0)
-        {
-            found.method = InsideMethod::Wrap;
-            found.is_inside = std::move(hollows.is_inside);
-            found.seal_radius = hollows.radius;
-        }
-    }
-    return found;
+        if (Hollows hollows = hollow_voxels(
+                grid, marks, wide_openings(shape, radius, max_radius), may_fill);
+            hollows.radius >= 0)
+            return {InsideMethod::Hollows, std::move(hollows.is_inside), radius,
+                    hollows.radius};
+    const InsideMethod method = radius < 0      ? InsideMethod::None
+                                : votes.empty() ? InsideMethod::Flood
+                                                : InsideMethod::Votes;
+    return {method, std::move(sealed).voxels(may_fill), radius, std::max(radius, 0.0)};
 }
 
 /// A grid, and one of larger voxels over it.

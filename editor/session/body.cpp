@@ -119,9 +119,9 @@ int automatic_across(const Material& probe, const BoundingSurface& surface,
     const int last = std::end(kCandidates)[-1];
     const bool is_open = surface.open_edges > 0.0 && settings.fill == Fill::Solid;
     // Hollows are looked for in all of the box.
-    const double near = !is_open                             ? 0.0
-                        : probe.method == InsideMethod::Wrap ? 1.0
-                                                             : share_near(probe.grid);
+    const double near = !is_open                                ? 0.0
+                        : probe.method == InsideMethod::Hollows ? 1.0
+                                                                : share_near(probe.grid);
     const auto near_voxels = [&](int across) {
         return near * num_voxels(grid_shape(size, across, settings.max_depth, max_voxel));
     };

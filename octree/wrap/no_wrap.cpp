@@ -5,11 +5,6 @@
 namespace cellwarp
 {
 
-bool has_alpha_wrap()
-{
-    return false;
-}
-
 Shape alpha_wrap(std::span<const Eigen::Vector3d>, double, double)
 {
     return {};

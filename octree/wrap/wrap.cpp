@@ -13,11 +13,6 @@
 namespace cellwarp
 {
 
-bool has_alpha_wrap()
-{
-    return true;
-}
-
 Shape alpha_wrap(std::span<const Eigen::Vector3d> points, double alpha, double offset)
 {
     using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;

@@ -13,9 +13,6 @@
 namespace cellwarp
 {
 
-/// Whether alpha_wrap() finds anything in this build.
-bool has_alpha_wrap();
-
 /// The closed, oriented surface around \p points that a ball of radius \p alpha rolls
 /// on when it comes from outside: it stays \p offset away from all points, enters
 /// nothing that is narrower than the ball, and so closes openings up to 2 alpha wide.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // How near to the closed original the inside of an opened shape is: what a flood does not
-// reach beside the hollows of a wrap, with the seconds that each takes, as a table.
+// reach beside the hollows, with the seconds that each takes, as a table.
 // usage: inside_bench [WORD...]   only cases whose names hold one of the words
 //   opening  the widest that was closed [of the diagonal]
 //   off      voxels more and fewer than the closed original [of its voxels]
@@ -10,6 +10,7 @@
 #include <ctime>
 #include <map>
 #include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -187,15 +188,6 @@ struct Finding
     double seconds = 0.0;
 };
 
-/// \p enclosed() beside the marks.
-template <class Enclose>
-Finding found(const Flags& marks, Enclose&& enclosed)
-{
-    const std::clock_t start = std::clock();
-    const EnclosedVoxels inside = enclosed();
-    return {both(marks, inside.is_inside), inside.radius, seconds_since(start)};
-}
-
 /// The columns of a finding: the width of openings [diagonal], of the voxels of \p truth
 /// how many more and how many fewer [%], seconds.
 std::string columns(const Finding& finding, const Flags& truth, double diagonal)
@@ -233,16 +225,19 @@ void measure(Case& c)
         votes = inside_votes(c.open, surface.triangles, grid);
     const auto may_fill = [&](std::size_t i) { return votes.empty() || votes[i] >= 4; };
     const int most = static_cast<int>(kLargestSeal * diagonal);
-    const Finding flood =
-        found(marks, [&] { return enclosed_voxels(grid, marks, most, may_fill); });
-    const double narrowest = flood.radius < 0 ? most : std::max(2.0, flood.radius);
-    const Finding wrap = found(
-        marks,
-        [&] {
-            return hollow_voxels(grid, marks, {narrowest, kWidest * diagonal}, may_fill);
-        });
+    std::clock_t start = std::clock();
+    SealedInside sealed(grid, marks, most);
+    const double radius = sealed.radius();
+    const Flags of_flood = std::move(sealed).voxels(may_fill);
+    const Finding flood{both(marks, of_flood), radius, seconds_since(start)};
+    const double narrowest = radius < 0 ? most : std::max(2.0, radius);
+    start = std::clock();
+    const Hollows hollows =
+        hollow_voxels(grid, marks, {narrowest, kWidest * diagonal}, may_fill);
+    const Finding found{both(marks, hollows.is_inside), hollows.radius,
+                        seconds_since(start)};
     fmt::print("| {} | {} | {} |\n", c.name, columns(flood, truth, diagonal),
-               columns(wrap, truth, diagonal));
+               columns(found, truth, diagonal));
     std::fflush(stdout);
 }
 
@@ -254,7 +249,7 @@ int main(int argc, char** argv)
 {
     try
     {
-        fmt::print("| | flood: opening | off | time | wrap: opening | off | time |\n"
+        fmt::print("| | flood: opening | off | time | hollows: opening | off | time |\n"
                    "|---|---|---|---|---|---|---|\n");
         for (cellwarp::Case& c : cellwarp::cases())
             if (argc < 2 || std::any_of(argv + 1, argv + argc,

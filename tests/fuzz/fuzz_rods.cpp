@@ -23,6 +23,26 @@ void require(bool condition)
         std::abort();
 }
 
+/// How many balls the contacts of a scene's rods have, roughly: two for each radius of
+/// the way from point to point.
+double balls_about(const RodScene& scene)
+{
+    double balls = 0.0;
+    for (const RodStatement& rod : scene.rods)
+    {
+        const double radius =
+            rod.contact_radius.value_or(rod.radius.empty() ? 1.0 : rod.radius.front());
+        for (const std::vector<Triple>* line : {&rod.points, &rod.through})
+            for (std::size_t k = 1; k < line->size(); ++k)
+                balls += 2.0 *
+                         std::hypot((*line)[k][0] - (*line)[k - 1][0],
+                                    (*line)[k][1] - (*line)[k - 1][1],
+                                    (*line)[k][2] - (*line)[k - 1][2]) /
+                         radius;
+    }
+    return balls;
+}
+
 /// Small enough for hundreds of runs a second.
 bool is_small(const RodScene& scene)
 {
@@ -41,11 +61,7 @@ bool is_small(const RodScene& scene)
             controls *= count;
         points += controls / 8.0;
     }
-    // Balls along rods.
-    for (const RodStatement& rod : scene.rods)
-        if (scene.contact && rod.contact_radius && *rod.contact_radius < 1e-3)
-            return false;
-    return points <= 12.0;
+    return points <= 12.0 && (!scene.contact || balls_about(scene) <= 500.0);
 }
 
 void run(const RodScene& scene)

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -117,6 +118,33 @@ VoxelFlags holed_ball(const VoxelGrid& grid, const Vector3i& centre, double radi
     return marks;
 }
 
+bool all(std::size_t)
+{
+    return true;
+}
+
+/// Returns whether anything is enclosed.
+bool expect_as_defined(const VoxelGrid& grid, const VoxelFlags& marks, int most)
+{
+    SealedInside found(grid, marks, most);
+    const int radius = found.radius();
+    if (radius < 0)
+        return false;
+    const VoxelFlags is_inside = std::move(found).voxels(all);
+    const SlowFlood slow(grid, marks, most);
+    const std::vector<char> is_out = slow.outside(radius);
+    for (std::size_t i = 0; i < grid.size(); ++i)
+    {
+        EXPECT_EQ(
+            is_inside[i] != 0,
+            slow.is_inside(is_out, grid.coordinates(i).array() + slow.border, radius))
+            << grid.coordinates(i).transpose();
+        if (testing::Test::HasFailure())
+            return true;
+    }
+    return true;
+}
+
 } // namespace
 
 TEST(Flood, finds_what_the_definition_says)
@@ -128,22 +156,36 @@ TEST(Flood, finds_what_the_definition_says)
             const VoxelGrid grid(cube_of(41));
             const VoxelFlags marks =
                 holed_ball(grid, Vector3i(19, 22, 20), 17.0, missing, seed);
-            constexpr int kMost = 3;
-            const EnclosedVoxels found =
-                enclosed_voxels(grid, marks, kMost, [](std::size_t) { return true; });
-            if (found.radius < 0)
-                continue;
-            ++num_found;
-            const int radius = static_cast<int>(found.radius);
-            const SlowFlood slow(grid, marks, kMost);
-            const std::vector<char> is_out = slow.outside(radius);
-            for (std::size_t i = 0; i < grid.size(); ++i)
-                ASSERT_EQ(found.is_inside[i] != 0,
-                          slow.is_inside(
-                              is_out, grid.coordinates(i).array() + slow.border, radius))
-                    << missing << " " << seed << " " << grid.coordinates(i).transpose();
+            SCOPED_TRACE(testing::Message() << missing << " " << seed);
+            num_found += expect_as_defined(grid, marks, 3);
         }
     EXPECT_GE(num_found, 6);
+}
+
+TEST(Flood, balls_outside_of_the_grid_reach_into_notches)
+{
+    // A thin hollow plate up to the border of the grid; one of its walls has a hole, and
+    // a notch is wider than the plate is thick.
+    GridShape shape = cube_of(1);
+    shape.coarsest = Vector3i(37, 30, 11);
+    shape.size = shape.coarsest.cast<double>();
+    const VoxelGrid grid(shape);
+    const auto is_in = [&](const Vector3i& v)
+    {
+        const VoxelRange plate{Vector3i::Zero(), grid.counts().array() - 1},
+            notch{{12, 18, 0}, {24, 29, 10}};
+        return plate.contains(v) && !notch.contains(v);
+    };
+    VoxelFlags marks(grid.size());
+    for (std::size_t i = 0; i < grid.size(); ++i)
+    {
+        const Vector3i v = grid.coordinates(i);
+        bool is_wall = false;
+        for_each_beside(v, [&](const Vector3i& other) { is_wall |= !is_in(other); });
+        const bool is_hole = v.z() == 10 && v.x() > 3 && v.x() < 9 && v.y() < 9;
+        marks[i] = is_in(v) && is_wall && !is_hole;
+    }
+    EXPECT_TRUE(expect_as_defined(grid, marks, 4));
 }
 
 TEST(Flood, takes_the_smallest_radius_that_seals)
@@ -163,12 +205,11 @@ TEST(Flood, takes_the_smallest_radius_that_seals)
                                                 v.y() < 18 + width;
                            marks[grid.index(v)] = is_wall && !is_hole;
                        });
-        const EnclosedVoxels found =
-            enclosed_voxels(grid, marks, 5, [](std::size_t) { return true; });
+        SealedInside found(grid, marks, 5);
         // The middles of a hole of an even width are width / 2 from the nearest marks.
-        EXPECT_EQ(found.radius, width / 2) << width;
+        EXPECT_EQ(found.radius(), width / 2) << width;
         std::size_t count = 0;
-        for_each_set(found.is_inside, [&](std::size_t) { ++count; });
+        for_each_set(std::move(found).voxels(all), [&](std::size_t) { ++count; });
         EXPECT_GE(count, 29u * 29u * 29u) << width;
     }
 }
@@ -178,9 +219,7 @@ TEST(Flood, a_few_marks_in_a_large_box_enclose_nothing)
     const VoxelGrid grid(cube_of(200));
     VoxelFlags marks(grid.size());
     marks[grid.index(3, 3, 3)] = marks[grid.index(150, 20, 199)] = 1;
-    const EnclosedVoxels found =
-        enclosed_voxels(grid, marks, 8, [](std::size_t) { return true; });
-    EXPECT_LT(found.radius, 0);
+    EXPECT_EQ(SealedInside(grid, marks, 8).radius(), -1);
 }
 
 } // namespace cellwarp

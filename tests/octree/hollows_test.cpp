@@ -115,15 +115,15 @@ TEST(Hollows, a_pot_without_its_lid_is_solid)
         const Shape cloud =
             cloud_with_hole(support::random_points(closed, 30000, 4), kTop, radius);
         const Difference mesh = difference(open, closed);
-        EXPECT_EQ(mesh.method, InsideMethod::Wrap);
+        EXPECT_EQ(mesh.method, InsideMethod::Hollows);
         EXPECT_LT(mesh.more, 1e-9);
         EXPECT_LT(mesh.fewer, 0.02);
         const Difference soup = difference(loose_triangles(open), closed);
-        EXPECT_EQ(soup.method, InsideMethod::Wrap);
+        EXPECT_EQ(soup.method, InsideMethod::Hollows);
         EXPECT_LT(soup.more, 0.005);
         EXPECT_LT(soup.fewer, 0.04);
         const Difference points = difference(cloud, closed);
-        EXPECT_EQ(points.method, InsideMethod::Wrap);
+        EXPECT_EQ(points.method, InsideMethod::Hollows);
         EXPECT_LT(points.more, 0.005);
         EXPECT_LT(points.fewer, 0.06); // the marks of faces are thicker
     }
@@ -141,7 +141,7 @@ TEST(Hollows, an_opening_may_be_two_thirds_as_wide_as_the_ball_behind_it)
 {
     // Radius 0.44 of 1, the diagonal is 3.4.
     const Material ball = found(zone(-1.0, 0.9));
-    EXPECT_EQ(ball.method, InsideMethod::Wrap);
+    EXPECT_EQ(ball.method, InsideMethod::Hollows);
     EXPECT_NEAR(ball.seal_radius, 0.44, 0.15);
 }
 
@@ -153,7 +153,7 @@ TEST(Hollows, two_bodies_each_get_their_own)
         x = 0.5 * x + Vector3d(1.7, 0.0, 0.0);
     Shape both = support::joined(zone(-1.0, 0.9), small);
     const Material material = found(both, 0.004);
-    EXPECT_EQ(material.method, InsideMethod::Wrap);
+    EXPECT_EQ(material.method, InsideMethod::Hollows);
     const auto holds = [&](const Vector3d& x)
     {
         const VoxelGrid& grid = material.grid;
@@ -212,7 +212,7 @@ TEST(Hollows, a_wide_opening_that_is_closed_is_told)
     };
     const support::Result solid = deformed("solid"), shell = deformed("shell");
     EXPECT_EQ(solid.code, 0) << solid.err;
-    EXPECT_EQ(nlohmann::json::parse(solid.out)["material"]["inside"], "wrap");
+    EXPECT_EQ(nlohmann::json::parse(solid.out)["material"]["inside"], "hollows");
     EXPECT_NE(solid.err.find("is taken as closed"), std::string::npos) << solid.err;
     EXPECT_EQ(shell.err.find("is taken as closed"), std::string::npos) << shell.err;
 }

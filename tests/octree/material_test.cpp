@@ -11,7 +11,6 @@
 #include "octree/base/index.h"
 #include "octree/distance_transform.h"
 #include "octree/pieces.h"
-#include "octree/wrap/wrap.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -22,10 +21,6 @@ using support::joined;
 
 namespace
 {
-
-/// How the inside of samples with openings of more than 3 % of the diagonal is found.
-const InsideMethod kWideOpenings =
-    has_alpha_wrap() ? InsideMethod::Wrap : InsideMethod::Flood;
 
 double volume(const VoxelGrid& grid)
 {
@@ -143,7 +138,7 @@ TEST(Material, a_soup_that_lost_two_of_three_triangles_is_filled)
     std::shuffle(shape.triangles.begin(), shape.triangles.end(), std::mt19937(2));
     shape.triangles.resize(shape.triangles.size() / 3);
     const Material material = found(shape);
-    EXPECT_EQ(material.method, kWideOpenings);
+    EXPECT_EQ(material.method, InsideMethod::Hollows);
     EXPECT_NEAR(volume(material.grid), 1.0, 0.03); // a fifth of a voxel all around
 }
 
@@ -154,7 +149,7 @@ TEST(Material, a_cloud_is_filled_like_the_mesh_that_it_samples)
     cloud.samples.push_back({0, 0, 0});
     cloud.samples.push_back({1, 1, 1});
     const Material material = found(cloud);
-    EXPECT_EQ(material.method, kWideOpenings);
+    EXPECT_EQ(material.method, InsideMethod::Hollows);
     EXPECT_NEAR(volume(material.grid), 1.0, 0.06); // half a voxel all around
     EXPECT_GT(material.spacing, 0.005);
     EXPECT_LT(material.spacing, 0.05);
@@ -220,7 +215,7 @@ TEST(Material, an_open_sheet_beside_a_closed_body_holds_together)
     const GridShape grid = grid_shape({4, 2, 2}, 16, 0, 0.0165);
     const Material material =
         find_material(shape, bounding_surface(shape), grid, Fill::Solid);
-    EXPECT_EQ(material.method, kWideOpenings);
+    EXPECT_EQ(material.method, InsideMethod::Hollows);
     // No layer on the ball; the wing as thick as its points are apart.
     EXPECT_NEAR(volume(material.grid), 4.0 / 3.0 * std::numbers::pi, 0.35);
     const Octree octree(grid, material_test(material.grid));

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "io/geometry_file.h"
-#include "octree/distance_transform.h"
+#include "octree/near_distances.h"
 #include "tests/support/bodies.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
