@@ -71,6 +71,9 @@ struct Geometry
     std::vector<std::uint32_t> direction_samples;
     std::vector<std::uint32_t> corner_directions; ///< OBJ: direction or kNone, a corner
     std::vector<std::uint64_t> corner_direction_starts; ///< [byte] of that index's token
+    /// OBJ: how many decimals the directions are written with, at most kMostDecimals.
+    int direction_decimals = 0;
+    static constexpr int kMostDecimals = 6;
 
     /// Tangents: tangent i belongs to sample tangent_samples[i].
     std::vector<Eigen::Vector3d> tangents;

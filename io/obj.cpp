@@ -172,6 +172,7 @@ struct Numbers
     int count = 0;
     std::array<double, 7> values;
     std::array<std::uint64_t, 7> starts;
+    std::array<std::string_view, 7> texts;
 
     Eigen::Vector3d vector() const { return {values[0], values[1], values[2]}; }
 };
@@ -196,8 +197,19 @@ Numbers read_numbers(Tokens& tokens, const std::string& file, std::int64_t line)
             throw wrong("is not finite (got " + in_quotes(token.text) + ")");
         numbers.values[static_cast<std::size_t>(numbers.count)] = *value;
         numbers.starts[static_cast<std::size_t>(numbers.count)] = token.start;
+        numbers.texts[static_cast<std::size_t>(numbers.count)] = token.text;
     }
     return numbers;
+}
+
+/// Of a number as it is written; with an exponent as many as can be.
+int decimals_of(std::string_view text)
+{
+    if (text.find_first_of("eE") != std::string_view::npos)
+        return Geometry::kMostDecimals;
+    const std::size_t point = text.find('.');
+    return point == std::string_view::npos ? 0
+                                           : static_cast<int>(text.size() - 1 - point);
 }
 
 } // namespace
@@ -232,6 +244,11 @@ void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
         throw malformed({file_, line, "normal"},
                         "got " + std::to_string(numbers.count) + " numbers, need 3");
     out.directions.push_back(numbers.vector());
+    for (std::size_t k = 0; k < 3 && out.direction_decimals < Geometry::kMostDecimals;
+         ++k)
+        out.direction_decimals =
+            std::min(Geometry::kMostDecimals,
+                     std::max(out.direction_decimals, decimals_of(numbers.texts[k])));
     out.direction_places.starts.insert(out.direction_places.starts.end(),
                                        numbers.starts.begin(),
                                        numbers.starts.begin() + 3);
@@ -330,13 +347,13 @@ void ObjScanner::finish(Geometry& out)
                std::to_string(num_unknown_) + " unknown statements pass through"));
 }
 
-namespace
+DirectionSplitter::DirectionSplitter(std::size_t num_directions, int decimals,
+                                     std::string line_end)
+    : num_directions_(num_directions), line_end_(std::move(line_end)),
+      // Whole numbers are mostly exact: they do not stand for what is half a one away.
+      same_(std::clamp(0.5 * std::pow(10.0, -decimals), 1e-6, 5e-5))
 {
-
-/// Uses closer than this share one statement [relative to the direction's length].
-constexpr double kSame = 1e-6;
-
-} // namespace
+}
 
 std::size_t DirectionSplitter::BoxHash::operator()(const Box& box) const
 {
@@ -359,7 +376,7 @@ DirectionSplitter::Box DirectionSplitter::box_of(const Eigen::Vector3d& value) c
 const DirectionSplitter::Statement*
 DirectionSplitter::near(const Eigen::Vector3d& value) const
 {
-    const double tolerance = kSame * value.norm();
+    const double tolerance = same_ * value.norm();
     const auto is_near = [&](const Statement& statement)
     { return (statement.value - value).norm() <= tolerance; };
     // Boxes are good for directions of about the first one's length.
@@ -394,7 +411,7 @@ void DirectionSplitter::keep(const Statement& statement)
     std::size_t next = statements_.size() - 1;
     if (statements_.size() == kMany && fits)
     {
-        edge_ = 2.0 * kSame * length;
+        edge_ = 2.0 * same_ * length;
         next = 0;
     }
     for (; edge_ > 0.0 && next < statements_.size(); ++next)
@@ -439,7 +456,8 @@ ObjSplit split_directions(const Geometry& geometry, const std::vector<DirectionU
     std::vector<std::uint32_t> index_of_use;
     const std::string line_end =
         bytes.find("\r\n") != std::string_view::npos ? "\r\n" : "\n";
-    DirectionSplitter splitter(geometry.directions.size(), line_end);
+    DirectionSplitter splitter(geometry.directions.size(), geometry.direction_decimals,
+                               line_end);
     for (std::size_t use = 0; use < uses.size(); ++use)
     {
         const std::uint32_t direction = uses[use].direction;

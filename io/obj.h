@@ -57,14 +57,13 @@ private:
 
 /// Gives every use of a direction its statement: the first use of a direction keeps the
 /// file's own, every other one joins the first statement that is near enough or opens
-/// a new one at the end of the file.
+/// a new one at the end of the file. Near enough is what the file's digits do not tell
+/// apart: an exporter gave one rounded statement to directions that differed by as much.
 class DirectionSplitter
 {
 public:
-    DirectionSplitter(std::size_t num_directions, std::string line_end)
-        : num_directions_(num_directions), line_end_(std::move(line_end))
-    {
-    }
+    /// \p decimals: as Geometry::direction_decimals.
+    DirectionSplitter(std::size_t num_directions, int decimals, std::string line_end);
 
     /// Uses come sorted, as from direction_uses(), each with what it needs. Returns the
     /// 1-based index of its statement; a new one is appended to \p lines.
@@ -89,6 +88,7 @@ private:
 
     std::size_t num_directions_, num_lines_ = 0;
     std::string line_end_;
+    double same_;       ///< uses closer than this share one [of the direction's length]
     double edge_ = 0.0; ///< of the boxes that statements are kept in; 0: too few of them
     std::unordered_map<Box, std::vector<std::uint32_t>, BoxHash> boxes_;
     std::uint32_t direction_ = kNone;   ///< of the last use

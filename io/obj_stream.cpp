@@ -63,6 +63,7 @@ struct NormalPlan::Read
     SpillList<Vector> samples, directions; ///< at rest
     SpillSorter<Use> uses;
     bool has_crlf = false;
+    int direction_decimals = 0;
     char last = '\n'; ///< byte of the file
 
     Read(const std::string& folder, const StreamOptions& options)
@@ -98,6 +99,8 @@ void NormalPlan::read(InputFile& file, const std::string& path,
         const Geometry& geometry = part.geometry;
         for (const Eigen::Vector3d& x : geometry.samples)
             found.samples.push({{x.x(), x.y(), x.z()}});
+        found.direction_decimals =
+            std::max(found.direction_decimals, geometry.direction_decimals);
         for (const Eigen::Vector3d& n : geometry.directions)
             found.directions.push({{n.x(), n.y(), n.z()}});
         for (std::size_t c = 0; c < geometry.corner_directions.size(); ++c)
@@ -143,7 +146,8 @@ void NormalPlan::turn(Read& found, const std::string& folder,
     }
 
     const std::string line_end = found.has_crlf ? "\r\n" : "\n";
-    DirectionSplitter splitter(found.directions.size(), line_end);
+    DirectionSplitter splitter(found.directions.size(), found.direction_decimals,
+                               line_end);
     SpillList<std::uint32_t> index_of_use(folder);
     auto rest = found.directions.reader(), unused = found.directions.reader();
     auto places = placed.sorted();

@@ -92,16 +92,17 @@ private:
     }
 
     /// Calls visit(voxel, share) for the sheet's voxels on both sides of it at a point of
-    /// it; the shares are halves, or 1 where only one side has one. \p found(point) is
-    /// the voxel for a point.
+    /// it; the shares are halves, or 1 where only one side has one, or both the same.
+    /// \p find(point) is the voxel for a point.
     template <class Find, class Visit>
     void visit_sides(const Eigen::Vector3d& x, Find&& find, Visit&& visit) const
     {
         const auto over = find(x + kAside * normal_), under = find(x - kAside * normal_);
-        const double share = over && under ? 0.5 : 1.0;
+        const bool is_one = over == under;
+        const double share = over && under && !is_one ? 0.5 : 1.0;
         if (over)
             visit(*over, share);
-        if (under)
+        if (under && !is_one)
             visit(*under, share);
     }
 
@@ -183,8 +184,7 @@ private:
         }
     }
 
-    /// The line in which the triangle crosses each plane of one axis, cut at the planes
-    /// of the others.
+    /// The lines in which the triangle crosses the planes of one axis.
     void add_crossings(const std::array<Eigen::Vector3d, 3>& corners, int axis)
     {
         const auto [low, high] = std::minmax_element(corners.begin(), corners.end(),
@@ -192,27 +192,43 @@ private:
                                                      { return p[axis] < q[axis]; });
         for (double plane = plane_below((*low)[axis]); plane <= (*high)[axis];
              plane += width())
-            for (const bool is_on_above : {false, true})
+        {
+            const bool has_corner_on_it =
+                std::any_of(corners.begin(), corners.end(),
+                            [&](const auto& p) { return p[axis] == plane; });
+            if (!has_corner_on_it)
             {
-                const auto is_above = [&](const Eigen::Vector3d& p)
-                { return is_on_above ? p[axis] >= plane : p[axis] > plane; };
-                std::vector<Eigen::Vector3d> ends;
-                for (std::size_t k = 0; k < 3; ++k)
-                {
-                    const Eigen::Vector3d& p = corners[k];
-                    const Eigen::Vector3d& q = corners[(k + 1) % 3];
-                    if (is_above(p) != is_above(q))
-                        ends.push_back(p +
-                                       (plane - p[axis]) / (q[axis] - p[axis]) * (q - p));
-                }
-                if (ends.size() == 2)
-                    add_line(ends[0], ends[1], axis, plane, 0.5);
+                add_line(corners, axis, plane, false, 1.0);
+                continue;
             }
+            for (const bool is_on_above : {false, true})
+                add_line(corners, axis, plane, is_on_above, 0.5);
+        }
     }
 
-    /// \p share: how much of the line counts.
-    void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, int axis,
-                  double plane, double share)
+    /// The line in which a plane crosses the triangle, if it does; corners on the plane
+    /// are above it, or below. \p share: how much of the line counts.
+    void add_line(const std::array<Eigen::Vector3d, 3>& corners, int axis, double plane,
+                  bool is_on_above, double share)
+    {
+        const auto is_above = [&](const Eigen::Vector3d& p)
+        { return is_on_above ? p[axis] >= plane : p[axis] > plane; };
+        std::array<Eigen::Vector3d, 3> ends;
+        std::size_t count = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            const Eigen::Vector3d& p = corners[k];
+            const Eigen::Vector3d& q = corners[(k + 1) % 3];
+            if (is_above(p) != is_above(q))
+                ends[count++] = p + (plane - p[axis]) / (q[axis] - p[axis]) * (q - p);
+        }
+        if (count == 2)
+            add_parts(ends[0], ends[1], axis, plane, share);
+    }
+
+    /// Of a line, cut at the planes of the other axes. \p share: how much of it counts.
+    void add_parts(const Eigen::Vector3d& from, const Eigen::Vector3d& to, int axis,
+                   double plane, double share)
     {
         std::vector<double> cuts = {0.0, 1.0};
         for (const int other : {(axis + 1) % 3, (axis + 2) % 3})
@@ -312,40 +328,76 @@ std::vector<Eigen::Vector3d> places_of(std::vector<Eigen::Vector3d> points)
     return points;
 }
 
-void add_points(const Shape& shape, const Material& material, SheetCutter& cutter)
+/// Of each place of a cloud whether it has a square, and which.
+std::vector<std::optional<PointSquare>> squares_of(const Shape& shape,
+                                                   const Material& material)
 {
     const VoxelGrid& grid = material.grid;
     const std::vector<Eigen::Vector3d> places = places_of(shape.samples);
-    if (places.empty())
-        return;
-    const PointTree tree(places);
     std::vector<std::optional<PointSquare>> squares(places.size());
+    if (places.empty())
+        return squares;
+    const PointTree tree(places);
     parallel_for(places.size(),
                  [&](std::size_t i)
                  {
                      if (material.is_sheet[grid.index(grid.locate(places[i]))])
                          squares[i] = square_of(tree, i);
                  });
-    for (const std::optional<PointSquare>& square : squares)
+    return squares;
+}
+
+void add_square(const PointSquare& square, const VoxelGrid& grid, SheetCutter& cutter)
+{
+    for (int axis = 0; axis < 3; ++axis)
     {
-        if (!square)
+        const Eigen::Vector3d along =
+            Eigen::Vector3d::Unit(axis) - square.normal[axis] * square.normal;
+        // The squares of these lengths add up to 2.
+        const double share = 0.5 * along.squaredNorm();
+        if (!(share > kLeastShare))
             continue;
-        for (int axis = 0; axis < 3; ++axis)
-        {
-            const Eigen::Vector3d along =
-                Eigen::Vector3d::Unit(axis) - square->normal[axis] * square->normal;
-            // The squares of these lengths add up to 2.
-            const double share = 0.5 * along.squaredNorm();
-            if (!(share > kLeastShare))
-                continue;
-            const Eigen::Vector3d u = square->half * along.normalized();
-            const Eigen::Vector3d v = square->normal.cross(u);
-            const auto corner = [&](double a, double b)
-            { return grid.to_voxels(square->centre + a * u + b * v); };
-            const double weight = share / (kOverlap * kOverlap);
-            cutter.add({corner(-1, -1), corner(1, -1), corner(1, 1)}, weight);
-            cutter.add({corner(-1, -1), corner(1, 1), corner(-1, 1)}, weight);
-        }
+        const Eigen::Vector3d u = square.half * along.normalized();
+        const Eigen::Vector3d v = square.normal.cross(u);
+        const auto corner = [&](double a, double b)
+        { return grid.to_voxels(square.centre + a * u + b * v); };
+        const double weight = share / (kOverlap * kOverlap);
+        cutter.add({corner(-1, -1), corner(1, -1), corner(1, 1)}, weight);
+        cutter.add({corner(-1, -1), corner(1, 1), corner(-1, 1)}, weight);
+    }
+}
+
+/// Calls add(cutter, i) for all of \p count, on all threads: some at once, each with
+/// sheets of their own, which follow each other in the end.
+template <class Add>
+void add_all(const Material& material, std::size_t count, Add&& add, Sheets& sheets)
+{
+    constexpr std::size_t kAtOnce = 128;
+    std::vector<Sheets> parts((count + kAtOnce - 1) / kAtOnce);
+    parallel_for(parts.size(), 1,
+                 [&](std::size_t part)
+                 {
+                     parts[part].thickness = sheets.thickness;
+                     SheetCutter cutter(material, parts[part]);
+                     const std::size_t end = std::min(count, (part + 1) * kAtOnce);
+                     for (std::size_t i = part * kAtOnce; i < end; ++i)
+                         add(cutter, i);
+                 });
+    std::size_t num_patches = 0, num_crossings = 0;
+    for (const Sheets& part : parts)
+    {
+        num_patches += part.patches.size();
+        num_crossings += part.crossings.size();
+    }
+    sheets.patches.reserve(num_patches);
+    sheets.crossings.reserve(num_crossings);
+    for (Sheets& part : parts)
+    {
+        sheets.patches.insert(sheets.patches.end(), part.patches.begin(),
+                              part.patches.end());
+        sheets.crossings.insert(sheets.crossings.end(), part.crossings.begin(),
+                                part.crossings.end());
+        part = Sheets();
     }
 }
 
@@ -358,14 +410,32 @@ Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
     sheets.thickness = thickness;
     if (material.is_sheet.empty())
         return sheets;
-    SheetCutter cutter(material, sheets);
+    const VoxelGrid& grid = material.grid;
     if (shape.triangles.empty())
-        add_points(shape, material, cutter);
-    for (const Triangle& t : surface.triangles)
-        cutter.add({material.grid.to_voxels(shape.samples[t[0]]),
-                    material.grid.to_voxels(shape.samples[t[1]]),
-                    material.grid.to_voxels(shape.samples[t[2]])},
-                   1.0);
+    {
+        const std::vector<std::optional<PointSquare>> squares =
+            squares_of(shape, material);
+        add_all(
+            material, squares.size(),
+            [&](SheetCutter& cutter, std::size_t i)
+            {
+                if (squares[i])
+                    add_square(*squares[i], grid, cutter);
+            },
+            sheets);
+        return sheets;
+    }
+    add_all(
+        material, surface.triangles.size(),
+        [&](SheetCutter& cutter, std::size_t i)
+        {
+            const Triangle& t = surface.triangles[i];
+            cutter.add({grid.to_voxels(shape.samples[t[0]]),
+                        grid.to_voxels(shape.samples[t[1]]),
+                        grid.to_voxels(shape.samples[t[2]])},
+                       1.0);
+        },
+        sheets);
     return sheets;
 }
 

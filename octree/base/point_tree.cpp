@@ -3,9 +3,14 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <utility>
 
+// Where there is no memory the library prints beside throwing; the program tells of it
+// itself.
+#define fprintf(...) static_cast<void>(0)
 #include <nanoflann.hpp>
+#undef fprintf
 
 namespace cellwarp
 {

@@ -5,7 +5,9 @@
 #include <array>
 #include <cerrno>
 #include <filesystem>
+#include <new>
 #include <system_error>
+#include <utility>
 
 #include <spawn.h>
 #include <sys/mman.h>
@@ -90,21 +92,27 @@ CurveSkeleton curve_skeleton(const Shape& surface)
     MemoryFile in("surface"), out("skeleton");
     in.write(bytes_of(surface));
     posix_spawn_file_actions_t streams;
-    ::posix_spawn_file_actions_init(&streams);
-    ::posix_spawn_file_actions_adddup2(&streams, in.get(), 0);
-    ::posix_spawn_file_actions_adddup2(&streams, out.get(), 1);
+    int failure = ::posix_spawn_file_actions_init(&streams);
+    for (const auto& [file, stream] : {std::pair(in.get(), 0), {out.get(), 1}})
+        if (failure == 0)
+            failure = ::posix_spawn_file_actions_adddup2(&streams, file, stream);
     const std::array<char*, 2> words = {program.data(), nullptr};
     pid_t process = -1;
     // Without the caller's surroundings, so that nothing of them changes what it does.
     char* no_surroundings[] = {nullptr};
-    const int failure = ::posix_spawn(&process, program.c_str(), &streams, nullptr,
-                                      words.data(), no_surroundings);
+    if (failure == 0)
+        failure = ::posix_spawn(&process, program.c_str(), &streams, nullptr,
+                                words.data(), no_surroundings);
     ::posix_spawn_file_actions_destroy(&streams);
+    if (failure == ENOMEM)
+        throw std::bad_alloc();
     if (failure != 0)
         fail(failure);
     int status = 0;
     while (::waitpid(process, &status, 0) < 0 && errno == EINTR)
         ;
+    if (WIFEXITED(status) && WEXITSTATUS(status) == kSkeletonWithoutMemory)
+        throw std::bad_alloc();
     CurveSkeleton skeleton;
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0 ||
         !read_bytes(out.read(), skeleton))

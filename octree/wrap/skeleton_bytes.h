@@ -13,6 +13,9 @@
 namespace cellwarp
 {
 
+/// What the program ends with where it finds no memory.
+inline constexpr int kSkeletonWithoutMemory = 3;
+
 /// Takes values off the front of bytes; after one that is not there nothing is.
 class ByteReader
 {

@@ -118,6 +118,10 @@ int main()
     {
         return cellwarp::run();
     }
+    catch (const std::bad_alloc&)
+    {
+        return cellwarp::kSkeletonWithoutMemory;
+    }
     catch (const std::exception&)
     {
         return 1; // the library gave up: there is no skeleton

@@ -2,6 +2,7 @@
 #include "io/obj.h"
 
 #include <random>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -189,6 +190,28 @@ TEST(Obj, a_normal_whose_users_part_company_is_split)
     EXPECT_EQ(num_split, 1u);
 }
 
+TEST(Obj, directions_that_the_digits_of_the_file_do_not_tell_apart_share_a_statement)
+{
+    // The second use is 4e-5 off: half of the fourth decimal is more, of the fifth less.
+    for (const auto& [direction, decimals, num_wanted] : {std::tuple("0.0000 0 1", 4, 0u),
+                                                          {"0.00000 0 1", 5, 1u},
+                                                          {"0 0e0 1", 6, 1u},
+                                                          {"0 0 1.0", 1, 0u},
+                                                          {"-0.123456789 0 1", 6, 1u}})
+    {
+        const GeometryFile file =
+            scan_geometry("x.obj", kTriangle + "vn " + direction +
+                                       "\nf 1//1 2//1 3//1\nf 3//1 2//1 1//1\n");
+        EXPECT_EQ(file.geometry.direction_decimals, decimals) << direction;
+        DeformedSamples patch = same(file.geometry);
+        ASSERT_EQ(patch.directions.size(), 3u);
+        patch.directions[0] = patch.directions[1] = Eigen::Vector3d(1, 0, 0);
+        patch.directions[2] = Eigen::Vector3d(1, 4e-5, 0);
+        EXPECT_EQ(write_patched(file, patch, [](std::string_view) {}), num_wanted)
+            << direction;
+    }
+}
+
 TEST(Obj, parts_of_a_file_give_what_the_whole_gives)
 {
     const std::string text =
@@ -215,7 +238,7 @@ TEST(Obj, many_uses_of_one_direction_join_the_first_that_is_near)
         const double length = i % 50 == 49 ? 3.0 : i % 50 == 48 ? 1e-9 : 1.0;
         values.push_back(length * (around + support::random_vector(rng, 2e-6)));
     }
-    DirectionSplitter splitter(1, "\n");
+    DirectionSplitter splitter(1, 6, "\n");
     std::string lines;
     for (std::size_t i = 0; i < values.size(); ++i)
     {

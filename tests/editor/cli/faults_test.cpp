@@ -27,10 +27,10 @@ namespace
 
 /// So many calls of a kind fail one after the other, a run each; of those behind them
 /// some. CELLWARP_FAULTS: another number.
-std::size_t num_faults()
+std::size_t num_faults(std::size_t few)
 {
     const char* const wanted = std::getenv("CELLWARP_FAULTS");
-    return wanted ? idx(std::atol(wanted)) : 24;
+    return wanted ? idx(std::atol(wanted)) : few;
 }
 
 constexpr char kRope[] = R"({"cellwarp": 1,
@@ -58,7 +58,7 @@ protected:
         }
         else if (command == "cloud")
         {
-            // What its points enclose is found in exact numbers.
+            // What its points enclose is found by floods.
             std::string points;
             for (const Eigen::Vector3d& x :
                  support::box_shape({-0.5, -0.5, 0}, {0.5, 0.5, 4}, 3).samples)
@@ -139,13 +139,14 @@ protected:
     }
 
     /// All calls of a kind, or of many the first ones and some; gives the codes seen.
-    std::set<int> all_fail_well(const std::string& kind, const std::set<int>& codes)
+    std::set<int> all_fail_well(const std::string& kind, const std::set<int>& codes,
+                                std::size_t few = 24)
     {
         EXPECT_FALSE(fails_well(kind, 100000000, {})); // what the whole output is
         codes_.clear();
         std::size_t which = 1;
         while (fails_well(kind, which, codes))
-            which += which < num_faults() ? 1 : 1 + which / 2;
+            which += which < num_faults(few) ? 1 : 1 + which / 2;
         EXPECT_GT(which, 1u) << "no call was made";
         return codes_;
     }
@@ -193,7 +194,11 @@ TEST_P(Faults, of_threads_are_told_as_too_few_of_them)
 
 TEST_P(Faults, of_memory_are_told_as_too_little_of_it)
 {
-    EXPECT_EQ(all_fail_well("malloc", {kBudget}).count(kBudget), 1u);
+    // A tree of points printed what it missed, and the program that finds skeletons was
+    // started without its streams: answers differed. They come that late.
+    const bool is_late =
+        GetParam() == std::string("cloud") || GetParam() == std::string("info");
+    EXPECT_EQ(all_fail_well("malloc", {kBudget}, is_late ? 300 : 24).count(kBudget), 1u);
 }
 
 } // namespace cellwarp
