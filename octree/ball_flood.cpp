@@ -13,6 +13,7 @@
 #include "octree/ball_flood.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "octree/base/index.h"
@@ -51,6 +52,8 @@ BallFlood::BallFlood(const VoxelGrid& grid, const VoxelFlags& marks, int most,
       distances_(lattice_.marks(), lattice_.counts(), reach),
       blocks_(lattice_.counts() / kBlock), most_(most)
 {
+    assert(0 <= most && most <= kLargest && most <= reach &&
+           reach <= NearDistances::kFarthest);
     find_near_blocks();
     find_free();
     flow();
@@ -58,6 +61,7 @@ BallFlood::BallFlood(const VoxelGrid& grid, const VoxelFlags& marks, int most,
 
 VoxelFlags BallFlood::dry(int radius) const
 {
+    assert(radius <= most_);
     VoxelFlags dry(lattice_.marks().size());
     for (std::size_t block = 0; block < near_of_.size(); ++block)
         for_each_row(block,

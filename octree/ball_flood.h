@@ -51,11 +51,14 @@ private:
 class BallFlood
 {
 public:
-    /// The largest radius that can be asked for [voxel].
-    static constexpr int kLargest = 200;
+    /// The largest radius that can be asked for [voxel]: distances are told a quarter
+    /// farther.
+    static constexpr int kLargest = 143;
+    static_assert(1.25 * kLargest <= NearDistances::kFarthest);
 
     /// Of radii up to \p most [voxel], at most kLargest. Distances from the marks are
-    /// told up to \p reach, at least as much.
+    /// told up to \p reach.
+    /// \pre 0 <= most <= kLargest, most <= reach <= NearDistances::kFarthest
     BallFlood(const VoxelGrid& grid, const VoxelFlags& marks, int most, double reach);
 
     /// The grid with a border of one voxel at least: voxels are numbered as here.
@@ -65,7 +68,8 @@ public:
 
     /// Calls visit(reached, free, voxel) for the voxels that it does not reach at every
     /// radius at which they are free: the largest at which it does, -1 if there is none,
-    /// and at which they are. visit_far(reached, count) for whole blocks.
+    /// and at which they are. visit_far(reached, count) for all
+    /// blocks that are free at every radius.
     template <class Visit, class VisitFar>
     void for_each(Visit&& visit, VisitFar&& visit_far) const
     {
@@ -83,7 +87,8 @@ public:
                              });
     }
 
-    /// The voxels that it does not reach at \p radius, marks among them.
+    /// The voxels that it does not reach at \p radius, at most that of the flood, marks
+    /// among them.
     VoxelFlags dry(int radius) const;
 
 private:

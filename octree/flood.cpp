@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Finds the inside of a surface that is given by marked voxels and may have holes.
-//   1. Every voxel nearer than r to a mark is closed: holes narrower than 2 r let nothing
+//   1. Every voxel at most r from a mark is closed: holes narrower than 2 r let nothing
 //      in.
 //   2. A flood from the grid's border fills what it reaches.
 //   3. What it did not reach is the inside without a layer of the thickness r, and the
@@ -15,7 +15,6 @@
 
 #include "octree/ball_flood.h"
 #include "octree/base/index.h"
-#include "octree/base/parallel.h"
 #include "octree/near_distances.h"
 
 namespace cellwarp
@@ -99,6 +98,8 @@ SealedInside::SealedInside(const VoxelGrid& grid, const VoxelFlags& marks, int m
     if (static_cast<double>(inside[idx(best)]) >=
         std::max(1.0, kMinInsideShare * static_cast<double>(num_marks)))
         radius_ = best;
+    else
+        flood_.reset();
 }
 
 VoxelFlags SealedInside::voxels(const std::function<bool(std::size_t)>& may_fill) &&

@@ -53,6 +53,13 @@ int ball_of(double opening)
     return static_cast<int>(opening) + 1;
 }
 
+/// What a place must be away from all marks so that a hollow may begin there. Where the
+/// ball does not fit at all it does not come to places outside either.
+double room_of(double opening)
+{
+    return std::max<double>(kRoom * opening, ball_of(opening));
+}
+
 /// Of each radius whether there is a place with enough room that its ball cannot come to.
 std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& radii)
 {
@@ -60,7 +67,7 @@ std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& r
     const auto add = [&](int reached, const auto& has_room)
     {
         for (std::size_t k = 0; k < radii.size(); ++k)
-            if (!shows[k] && reached < ball_of(radii[k]) && has_room(kRoom * radii[k]))
+            if (!shows[k] && reached < ball_of(radii[k]) && has_room(room_of(radii[k])))
                 shows[k] = 1;
     };
     flood.for_each(
@@ -99,17 +106,17 @@ enum class Side : std::uint8_t
     Mark
 };
 
-/// Adds to \p hollow what of \p dry falls to places of enough room in it. Returns whether
-/// there was any.
-bool add_hollows(const VoxelGrid& grid, const BallFlood& flood, const VoxelFlags& dry,
-                 double radius, VoxelFlags& hollow)
+/// Writes \p number into \p hollow for what falls to places of enough room that the ball
+/// of an opening does not come to.
+void add_hollows(const VoxelGrid& grid, const BallFlood& flood, double opening,
+                 std::uint8_t number, VoxelFlags& hollow)
 {
     const NearDistances& room = flood.distances();
     const PaddedMarks& lattice = flood.lattice();
     VoxelValues<Side> side(hollow.size());
     // The level of a voxel's room, for a flood from the roomiest places down: half
     // voxels, up to the room of a hollow.
-    const double most = kRoom * radius;
+    const double most = room_of(opening);
     const std::size_t num_levels = static_cast<std::size_t>(2.0 * most) + 1;
     std::vector<std::uint16_t> level_at; // of each squared distance
     for (std::uint32_t squared = 0; squared <= most * most; ++squared)
@@ -129,18 +136,18 @@ bool add_hollows(const VoxelGrid& grid, const BallFlood& flood, const VoxelFlags
         fronts[there][side[voxel] == Side::Hollow ? 0 : 1].push_back(voxel);
     };
     bool has_any = false;
-    for_each_in_grid(grid, lattice, dry,
+    for_each_in_grid(grid, lattice, flood.dry(ball_of(opening)),
                      [&](std::size_t place, std::size_t)
                      {
                          const bool is_hollow =
-                             !hollow[place] && room.is_beyond(place, kRoom * radius);
+                             !hollow[place] && room.is_beyond(place, most);
                          side[place] = is_hollow                ? Side::Hollow
                                        : lattice.marks()[place] ? Side::Mark
                                                                 : Side::Nobody;
                          has_any = has_any || is_hollow;
                      });
     if (!has_any)
-        return false;
+        return;
     const std::size_t nx = idx(lattice.counts().x());
     const std::size_t stride[3] = {1, nx, nx * idx(lattice.counts().y())};
     // The flood begins where a voxel that is nobody's yet has a neighbour that is
@@ -178,9 +185,8 @@ bool add_hollows(const VoxelGrid& grid, const BallFlood& flood, const VoxelFlags
                  [&](std::size_t i)
                  {
                      if (side[i] == Side::Hollow)
-                         hollow[i] = 1;
+                         hollow[i] = number;
                  });
-    return true;
 }
 
 } // namespace
@@ -191,23 +197,19 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
 {
     Hollows found{-1.0, VoxelFlags(grid.size())};
     const std::vector<double> radii = radii_between(openings);
-    const int most = ball_of(radii.back());
-    const BallFlood flood(grid, marks, most,
-                          std::max<double>(most, kRoom * radii.back()));
+    const BallFlood flood(grid, marks, ball_of(radii.back()), room_of(radii.back()));
     const std::vector<char> shows = show_room(flood, radii);
-    VoxelFlags hollow(flood.lattice().marks().size());
-    double closed = -1.0;
+    VoxelFlags hollow(flood.lattice().marks().size()); // the number of its radius, from 1
     for (std::size_t k = 0; k < radii.size(); ++k)
-        if (shows[k] &&
-            add_hollows(grid, flood, flood.dry(ball_of(radii[k])), radii[k], hollow))
-            closed = radii[k];
+        if (shows[k])
+            add_hollows(grid, flood, radii[k], static_cast<std::uint8_t>(k + 1), hollow);
     for_each_in_grid(grid, flood.lattice(), hollow,
-                     [&](std::size_t, std::size_t voxel)
+                     [&](std::size_t place, std::size_t voxel)
                      {
                          if (!may_fill(voxel))
                              return;
                          found.is_inside[voxel] = 1;
-                         found.radius = closed;
+                         found.radius = std::max(found.radius, radii[hollow[place] - 1u]);
                      });
     return found;
 }

@@ -26,7 +26,8 @@ struct Hollows
 };
 
 /// The hollows of the surface that \p marks (not 0) show, each up to the smallest radius
-/// that closes it: between those of the openings, in steps of a quarter. A hollow has
+/// that closes it: between those of the openings, in steps of a quarter, none wider than
+/// BallFlood::kLargest tells. A hollow has
 /// room for a ball a quarter larger than that. Nothing on the outside, no mark, and only
 /// what \p may_fill accepts.
 Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,

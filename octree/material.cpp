@@ -134,7 +134,7 @@ double material_bytes(const BoundingSurface& surface, const GridShape& grid_shap
     // leaves hold several pieces. The flood, which open surfaces need, works in larger
     // voxels where these are fine: marks, a byte; distances, two; how free a voxel is and
     // how far the flood comes, two. What it leaves is found in a grid with a border, with
-    // six bytes beside them. Hollows take no more.
+    // six bytes beside them. Hollows take as much, though not everywhere.
     if (fill == Fill::Shell || surface.open_edges == 0.0)
         return kBytesOfVoxel * num_voxels(grid_shape);
     const GridShape flooded = inside_grid(grid_shape);

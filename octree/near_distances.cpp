@@ -59,15 +59,16 @@ using Row = std::array<Squared, kBeside>;              ///< a number of each of 
 bool from_sites(std::span<const std::uint8_t> is_site, Squared limit,
                 std::vector<Squared>& squared)
 {
+    constexpr int kTooFar = static_cast<int>(NearDistances::kFarthest) + 1;
     const int count = static_cast<int>(is_site.size());
     squared.assign(is_site.size(), kBeyond);
     bool has_any = false;
     const auto go = [&](int begin, int end, int step)
     {
-        int since = static_cast<int>(NearDistances::kFarthest) + 1; // the last site
+        int since = kTooFar; // the last site
         for (int q = begin; q != end; q += step)
         {
-            since = is_site[idx(q)] ? 0 : since + 1;
+            since = is_site[idx(q)] ? 0 : std::min(since + 1, kTooFar);
             has_any = has_any || since == 0;
             if (since * since <= limit)
                 squared[idx(q)] =

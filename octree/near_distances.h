@@ -25,7 +25,6 @@ public:
     /// fastest. A reach beyond kFarthest counts as that.
     NearDistances(const VoxelFlags& marks, const Eigen::Vector3i& counts, double reach);
 
-    std::size_t size() const { return codes_.size(); }
     /// Whether a voxel is farther from all marks than the reach.
     bool is_far(std::size_t voxel) const { return codes_[voxel] == 0; }
     /// Of a voxel that is not far.

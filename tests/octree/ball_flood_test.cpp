@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/ball_flood.h"
 
-#include <algorithm>
+#include <array>
 #include <random>
 #include <vector>
 
@@ -74,15 +74,20 @@ std::vector<char> slow_dry(const VoxelGrid& grid, const VoxelFlags& marks, int r
 void expect_as_slow(const VoxelGrid& grid, const VoxelFlags& marks, int most)
 {
     const BallFlood flood(grid, marks, most, most + 2);
-    // Of each voxel of the lattice the radii at which balls do not come though they fit.
-    std::vector<std::array<int, 2>> missed(flood.lattice().marks().size(), {0, 0});
+    // Of each voxel of the lattice the radii at which balls do not come though they fit;
+    // of whole blocks how many voxels, by the first such radius.
+    std::vector<std::array<int, 2>> missed(flood.lattice().marks().size(), {1, 0});
+    std::vector<std::size_t> far_from(idx(most) + 2, 0);
     flood.for_each(
         [&](int reached, int free, std::size_t voxel) {
             missed[voxel] = {reached + 1, free};
         },
-        [](int, std::size_t) {});
+        [&](int reached, std::size_t count) { far_from[idx(reached + 1)] += count; });
+    std::size_t num_far = 0;
     for (int radius = 0; radius <= most; ++radius)
     {
+        num_far += far_from[idx(radius)];
+        std::size_t num_not_told = 0;
         const std::vector<char> slow = slow_dry(grid, marks, radius);
         const VoxelFlags dry = flood.dry(radius);
         for (std::size_t i = 0; i < grid.size(); ++i)
@@ -90,14 +95,13 @@ void expect_as_slow(const VoxelGrid& grid, const VoxelFlags& marks, int most)
             const std::size_t place = flood.lattice().at(grid.coordinates(i));
             ASSERT_EQ(dry[place] != 0, slow[i] != 0)
                 << radius << ": " << grid.coordinates(i).transpose();
-            if (missed[place][1] > 0)
-            {
-                const bool is_missed =
-                    missed[place][0] <= radius && radius <= missed[place][1];
-                ASSERT_EQ(is_missed,
-                          slow[i] && flood.distances().is_beyond(place, radius));
-            }
+            const bool is_told = missed[place][0] <= radius && radius <= missed[place][1];
+            const bool is_missed = slow[i] && flood.distances().is_beyond(place, radius);
+            ASSERT_TRUE(is_missed || !is_told) << grid.coordinates(i).transpose();
+            num_not_told += is_missed && !is_told;
         }
+        // Whole blocks that are missed are enclosed: within the grid.
+        ASSERT_EQ(num_not_told, num_far) << radius;
     }
 }
 
@@ -117,6 +121,28 @@ TEST(BallFlood, comes_as_far_as_floods_of_each_radius)
                 marks[i] = rng() % share == 0;
             expect_as_slow(grid, marks, 5);
         }
+}
+
+TEST(BallFlood, tells_of_whole_blocks_that_are_enclosed)
+{
+    // A closed box with a hole of 5 x 5: far from its walls are whole blocks.
+    const VoxelGrid grid = grid_of({60, 50, 70});
+    VoxelFlags marks(grid.size());
+    for_each_voxel({Vector3i::Constant(4), Vector3i(55, 45, 65)},
+                   [&](const Vector3i& v)
+                   {
+                       const bool is_wall = (v.array() == 4).any() || v.x() == 55 ||
+                                            v.y() == 45 || v.z() == 65;
+                       const bool is_hole = v.z() == 65 && v.x() >= 20 && v.x() < 25 &&
+                                            v.y() >= 20 && v.y() < 25;
+                       marks[grid.index(v)] = is_wall && !is_hole;
+                   });
+    std::size_t num_far = 0;
+    BallFlood(grid, marks, 5, 7)
+        .for_each([](int, int, std::size_t) {}, [&](int reached, std::size_t count)
+                  { num_far += reached < 5 ? count : 0; });
+    EXPECT_GT(num_far, 8u * 8u * 8u);
+    expect_as_slow(grid, marks, 5);
 }
 
 TEST(BallFlood, finds_the_way_through_a_maze)

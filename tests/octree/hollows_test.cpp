@@ -129,6 +129,39 @@ TEST(Hollows, a_pot_without_its_lid_is_solid)
     }
 }
 
+TEST(Hollows, nothing_grows_out_of_the_surface_whatever_the_opening)
+{
+    // A ball of radius 15 with a hole of 4, far from the border of the grid.
+    GridShape shape;
+    shape.coarsest = Eigen::Vector3i::Constant(60);
+    shape.size = shape.coarsest.cast<double>();
+    shape.voxels_per_leaf = 1;
+    const VoxelGrid grid(shape);
+    const auto away = [&](std::size_t i)
+    { return (grid.coordinates(i).cast<double>() - Vector3d::Constant(29.5)).norm(); };
+    VoxelFlags marks(grid.size());
+    for (std::size_t i = 0; i < grid.size(); ++i)
+    {
+        const Eigen::Vector3i v = grid.coordinates(i);
+        const bool is_hole = v.z() > 30 && std::hypot(v.x() - 29.5, v.y() - 29.5) < 4.0;
+        marks[i] = std::abs(away(i) - 15.0) < 1.0 && !is_hole;
+    }
+    for (const double narrowest : {2.0, 2.5, 3.0, 3.125, 4.0, 4.9})
+    {
+        const Hollows hollows = hollow_voxels(grid, marks, {narrowest, 9.0},
+                                              [](std::size_t) { return true; });
+        EXPECT_NEAR(hollows.radius, 4.0, 1.5) << narrowest;
+        std::size_t inside = 0;
+        for (std::size_t i = 0; i < grid.size(); ++i)
+        {
+            inside += hollows.is_inside[i];
+            ASSERT_TRUE(!hollows.is_inside[i] || away(i) < 16.0)
+                << narrowest << ": " << grid.coordinates(i).transpose();
+        }
+        EXPECT_GT(inside, 10000u) << narrowest; // of 11,500
+    }
+}
+
 TEST(Hollows, what_is_as_wide_as_its_opening_is_a_shell)
 {
     EXPECT_EQ(found(zone(-1.0, 0.0)).method, InsideMethod::None);  // a bowl
@@ -166,7 +199,8 @@ TEST(Hollows, two_bodies_each_get_their_own)
 
 TEST(Hollows, a_groove_is_outside_though_gaps_lead_to_it)
 {
-    // Every second triangle is missing; the wrap of the lid spans the handle's ring.
+    // Every second triangle is missing; a ball that the lid's opening keeps out does not
+    // come into the handle's ring either.
     const Shape closed = pot();
     const Shape open = loose_triangles(with_hole(closed, kTop, 0.45));
     Shape moved = open;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/near_distances.h"
 
+#include <algorithm>
 #include <limits>
 #include <random>
 
@@ -70,6 +71,35 @@ TEST(NearDistances, are_those_of_the_nearest_marks_up_to_the_reach)
     const NearDistances none(VoxelFlags(8), {2, 2, 2}, 9.0);
     for (std::size_t line = 0; line < 4; ++line)
         EXPECT_TRUE(none.are_far(line, 0, 2));
+}
+
+TEST(NearDistances, are_told_up_to_the_farthest_along_every_axis)
+{
+    // Lines longer than every reach, and one so long that squares of it are no int.
+    for (const Eigen::Vector3i& counts :
+         {Eigen::Vector3i(400, 1, 1), Eigen::Vector3i(1, 400, 1),
+          Eigen::Vector3i(1, 1, 400), Eigen::Vector3i(33, 2, 400),
+          Eigen::Vector3i(50000, 1, 1)})
+        for (const double reach : {179.9, 180.0, 500.0})
+        {
+            VoxelFlags marks(idx(counts.prod()));
+            marks[marks.size() - 1] = 1;
+            const NearDistances distances(marks, counts, reach);
+            const double most = std::min(reach, NearDistances::kFarthest);
+            for (int i = 0; i < counts.prod(); ++i)
+            {
+                const Eigen::Vector3i at(i % counts.x(), i / counts.x() % counts.y(),
+                                         i / counts.x() / counts.y());
+                const double squared =
+                    (counts - Eigen::Vector3i::Ones() - at).cast<double>().squaredNorm();
+                ASSERT_EQ(distances.is_far(idx(i)), squared > most * most)
+                    << counts.transpose() << ": " << i;
+                if (squared <= most * most)
+                {
+                    ASSERT_EQ(distances.squared(idx(i)), squared);
+                }
+            }
+        }
 }
 
 TEST(NearDistances, what_is_near_in_a_line_is_visited)

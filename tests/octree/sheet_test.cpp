@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "octree/base/parallel.h"
 #include "octree/cells.h"
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
@@ -74,6 +75,51 @@ TEST(Sheet, has_its_own_area_however_it_lies)
         for (const int quads : {1, 37})
             EXPECT_NEAR(area_of(cut(sheet(random_rotation(rng), quads), 12).sheets), 6.0,
                         1e-9);
+}
+
+TEST(Sheet, has_the_same_parts_for_every_number_of_threads)
+{
+    std::mt19937 rng(8);
+    const Shape mesh = sheet(random_rotation(rng), 30);
+    for (const Shape& shape : {mesh, Shape{mesh.samples, {}}})
+    {
+        const Sheets all = cut(shape, 12).sheets;
+        const ThreadLimit one(1);
+        const Sheets alone = cut(shape, 12).sheets;
+        ASSERT_EQ(all.patches.size(), alone.patches.size());
+        ASSERT_EQ(all.crossings.size(), alone.crossings.size());
+        EXPECT_GT(all.crossings.size(), 1000u);
+        for (std::size_t i = 0; i < all.crossings.size(); ++i)
+            ASSERT_TRUE(all.crossings[i].below == alone.crossings[i].below &&
+                        all.crossings[i].area == alone.crossings[i].area &&
+                        all.crossings[i].centre == alone.crossings[i].centre);
+        for (std::size_t i = 0; i < all.patches.size(); ++i)
+            ASSERT_EQ(all.patches[i].centre, alone.patches[i].centre);
+    }
+}
+
+TEST(Sheet, crosses_a_plane_in_one_part_or_in_halves_where_a_corner_lies_on_it)
+{
+    // In a box of edge 1 with leaves of 0.5; the plane x = 0.5 cuts the triangle.
+    for (const double tip : {0.2, 0.5})
+    {
+        const Shape shape{
+            {{0.2, 0.1, 0.2}, {0.8, 0.1, 0.2}, {tip, 0.1, 0.4}, {0, 0, 0}, {1, 1, 1}},
+            {{0, 1, 2}}};
+        const Sheets sheets = cut(shape, 2).sheets;
+        ASSERT_EQ(sheets.crossings.size(), tip == 0.5 ? 2u : 1u);
+        const double length = tip == 0.5 ? 0.2 : 0.1;
+        double area = 0.0;
+        for (const SheetCrossing& crossing : sheets.crossings)
+        {
+            EXPECT_EQ(crossing.axis, 0);
+            EXPECT_NEAR(crossing.length, length, 1e-12);
+            area += crossing.area;
+        }
+        EXPECT_NEAR(area, length * kThickness, 1e-12);
+        EXPECT_EQ(sheets.patches.size(), 2u);
+        EXPECT_NEAR(area_of(sheets), 0.06, 1e-12);
+    }
 }
 
 TEST(Sheet, has_cross_sections_of_its_own_volume_however_it_lies)
