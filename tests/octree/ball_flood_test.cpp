@@ -7,22 +7,16 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/grids.h"
+
 namespace cellwarp
 {
 
 using Eigen::Vector3i;
+using support::grid_of;
 
 namespace
 {
-
-VoxelGrid grid_of(const Vector3i& counts)
-{
-    GridShape shape;
-    shape.coarsest = counts;
-    shape.size = counts.cast<double>();
-    shape.voxels_per_leaf = 1;
-    return VoxelGrid(shape);
-}
 
 /// Which voxels of a grid no ball of a radius comes to, by a flood for that radius alone
 /// in a grid with a border that is wider.

@@ -9,23 +9,16 @@
 #include <gtest/gtest.h>
 
 #include "octree/base/index.h"
+#include "tests/support/grids.h"
 
 namespace cellwarp
 {
 
 using Eigen::Vector3i;
+using support::grid_of;
 
 namespace
 {
-
-GridShape cube_of(int side)
-{
-    GridShape shape;
-    shape.coarsest = Vector3i::Constant(side);
-    shape.size = shape.coarsest.cast<double>();
-    shape.voxels_per_leaf = 1;
-    return shape;
-}
 
 double squared(const Vector3i& a)
 {
@@ -153,7 +146,7 @@ TEST(Flood, finds_what_the_definition_says)
     for (const double missing : {0.0, 0.1, 0.4, 0.7, 0.9})
         for (const unsigned seed : {1u, 2u})
         {
-            const VoxelGrid grid(cube_of(41));
+            const VoxelGrid grid = grid_of(Vector3i::Constant(41));
             const VoxelFlags marks =
                 holed_ball(grid, Vector3i(19, 22, 20), 17.0, missing, seed);
             SCOPED_TRACE(testing::Message() << missing << " " << seed);
@@ -166,10 +159,7 @@ TEST(Flood, balls_outside_of_the_grid_reach_into_notches)
 {
     // A thin hollow plate up to the border of the grid; one of its walls has a hole, and
     // a notch is wider than the plate is thick.
-    GridShape shape = cube_of(1);
-    shape.coarsest = Vector3i(37, 30, 11);
-    shape.size = shape.coarsest.cast<double>();
-    const VoxelGrid grid(shape);
+    const VoxelGrid grid = grid_of({37, 30, 11});
     const auto is_in = [&](const Vector3i& v)
     {
         const VoxelRange plate{Vector3i::Zero(), grid.counts().array() - 1},
@@ -190,7 +180,7 @@ TEST(Flood, balls_outside_of_the_grid_reach_into_notches)
 
 TEST(Flood, takes_the_smallest_radius_that_seals)
 {
-    const VoxelGrid grid(cube_of(41));
+    const VoxelGrid grid = grid_of(Vector3i::Constant(41));
     for (const int width : {0, 2, 4, 6})
     {
         // A hollow cube with a square hole in one side.
@@ -216,7 +206,7 @@ TEST(Flood, takes_the_smallest_radius_that_seals)
 
 TEST(Flood, a_few_marks_in_a_large_box_enclose_nothing)
 {
-    const VoxelGrid grid(cube_of(200));
+    const VoxelGrid grid = grid_of(Vector3i::Constant(200));
     VoxelFlags marks(grid.size());
     marks[grid.index(3, 3, 3)] = marks[grid.index(150, 20, 199)] = 1;
     EXPECT_EQ(SealedInside(grid, marks, 8).radius(), -1);

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/support/grids.h"
+
 namespace cellwarp
 {
 
@@ -13,15 +15,7 @@ namespace
 {
 
 using Eigen::Vector3i;
-
-VoxelGrid grid_of(const Vector3i& counts)
-{
-    GridShape shape;
-    shape.coarsest = counts;
-    shape.size = counts.cast<double>();
-    shape.voxels_per_leaf = 1;
-    return VoxelGrid(shape);
-}
+using support::grid_of;
 
 void fill(VoxelGrid& grid, const Vector3i& first, const Vector3i& last)
 {

@@ -11,6 +11,7 @@
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 #include "octree/material.h"
+#include "tests/support/grids.h"
 #include "tests/support/pot.h"
 #include "tests/support/program.h"
 #include "tests/support/shapes.h"
@@ -132,11 +133,7 @@ TEST(Hollows, a_pot_without_its_lid_is_solid)
 TEST(Hollows, nothing_grows_out_of_the_surface_whatever_the_opening)
 {
     // A ball of radius 15 with a hole of 4, far from the border of the grid.
-    GridShape shape;
-    shape.coarsest = Eigen::Vector3i::Constant(60);
-    shape.size = shape.coarsest.cast<double>();
-    shape.voxels_per_leaf = 1;
-    const VoxelGrid grid(shape);
+    const VoxelGrid grid = support::grid_of(Eigen::Vector3i::Constant(60));
     const auto away = [&](std::size_t i)
     { return (grid.coordinates(i).cast<double>() - Vector3d::Constant(29.5)).norm(); };
     VoxelFlags marks(grid.size());
