@@ -50,6 +50,8 @@ constexpr double kMostOpenVoxels = 7.5e6;
 /// What a sample takes from here on, with its motions, and what cells and fields do where
 /// nothing is refined, as measured [byte]. Shells have several times as many cells.
 constexpr double kBytesPerSample = 120.0, kBytesOfCells = 4e7, kBytesOfShellCells = 1e8;
+/// What the squares of a point take where a cloud is a shell, as measured [byte].
+constexpr double kBytesOfSquares = 4500.0;
 
 /// Whether more than \p most leaves of the coarsest grid of \p shape hold voxels of the
 /// material.
@@ -210,10 +212,12 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     const double voxel_of_gap = settings.gap / kVoxelsPerGap * frame.diagonal();
     double max_voxel = voxel_of_gap;
     int across = std::max(settings.across, 1);
+    bool is_shell = settings.fill == Fill::Shell;
     if (settings.across <= 0 || !is_nearly_closed(surface))
         if (const std::optional<Material> probe =
                 first_look(shape, surface, frame.size, settings.fill, voxel_of_gap))
         {
+            is_shell = is_shell || probe->method == InsideMethod::None;
             max_voxel = std::max(voxel_of_gap,
                                  widest_opening(*probe, surface) / kVoxelsPerOpening);
             if (settings.across <= 0)
@@ -230,8 +234,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
         grid = grid_shape(size, across, settings.max_depth, max_voxel);
     }
     const double others =
-        (settings.fill == Fill::Shell ? kBytesOfShellCells : kBytesOfCells) +
-        kBytesPerSample * static_cast<double>(samples.size());
+        (is_shell ? kBytesOfShellCells : kBytesOfCells) +
+        (kBytesPerSample +
+         (is_shell && shape.triangles.empty() ? kBytesOfSquares : 0.0)) *
+            static_cast<double>(samples.size());
     const double bytes = memory_with(
         material_bytes(surface, grid, settings.fill) + others, settings.max_memory);
     if ((settings.max_memory > 0 && bytes > settings.max_memory) ||
