@@ -178,6 +178,8 @@ BallFlood::Layer BallFlood::layer_beyond(std::size_t block, Side side) const
 namespace
 {
 
+constexpr int kEdge = 8; ///< of a block [voxel]
+
 /// From one voxel of each of some lines to the next one.
 template <int Count>
 void go_on(std::uint8_t* to, const std::uint8_t* from, const std::uint8_t* free)
@@ -186,7 +188,47 @@ void go_on(std::uint8_t* to, const std::uint8_t* from, const std::uint8_t* free)
         to[i] = std::max(to[i], std::min(free[i], from[i]));
 }
 
+/// Through kEdge layers that are \p Step apart, each of \p Count voxels side by side:
+/// forth from \p before and back from \p after.
+template <int Step, int Count>
+void go_both_ways(std::uint8_t* reached, const std::uint8_t* free,
+                  const std::uint8_t* before, const std::uint8_t* after)
+{
+    const std::uint8_t* from = before;
+    for (int k = 0; k < kEdge; ++k)
+    {
+        go_on<Count>(reached + k * Step, from, free + k * Step);
+        from = reached + k * Step;
+    }
+    from = after;
+    for (int k = kEdge; k-- > 0;)
+    {
+        go_on<Count>(reached + k * Step, from, free + k * Step);
+        from = reached + k * Step;
+    }
+}
+
 } // namespace
+
+/// What is reached in a block that is not far, from the layers beyond its sides.
+void BallFlood::settle_near(std::uint8_t* reached, const std::uint8_t* free,
+                            const std::array<Layer, kSides>& beyond)
+{
+    static_assert(kBlock == kEdge);
+    std::array<std::uint8_t, kBlockVoxels> last;
+    do
+    {
+        std::copy_n(reached, kBlockVoxels, last.begin());
+        for (int row = 0; row < kLayer; ++row)
+            go_both_ways<1, 1>(reached + row * kBlock, free + row * kBlock,
+                               &beyond[0][idx(row)], &beyond[1][idx(row)]);
+        for (int plane = 0; plane < kBlock; ++plane)
+            go_both_ways<kBlock, kBlock>(reached + plane * kLayer, free + plane * kLayer,
+                                         &beyond[2][idx(plane * kBlock)],
+                                         &beyond[3][idx(plane * kBlock)]);
+        go_both_ways<kLayer, kLayer>(reached, free, beyond[4].data(), beyond[5].data());
+    } while (!std::equal(last.begin(), last.end(), reached));
+}
 
 /// Returns of each side, as a bit, whether anything rose there.
 unsigned BallFlood::settle(std::size_t block)
@@ -205,53 +247,7 @@ unsigned BallFlood::settle(std::size_t block)
     for (std::size_t s = 0; s < kSides; ++s)
         before[s] = layer(block, side(s));
     const std::size_t own = idx(near_of_[block]) * std::size_t{kBlockVoxels};
-    std::uint8_t* const reached = reached_.data() + own;
-    const std::uint8_t* const free = free_.data() + own;
-    std::array<std::uint8_t, kBlockVoxels> last;
-    do
-    {
-        std::copy_n(reached, kBlockVoxels, last.begin());
-        for (int row = 0; row < kLayer; ++row)
-        {
-            std::uint8_t* const to = reached + row * kBlock;
-            const std::uint8_t* const limit = free + row * kBlock;
-            std::uint8_t from = beyond[0][idx(row)];
-            for (int i = 0; i < kBlock; ++i)
-                from = to[i] = std::max(to[i], std::min(limit[i], from));
-            from = beyond[1][idx(row)];
-            for (int i = kBlock; i-- > 0;)
-                from = to[i] = std::max(to[i], std::min(limit[i], from));
-        }
-        for (int plane = 0; plane < kBlock; ++plane)
-        {
-            const std::uint8_t* from = &beyond[2][idx(plane * kBlock)];
-            for (int j = 0; j < kBlock; ++j)
-            {
-                const int row = plane * kLayer + j * kBlock;
-                go_on<kBlock>(reached + row, from, free + row);
-                from = reached + row;
-            }
-            from = &beyond[3][idx(plane * kBlock)];
-            for (int j = kBlock; j-- > 0;)
-            {
-                const int row = plane * kLayer + j * kBlock;
-                go_on<kBlock>(reached + row, from, free + row);
-                from = reached + row;
-            }
-        }
-        const std::uint8_t* from = beyond[4].data();
-        for (int k = 0; k < kBlock; ++k)
-        {
-            go_on<kLayer>(reached + k * kLayer, from, free + k * kLayer);
-            from = reached + k * kLayer;
-        }
-        from = beyond[5].data();
-        for (int k = kBlock; k-- > 0;)
-        {
-            go_on<kLayer>(reached + k * kLayer, from, free + k * kLayer);
-            from = reached + k * kLayer;
-        }
-    } while (!std::equal(last.begin(), last.end(), reached));
+    settle_near(reached_.data() + own, free_.data() + own, beyond);
     unsigned risen = 0;
     for (std::size_t s = 0; s < kSides; ++s)
         risen |= unsigned{layer(block, side(s)) != before[s]} << s;

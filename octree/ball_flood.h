@@ -129,6 +129,8 @@ private:
     void find_near_blocks();
     void find_free();
     void flow();
+    static void settle_near(std::uint8_t* reached, const std::uint8_t* free,
+                            const std::array<Layer, kSides>& beyond);
     unsigned settle(std::size_t block);
     std::ptrdiff_t beside(std::size_t block, Side side) const;
     Layer layer(std::size_t block, Side side) const;
