@@ -22,30 +22,6 @@
 namespace cellwarp
 {
 
-PaddedMarks::PaddedMarks(const VoxelGrid& grid, const VoxelFlags& marks, int border,
-                         int multiple)
-    : border_(border),
-      counts_((grid.counts().array() + 2 * border + multiple - 1) / multiple * multiple),
-      marks_(idx(counts_.x()) * idx(counts_.y()) * idx(counts_.z()))
-{
-    for (int k = 0; k < grid.counts().z(); ++k)
-        for (int j = 0; j < grid.counts().y(); ++j)
-        {
-            const std::size_t row = grid.index(0, j, k), to = at({0, j, k});
-            for_each_set(marks, row, row + idx(grid.counts().x()),
-                         [&](std::size_t voxel)
-                         { marks_[to + (voxel - row)] = marks[voxel]; });
-        }
-}
-
-Eigen::Vector3i PaddedMarks::in_grid(std::size_t place) const
-{
-    const std::size_t nx = idx(counts_.x()), ny = idx(counts_.y());
-    return {static_cast<int>(place % nx) - border_,
-            static_cast<int>(place / nx % ny) - border_,
-            static_cast<int>(place / nx / ny) - border_};
-}
-
 BallFlood::BallFlood(const VoxelGrid& grid, const VoxelFlags& marks, int most,
                      double reach)
     : lattice_(grid, marks, 1, kBlock),
@@ -178,8 +154,6 @@ BallFlood::Layer BallFlood::layer_beyond(std::size_t block, Side side) const
 namespace
 {
 
-constexpr int kEdge = 8; ///< of a block [voxel]
-
 /// From one voxel of each of some lines to the next one.
 template <int Count>
 void go_on(std::uint8_t* to, const std::uint8_t* from, const std::uint8_t* free)
@@ -188,20 +162,20 @@ void go_on(std::uint8_t* to, const std::uint8_t* from, const std::uint8_t* free)
         to[i] = std::max(to[i], std::min(free[i], from[i]));
 }
 
-/// Through kEdge layers that are \p Step apart, each of \p Count voxels side by side:
-/// forth from \p before and back from \p after.
-template <int Step, int Count>
+/// Through \p Layers that are \p Step apart, each of \p Count voxels side by side: forth
+/// from \p before and back from \p after.
+template <int Layers, int Step, int Count>
 void go_both_ways(std::uint8_t* reached, const std::uint8_t* free,
                   const std::uint8_t* before, const std::uint8_t* after)
 {
     const std::uint8_t* from = before;
-    for (int k = 0; k < kEdge; ++k)
+    for (int k = 0; k < Layers; ++k)
     {
         go_on<Count>(reached + k * Step, from, free + k * Step);
         from = reached + k * Step;
     }
     from = after;
-    for (int k = kEdge; k-- > 0;)
+    for (int k = Layers; k-- > 0;)
     {
         go_on<Count>(reached + k * Step, from, free + k * Step);
         from = reached + k * Step;
@@ -214,19 +188,19 @@ void go_both_ways(std::uint8_t* reached, const std::uint8_t* free,
 void BallFlood::settle_near(std::uint8_t* reached, const std::uint8_t* free,
                             const std::array<Layer, kSides>& beyond)
 {
-    static_assert(kBlock == kEdge);
     std::array<std::uint8_t, kBlockVoxels> last;
     do
     {
         std::copy_n(reached, kBlockVoxels, last.begin());
         for (int row = 0; row < kLayer; ++row)
-            go_both_ways<1, 1>(reached + row * kBlock, free + row * kBlock,
-                               &beyond[0][idx(row)], &beyond[1][idx(row)]);
+            go_both_ways<kBlock, 1, 1>(reached + row * kBlock, free + row * kBlock,
+                                       &beyond[0][idx(row)], &beyond[1][idx(row)]);
         for (int plane = 0; plane < kBlock; ++plane)
-            go_both_ways<kBlock, kBlock>(reached + plane * kLayer, free + plane * kLayer,
-                                         &beyond[2][idx(plane * kBlock)],
-                                         &beyond[3][idx(plane * kBlock)]);
-        go_both_ways<kLayer, kLayer>(reached, free, beyond[4].data(), beyond[5].data());
+            go_both_ways<kBlock, kBlock, kBlock>(
+                reached + plane * kLayer, free + plane * kLayer,
+                &beyond[2][idx(plane * kBlock)], &beyond[3][idx(plane * kBlock)]);
+        go_both_ways<kBlock, kLayer, kLayer>(reached, free, beyond[4].data(),
+                                             beyond[5].data());
     } while (!std::equal(last.begin(), last.end(), reached));
 }
 

@@ -11,38 +11,12 @@
 #include <Eigen/Core>
 
 #include "octree/near_distances.h"
+#include "octree/padded_marks.h"
 #include "octree/voxel_grid.h"
 #include "octree/voxel_values.h"
 
 namespace cellwarp
 {
-
-/// Marks of a grid with free voxels all around.
-class PaddedMarks
-{
-public:
-    /// \p border voxels on every side at least, and on the far sides as many more as
-    /// make each count a multiple of \p multiple.
-    PaddedMarks(const VoxelGrid& grid, const VoxelFlags& marks, int border,
-                int multiple = 1);
-
-    const Eigen::Vector3i& counts() const { return counts_; }
-    const VoxelFlags& marks() const { return marks_; }
-    /// The place here of a voxel of the grid.
-    std::size_t at(const Eigen::Vector3i& voxel) const
-    {
-        return (idx(voxel.z() + border_) * idx(counts_.y()) + idx(voxel.y() + border_)) *
-                   idx(counts_.x()) +
-               idx(voxel.x() + border_);
-    }
-    /// The other way; outside of the grid where \p place is in the border.
-    Eigen::Vector3i in_grid(std::size_t place) const;
-
-private:
-    int border_;
-    Eigen::Vector3i counts_;
-    VoxelFlags marks_;
-};
 
 /// A flood from outside by the middles of balls that hold no mark's middle, from voxel to
 /// voxel through their faces, for all radii at once. Blocks of voxels that are far from

@@ -80,22 +80,6 @@ std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& r
     return shows;
 }
 
-/// Calls visit(place in the lattice, voxel of the grid) for the voxels of the grid that
-/// are not 0 in \p set, which tells of the lattice.
-template <class Visit>
-void for_each_in_grid(const VoxelGrid& grid, const PaddedMarks& lattice,
-                      const VoxelFlags& set, Visit&& visit)
-{
-    const std::size_t nx = idx(grid.counts().x());
-    for (int k = 0; k < grid.counts().z(); ++k)
-        for (int j = 0; j < grid.counts().y(); ++j)
-        {
-            const std::size_t row = grid.index(0, j, k), from = lattice.at({0, j, k});
-            for_each_set(set, from, from + nx,
-                         [&](std::size_t place) { visit(place, row + (place - from)); });
-        }
-}
-
 /// Whose a voxel is while what the ball does not come to is shared out.
 enum class Side : std::uint8_t
 {
@@ -106,52 +90,45 @@ enum class Side : std::uint8_t
     Mark
 };
 
-/// Writes \p number into \p hollow for what falls to places of enough room that the ball
-/// of an opening does not come to.
-void add_hollows(const VoxelGrid& grid, const BallFlood& flood, double opening,
-                 std::uint8_t number, VoxelFlags& hollow)
+/// How roomy places are: distances from the marks in half voxels, up to a limit.
+class RoomLevels
 {
-    const NearDistances& room = flood.distances();
-    const PaddedMarks& lattice = flood.lattice();
-    VoxelValues<Side> side(hollow.size());
-    // The level of a voxel's room, for a flood from the roomiest places down: half
-    // voxels, up to the room of a hollow.
-    const double most = room_of(opening);
-    const std::size_t num_levels = static_cast<std::size_t>(2.0 * most) + 1;
-    std::vector<std::uint16_t> level_at; // of each squared distance
-    for (std::uint32_t squared = 0; squared <= most * most; ++squared)
-        level_at.push_back(static_cast<std::uint16_t>(2.0 * std::sqrt(squared)));
-    const auto level_of = [&](std::size_t voxel)
+public:
+    RoomLevels(const NearDistances& room, double limit)
+        : room_(room), count_(static_cast<std::size_t>(2.0 * limit) + 1)
+    {
+        for (std::uint32_t squared = 0; squared <= limit * limit; ++squared)
+            level_at_.push_back(static_cast<std::uint16_t>(2.0 * std::sqrt(squared)));
+    }
+    std::size_t count() const { return count_; }
+    std::size_t of(std::size_t place) const
     {
         const std::uint32_t squared =
-            room.is_far(voxel) ? UINT32_MAX : room.squared(voxel);
-        return squared < level_at.size() ? level_at[squared] : num_levels - 1;
-    };
-    // Of each level: of the hollows and of the outside. Both go on by one voxel in turn,
-    // so that of voxels as roomy neither runs along the other's side of the surface.
-    std::vector<std::array<std::vector<std::size_t>, 2>> fronts(num_levels);
-    const auto push = [&](std::size_t voxel, std::size_t level)
+            room_.is_far(place) ? UINT32_MAX : room_.squared(place);
+        return squared < level_at_.size() ? level_at_[squared] : count_ - 1;
+    }
+
+private:
+    const NearDistances& room_;
+    std::size_t count_;
+    std::vector<std::uint16_t> level_at_; ///< of each squared distance
+};
+
+/// Shares out what is nobody's, by a flood from the roomiest places down. Both sides go
+/// on by one voxel in turn, so that of voxels as roomy neither runs along the other's
+/// side of the surface. What is nobody's keeps away from the border of the lattice.
+void share_out(const Eigen::Vector3i& counts, const RoomLevels& levels,
+               VoxelValues<Side>& side)
+{
+    std::vector<std::array<std::vector<std::size_t>, 2>> fronts(levels.count());
+    const auto push = [&](std::size_t place, std::size_t level)
     {
-        const std::size_t there = std::min(level, level_of(voxel));
-        fronts[there][side[voxel] == Side::Hollow ? 0 : 1].push_back(voxel);
+        fronts[std::min(level, levels.of(place))][side[place] == Side::Hollow ? 0 : 1]
+            .push_back(place);
     };
-    bool has_any = false;
-    for_each_in_grid(grid, lattice, flood.dry(ball_of(opening)),
-                     [&](std::size_t place, std::size_t)
-                     {
-                         const bool is_hollow =
-                             !hollow[place] && room.is_beyond(place, most);
-                         side[place] = is_hollow                ? Side::Hollow
-                                       : lattice.marks()[place] ? Side::Mark
-                                                                : Side::Nobody;
-                         has_any = has_any || is_hollow;
-                     });
-    if (!has_any)
-        return;
-    const std::size_t nx = idx(lattice.counts().x());
-    const std::size_t stride[3] = {1, nx, nx * idx(lattice.counts().y())};
-    // The flood begins where a voxel that is nobody's yet has a neighbour that is
-    // somebody's.
+    const std::size_t nx = idx(counts.x());
+    const std::size_t stride[3] = {1, nx, nx * idx(counts.y())};
+    // It begins where somebody's voxel is beside one that is nobody's.
     for_each_set(side,
                  [&](std::size_t i)
                  {
@@ -161,18 +138,18 @@ void add_hollows(const VoxelGrid& grid, const BallFlood& flood, double opening,
                          for (const std::size_t next : {i - step, i + step})
                              if (side[next] == Side::Hollow ||
                                  side[next] == Side::Outside)
-                                 push(next, num_levels - 1);
+                                 push(next, levels.count() - 1);
                  });
     std::vector<std::size_t> front;
-    for (std::size_t level = num_levels; level-- > 0;)
+    for (std::size_t level = levels.count(); level-- > 0;)
         while (!fronts[level][0].empty() || !fronts[level][1].empty())
             for (std::size_t of : {0u, 1u})
             {
                 front.clear();
                 front.swap(fronts[level][of]);
-                for (const std::size_t voxel : front)
+                for (const std::size_t place : front)
                     for (const std::size_t step : stride)
-                        for (const std::size_t next : {voxel - step, voxel + step})
+                        for (const std::size_t next : {place - step, place + step})
                             // Below the first voxel the subtraction wraps around.
                             if (next < side.size() && side[next] == Side::Nobody)
                             {
@@ -181,11 +158,36 @@ void add_hollows(const VoxelGrid& grid, const BallFlood& flood, double opening,
                                 push(next, level);
                             }
             }
+}
+
+/// Writes \p number into \p hollow for what falls to places of enough room that the ball
+/// of an opening does not come to.
+void add_hollows(const BallFlood& flood, double opening, std::uint8_t number,
+                 VoxelFlags& hollow)
+{
+    const PaddedMarks& lattice = flood.lattice();
+    const double room = room_of(opening);
+    VoxelValues<Side> side(hollow.size());
+    bool has_any = false;
+    lattice.for_each_in_grid(flood.dry(ball_of(opening)),
+                             [&](std::size_t place, std::size_t)
+                             {
+                                 const bool is_hollow =
+                                     !hollow[place] &&
+                                     flood.distances().is_beyond(place, room);
+                                 side[place] = is_hollow                ? Side::Hollow
+                                               : lattice.marks()[place] ? Side::Mark
+                                                                        : Side::Nobody;
+                                 has_any = has_any || is_hollow;
+                             });
+    if (!has_any)
+        return;
+    share_out(lattice.counts(), RoomLevels(flood.distances(), room), side);
     for_each_set(side,
-                 [&](std::size_t i)
+                 [&](std::size_t place)
                  {
-                     if (side[i] == Side::Hollow)
-                         hollow[i] = number;
+                     if (side[place] == Side::Hollow)
+                         hollow[place] = number;
                  });
 }
 
@@ -202,15 +204,16 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
     VoxelFlags hollow(flood.lattice().marks().size()); // the number of its radius, from 1
     for (std::size_t k = 0; k < radii.size(); ++k)
         if (shows[k])
-            add_hollows(grid, flood, radii[k], static_cast<std::uint8_t>(k + 1), hollow);
-    for_each_in_grid(grid, flood.lattice(), hollow,
-                     [&](std::size_t place, std::size_t voxel)
-                     {
-                         if (!may_fill(voxel))
-                             return;
-                         found.is_inside[voxel] = 1;
-                         found.radius = std::max(found.radius, radii[hollow[place] - 1u]);
-                     });
+            add_hollows(flood, radii[k], static_cast<std::uint8_t>(k + 1), hollow);
+    flood.lattice().for_each_in_grid(hollow,
+                                     [&](std::size_t place, std::size_t voxel)
+                                     {
+                                         if (!may_fill(voxel))
+                                             return;
+                                         found.is_inside[voxel] = 1;
+                                         found.radius = std::max(
+                                             found.radius, radii[hollow[place] - 1u]);
+                                     });
     return found;
 }
 

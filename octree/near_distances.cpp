@@ -30,9 +30,10 @@ static_assert(NearDistances::kFarthest * NearDistances::kFarthest < kBeyond);
 static_assert(kBeyond + NearDistances::kFarthest * NearDistances::kFarthest < 65'536);
 
 /// What is kept of each voxel, as squared distances from and to: 1 more than it, 0
-/// beyond the limit.
+/// beyond the limit. kIsZeroSite: whether what is kept as 0 is a site, and stays so.
 struct OfMarks
 {
+    static constexpr bool kIsZeroSite = false;
     Squared limit;
     Squared from(Squared kept) const
     {
@@ -47,6 +48,7 @@ struct OfMarks
 /// Inside a set: the squared distance from what is outside of it, which itself has 0.
 struct OfOutside
 {
+    static constexpr bool kIsZeroSite = true;
     Squared limit;
     Squared from(Squared kept) const { return kept; }
     Squared to(Squared squared) const { return squared <= limit ? squared : kBeyond; }
@@ -118,14 +120,58 @@ Row nearest(const std::vector<Row>& f, const std::vector<char>& has_sites, std::
     return least;
 }
 
+/// Lines along y or z that are side by side along x, one a group of voxels of each.
+struct LineGroup
+{
+    Squared* first;           ///< value of the first line
+    std::size_t beside;       ///< lines
+    std::size_t count;        ///< values of a line
+    std::size_t stride;       ///< from one of them to the next
+    char* is_set;             ///< of the first of all lines: whether any is not 0
+    std::size_t flags_stride; ///< from one of these to the next
+
+    char& is_set_at(std::size_t q) const { return is_set[q * flags_stride]; }
+};
+
+/// Squared distances along the lines of a group, from those on the axes before.
+template <class Coding>
+void transform_group(const LineGroup& lines, std::size_t reach, const Coding& coding,
+                     std::vector<Row>& f, std::vector<char>& has_sites)
+{
+    f.resize(lines.count);
+    has_sites.resize(lines.count);
+    for (std::size_t q = 0; q < lines.count; ++q)
+    {
+        f[q].fill(0); // where there are fewer lines the others hold nothing up
+        const bool reads = lines.is_set_at(q) != 0;
+        has_sites[q] = reads || Coding::kIsZeroSite;
+        for (std::size_t i = 0; i < lines.beside; ++i)
+            f[q][i] = coding.from(reads ? lines.first[q * lines.stride + i] : 0);
+    }
+    for (std::size_t q = 0; q < lines.count; ++q)
+    {
+        if (Coding::kIsZeroSite && !lines.is_set_at(q))
+            continue;
+        Row row = nearest(f, has_sites, q, reach);
+        Squared any = 0;
+        for (std::size_t i = 0; i < kBeside; ++i)
+        {
+            row[i] = coding.to(row[i]);
+            any |= i < lines.beside ? row[i] : 0;
+        }
+        if (any == 0)
+            continue;
+        std::copy_n(row.begin(), lines.beside, lines.first + q * lines.stride);
+        lines.is_set_at(q) = 1;
+    }
+}
+
 /// Along x, then y, then z. \p first_line(line, squared) gives the squared distances
 /// along x, or false: all are kept as 0. \p is_set: of every kBeside voxels along x
-/// whether any is not 0 in the end. \p is_kept_zero: whether voxels kept as 0 stay so,
-/// and are sites.
+/// whether any is not 0 in the end.
 template <class Coding, class FirstLine>
 void transform(VoxelValues<Squared>& kept, const Eigen::Vector3i& counts, double reach,
-               const Coding& coding, bool is_kept_zero, FirstLine&& first_line,
-               std::vector<char>& is_set)
+               const Coding& coding, FirstLine&& first_line, std::vector<char>& is_set)
 {
     const std::size_t nx = idx(counts.x()), ny = idx(counts.y()), nz = idx(counts.z());
     const std::size_t groups = (nx + kBeside - 1) / kBeside;
@@ -149,53 +195,28 @@ void transform(VoxelValues<Squared>& kept, const Eigen::Vector3i& counts, double
     const auto sweep =
         [&](std::size_t planes, std::size_t plane_stride, std::size_t stride, int length)
     {
-        const std::size_t count = idx(length);
         parallel_ranges(
             planes * groups, 4,
             [&](std::size_t begin, std::size_t end)
             {
-                std::vector<Row> f(count);
-                std::vector<char> has_sites(count);
+                std::vector<Row> f;
+                std::vector<char> has_sites;
                 for (std::size_t group = begin; group < end; ++group)
                 {
                     const std::size_t x = group % groups * kBeside;
-                    const std::size_t beside = std::min(kBeside, nx - x);
                     const std::size_t plane = group / groups * plane_stride;
-                    char* const of_lines = &is_set[plane / nx * groups + group % groups];
-                    const std::size_t step = stride / nx * groups;
+                    const LineGroup lines{kept.data() + plane + x,
+                                          std::min(kBeside, nx - x),
+                                          idx(length),
+                                          stride,
+                                          &is_set[plane / nx * groups + group % groups],
+                                          stride / nx * groups};
                     bool is_any = false;
-                    for (std::size_t q = 0; q < count; ++q)
-                        is_any = is_any || of_lines[q * step];
-                    if (!is_any)
-                        continue;
-                    Squared* const first = kept.data() + plane + x;
-                    for (std::size_t q = 0; q < count; ++q)
-                    {
-                        // Lanes beyond the lines hold nothing up.
-                        f[q].fill(0);
-                        const bool reads = of_lines[q * step] != 0;
-                        has_sites[q] = reads || is_kept_zero;
-                        for (std::size_t i = 0; i < beside; ++i)
-                            f[q][i] = coding.from(reads ? first[q * stride + i] : 0);
-                    }
-                    for (std::size_t q = 0; q < count; ++q)
-                    {
-                        if (is_kept_zero && !of_lines[q * step])
-                            continue;
-                        const Row row =
-                            nearest(f, has_sites, q, static_cast<std::size_t>(reach));
-                        Squared any = 0;
-                        Row out;
-                        for (std::size_t i = 0; i < kBeside; ++i)
-                        {
-                            out[i] = coding.to(row[i]);
-                            any |= i < beside ? out[i] : 0;
-                        }
-                        if (any == 0)
-                            continue;
-                        std::copy_n(out.begin(), beside, first + q * stride);
-                        of_lines[q * step] = 1;
-                    }
+                    for (std::size_t q = 0; q < lines.count; ++q)
+                        is_any = is_any || lines.is_set_at(q);
+                    if (is_any)
+                        transform_group(lines, static_cast<std::size_t>(reach), coding, f,
+                                        has_sites);
                 }
             });
     };
@@ -218,7 +239,7 @@ NearDistances::NearDistances(const VoxelFlags& marks, const Eigen::Vector3i& cou
     reach = std::min(reach, kFarthest);
     const OfMarks coding{limit_of(reach)};
     transform(
-        codes_, counts, reach, coding, false,
+        codes_, counts, reach, coding,
         [&](std::size_t line, std::vector<Squared>& squared)
         {
             return !marks.is_zero(line * nx_, (line + 1) * nx_) &&
@@ -236,7 +257,7 @@ void shrink(VoxelFlags& set, const Eigen::Vector3i& counts, int reach)
     VoxelValues<Squared> depths(set.size());
     std::vector<char> is_set;
     transform(
-        depths, counts, most, coding, true,
+        depths, counts, most, coding,
         [&](std::size_t line, std::vector<Squared>& squared)
         {
             if (set.is_zero(line * nx, (line + 1) * nx))

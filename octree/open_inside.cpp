@@ -15,8 +15,8 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "octree/flood.h"
 #include "octree/hollows.h"
+#include "octree/sealed_inside.h"
 #include "octree/surface_marks.h"
 
 namespace cellwarp

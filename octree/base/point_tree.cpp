@@ -2,12 +2,23 @@
 #include "octree/base/point_tree.h"
 
 #include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <istream>
+#include <limits>
+#include <ostream>
+#include <stdexcept>
+#include <unordered_set>
 #include <utility>
+#include <vector>
 
 // Where there is no memory the library prints beside throwing; the program tells of it
-// itself.
+// itself. What the library includes stands above, so that this is for it alone.
 #define fprintf(...) static_cast<void>(0)
 #include <nanoflann.hpp>
 #undef fprintf

@@ -25,6 +25,8 @@ using support::Result;
 namespace
 {
 
+constexpr std::size_t kFew = 24;
+
 /// So many calls of a kind fail one after the other, a run each; of those behind them
 /// some. CELLWARP_FAULTS: another number.
 std::size_t num_faults(std::size_t few)
@@ -140,7 +142,7 @@ protected:
 
     /// All calls of a kind, or of many the first ones and some; gives the codes seen.
     std::set<int> all_fail_well(const std::string& kind, const std::set<int>& codes,
-                                std::size_t few = 24)
+                                std::size_t few = kFew)
     {
         EXPECT_FALSE(fails_well(kind, 100000000, {})); // what the whole output is
         codes_.clear();
@@ -198,7 +200,8 @@ TEST_P(Faults, of_memory_are_told_as_too_little_of_it)
     // started without its streams: answers differed. They come that late.
     const bool is_late =
         GetParam() == std::string("cloud") || GetParam() == std::string("info");
-    EXPECT_EQ(all_fail_well("malloc", {kBudget}, is_late ? 300 : 24).count(kBudget), 1u);
+    EXPECT_EQ(all_fail_well("malloc", {kBudget}, is_late ? 300 : kFew).count(kBudget),
+              1u);
 }
 
 } // namespace cellwarp

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "octree/flood.h"
+#include "octree/sealed_inside.h"
 
 #include <cmath>
 #include <random>
@@ -25,8 +25,8 @@ double squared(const Vector3i& a)
     return a.cast<double>().squaredNorm();
 }
 
-/// What marks enclose at one radius, as flood.cpp says it, without any short cut: on a
-/// grid with a border, distances by looking at all marks and at all of the outside.
+/// What marks enclose at one radius, as sealed_inside.cpp says it, without any short cut:
+/// on a grid with a border, distances by looking at all marks and at all of the outside.
 struct SlowFlood
 {
     Vector3i counts;
@@ -140,7 +140,7 @@ bool expect_as_defined(const VoxelGrid& grid, const VoxelFlags& marks, int most)
 
 } // namespace
 
-TEST(Flood, finds_what_the_definition_says)
+TEST(SealedInside, finds_what_the_definition_says)
 {
     int num_found = 0;
     for (const double missing : {0.0, 0.1, 0.4, 0.7, 0.9})
@@ -155,7 +155,7 @@ TEST(Flood, finds_what_the_definition_says)
     EXPECT_GE(num_found, 6);
 }
 
-TEST(Flood, balls_outside_of_the_grid_reach_into_notches)
+TEST(SealedInside, balls_outside_of_the_grid_reach_into_notches)
 {
     // A thin hollow plate up to the border of the grid; one of its walls has a hole, and
     // a notch is wider than the plate is thick.
@@ -178,7 +178,7 @@ TEST(Flood, balls_outside_of_the_grid_reach_into_notches)
     EXPECT_TRUE(expect_as_defined(grid, marks, 4));
 }
 
-TEST(Flood, takes_the_smallest_radius_that_seals)
+TEST(SealedInside, takes_the_smallest_radius_that_seals)
 {
     const VoxelGrid grid = grid_of(Vector3i::Constant(41));
     for (const int width : {0, 2, 4, 6})
@@ -204,7 +204,7 @@ TEST(Flood, takes_the_smallest_radius_that_seals)
     }
 }
 
-TEST(Flood, a_few_marks_in_a_large_box_enclose_nothing)
+TEST(SealedInside, a_few_marks_in_a_large_box_enclose_nothing)
 {
     const VoxelGrid grid = grid_of(Vector3i::Constant(200));
     VoxelFlags marks(grid.size());

@@ -7,7 +7,7 @@
 //      closed voxels outside are one, too. So the flood is grown by r again, which puts
 //      the border of the inside back onto the marks.
 // r is the smallest radius that seals the shape: see kSealed.
-#include "octree/flood.h"
+#include "octree/sealed_inside.h"
 
 #include <algorithm>
 #include <cmath>
@@ -46,13 +46,9 @@ VoxelFlags dry_in(const PaddedMarks& padded, const VoxelGrid& grid,
     const std::size_t nx = idx(padded.counts().x());
     for (std::size_t line = 0; line < dry.size() / nx; ++line)
         distances.for_each_near(line, [&](std::size_t x) { dry[line * nx + x] = 1; });
-    for_each_set(flood.dry(radius),
-                 [&](std::size_t place)
-                 {
-                     const Eigen::Vector3i voxel = flood.lattice().in_grid(place);
-                     if (grid.contains(voxel))
-                         dry[padded.at(voxel)] = 1;
-                 });
+    flood.lattice().for_each_in_grid(flood.dry(radius),
+                                     [&](std::size_t, std::size_t voxel)
+                                     { dry[padded.at(grid.coordinates(voxel))] = 1; });
     return dry;
 }
 
@@ -111,13 +107,12 @@ VoxelFlags SealedInside::voxels(const std::function<bool(std::size_t)>& may_fill
     VoxelFlags dry = dry_in(padded, grid_, *flood_, radius_);
     flood_.reset();
     shrink(dry, padded.counts(), radius_);
-    for_each_set(dry,
-                 [&](std::size_t place)
-                 {
-                     const Eigen::Vector3i voxel = padded.in_grid(place);
-                     if (grid_.contains(voxel) && may_fill(grid_.index(voxel)))
-                         is_inside[grid_.index(voxel)] = 1;
-                 });
+    padded.for_each_in_grid(dry,
+                            [&](std::size_t, std::size_t voxel)
+                            {
+                                if (may_fill(voxel))
+                                    is_inside[voxel] = 1;
+                            });
     return is_inside;
 }
 
