@@ -2,7 +2,8 @@
 // A process of which one call fails, in libraries too: a library to be loaded before all
 // others (LD_PRELOAD). The calls are those below. CELLWARP_FAILS names the kind of call
 // and which one of it, "write 3"; CELLWARP_FAILS_FROM a file: calls are counted once it
-// is opened; CELLWARP_FAILS_TOLD a file that is made when the call fails.
+// is opened (none: from the beginning); CELLWARP_FAILS_TOLD a file that is made when the
+// call fails.
 #include <atomic>
 #include <cerrno>
 #include <cstdarg>
@@ -26,7 +27,7 @@ std::atomic<bool> is_counting{false};
 bool fails(const char* kind, int error)
 {
     const char* const wanted = std::getenv("CELLWARP_FAILS");
-    if (wanted == nullptr || !is_counting)
+    if (wanted == nullptr || (!is_counting && std::getenv("CELLWARP_FAILS_FROM")))
         return false;
     const std::size_t length = std::strlen(kind);
     if (std::strncmp(wanted, kind, length) != 0 || wanted[length] != ' ')
