@@ -11,6 +11,7 @@
 
 #include "io/bytes.h"
 #include "io/error.h"
+#include "solver/linear/cholesky.h"
 
 namespace cellwarp
 {
@@ -66,6 +67,7 @@ MemoryGuard::MemoryGuard(LibraryExit library_exit)
 int MemoryGuard::main(int (*run)(int, char**), int argc, char** argv) const
 {
     is_running = true;
+    end_dense_threads();
     try
     {
         const int exit_code = run(argc, argv);

@@ -289,48 +289,48 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
         B.topRows<3>() += arm(i) * B.bottomRows<3>();
         return B;
     };
-    const std::size_t count = grouping.members.size();
-    std::vector<std::vector<std::pair<int, Matrix6>>> sums(count);
-    for_each_body(static_cast<int>(count),
+    // Which blocks there are is found first: they are large, and then lie where they
+    // stay.
+    const int count = static_cast<int>(grouping.members.size());
+    std::vector<std::vector<int>> columns(idx(count)); // its own first
+    for_each_body(count,
                   [&](std::size_t b)
                   {
-                      std::vector<std::pair<int, Matrix6>>& row = sums[b];
-                      row.emplace_back(static_cast<int>(b), Matrix6::Zero());
-                      for (const int member : grouping.members.of(b))
-                      {
-                          const std::size_t i = idx(member);
-                          for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-                          {
-                              const std::size_t j = idx(A.column[k]);
-                              auto found = std::find_if(row.begin(), row.end(),
-                                                        [&](const auto& entry) {
-                                                            return entry.first == body[j];
-                                                        });
-                              if (found == row.end())
-                                  found = row.insert(found, {body[j], Matrix6::Zero()});
-                              found->second += carried(i, j, A.block[k]);
-                          }
-                      }
-                      if (!next_bodies.is_free(b))
-                          next_bodies.own_limit(b) =
-                              held_in_idle_motions(row.front().second);
+                      std::vector<int>& own = columns[b];
+                      own.push_back(static_cast<int>(b));
+                      for (const int i : grouping.members.of(b))
+                          for (std::size_t k = A.begin(idx(i)); k < A.end(idx(i)); ++k)
+                              if (const int column = body[idx(A.column[k])];
+                                  std::find(own.begin(), own.end(), column) == own.end())
+                                  own.push_back(column);
                   });
     RigidRows next;
-    std::size_t num_blocks = 0;
-    for (const std::vector<std::pair<int, Matrix6>>& row : sums)
-        num_blocks += row.size();
-    next.column.reserve(num_blocks);
-    next.block.reserve(num_blocks);
     next.first.push_back(0);
-    for (const std::vector<std::pair<int, Matrix6>>& row : sums)
+    for (const std::vector<int>& own : columns)
     {
-        for (const auto& [column, block] : row)
-        {
-            next.column.push_back(column);
-            next.block.push_back(block);
-        }
+        next.column.insert(next.column.end(), own.begin(), own.end());
         next.first.push_back(static_cast<int>(next.column.size()));
     }
+    next.block.resize(next.column.size());
+    for_each_body(count,
+                  [&](std::size_t b)
+                  {
+                      const std::size_t first = next.begin(b);
+                      std::fill(next.block.begin() + next.first[b],
+                                next.block.begin() + next.first[b + 1], Matrix6::Zero());
+                      for (const int i : grouping.members.of(b))
+                          for (std::size_t k = A.begin(idx(i)); k < A.end(idx(i)); ++k)
+                          {
+                              const std::size_t j = idx(A.column[k]);
+                              std::size_t at = first;
+                              while (next.column[at] != body[j])
+                                  ++at;
+                              next.block[at] += carried(idx(i), j, A.block[k]);
+                          }
+                      if (!next_bodies.is_free(b))
+                          next_bodies.own_limit(b) =
+                              held_in_idle_motions(next.block[first]);
+                  });
     scale_rows(next);
     return next;
 }

@@ -16,6 +16,8 @@
 #include "octree/base/index.h"
 
 extern "C" void openblas_set_num_threads(int);
+// Weak: not every build of the library has threads, or ends them by this name.
+extern "C" int blas_thread_shutdown_() __attribute__((weak));
 extern "C" void omp_set_max_active_levels(int);
 extern "C" void dpotrf_(const char*, const int*, double*, const int*, int*);
 
@@ -126,6 +128,19 @@ double SparseCholesky::factor_numbers() const
     return library_->common.lnz;
 }
 
+void end_dense_threads()
+{
+    // Once: to set their number again would start them again.
+    static const bool is_done = []
+    {
+        openblas_set_num_threads(1);
+        if (blas_thread_shutdown_)
+            blas_thread_shutdown_();
+        return true;
+    }();
+    static_cast<void>(is_done);
+}
+
 void prepare_dense_kernels()
 {
     static std::mutex mutex;
@@ -133,7 +148,7 @@ void prepare_dense_kernels()
     const std::lock_guard lock(mutex);
     if (is_prepared)
         return;
-    openblas_set_num_threads(1);
+    end_dense_threads();
     omp_set_max_active_levels(0); // no threads of its own for the sparse library
     void* const room = ::mmap(nullptr, kBlasBuffer, PROT_READ | PROT_WRITE,
                               MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
