@@ -19,7 +19,7 @@ struct SceneSettings
         std::optional<std::string> fill;
         std::optional<std::int64_t> across, max_depth;
         std::optional<double> threshold, gap, thickness;
-        std::optional<bool> join, flat;
+        std::optional<bool> join, flat, contact;
         std::optional<std::int64_t> max_cells;
         bool operator==(const Cells&) const = default;
     };
@@ -73,6 +73,7 @@ void visit_settings(Visit&& visit, Settings&... settings)
     visit("cells", "thickness", Real{1e-6, 1.0}, settings.cells.thickness...);
     visit("cells", "join", YesOrNo{}, settings.cells.join...);
     visit("cells", "flat", YesOrNo{}, settings.cells.flat...);
+    visit("cells", "contact", YesOrNo{}, settings.cells.contact...);
     visit("cells", "max_cells", Whole{1, std::int64_t(1) << 31},
           settings.cells.max_cells...);
     visit("field", "drag", OneOf{{"blend", "closest4"}}, settings.field.drag...);

@@ -46,6 +46,12 @@ posed batten last "--view 90 0"
 # Flat.
 "$cellwarp" render "$here/samples/figure.json" --strip=3 --size 260x300 --view 0 0 \
     -o "$folder/figure.png" --overwrite
+# Contact, beside the same without.
+"$cellwarp" deform "$here/samples/hand.ply" --handles "$here/samples/touch.handles" \
+    -o "$work/without.ply"
+"$cellwarp" deform "$here/samples/touch.json" -o "$work/contact.ply"
+"$cellwarp" render "$work/contact.ply" --compare "$work/without.ply" --size 400x440 \
+    --view 0 5 -o "$folder/touch.png" --overwrite
 # Posed by a pin of many samples.
 "$cellwarp" render "$here/samples/pull.json" --strip=3 --size 320x260 --view 0 10 \
     -o "$folder/pull.png" --overwrite

@@ -12,6 +12,7 @@ creature  a smooth closed body with limbs, a head, ears and a tail; two frames
 vase      an open shell of revolution; its rim is tilted and pulled
 cloud     points with colours on a torus, no faces; one side is turned and lifted
 hand      five fingers 1 % of the diagonal apart; three are bent
+touch     the same hand; a finger leans on its neighbour, which leans on the next one
 coil      a spring whose turns are 1 % apart; it is pulled up and tilted
 chain     links that do not touch; one is bent
 figure    a flat drawing that waves; nothing of it leaves its plane
@@ -950,6 +951,13 @@ def hand(folder):
     points, faces = surface_nets(value, (-0.62, -0.15, -0.25), (0.62, 1.8, 0.25), 0.0145, 0.05)
     check_closed(faces)
     write(folder, "hand.ply", binary_ply(points, faces, "a hand, its fingers side by side"))
+    scene(folder, "touch", "hand.ply", """cellwarp-handles 1
+# A finger leans on its neighbour, which leans on the next one: none passes through another.
+fixed  wrist box -2 -1 -1  2 0.25 1
+handle index box -0.29 1.40 -1  -0.11 2 1
+frame 1
+move index rotate 0 0 1 -12  translate 0.15 0 0
+""", ',\n  "cells": { "contact": true }')
     scene(folder, "hand", "hand.ply", """cellwarp-handles 1
 # Fingers one percent of the diagonal apart: one is bent down, one up, one aside.
 fixed  wrist   box -2 -1 -1  2 0.25 1

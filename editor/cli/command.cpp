@@ -123,6 +123,10 @@ void SessionFlags::add_to(CLI::App& app)
         "--flat", [this](std::int64_t) { settings.cells.flat = true; },
         "all samples lie in a plane and all moves keep it: cells have three unknowns, "
         "and nothing leaves the plane");
+    app.add_flag_function(
+        "--contact", [this](std::int64_t) { settings.cells.contact = true; },
+        "parts that come to touch do not pass through each other: the cells of one stay "
+        "out of those of the other");
     app.add_option("--max-cells", settings.cells.max_cells,
                    fmt::format("most cells (default {})", defaults.cells.max_cells));
     app.add_option("--energy", settings.energy,

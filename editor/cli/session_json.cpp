@@ -25,6 +25,8 @@ Json unused_parts(const PartCounts& parts)
         unused.push_back("rods");
     if (parts.skeleton == 0)
         unused.push_back("skeleton");
+    if (parts.contact == 0)
+        unused.push_back("contact");
     unused.push_back("picking");
     if (parts.normals == 0)
         unused.push_back("normals");
@@ -32,6 +34,18 @@ Json unused_parts(const PartCounts& parts)
         unused.push_back("faces");
     return unused;
 }
+
+namespace
+{
+
+Json contacts_json(const std::optional<ContactReport>& contacts)
+{
+    if (!contacts)
+        return nullptr;
+    return {{"points", contacts->points}, {"deepest", contacts->deepest}};
+}
+
+} // namespace
 
 Json skeleton_json(const Session& session)
 {
@@ -125,6 +139,7 @@ Json frame_json(const FrameReport& report)
             {"max_pair_gap", report.max_pair_gap},
             {"largest_rise", report.largest_rise},
             {"pins", pins},
+            {"contacts", contacts_json(report.contacts)},
             {"second_start", second_start_name(report.second_start)},
             {"steps", report.steps},
             {"iterations_in_larger_cells", report.iterations_in_larger_cells},

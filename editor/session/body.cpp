@@ -292,11 +292,14 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             parts.num_touching(), parts.count()));
     Sheets sheets =
         find_sheets(shape, surface, material, settings.thickness * frame.diagonal());
+    auto boundary = settings.has_contact
+                        ? std::make_shared<const BoundaryPoints>(material.grid, flat_axis)
+                        : nullptr;
     return std::make_shared<const RestShape>(RestShape{
         frame, std::move(shape.samples), std::move(material), std::move(parts),
         std::move(sheets), across,
         normal ? std::optional<Eigen::Vector3d>(frame.axes * *normal) : std::nullopt,
-        flat_axis, std::move(warnings)});
+        flat_axis, std::move(warnings), std::move(boundary)});
 }
 
 std::optional<Parts> mesh_parts(const Geometry& geometry)

@@ -15,6 +15,7 @@
 
 #include "editor/session/work_frame.h"
 #include "io/geometry.h"
+#include "octree/boundary_points.h"
 #include "octree/cells.h"
 #include "octree/material.h"
 #include "octree/octree.h"
@@ -48,6 +49,7 @@ struct CellSettings
     double thickness = 0.01;  ///< [diagonal] of sheets: of what bounds no inside
     bool is_flat = false;     ///< all stays in the plane that the samples lie in
     bool joins_parts = false; ///< closed parts that touch or overlap are one material
+    bool has_contact = false; ///< parts that come to touch do not pass through each other
     std::int64_t max_cells = 200000;
     double max_memory = 0.0;       ///< of the process [byte], 0: no limit
     std::optional<FrameBox> frame; ///< default: the model's bounding box
@@ -67,6 +69,8 @@ struct RestShape
     std::optional<Eigen::Vector3d> normal;
     int flat_axis = -1; ///< that is kept across the plane; -1: none is
     std::vector<std::string> warnings;
+    /// Of the material, where its parts do not pass through each other; null: they may.
+    std::shared_ptr<const BoundaryPoints> boundary;
 };
 
 /// A rest shape in cells: made anew where other cells are wanted. Immutable once built.

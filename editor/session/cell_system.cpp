@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -41,7 +42,8 @@ bool agree(const Motion& a, const Motion& b, double scale)
 CellSystem::CellSystem(std::shared_ptr<const Body> body,
                        std::shared_ptr<const RegionSet> regions,
                        const CellSystemSettings& settings)
-    : body_(std::move(body)), regions_(std::move(regions))
+    : body_(std::move(body)), regions_(std::move(regions)),
+      has_rigid_steps_(settings.departures.rigid_steps)
 {
     const Cells& cells = body_->cells;
     shares_ = regions_->shares(*body_);
@@ -72,21 +74,10 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     check_memory("equations",
                  RigidMultigrid::memory_estimate(cells.size(), cells.faces.size()),
                  settings);
-    MakeCompanion make_rods;
-    if (std::vector<PushingSpline> rods = pushing_splines(components); !rods.empty())
-        make_rods = [&, rods](CellState& state, const GlueTerm& glue)
-        {
-            std::unique_ptr<PushingSplines> made =
-                make_pushing_splines(state, glue, rods);
-            pushing_ = made.get();
-            return made;
-        };
-    std::vector<int> leaders;
-    for (const Constraint& constraint : constraints_)
-        leaders.push_back(constraint.leader);
-    minimizer_.emplace(cells,
-                       groups_.empty() ? glue_ : with_groups(glue_, cells, leaders),
-                       constraints_, components, departures.rigid_steps, make_rods);
+    rods_ = pushing_splines(components);
+    if (rest().boundary)
+        finder_.emplace(body_, factors, constraints_);
+    make_minimizer();
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
     for (Component& component : components)
@@ -98,6 +89,32 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
         part.component = std::move(component);
     }
     warn_of_components();
+}
+
+/// For what is held and in contact.
+void CellSystem::make_minimizer()
+{
+    const Cells& cells = body_->cells;
+    PushingSplines* pushing = nullptr;
+    MakeCompanion make_rods;
+    if (!rods_.empty())
+        make_rods = [&](CellState& state, const GlueTerm& glue)
+        {
+            std::unique_ptr<PushingSplines> made =
+                make_pushing_splines(state, glue, rods_);
+            pushing = made.get();
+            return made;
+        };
+    std::vector<int> leaders;
+    for (const Constraint& constraint : constraints_)
+        leaders.push_back(constraint.leader);
+    std::vector<CellContact> in_contact;
+    for (const FoundContact& found : contacts_)
+        in_contact.push_back(found.contact);
+    minimizer_ = CellMinimizer(
+        cells, groups_.empty() ? glue_ : with_groups(glue_, cells, leaders), constraints_,
+        find_components(cells, constraints_), has_rigid_steps_, make_rods, in_contact);
+    pushing_ = pushing;
 }
 
 void CellSystem::hold_cells()
@@ -374,6 +391,12 @@ void CellSystem::place_pushing_rods()
         pushing_->set(k, splines_[pushing_regions_[k]], motions_[pushing_regions_[k]]);
 }
 
+void CellSystem::lead_pushing_rods()
+{
+    for (std::size_t k = 0; k < pushing_regions_.size(); ++k)
+        pushing_->lead(k, rods_lead_ && is_bent_[pushing_regions_[k]]);
+}
+
 /// Where the last solve has left them.
 void CellSystem::take_solved_rods()
 {
@@ -390,6 +413,9 @@ void CellSystem::take_solved_rods()
 double CellSystem::energy() const
 {
     double energy = glue_energy(glue_, poses_);
+    for (const FoundContact& found : contacts_)
+        energy += contact_energy(found.contact, poses_[idx(found.contact.a)],
+                                 poses_[idx(found.contact.b)]);
     for (const std::size_t region : pushing_regions_)
         energy += splines_[region]->energy();
     return energy;
@@ -737,15 +763,130 @@ void CellSystem::solve_to_holds(const SolveOptions& options, double used,
     take_solved_rods();
 }
 
-SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
+void CellSystem::forget_way()
 {
-    for (std::size_t k = 0; k < pushing_regions_.size(); ++k)
-        pushing_->lead(k, rods_lead && is_bent_[pushing_regions_[k]]);
+    const bool is_refreshed = minimizer_->is_refreshed();
+    take_contacts({});
+    minimizer_->forget(poses_, is_refreshed);
+}
+
+void CellSystem::take_contacts(std::vector<FoundContact> contacts)
+{
+    if (contacts.empty() && contacts_.empty())
+        return;
+    contacts_ = std::move(contacts);
+    make_minimizer();
+    place_pushing_rods();
+    lead_pushing_rods();
+    if (!contacts_.empty())
+        minimizer_->forget(poses_, true); // at rest they do not touch
+}
+
+/// Whether a contact was solved with, from the same side.
+bool CellSystem::is_known(const FoundContact& found) const
+{
+    constexpr double kSameSide = 0.9; // cosine
+    const auto known = std::lower_bound(contacts_.begin(), contacts_.end(), found.point,
+                                        [](const FoundContact& other, std::size_t point)
+                                        { return other.point < point; });
+    return known != contacts_.end() && known->point == found.point &&
+           known->contact.b == found.contact.b &&
+           known->contact.outward.dot(found.contact.outward) >= kSameSide;
+}
+
+std::vector<FoundContact> CellSystem::contacts() const
+{
+    std::vector<FoundContact> found;
+    if (finder_)
+        found = finder_->find(poses_);
+    std::erase_if(found, [](const FoundContact& one) { return !(one.depth > 0.0); });
+    return found;
+}
+
+/// From the minimizer, that another one can go on from there.
+void CellSystem::take_solved()
+{
+    if (pushing_)
+        take_solved_rods();
+    take_guided();
+    settle_groups();
+}
+
+SolveReport CellSystem::solve_with_contacts(const SolveOptions& options)
+{
+    constexpr int kRounds = 8;
+    constexpr double kLoose = 1e-3; // gradient of all rounds but the last
+    // No reason for another round, and none to say that it did not end [voxel].
+    constexpr double kShallow = 0.25, kFair = 1.0;
     const Clock::time_point start = Clock::now();
-    SolveReport report = minimizer_->minimize(poses_, options);
-    if (pushing_ &&
-        (report.iterations > 0 || std::count(is_bent_.begin(), is_bent_.end(), 1) > 0))
-        solve_to_holds(options, 1e-3 * ms_since(start), report);
+    take_contacts(finder_->find(poses_));
+    bool is_last = contacts_.empty() || options.gradient_tolerance >= kLoose;
+    const auto options_after = [&](int iterations)
+    {
+        SolveOptions now = options;
+        if (!is_last)
+        {
+            now.gradient_tolerance = kLoose;
+            now.checks_stability = false;
+        }
+        now.max_iterations = std::max(0, options.max_iterations - iterations);
+        if (options.time_budget > 0)
+            now.time_budget =
+                std::max(1e-9, options.time_budget - 1e-3 * ms_since(start));
+        if (options.watch)
+            now.watch = [&options, iterations](int k, double gradient, double energy)
+            { options.watch(iterations + k, gradient, energy); };
+        return now;
+    };
+    SolveReport report = minimizer_->minimize(poses_, options_after(0));
+    take_solved();
+    for (int round = 0; report.stop == Stop::Converged; ++round)
+    {
+        const double shallow =
+            (round < kRounds ? kShallow : kFair) * rest().material.grid.shape().voxel();
+        std::vector<FoundContact> all = finder_->find(poses_);
+        const bool has_new = std::any_of(all.begin(), all.end(),
+                                         [&](const FoundContact& one) {
+                                             return one.depth > shallow && !is_known(one);
+                                         });
+        // What has come free stays in sight: it would fall back in the next round. What
+        // is well behind its plane but no longer found has gone past the plane's end.
+        std::vector<FoundContact> free;
+        const auto is_before = [](const FoundContact& a, const FoundContact& b)
+        { return a.point < b.point; };
+        std::set_difference(contacts_.begin(), contacts_.end(), all.begin(), all.end(),
+                            std::back_inserter(free), is_before);
+        const std::size_t num_past =
+            std::erase_if(free,
+                          [&](const FoundContact& one)
+                          {
+                              return contact_gap(one.contact, poses_[idx(one.contact.a)],
+                                                 poses_[idx(one.contact.b)]) < -shallow;
+                          });
+        const bool goes_on = has_new || num_past > 0;
+        if (!goes_on && is_last)
+            break;
+        if (round == kRounds)
+        {
+            report.stop = Stop::IterationLimit;
+            break;
+        }
+        is_last = is_last || !goes_on || round + 2 >= kRounds;
+        const auto middle = all.insert(all.end(), free.begin(), free.end());
+        std::inplace_merge(all.begin(), middle, all.end(), is_before);
+        take_contacts(std::move(all));
+        SolveReport next = minimizer_->minimize(poses_, options_after(report.iterations));
+        take_solved();
+        next.add_earlier(report);
+        next.energy_before = report.energy_before;
+        report = next;
+    }
+    return report;
+}
+
+/// Where the last solve has left pins on curves.
+void CellSystem::take_guided()
+{
     for (const Guided& guided : guided_)
     {
         Constraint& constraint = constraints_[idx(guided.cell)];
@@ -754,6 +895,19 @@ SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
         on_guide_[guided.region] = constraint.s;
         motions_[guided.region].t = constraint.held_now - constraint.held_rest;
     }
+}
+
+SolveReport CellSystem::solve(const SolveOptions& options, bool rods_lead)
+{
+    rods_lead_ = rods_lead;
+    lead_pushing_rods();
+    const Clock::time_point start = Clock::now();
+    SolveReport report =
+        finder_ ? solve_with_contacts(options) : minimizer_->minimize(poses_, options);
+    if (pushing_ &&
+        (report.iterations > 0 || std::count(is_bent_.begin(), is_bent_.end(), 1) > 0))
+        solve_to_holds(options, 1e-3 * ms_since(start), report);
+    take_guided();
     settle_groups();
     return report;
 }

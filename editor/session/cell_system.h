@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "editor/session/body.h"
+#include "editor/session/contact_finder.h"
 #include "editor/session/pushing_splines.h"
 #include "editor/session/region_set.h"
 #include "solver/cells/cell_minimizer.h"
@@ -107,9 +108,12 @@ public:
     /// At the current poses.
     Residual residual();
     /// Lowers the glue energy of the cells that may move. Allocates nothing from the
-    /// second call on but in the direct method.
+    /// second call on but in the direct method and where there are contacts.
     /// Rods that push back are solved for with them; where \p rods_lead those that the
     /// last move has bent stay where it took them, as other rods do.
+    /// Where the rest shape has a boundary, contacts are found at the poses, solved with
+    /// and found again, until none is new, at most eight times: then it is as at the
+    /// limit of iterations.
     SolveReport solve(const SolveOptions& options, bool rods_lead = false);
     /// Starts from other poses, at which the regions have made \p motions.
     void set_state(std::span<const Pose> poses, std::span<const Motion> motions);
@@ -125,13 +129,15 @@ public:
     /// there.
     void set_state(const CellSystemState& state);
     /// From here on a solve depends on state() alone, not on the way to it.
-    void forget_way() { minimizer_->forget(poses_, false); }
+    void forget_way();
 
     /// Of each region the centroid of the glue between its cells and free ones; its
     /// centre where there is none [work].
     std::vector<Eigen::Vector3d> region_borders() const;
-    /// Of the glue, and of the rods that push back.
+    /// Of the glue, of contacts, and of the rods that push back.
     double energy() const;
+    /// Where parts are pressed against each other at the current poses.
+    std::vector<FoundContact> contacts() const;
     /// Between glued cells [diagonal].
     double largest_gap() const;
 
@@ -200,7 +206,14 @@ private:
     Pose pose_on_rod(std::size_t cell) const;
     std::vector<PushingSpline> pushing_splines(const std::vector<Component>& components);
     void place_pushing_rods();
+    void lead_pushing_rods();
     void take_solved_rods();
+    void take_guided();
+    void make_minimizer();
+    void take_contacts(std::vector<FoundContact> contacts);
+    bool is_known(const FoundContact& found) const;
+    void take_solved();
+    SolveReport solve_with_contacts(const SolveOptions& options);
     void solve_to_holds(const SolveOptions& options, double used, SolveReport& report);
     void hold_pins();
     void warn_of_components();
@@ -216,9 +229,14 @@ private:
     std::vector<Constraint> constraints_;
     std::vector<Part> parts_;
     Glue glue_;
+    std::optional<ContactFinder> finder_;
+    std::vector<FoundContact> contacts_;
+    bool has_rigid_steps_;                     ///< see Departures
     std::vector<std::size_t> pushing_regions_; ///< of the rods that push back
+    std::vector<PushingSpline> rods_;          ///< those
     std::optional<CellMinimizer> minimizer_;
     PushingSplines* pushing_ = nullptr; ///< a part of the minimizer; null: none
+    bool rods_lead_ = false;            ///< in the last solve
     std::vector<char> is_bent_;         ///< of the regions: a spline, by the last move
     std::optional<InitialGuess> guess_;
     std::vector<std::optional<RegionFade>> fades_;

@@ -25,6 +25,9 @@ constexpr double kSameMotion = 1e-12;
 /// A handle that travels farther than this gets a warning [diagonal].
 constexpr double kExtremeMove = 100.0;
 
+/// Where parts do not pass through each other a step is no longer [coarsest cell].
+constexpr double kEdgesOfContact = 1.0;
+
 /// Regions that hold one sample must move it alike.
 void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions,
                     const RestShape& rest, const std::string& file, std::int64_t line)
@@ -272,6 +275,11 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                      StageAims& all_aims, std::vector<std::string>& warnings)
 {
     const double diagonal = rest.frame.diagonal();
+    // Four steps of the way. What would go through a cell in one is not seen to touch it.
+    const double far =
+        rest.boundary
+            ? std::min(diagonal, 4.0 * kEdgesOfContact * rest.material.grid.shape().edge)
+            : diagonal;
     std::vector<RegionAim>& aims = all_aims.regions;
     const SkeletonHandle* const skeleton = regions.skeleton().get();
     std::map<std::string, const Move*> moves;
@@ -291,7 +299,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
         plan.from_pose = all_aims.skeleton;
         plan.to_pose = all_aims.skeleton =
             skeleton->moved(plan.from_pose, moves_of_joints, units);
-        plan.num_parts = skeleton->num_parts(plan.from_pose, plan.to_pose, diagonal);
+        plan.num_parts = skeleton->num_parts(plan.from_pose, plan.to_pose, far);
         warn_of_joints(*skeleton, plan.to_pose, frame, file, diagonal, warnings);
     }
     const Eigen::Vector3d across =
@@ -338,9 +346,9 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             for (const Move* const move : moves_of_points[regions[r].name])
                 hold_point(*move, *spline, units, file, frame.number, to);
             aims[r].holds = to;
-            plan.num_parts = std::max(
-                plan.num_parts,
-                num_parts_of(from, to, std::min(diagonal, spline->rest()->length())));
+            plan.num_parts =
+                std::max(plan.num_parts,
+                         num_parts_of(from, to, std::min(far, spline->rest()->length())));
         }
         std::shared_ptr<const SplineState>& to_led = plan.led.emplace_back();
         has_led |= regions[r].is_led();
@@ -350,9 +358,9 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
             const std::shared_ptr<const SplineState> before =
                 aims[r].led ? aims[r].led : rod.rest();
             to_led = aims[r].led = led[next_led++];
-            plan.num_parts = std::max(
-                plan.num_parts, parts_between(rod, *before, *to_led,
-                                              std::min(diagonal, rod.rest()->length())));
+            plan.num_parts = std::max(plan.num_parts,
+                                      parts_between(rod, *before, *to_led,
+                                                    std::min(far, rod.rest()->length())));
         }
         motions.push_back(path.at(1.0));
         if (rest.flat_axis >= 0)
@@ -377,8 +385,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
         }
         if (!regions[r].prescribes() || regions[r].bone)
             continue;
-        plan.num_parts =
-            std::max(plan.num_parts, path.num_parts(box.low, box.high, diagonal));
+        plan.num_parts = std::max(plan.num_parts, path.num_parts(box.low, box.high, far));
         if (diagonal > 0 && (motions.back()(box.centre()) - box.centre()).norm() >
                                 kExtremeMove * diagonal)
             warnings.push_back(fmt::format("frame {}: {} moves by more than {} "

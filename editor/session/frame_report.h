@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,13 @@ struct PinReport
     double degrees = 0.0;   ///< by which it has turned
 };
 
+/// Where parts keep each other out.
+struct ContactReport
+{
+    int points = 0;       ///< on boundaries that are pressed back
+    double deepest = 0.0; ///< by which one of them is too near [diagonal]
+};
+
 /// What one frame took and reached. Lengths are relative to the diagonal.
 struct FrameReport
 {
@@ -49,6 +57,7 @@ struct FrameReport
     /// Of the energy, by one step of the solver, relative to where that solve began.
     double largest_rise = 0.0;
     std::vector<PinReport> pins;
+    std::optional<ContactReport> contacts; ///< nothing: parts may pass through each other
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
 };
 

@@ -33,6 +33,7 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     cells.thickness = scene.settings.cells.thickness.value_or(cells.thickness);
     cells.is_flat = scene.settings.cells.flat.value_or(cells.is_flat);
     cells.joins_parts = scene.settings.cells.join.value_or(cells.joins_parts);
+    cells.has_contact = scene.settings.cells.contact.value_or(cells.has_contact);
     cells.max_cells = scene.settings.cells.max_cells.value_or(cells.max_cells);
     cells.frame = scene.frame;
     cells.frame_file = scene.path;

@@ -54,6 +54,20 @@ std::vector<std::string> holding_warnings(const CellSystem& system,
     return {};
 }
 
+std::optional<ContactReport> contact_report(const CellSystem& system)
+{
+    if (!system.rest().boundary)
+        return std::nullopt;
+    ContactReport report;
+    for (const FoundContact& found : system.contacts())
+    {
+        ++report.points;
+        report.deepest =
+            std::max(report.deepest, found.depth / system.rest().frame.diagonal());
+    }
+    return report;
+}
+
 /// Of the pins of several places.
 std::vector<PinReport> pin_reports(const CellSystem& system)
 {
@@ -608,6 +622,8 @@ void Session::solve_frame(FrameReport& report)
     parts_.refinement += report.refinements;
     report.max_pair_gap = s.system.largest_gap();
     report.pins = pin_reports(s.system);
+    report.contacts = contact_report(s.system);
+    parts_.contact += report.contacts.has_value();
 }
 
 /// Of the last frame.

@@ -36,7 +36,7 @@ namespace cellwarp
 struct PartCounts
 {
     int interior = 0, refinement = 0, blend = 0, rbf = 0, rbf_global = 0, normals = 0,
-        faces = 0, rods = 0, skeleton = 0;
+        faces = 0, rods = 0, skeleton = 0, contact = 0;
 };
 
 class Session

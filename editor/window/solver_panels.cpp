@@ -294,6 +294,13 @@ void show_cells_panel(EditorApp& app, PanelState& state)
         is_done = true;
     }
     tip("All samples lie in a plane, and nothing leaves it");
+    if (bool touches = settings.cells.contact.value_or(false);
+        ImGui::Checkbox("Contact", &touches))
+    {
+        settings.cells.contact = touches ? std::optional(true) : std::nullopt;
+        is_done = true;
+    }
+    tip("Parts that come to touch do not pass through each other");
     ImGui::EndDisabled();
     state.types_settings = is_typing;
     if (is_done)

@@ -3,12 +3,14 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "octree/cells.h"
 #include "solver/cells/cell_state.h"
 #include "solver/cells/companion.h"
+#include "solver/cells/contact_term.h"
 #include "solver/cells/glue_term.h"
 #include "solver/minimize/energy.h"
 
@@ -22,16 +24,19 @@ struct CellEnergy
     CellState state;
     GlueTerm glue;
     std::unique_ptr<Companion> companion; ///< null: none
+    std::optional<ContactTerm> contacts;
     Energy total;
 
-    /// \p components from find_components(); \p has_rigid_steps as in CellState.
+    /// \p components from find_components(); \p has_rigid_steps as in CellState;
+    /// \p in_contact: what does not pass through each other.
     CellEnergy(const Cells& cells, const Glue& of,
                std::span<const Constraint> constraints,
                std::span<const Component> components, bool has_rigid_steps = true,
-               const MakeCompanion& make_companion = {})
+               const MakeCompanion& make_companion = {},
+               std::span<const CellContact> in_contact = {})
         : state(cells, constraints, has_rigid_steps), glue(state, of, components),
           companion(make_companion ? make_companion(state, glue) : nullptr),
-          total(states(), terms())
+          total(states(), terms(in_contact))
     {
     }
     CellEnergy(const CellEnergy&) = delete;
@@ -52,10 +57,14 @@ private:
         return companion ? std::vector<State*>{&state, &companion->state()}
                          : std::vector<State*>{&state};
     }
-    std::vector<Term*> terms()
+    std::vector<Term*> terms(std::span<const CellContact> in_contact)
     {
-        return companion ? std::vector<Term*>{&glue, &companion->term()}
-                         : std::vector<Term*>{&glue};
+        std::vector<Term*> terms = {&glue};
+        if (companion)
+            terms.push_back(&companion->term());
+        if (!in_contact.empty())
+            terms.push_back(&contacts.emplace(state, in_contact));
+        return terms;
     }
 };
 

@@ -35,9 +35,10 @@ private:
 CellMinimizer::CellMinimizer(const Cells& cells, const Glue& glue,
                              std::span<const Constraint> constraints,
                              std::span<const Component> components, bool has_rigid_steps,
-                             const MakeCompanion& make_companion)
+                             const MakeCompanion& make_companion,
+                             std::span<const CellContact> in_contact)
     : energy_(std::make_unique<CellEnergy>(cells, glue, constraints, components,
-                                           has_rigid_steps, make_companion))
+                                           has_rigid_steps, make_companion, in_contact))
 {
     energy_->state.set_held_points(constraints);
     energy_->total.linearise(kGaussNewton);

@@ -30,11 +30,12 @@ class CellMinimizer
 {
 public:
     /// Keeps copies of what it needs; \p components from find_components();
-    /// \p has_rigid_steps as in CellState.
+    /// \p has_rigid_steps and \p in_contact as in CellEnergy.
     CellMinimizer(const Cells& cells, const Glue& glue,
                   std::span<const Constraint> constraints,
                   std::span<const Component> components, bool has_rigid_steps = true,
-                  const MakeCompanion& make_companion = {});
+                  const MakeCompanion& make_companion = {},
+                  std::span<const CellContact> in_contact = {});
 
     ~CellMinimizer();
     CellMinimizer(CellMinimizer&&) noexcept;

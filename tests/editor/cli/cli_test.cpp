@@ -319,6 +319,7 @@ TEST(Cli, json_has_every_key)
     for (const char* key : {"load", "cells", "solve", "field", "write", "total"})
         EXPECT_TRUE(json["ms"].contains(key)) << key;
     EXPECT_EQ(json["frames"][1]["stop"], "converged");
+    EXPECT_TRUE(json["frames"][1]["contacts"].is_null());
     EXPECT_EQ(json["field"]["kind"], "rbf");
     EXPECT_LT(json["field"]["residual"], 1e-9);
     EXPECT_NEAR(json["volume"]["before"].get<double>(), 4.0, 1e-9);
@@ -334,6 +335,19 @@ TEST(Cli, json_has_every_key)
                 not_needed.end());
     EXPECT_TRUE(std::find(not_needed.begin(), not_needed.end(), "blend") ==
                 not_needed.end());
+}
+
+TEST(Cli, json_tells_of_contacts_where_they_are_asked_for)
+{
+    const support::Folder folder;
+    const Result result = run({"deform", support::samples_folder() + "/touch.json",
+                               "--preview", "-o", folder / "o.ply", "--json"});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const nlohmann::json json = nlohmann::json::parse(result.out);
+    EXPECT_GT(json["frames"][0]["contacts"]["points"], 10);
+    EXPECT_GT(json["frames"][0]["contacts"]["deepest"], 0.0);
+    const std::vector<std::string> unused = json["unused"];
+    EXPECT_TRUE(std::find(unused.begin(), unused.end(), "contact") == unused.end());
 }
 
 TEST(Cli, output_is_the_same_to_the_bit_for_every_number_of_threads)
