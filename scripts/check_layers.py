@@ -90,7 +90,7 @@ LIBRARIES = {
     "CGAL/": {"octree/wrap/wrap.cpp", "octree/wrap/side.cpp", "octree/wrap/triangle_pair.cpp",
               "octree/wrap/triangle_tree.cpp",
               "octree/wrap/skeleton_main.cpp",
-              "tests/bench/arap_peer.cpp", "tests/bench/skinning_peer.cpp",
+              "tests/bench/arap_peer.cpp", "tests/bench/edits_peer.cpp",
               "tests/bench/tet_fill.cpp"},
 }
 # Optional parts may be named only here, outside their own room.
