@@ -119,6 +119,39 @@ TEST(Contact, is_the_same_to_the_bit_on_any_number_of_threads)
     }
 }
 
+TEST(Contact, of_edits_that_go_back_and_on_again_is_that_of_the_file)
+{
+    const Geometry hand = read_geometry(support::samples_folder() + "/hand.ply").geometry;
+    const std::string regions = "cellwarp-handles 1\n"
+                                "fixed wrist box -2 -1 -1 2 0.25 1\n"
+                                "handle index box -0.29 1.40 -1 -0.11 2 1\n";
+    const std::string touches = "frame 1\nmove index rotate 0 0 1 -8 translate 0.1 0 0\n";
+    const std::string leans = "frame 2\nmove index rotate 0 0 1 -12 translate 0.15 0 0\n";
+    const std::string away = "frame 2\nmove index rotate 1 0 0 20\n";
+    const auto script = [&](const std::string& frames)
+    { return parse_handles("h.handles", regions + frames); };
+    const auto play = [](Session& session)
+    {
+        while (session.next_frame(session.num_upcoming() == 1))
+            ;
+    };
+    SessionSettings s = settings(true);
+    s.keeps_checkpoints = true;
+    Session edited(hand, script(touches + leans), s);
+    play(edited);
+    for (const std::string& last : {away, std::string(), leans})
+    {
+        edited.set_script(script(touches + last));
+        play(edited);
+        Session fresh(hand, script(touches + last), settings(true));
+        play(fresh);
+        EXPECT_TRUE(edited.deformed().samples == fresh.deformed().samples) << last;
+        EXPECT_EQ(edited.frames().back().solve.energy_after,
+                  fresh.frames().back().solve.energy_after)
+            << last;
+    }
+}
+
 TEST(Contact, of_parts_that_touch_at_rest_is_found_when_they_come_nearer)
 {
     // Two closed boxes without a common sample, side by side.
