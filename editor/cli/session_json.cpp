@@ -38,7 +38,7 @@ Json unused_parts(const PartCounts& parts)
 namespace
 {
 
-Json contacts_json(const std::optional<ContactReport>& contacts)
+Json contacts_json(const std::optional<CellContactReport>& contacts)
 {
     if (!contacts)
         return nullptr;

@@ -35,7 +35,7 @@ struct PinReport
 };
 
 /// Where parts keep each other out.
-struct ContactReport
+struct CellContactReport
 {
     int points = 0;       ///< on boundaries that are pressed back
     double deepest = 0.0; ///< by which one of them is too near [diagonal]
@@ -57,7 +57,8 @@ struct FrameReport
     /// Of the energy, by one step of the solver, relative to where that solve began.
     double largest_rise = 0.0;
     std::vector<PinReport> pins;
-    std::optional<ContactReport> contacts; ///< nothing: parts may pass through each other
+    std::optional<CellContactReport>
+        contacts; ///< nothing: parts may pass through each other
     double cells_ms = 0.0, solve_ms = 0.0, fit_ms = 0.0, apply_ms = 0.0;
 };
 

@@ -54,11 +54,11 @@ std::vector<std::string> holding_warnings(const CellSystem& system,
     return {};
 }
 
-std::optional<ContactReport> contact_report(const CellSystem& system)
+std::optional<CellContactReport> contact_report(const CellSystem& system)
 {
     if (!system.rest().boundary)
         return std::nullopt;
-    ContactReport report;
+    CellContactReport report;
     for (const FoundContact& found : system.contacts())
     {
         ++report.points;
