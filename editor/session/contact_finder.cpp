@@ -18,7 +18,7 @@ namespace
 {
 
 /// Contact is so much stiffer than the glue of as much material: what presses as hard as
-/// a strain of 1 would goes in by a twentieth of a cell.
+/// a strain of 1 would goes in by a sixtieth of a cell.
 constexpr double kStiffness = 60.0;
 
 /// Middles of voxels on boundaries stay so far apart: the surfaces are up to half a voxel
@@ -95,6 +95,10 @@ ContactFinder::ContactFinder(std::shared_ptr<const Body> body,
             points_[idx(cell)].push_back(p);
             material_[idx(cell)] = grid.material()[grid.index(points[p].voxel)];
         }
+    // What slides takes part in no contact: no boundary is of material 0.
+    for (std::size_t c = 0; c < constraints.size(); ++c)
+        if (constraints[c].hold == Hold::Sliding)
+            material_[c] = 0;
 }
 
 bool ContactFinder::is_near(int cell, int other) const
