@@ -365,7 +365,7 @@ void check_stage(const FieldReader& reader, const StoredField& stage)
     {
         reader.require(
             are_offsets(stage.first_membership, cells, stage.membership_fits.size()) &&
-                are_below(stage.membership_fits, fits) &&
+                are_below(stage.membership_fits, fits, -1) &&
                 stage.membership_weights.size() == stage.membership_fits.size(),
             "the memberships are wrong");
         for (std::size_t c = 0; c < cells; ++c)

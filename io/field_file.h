@@ -71,7 +71,8 @@ struct StoredField
     std::uint32_t num_centres = 0; ///< "centre count" of an RBF
     double residual = 0.0;         ///< "residual" of its fit
     std::vector<std::int32_t> first_membership; ///< "members 1": cells + 1 offsets (rbf)
-    std::vector<std::int32_t> membership_fits;  ///< "members": RBFs a cell belongs to
+    std::vector<std::int32_t> membership_fits;  ///< "members": RBFs a cell belongs to;
+                                                ///< -1: the blend of the cells
     std::vector<double> membership_weights;     ///< "weights": how much
     // The RBFs: d(x) = sum_j w_j |u - c_j|^3 + P b(u), u = x - origin,
     // b = 1 x y z xx yy zz xy yz zx.

@@ -64,6 +64,8 @@ struct Geometry
     std::vector<std::uint32_t> corners;   ///< sample index of every face corner
     std::vector<std::uint64_t>
         face_ends; ///< face f: corners [face_ends[f-1], face_ends[f])
+    /// OBJ: what is drawn from sample to sample.
+    std::vector<std::array<std::uint32_t, 2>> lines;
 
     /// Normals. In an OBJ a pool that the corners index; elsewhere direction i
     /// belongs to sample direction_samples[i].

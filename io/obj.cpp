@@ -72,12 +72,12 @@ bool is_keyword(std::string_view word)
 bool passes_through(std::string_view word)
 {
     static constexpr std::string_view known[] = {
-        "vt",     "vp",     "l",          "p",        "s",     "mg",       "usemtl",
-        "mtllib", "usemap", "maplib",     "curv",     "curv2", "surf",     "parm",
-        "trim",   "hole",   "scrv",       "sp",       "end",   "con",      "deg",
-        "bmat",   "step",   "cstype",     "bevel",    "lod",   "c_interp", "d_interp",
-        "ctech",  "stech",  "res",        "bsp",      "bzp",   "cdc",      "cdp",
-        "call",   "csh",    "shadow_obj", "trace_obj"};
+        "vt",     "vp",         "p",        "s",     "mg",       "usemtl",   "mtllib",
+        "usemap", "maplib",     "curv",     "curv2", "surf",     "parm",     "trim",
+        "hole",   "scrv",       "sp",       "end",   "con",      "deg",      "bmat",
+        "step",   "cstype",     "bevel",    "lod",   "c_interp", "d_interp", "ctech",
+        "stech",  "res",        "bsp",      "bzp",   "cdc",      "cdp",      "call",
+        "csh",    "shadow_obj", "trace_obj"};
     return std::find(std::begin(known), std::end(known), word) != std::end(known);
 }
 
@@ -140,6 +140,8 @@ void ObjScanner::statement(std::string_view line, std::uint64_t start,
         normal(tokens, number, out);
     else if (word.text == "f" || word.text == "fo")
         face(tokens, number, out);
+    else if (word.text == "l")
+        drawn_line(tokens, number, out);
     else if (word.text == "g" || word.text == "o")
     {
         close_groups(out);
@@ -256,38 +258,27 @@ void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
 
 void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
 {
+    const char* const field = "face index";
     const std::size_t first = out.corners.size();
-    // An index is 1-based, or negative and counted back from what was read so far.
-    const auto resolve = [&](std::int64_t index, std::int64_t read, Forward& forward)
-    {
-        const std::int64_t value = index > 0 ? index - 1 : read + index;
-        if (value < 0 || value >= kMaxSamples)
-            throw malformed({file_, line, "face index"},
-                            "is out of range (got " + std::to_string(index) + ", " +
-                                std::to_string(read) + " read so far)");
-        if (value >= read && value > forward.index)
-            forward = {value, line};
-        return static_cast<std::uint32_t>(value);
-    };
     for (Token token; tokens.next(token) && token.text[0] != '#';)
     {
         Corner corner;
         if (!parse_corner(token, corner))
-            throw malformed({file_, line, "face index"},
+            throw malformed({file_, line, field},
                             "is no index (got " + in_quotes(token.text) +
                                 ", need v, v/vt, v//vn or v/vt/vn)");
         out.corners.push_back(resolve(corner.vertex,
-                                      static_cast<std::int64_t>(out.num_samples()),
-                                      forward_vertex_));
+                                      static_cast<std::int64_t>(out.num_samples()), line,
+                                      field, forward_vertex_));
         if (corner.texture != 0)
-            resolve(corner.texture, num_texture_, forward_texture_);
+            resolve(corner.texture, num_texture_, line, field, forward_texture_);
         if (corner.normal != 0)
         {
             out.corner_directions.resize(out.corners.size() - 1, kNone);
             out.corner_direction_starts.resize(out.corners.size() - 1, 0);
             out.corner_directions.push_back(
                 resolve(corner.normal, static_cast<std::int64_t>(out.num_directions()),
-                        forward_normal_));
+                        line, field, forward_normal_));
             out.corner_direction_starts.push_back(corner.normal_start);
         }
     }
@@ -296,6 +287,46 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
         throw malformed({file_, line, "face"},
                         "got " + std::to_string(count) + " corners, need 3 to 1000000");
     out.face_ends.push_back(out.corners.size());
+}
+
+void ObjScanner::drawn_line(Tokens& tokens, std::int64_t line, Geometry& out)
+{
+    const char* const field = "line index";
+    std::size_t count = 0;
+    std::uint32_t last = 0;
+    for (Token token; tokens.next(token) && token.text[0] != '#'; ++count)
+    {
+        Corner place;
+        if (!parse_corner(token, place) || place.normal != 0)
+            throw malformed({file_, line, field}, "is no index (got " +
+                                                      in_quotes(token.text) +
+                                                      ", need v or v/vt)");
+        const std::uint32_t sample =
+            resolve(place.vertex, static_cast<std::int64_t>(out.num_samples()), line,
+                    field, forward_vertex_);
+        if (place.texture != 0)
+            resolve(place.texture, num_texture_, line, field, forward_texture_);
+        if (count > 0)
+            out.lines.push_back({last, sample});
+        last = sample;
+    }
+    if (count < 2)
+        throw malformed({file_, line, "line"},
+                        "got " + std::to_string(count) + " places, need at least 2");
+}
+
+std::uint32_t ObjScanner::resolve(std::int64_t index, std::int64_t read,
+                                  std::int64_t line, const char* field,
+                                  Forward& forward) const
+{
+    const std::int64_t value = index > 0 ? index - 1 : read + index;
+    if (value < 0 || value >= kMaxSamples)
+        throw malformed({file_, line, field}, "is out of range (got " +
+                                                  std::to_string(index) + ", " +
+                                                  std::to_string(read) + " read so far)");
+    if (value >= read && value > forward.index)
+        forward = {value, line, field};
+    return static_cast<std::uint32_t>(value);
 }
 
 void ObjScanner::close_groups(Geometry& out)
@@ -320,7 +351,7 @@ void ObjScanner::finish(Geometry& out)
         {forward_normal_, out.num_directions()}};
     for (const auto& [forward, count] : forwards)
         if (forward.index >= static_cast<std::int64_t>(count))
-            throw malformed({file_, forward.line, "face index"},
+            throw malformed({file_, forward.line, forward.field},
                             "is out of range (got " + std::to_string(forward.index + 1) +
                                 ", need at most " + std::to_string(count) + ")");
     if (out.num_samples() == 0)

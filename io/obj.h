@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Wavefront OBJ. Positions, normals, faces and groups are read; every other
+// Wavefront OBJ. Positions, normals, faces, lines and groups are read; every other
 // statement passes through.
 #pragma once
 
@@ -37,13 +37,19 @@ private:
     void vertex(Tokens& tokens, std::int64_t line, Geometry& out);
     void normal(Tokens& tokens, std::int64_t line, Geometry& out);
     void face(Tokens& tokens, std::int64_t line, Geometry& out);
+    void drawn_line(Tokens& tokens, std::int64_t line, Geometry& out);
     void close_groups(Geometry& out);
 
     /// The largest of the indices that pointed past what was read so far.
     struct Forward
     {
         std::int64_t index = -1, line = 0;
+        const char* field = "face index";
     };
+    /// The number of what an index means, from 0. An index counts from 1, or, negative,
+    /// back from what was \p read so far. \p line, \p field: where it stands.
+    std::uint32_t resolve(std::int64_t index, std::int64_t read, std::int64_t line,
+                          const char* field, Forward& forward) const;
     std::string file_;
     std::string joined_; ///< a statement continued over lines
     std::int64_t lines_ = 0;

@@ -48,6 +48,7 @@ void PartReader::clear(Geometry& geometry) const
     geometry.samples.clear();
     geometry.corners.clear();
     geometry.face_ends.clear();
+    geometry.lines.clear();
     geometry.directions.clear();
     geometry.direction_samples.clear();
     geometry.corner_directions.clear();

@@ -65,7 +65,7 @@ void visit_settings(Visit&& visit, Settings&... settings)
     using Whole = Between<std::int64_t>;
     using Real = Between<double>;
     visit("", "energy", OneOf{{"cellwarp", "botsch07"}}, settings.energy...);
-    visit("cells", "fill", OneOf{{"solid", "shell"}}, settings.cells.fill...);
+    visit("cells", "fill", OneOf{{"solid", "shell", "closed"}}, settings.cells.fill...);
     visit("cells", "across", Whole{1, 1 << 20}, settings.cells.across...);
     visit("cells", "max_depth", Whole{0, 20}, settings.cells.max_depth...);
     visit("cells", "threshold", Real{0.0, 1e300}, settings.cells.threshold...);

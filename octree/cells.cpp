@@ -205,7 +205,7 @@ void for_each_box_above(const VoxelGrid& grid, const VoxelBlock& block, int axis
 /// Crumbs have none: there would be faces of leaves that do not touch.
 std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                              const Pieces& pieces, const VoxelFlags& is_sheet,
-                             LeafNumber leaf)
+                             const Notches& notches, LeafNumber leaf)
 {
     const VoxelBlock block = voxel_block(grid.shape(), octree[leaf]);
     std::map<std::tuple<int, int, int>, FaceSum> found;
@@ -246,6 +246,9 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
             whole.first += area * centre;
             return;
         }
+        Eigen::Vector3i under = first;
+        --under[axis];
+        const bool may_be_open = notches.are_in(grid.box(under));
         for (int j = 0; j < step; ++j)
             for (int i = 0; i < step; ++i)
             {
@@ -255,7 +258,8 @@ std::vector<Face> leaf_faces(const VoxelGrid& grid, const Octree& octree,
                 --below[axis];
                 const std::size_t low = grid.index(below), high = grid.index(above);
                 const std::uint8_t material = grid.material()[low];
-                if (material == 0 || material != grid.material()[high])
+                if (material == 0 || material != grid.material()[high] ||
+                    (may_be_open && notches.is_open(low, axis)))
                     continue;
                 const int a = only >= 0 ? only : pieces.at(grid, below);
                 const int b = other_only >= 0 ? other_only : pieces.at(grid, above);
@@ -489,7 +493,7 @@ private:
 
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
                   const VoxelFlags& is_sheet, const Sheets& sheets,
-                  const EarlierCells* earlier)
+                  const Notches& notches, const EarlierCells* earlier)
 {
     const std::size_t num_leaves = octree.leaves().size();
     const TakenOver taken_over(octree, pieces, earlier);
@@ -512,9 +516,9 @@ Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pie
                          taken_over.copy_cells(leaf, cells);
                      else
                          measure_leaf(grid, octree, pieces, leaf, cells);
-                     faces[i] = has_faces[i]
-                                    ? taken_over.faces(leaf)
-                                    : leaf_faces(grid, octree, pieces, is_sheet, leaf);
+                     faces[i] = has_faces[i] ? taken_over.faces(leaf)
+                                             : leaf_faces(grid, octree, pieces, is_sheet,
+                                                          notches, leaf);
                  });
     std::vector<std::vector<int>> neighbours(result.size());
     std::vector<char> is_known; // of the faces

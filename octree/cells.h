@@ -79,11 +79,12 @@ struct EarlierCells
     const Cells& cells;
 };
 
-/// Without \p sheets all material is as thick as its voxels. What leaves have in common
+/// Without \p sheets all material is as thick as its voxels. There are no faces in open
+/// sides of \p notches, which are those of \p pieces. What leaves have in common
 /// with \p earlier cells is taken over from those, to the same bits.
 Cells build_cells(const VoxelGrid& grid, const Octree& octree, const Pieces& pieces,
                   const VoxelFlags& is_sheet = {}, const Sheets& sheets = {},
-                  const EarlierCells* earlier = nullptr);
+                  const Notches& notches = {}, const EarlierCells* earlier = nullptr);
 
 /// Number of the connected component of each cell (through the glue), numbered by
 /// their first cells.

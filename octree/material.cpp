@@ -212,7 +212,7 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
     Material material{VoxelGrid(grid_shape)};
     VoxelGrid& grid = material.grid;
     const VoxelFlags marks = surface_marks(shape, grid);
-    if (shape.triangles.empty())
+    if (shape.is_cloud())
         material.spacing = point_spacing(shape.samples);
     // How far apart neighbouring samples of a cloud are [voxel].
     const int reach_of_samples =
@@ -231,7 +231,12 @@ Material find_material(const Shape& shape, const BoundingSurface& surface,
         if (surface.open_edges == 0.0)
         {
             material.method = InsideMethod::Winding;
-            settle(inside_by_winding(shape, surface.triangles, grid));
+            const VoxelFlags is_inside =
+                inside_by_winding(shape, surface.triangles, grid);
+            settle(is_inside);
+            if (!shape.lines.empty()) // what is drawn beside it is as thick as a sheet
+                material.is_sheet =
+                    sheet_voxels(grid, beyond_marks(is_inside, marks), kWall);
             return material;
         }
         const OpenInside found = open_inside(

@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "octree/bounding_surface.h"
+#include "octree/notches.h"
 #include "octree/shape.h"
 #include "octree/voxel_grid.h"
 
@@ -47,6 +48,9 @@ struct Material
     /// For every voxel whether it is the material of a sheet: of a surface that bounds no
     /// inside. Empty where there is no sheet.
     VoxelFlags is_sheet = {};
+    /// Of a closed surface, see find_notches(); whoever makes the material may leave them
+    /// out: then both sides of a notch hold together where voxels do not tell them apart.
+    Notches notches = {};
 };
 
 /// The voxels of \p shape on the grid \p grid_shape. Every voxel into which a triangle or

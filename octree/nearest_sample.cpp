@@ -24,7 +24,8 @@ constexpr double kSame = 7.0710678e-4;
 
 VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
                                             std::span<const Eigen::Vector3d> samples,
-                                            std::span<const std::size_t> voxel_of_sample)
+                                            std::span<const std::size_t> voxel_of_sample,
+                                            const Notches& notches)
 {
     VoxelNumbers<std::uint32_t> nearest(grid.size());
     // [kSame]; without one, the largest number
@@ -77,11 +78,17 @@ VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
             if (entry.distance != distance[entry.voxel] ||
                 nearest[entry.voxel] != entry.sample)
                 continue;
-            for_each_beside(grid.coordinates(entry.voxel),
+            const Eigen::Vector3i from = grid.coordinates(entry.voxel);
+            for_each_beside(from,
                             [&](const Eigen::Vector3i& other)
                             {
-                                if (grid.contains(other) &&
-                                    material[grid.index(other)] == material[entry.voxel])
+                                if (!grid.contains(other))
+                                    return;
+                                const std::size_t to = grid.index(other);
+                                int axis = 0;
+                                (other - from).cwiseAbs().maxCoeff(&axis);
+                                if (material[to] == material[entry.voxel] &&
+                                    !notches.is_open(std::min(to, entry.voxel), axis))
                                     offer(other, entry.sample);
                             });
         }

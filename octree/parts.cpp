@@ -494,7 +494,7 @@ Numbered numbered(const Components& components, Joining& joining, double distanc
     return parts;
 }
 
-/// The samples of a shape for which \p is_in, with their triangles.
+/// The samples of a shape for which \p is_in, with their triangles and lines.
 template <class IsIn>
 Shape some_of(const Shape& shape, const IsIn& is_in)
 {
@@ -509,6 +509,9 @@ Shape some_of(const Shape& shape, const IsIn& is_in)
     for (const Triangle& t : shape.triangles)
         if (is_in(t[0]) && is_in(t[1]) && is_in(t[2]))
             some.triangles.push_back({number[t[0]], number[t[1]], number[t[2]]});
+    for (const auto& [a, b] : shape.lines)
+        if (is_in(a) && is_in(b))
+            some.lines.push_back({number[a], number[b]});
     return some;
 }
 

@@ -24,11 +24,31 @@ struct Run
     int piece = 0;
 };
 
+/// The first voxel of a row of a leaf.
+std::size_t row_start(const VoxelGrid& grid, const VoxelBlock& block, int row)
+{
+    return grid.index(block.first +
+                      Eigen::Vector3i(0, row % block.width, row / block.width));
+}
+
 /// The material of a row of a leaf; rows follow each other along y, then z.
 const std::uint8_t* material_row(const VoxelGrid& grid, const VoxelBlock& block, int row)
 {
-    return &grid.material()[grid.index(
-        block.first + Eigen::Vector3i(0, row % block.width, row / block.width))];
+    return &grid.material()[row_start(grid, block, row)];
+}
+
+/// Whether voxels of a leaf have open sides.
+bool has_notches(const VoxelGrid& grid, const Notches& notches, const VoxelBlock& block)
+{
+    if (notches.empty())
+        return false;
+    const int step = grid.shape().voxels_per_leaf;
+    for (int k = 0; k < block.width; k += step)
+        for (int j = 0; j < block.width; j += step)
+            for (int i = 0; i < block.width; i += step)
+                if (notches.are_in(grid.box(block.first + Eigen::Vector3i(i, j, k))))
+                    return true;
+    return false;
 }
 
 /// Whether all voxels of a leaf are of one material.
@@ -49,9 +69,34 @@ bool is_of_one_material(const VoxelGrid& grid, const VoxelBlock& block)
 
 /// The runs of one leaf. Those of one material in neighbouring rows that overlap are of
 /// one piece; pieces are numbered from 0 in the order of their first voxels. Returns how
-/// many there are.
-int label_runs(const VoxelGrid& grid, const VoxelBlock& block, std::vector<Run>& runs)
+/// many there are. \p notches: of the leaf, or none.
+int label_runs(const VoxelGrid& grid, const Notches& notches, const VoxelBlock& block,
+               std::vector<Run>& runs)
 {
+    const auto add_run = [&](int row, int begin, int end, std::uint8_t material)
+    {
+        if (!notches.empty())
+            for (int x = begin; x + 1 < end; ++x)
+                if (notches.is_open(row_start(grid, block, row) + idx(x), 0))
+                {
+                    runs.push_back({row, begin, x + 1, material});
+                    begin = x + 1;
+                }
+        runs.push_back({row, begin, end, material});
+    };
+    // Whether two runs hold together: \p below along the axis has a side that is not
+    // open.
+    const auto touch = [&](const Run& below, const Run& above, int axis)
+    {
+        const int begin = std::max(below.begin, above.begin);
+        const int end = std::min(below.end, above.end);
+        if (notches.empty())
+            return begin < end;
+        for (int x = begin; x < end; ++x)
+            if (!notches.is_open(row_start(grid, block, below.row) + idx(x), axis))
+                return true;
+        return false;
+    };
     const int num_rows = block.width * block.width;
     std::vector<std::size_t> first_run; // of each row, and the end
     first_run.reserve(idx(num_rows) + 1);
@@ -62,18 +107,17 @@ int label_runs(const VoxelGrid& grid, const VoxelBlock& block, std::vector<Run>&
                        [&](int begin, int end, std::uint8_t material)
                        {
                            if (material != 0)
-                               runs.push_back({row, begin, end, material});
+                               add_run(row, begin, end, material);
                        });
     }
     first_run.push_back(runs.size());
     UnionFind joined(runs.size());
-    const auto join = [&](std::size_t row, std::size_t other)
+    const auto join = [&](std::size_t row, std::size_t other, int axis)
     {
         std::size_t a = first_run[row], b = first_run[other];
         while (a < first_run[row + 1] && b < first_run[other + 1])
         {
-            if (runs[a].begin < runs[b].end && runs[b].begin < runs[a].end &&
-                runs[a].material == runs[b].material)
+            if (runs[a].material == runs[b].material && touch(runs[b], runs[a], axis))
                 joined.join(static_cast<int>(a), static_cast<int>(b));
             ++(runs[a].end < runs[b].end ? a : b);
         }
@@ -82,9 +126,9 @@ int label_runs(const VoxelGrid& grid, const VoxelBlock& block, std::vector<Run>&
     for (std::size_t row = 0; row < idx(num_rows); ++row)
     {
         if (row % width != 0)
-            join(row, row - 1);
+            join(row, row - 1, 1);
         if (row >= width)
-            join(row, row - width);
+            join(row, row - width, 2);
     }
     int count = 0;
     for (std::size_t k = 0; k < runs.size(); ++k)
@@ -105,8 +149,8 @@ constexpr double kCrumb = 0.02;
 class PieceFinder
 {
 public:
-    PieceFinder(const VoxelGrid& grid, const Octree& octree)
-        : grid_(grid), octree_(octree), leaves_(pieces_.leaves_)
+    PieceFinder(const VoxelGrid& grid, const Octree& octree, const Notches& notches)
+        : grid_(grid), octree_(octree), notches_(notches), leaves_(pieces_.leaves_)
     {
     }
 
@@ -148,12 +192,13 @@ private:
     {
         const VoxelBlock block = block_of(leaf);
         Pieces::OfLeaf& of = leaves_[leaf];
-        of.is_full = is_of_one_material(grid_, block);
+        const bool has_any = has_notches(grid_, notches_, block);
+        of.is_full = is_of_one_material(grid_, block) && !has_any;
         of.num_locals = 1;
         if (of.is_full)
             return;
         std::vector<Run> runs;
-        of.num_locals = label_runs(grid_, block, runs);
+        of.num_locals = label_runs(grid_, has_any ? notches_ : none_, block, runs);
         if (of.num_locals < 2)
             return;
         const std::size_t width = idx(block.width);
@@ -210,6 +255,16 @@ private:
         return has_any;
     }
 
+    /// Whether two voxels side by side hold together.
+    bool holds(const Eigen::Vector3i& voxel, const Eigen::Vector3i& next) const
+    {
+        const std::size_t a = grid_.index(voxel), b = grid_.index(next);
+        int axis = 0;
+        (next - voxel).cwiseAbs().maxCoeff(&axis);
+        return grid_.material()[a] == grid_.material()[b] &&
+               !notches_.is_open(std::min(a, b), axis);
+    }
+
     /// For each crumb of a leaf the whole pieces with which it has faces in common.
     std::map<std::int32_t, std::set<std::int32_t>>
     touches_of(std::size_t leaf, const std::vector<char>& is_crumb) const
@@ -224,9 +279,7 @@ private:
                                     return;
                                 const std::int32_t other = pieces_.at(grid_, next);
                                 if (other >= 0 && other != piece &&
-                                    !is_crumb[idx(other)] &&
-                                    grid_.material()[grid_.index(next)] ==
-                                        grid_.material()[grid_.index(voxel)])
+                                    !is_crumb[idx(other)] && holds(voxel, next))
                                     touches[piece].insert(other);
                             });
         };
@@ -294,19 +347,21 @@ private:
 
     const VoxelGrid& grid_;
     const Octree& octree_;
+    const Notches& notches_;
+    const Notches none_;
     Pieces pieces_;
     std::vector<Pieces::OfLeaf>& leaves_; ///< of pieces_
 };
 
-Pieces find_pieces(const VoxelGrid& grid, const Octree& octree)
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Notches& notches)
 {
-    return PieceFinder(grid, octree).found(nullptr, nullptr);
+    return PieceFinder(grid, octree, notches).found(nullptr, nullptr);
 }
 
-Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Octree& other,
-                   const Pieces& of_other)
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Notches& notches,
+                   const Octree& other, const Pieces& of_other)
 {
-    return PieceFinder(grid, octree).found(&other, &of_other);
+    return PieceFinder(grid, octree, notches).found(&other, &of_other);
 }
 
 } // namespace cellwarp

@@ -9,6 +9,7 @@
 #include <memory>
 #include <vector>
 
+#include "octree/notches.h"
 #include "octree/octree.h"
 #include "octree/voxel_grid.h"
 
@@ -56,7 +57,7 @@ public:
         const OfLeaf& of = leaves_[idx(leaf)];
         return of.num_locals == 1 ? numbers_[of.first_local] : -1;
     }
-    /// Whether every voxel of a leaf is material of one piece.
+    /// Whether every voxel of a leaf is material of one piece, none with an open side.
     bool is_full(LeafNumber leaf) const { return leaves_[idx(leaf)].is_full; }
     /// Whether crumbs in this leaf belong to pieces of other leaves, or the other way
     /// round.
@@ -120,13 +121,15 @@ private:
     VoxelNumbers<std::int32_t> leaf_of_box_;
 };
 
-/// The pieces of \p octree, from nothing.
-Pieces find_pieces(const VoxelGrid& grid, const Octree& octree);
+/// The pieces of \p octree, from nothing. Nothing holds together across open sides of
+/// \p notches.
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree,
+                   const Notches& notches = {});
 
 /// The same, to the bit, in proportion to what is new: leaves that are also in \p other
 /// are taken over from its pieces.
-Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Octree& other,
-                   const Pieces& of_other);
+Pieces find_pieces(const VoxelGrid& grid, const Octree& octree, const Notches& notches,
+                   const Octree& other, const Pieces& of_other);
 
 /// The piece that holds a point: that of its voxel, or else the first of those that it
 /// touches; -1 if it touches no material. \p piece_of(voxel): negative where there is

@@ -12,13 +12,17 @@ namespace cellwarp
 {
 
 using Triangle = std::array<std::uint32_t, 3>;
+using LineEnds = std::array<std::uint32_t, 2>; ///< its two ends
 
-/// A shape as samples; triangles index them. Samples in no triangle count as
+/// A shape as samples; triangles and lines index them. Samples in neither count as
 /// points.
 struct Shape
 {
     std::vector<Eigen::Vector3d> samples;
     std::vector<Triangle> triangles;
+    std::vector<LineEnds> lines = {};
+
+    bool is_cloud() const { return triangles.empty() && lines.empty(); }
 };
 
 } // namespace cellwarp

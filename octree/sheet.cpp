@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <optional>
 #include <tuple>
 
@@ -53,7 +54,7 @@ constexpr double kLeastShare = 1e-6;
 
 using Polygon = std::vector<Eigen::Vector3d>;
 
-/// Cuts triangles (corners in voxel units) at the planes between finest leaves.
+/// Cuts triangles and lines (corners in voxel units) at the planes between finest leaves.
 class SheetCutter
 {
 public:
@@ -73,8 +74,26 @@ public:
             add_crossings(corners, axis);
     }
 
+    /// A bar along a line, as wide as it is thick. A plane cuts it as it cuts a sheet, in
+    /// a strip, which is as long as the bar is wide: so it bends alike to all sides.
+    void add_bar(const Eigen::Vector3d& from, const Eigen::Vector3d& to)
+    {
+        const Eigen::Vector3d along = to - from;
+        const double length = along.norm();
+        if (!(length > 0))
+            return;
+        normal_ = (along / length).unitOrthogonal();
+        weight_ = 1.0;
+        add_bar_patches(from, to);
+        for (int axis = 0; axis < 3; ++axis)
+            add_bar_crossings(from, to, axis);
+    }
+
 private:
     const VoxelGrid& grid() const { return material_.grid; }
+    double thickness() const { return out_.thickness / grid().shape().voxel(); }
+    /// Nothing that is cut at a slant is wider than this [voxel].
+    double widest() const { return std::max(kWidest * thickness(), width()); }
     double width() const { return grid().shape().voxels_per_leaf; }
     double plane_below(double x) const { return std::floor(x / width()) * width(); }
 
@@ -104,6 +123,49 @@ private:
             visit(*over, share);
         if (under && !is_one)
             visit(*under, share);
+    }
+
+    /// Where a line passes the planes of the axes given, from 0 at its beginning to 1 at
+    /// its end, both among them.
+    std::vector<double> cuts_of(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                                std::initializer_list<int> axes) const
+    {
+        std::vector<double> cuts = {0.0, 1.0};
+        for (const int axis : axes)
+        {
+            const double low = std::min(from[axis], to[axis]);
+            const double high = std::max(from[axis], to[axis]);
+            for (double at = plane_below(low) + width(); at < high; at += width())
+                cuts.push_back((at - from[axis]) / (to[axis] - from[axis]));
+        }
+        std::sort(cuts.begin(), cuts.end());
+        return cuts;
+    }
+
+    void add_bar_patches(const Eigen::Vector3d& from, const Eigen::Vector3d& to)
+    {
+        const std::vector<double> cuts = cuts_of(from, to, {0, 1, 2});
+        for (std::size_t k = 1; k < cuts.size(); ++k)
+            add_sides(from + 0.5 * (cuts[k - 1] + cuts[k]) * (to - from),
+                      (cuts[k] - cuts[k - 1]) * (to - from).norm() * thickness());
+    }
+
+    void add_bar_crossings(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                           int axis)
+    {
+        const double slant = std::abs(to[axis] - from[axis]) / (to - from).norm();
+        const double area =
+            thickness() * std::min(thickness() / std::max(slant, 1e-12), widest());
+        const auto [low, high] = std::minmax(from[axis], to[axis]);
+        if (!(low < high))
+            return;
+        // An end on a plane has half of the crossing, the next line the other half.
+        for (double plane = plane_below(low); plane <= high; plane += width())
+            if (plane >= low)
+                add_crossing(from + (plane - from[axis]) / (to[axis] - from[axis]) *
+                                        (to - from),
+                             axis, plane, thickness(),
+                             (plane == low || plane == high ? 0.5 : 1.0) * area);
     }
 
     void add_patches(const Polygon& polygon, int axis)
@@ -165,6 +227,20 @@ private:
         if (!(area > 0))
             return;
         const Eigen::Vector3d centre = sum / area;
+        add_sides(centre, area);
+        for (int axis = 0; axis < 3; ++axis)
+        {
+            const double plane = std::round(centre[axis] / width()) * width();
+            if (std::all_of(polygon.begin(), polygon.end(),
+                            [&](const Eigen::Vector3d& x)
+                            { return std::abs(x[axis] - plane) < kAside; }))
+                add_crossing(centre, axis, plane, std::sqrt(area), area);
+        }
+    }
+
+    /// A patch, or half of one on either side. In voxels.
+    void add_sides(const Eigen::Vector3d& centre, double area)
+    {
         const double voxel = grid().shape().voxel();
         visit_sides(
             centre, [&](const Eigen::Vector3d& x) { return sheet_voxel(x); },
@@ -174,14 +250,6 @@ private:
                                         share * weight_ * area * voxel * voxel,
                                         grid().from_voxels(centre)});
             });
-        for (int axis = 0; axis < 3; ++axis)
-        {
-            const double plane = std::round(centre[axis] / width()) * width();
-            if (std::all_of(polygon.begin(), polygon.end(),
-                            [&](const Eigen::Vector3d& x)
-                            { return std::abs(x[axis] - plane) < kAside; }))
-                add_crossing(centre, axis, plane, std::sqrt(area), area);
-        }
     }
 
     /// The lines in which the triangle crosses the planes of one axis.
@@ -230,22 +298,13 @@ private:
     void add_parts(const Eigen::Vector3d& from, const Eigen::Vector3d& to, int axis,
                    double plane, double share)
     {
-        std::vector<double> cuts = {0.0, 1.0};
-        for (const int other : {(axis + 1) % 3, (axis + 2) % 3})
-        {
-            const double low = std::min(from[other], to[other]);
-            const double high = std::max(from[other], to[other]);
-            for (double at = plane_below(low) + width(); at < high; at += width())
-                cuts.push_back((at - from[other]) / (to[other] - from[other]));
-        }
-        std::sort(cuts.begin(), cuts.end());
+        const std::vector<double> cuts =
+            cuts_of(from, to, {(axis + 1) % 3, (axis + 2) % 3});
         const double length = (to - from).norm();
         // Of a sheet that nearly lies in the plane the strip ends somewhere.
         const double slant =
             std::sqrt(std::max(0.0, 1.0 - normal_[axis] * normal_[axis]));
-        const double thickness = out_.thickness / grid().shape().voxel();
-        const double widest = std::max(kWidest * thickness, width());
-        const double across = std::min(thickness / std::max(slant, 1e-12), widest);
+        const double across = std::min(thickness() / std::max(slant, 1e-12), widest());
         for (std::size_t k = 1; k < cuts.size(); ++k)
         {
             const double part = (cuts[k] - cuts[k - 1]) * length;
@@ -367,6 +426,20 @@ void add_square(const PointSquare& square, const VoxelGrid& grid, SheetCutter& c
     }
 }
 
+/// Each once, from whichever end it was drawn.
+std::vector<LineEnds> distinct_lines(const Shape& shape)
+{
+    std::vector<LineEnds> lines;
+    if (shape.lines.empty())
+        return lines;
+    const std::vector<std::uint32_t> joined = joined_samples(shape.samples);
+    for (const auto& [a, b] : shape.lines)
+        lines.push_back({std::min(joined[a], joined[b]), std::max(joined[a], joined[b])});
+    std::sort(lines.begin(), lines.end());
+    lines.erase(std::unique(lines.begin(), lines.end()), lines.end());
+    return lines;
+}
+
 /// Calls add(cutter, i) for all of \p count, on all threads: some at once, each with
 /// sheets of their own, which follow each other in the end.
 template <class Add>
@@ -411,7 +484,7 @@ Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
     if (material.is_sheet.empty())
         return sheets;
     const VoxelGrid& grid = material.grid;
-    if (shape.triangles.empty())
+    if (shape.is_cloud())
     {
         const std::vector<std::optional<PointSquare>> squares =
             squares_of(shape, material);
@@ -434,6 +507,16 @@ Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
                         grid.to_voxels(shape.samples[t[1]]),
                         grid.to_voxels(shape.samples[t[2]])},
                        1.0);
+        },
+        sheets);
+    const std::vector<LineEnds> lines = distinct_lines(shape);
+    add_all(
+        material, lines.size(),
+        [&](SheetCutter& cutter, std::size_t i)
+        {
+            const LineEnds& line = lines[i];
+            cutter.add_bar(grid.to_voxels(shape.samples[line[0]]),
+                           grid.to_voxels(shape.samples[line[1]]));
         },
         sheets);
     return sheets;

@@ -44,9 +44,9 @@ struct Sheets
 };
 
 /// The sheets of \p material, found from \p shape. Triangles count once, however often
-/// they are there; a cloud is what squares in the tangent planes of its points cover.
-/// Nothing where material.is_sheet is empty.
-/// \p surface: of \p shape.
+/// they are there; a line, however often, is a bar as wide as it is thick; a cloud is
+/// what squares in the tangent planes of its points cover. Nothing where
+/// material.is_sheet is empty. \p surface: of \p shape.
 Sheets find_sheets(const Shape& shape, const BoundingSurface& surface,
                    const Material& material, double thickness);
 

@@ -322,9 +322,25 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
                                          grid.to_voxels(shape.samples[c])},
                                         marks);
                  });
+    if (!shape.lines.empty())
+    {
+        // As triangles of no width. What they touch counts as reached into: a line that
+        // runs along the edges of voxels would be in none of them.
+        VoxelFlags of_lines(grid.size());
+        for (const auto& [a, b] : shape.lines)
+            TriangleMarker(grid, lines,
+                           {grid.to_voxels(shape.samples[a]),
+                            grid.to_voxels(shape.samples[b]),
+                            grid.to_voxels(shape.samples[b])},
+                           of_lines);
+        for_each_set(of_lines, [&](std::size_t voxel) { marks[voxel] |= kInside; });
+    }
     std::vector<bool> is_used(shape.samples.size(), false);
     for (const Triangle& triangle : shape.triangles)
         for (const std::uint32_t sample : triangle)
+            is_used[sample] = true;
+    for (const LineEnds& line : shape.lines)
+        for (const std::uint32_t sample : line)
             is_used[sample] = true;
     for (std::size_t i = 0; i < shape.samples.size(); ++i)
         if (!is_used[i])

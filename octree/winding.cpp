@@ -10,6 +10,7 @@
 #include <tuple>
 #include <utility>
 
+#include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/wrap/side.h"
 
@@ -77,9 +78,22 @@ double height_at(const double (&p)[3][2], const double (&h)[3], double x, double
     return heights[0] + s * (heights[1] - heights[0]);
 }
 
+/// Which columns of voxels along an axis are asked for; empty: all.
+using Columns = std::vector<char>;
+
+/// The number of the column at (i, j) on the two axes that follow \p axis.
+std::uint64_t column_at(const VoxelGrid& grid, int axis, int i, int j)
+{
+    return idx(j) * idx(grid.counts()[(axis + 1) % 3]) + idx(i);
+}
+std::uint64_t column_of(const VoxelGrid& grid, int axis, const Eigen::Vector3i& voxel)
+{
+    return column_at(grid, axis, voxel[(axis + 1) % 3], voxel[(axis + 2) % 3]);
+}
+
 /// Of one triangle, added to \p found.
 void add_crossings(const Shape& shape, const Triangle& t, const VoxelGrid& grid, int axis,
-                   std::vector<Crossing>& found)
+                   const Columns& columns, std::vector<Crossing>& found)
 {
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
     double p[3][2], h[3];
@@ -102,15 +116,14 @@ void add_crossings(const Shape& shape, const Triangle& t, const VoxelGrid& grid,
     for (int j = low[1]; j <= high[1]; ++j)
         for (int i = low[0]; i <= high[0]; ++i)
         {
+            const std::uint64_t column = column_at(grid, axis, i, j);
+            if (!columns.empty() && !columns[column])
+                continue;
             const double x = i + 0.5, y = j + 0.5;
             const int s0 = side(p[0], p[1], x, y), s1 = side(p[1], p[2], x, y),
                       s2 = side(p[2], p[0], x, y);
             if (s0 != s1 || s1 != s2 || s0 == 0)
                 continue;
-            const std::uint64_t column =
-                static_cast<std::uint64_t>(j) *
-                    static_cast<std::uint64_t>(grid.counts()[u]) +
-                static_cast<std::uint64_t>(i);
             found.push_back({column, height_at(p, h, x, y), s0});
         }
 }
@@ -118,20 +131,21 @@ void add_crossings(const Shape& shape, const Triangle& t, const VoxelGrid& grid,
 /// By column, then ascending.
 std::vector<Crossing> crossings(const Shape& shape,
                                 const std::vector<Triangle>& triangles,
-                                const VoxelGrid& grid, int axis)
+                                const VoxelGrid& grid, int axis,
+                                const Columns& columns = {})
 {
     constexpr std::size_t kTriangles = 16384; // of one part
     std::vector<std::vector<Crossing>> of_parts((triangles.size() + kTriangles - 1) /
                                                 kTriangles);
-    parallel_for(of_parts.size(),
-                 [&](std::size_t part)
-                 {
-                     const std::size_t begin = part * kTriangles;
-                     const std::size_t end =
-                         std::min(triangles.size(), begin + kTriangles);
-                     for (std::size_t t = begin; t < end; ++t)
-                         add_crossings(shape, triangles[t], grid, axis, of_parts[part]);
-                 });
+    parallel_for(
+        of_parts.size(),
+        [&](std::size_t part)
+        {
+            const std::size_t begin = part * kTriangles;
+            const std::size_t end = std::min(triangles.size(), begin + kTriangles);
+            for (std::size_t t = begin; t < end; ++t)
+                add_crossings(shape, triangles[t], grid, axis, columns, of_parts[part]);
+        });
     std::vector<Crossing> found;
     for (const std::vector<Crossing>& part : of_parts)
         found.insert(found.end(), part.begin(), part.end());
@@ -213,6 +227,35 @@ VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangl
                              votes[voxel] + (below != 0) + (above != 0));
                      });
     return votes;
+}
+
+std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& triangles,
+                               const VoxelGrid& grid, int axis,
+                               const std::vector<std::size_t>& voxels)
+{
+    std::vector<char> is_inside(voxels.size(), 0);
+    if (voxels.empty())
+        return is_inside;
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    Columns columns(idx(grid.counts()[u]) * idx(grid.counts()[v]), 0);
+    for (const std::size_t voxel : voxels)
+        columns[column_of(grid, axis, grid.coordinates(voxel))] = 1;
+    const std::vector<Crossing> found = crossings(shape, triangles, grid, axis, columns);
+    for (std::size_t k = 0; k < voxels.size(); ++k)
+    {
+        const Eigen::Vector3i at = grid.coordinates(voxels[k]);
+        const std::uint64_t column = column_of(grid, axis, at);
+        int below = 0;
+        for (auto crossing = std::lower_bound(found.begin(), found.end(), column,
+                                              [](const Crossing&a, std::uint64_t of)
+                                              { return a.column < of; });
+             crossing != found.end() && crossing->column == column &&
+             crossing->height < at[axis] + 1.0;
+             ++crossing)
+            below += crossing->sign;
+        is_inside[k] = below != 0;
+    }
+    return is_inside;
 }
 
 } // namespace cellwarp

@@ -2,6 +2,7 @@
 // The inside of closed and nearly closed surfaces, from the crossings of lines.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -19,5 +20,11 @@ VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& tr
 /// How many of the six axis rays of each voxel say that it is inside.
 VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangles,
                         const VoxelGrid& grid);
+
+/// Of the upper sides of \p voxels along an axis whether a closed surface winds around
+/// their middles.
+std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& triangles,
+                               const VoxelGrid& grid, int axis,
+                               const std::vector<std::size_t>& voxels);
 
 } // namespace cellwarp

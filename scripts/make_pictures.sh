@@ -46,6 +46,13 @@ posed batten last "--view 90 0"
 # Flat.
 "$cellwarp" render "$here/samples/figure.json" --strip=3 --size 260x300 --view 0 0 \
     -o "$folder/figure.png" --overwrite
+"$cellwarp" render "$here/samples/drawing.json" --strip=3 --size 300x330 --view 0 0 \
+    -o "$folder/drawing.png" --overwrite
+# Closed, beside the same as a shell.
+"$cellwarp" deform "$here/samples/tower.json" --fill shell -o "$work/shell.obj"
+"$cellwarp" deform "$here/samples/tower.json" -o "$work/closed.obj"
+"$cellwarp" render "$work/closed.obj" --compare "$work/shell.obj" --size 300x420 \
+    --view 20 15 -o "$folder/tower.png" --overwrite
 # Contact, beside the same without.
 "$cellwarp" deform "$here/samples/hand.ply" --handles "$here/samples/touch.handles" \
     -o "$work/without.ply"

@@ -1666,13 +1666,87 @@ def joined_rods(folder):
          "gravity": [2, -9.6, 0]}, bodies=bodies, joints=joints)
 
 
+def drawing(folder):
+    """Lines alone: a tree in a pot, its branches as polylines."""
+    points, lines = [], []
+
+    def line(*path):
+        first = len(points)
+        points.extend(path)
+        lines.append(range(first, len(points)))
+
+    def circle(x, y, r, around=24):
+        return [(x + r * math.sin(2 * math.pi * k / around),
+                 y - r * math.cos(2 * math.pi * k / around), 0.0) for k in range(around + 1)]
+
+    def curve(a, b, bow, parts=8):
+        dx, dy = b[0] - a[0], b[1] - a[1]
+        return [(a[0] + t * dx - bow * math.sin(math.pi * t) * dy,
+                 a[1] + t * dy + bow * math.sin(math.pi * t) * dx, 0.0)
+                for t in (k / parts for k in range(parts + 1))]
+
+    line((-0.45, 0.5, 0), (-0.32, 0, 0), (0.32, 0, 0), (0.45, 0.5, 0), (-0.45, 0.5, 0))
+    trunk = curve((0, 0.5), (0.05, 1.3), 0.06) + curve((0.05, 1.3), (0, 2.1), -0.06)[1:]
+    line(*trunk)
+    for k, b, bow, r in ((8, (0.85, 1.75), -0.15, 0.16), (5, (-0.75, 1.5), 0.15, 0.14),
+                         (11, (-0.5, 2.2), 0.12, 0.12)):
+        a = trunk[k]
+        line(*curve(a, b, bow))
+        length = math.hypot(b[0] - a[0], b[1] - a[1])
+        line(*circle(b[0] + r * (b[0] - a[0]) / length, b[1] + r * (b[1] - a[1]) / length, r))
+    line(*circle(0.0, 2.35, 0.25))
+    text = ["# a drawn tree in a pot, lines"]
+    text += ["v %.6g %.6g %.6g" % p for p in points]
+    text += ["l " + " ".join(str(i + 1) for i in path) for path in lines]
+    write(folder, "drawing.obj", "\n".join(text) + "\n")
+    scene(folder, "drawing", "drawing.obj", """cellwarp-handles 1
+# The pot stands, wind takes the crown, then lets it swing back beyond the middle.
+fixed  pot   box -0.6 -0.1 -1  0.6 0.45 1
+handle crown sphere 0 2.35 0  0.3
+frame 1
+move crown rotate 0 0 1 -50 about 0 0.9 0
+frame 2
+move crown rotate 0 0 1 30 about 0 0.9 0
+""", ',\n  "cells": {"flat": true}')
+
+
+def tower(folder, around=48, rows=60):
+    """Open at its foot, with windows: a shell, unless it is closed."""
+    points, faces = [], []
+    for j in range(rows + 1):
+        r = 0.5 + 0.06 * ((j // 15) % 2)
+        points += [(r * math.cos(2 * math.pi * i / around), 4 * j / rows,
+                    r * math.sin(2 * math.pi * i / around)) for i in range(around)]
+    for j in range(rows):
+        for i in range(around):
+            if j % 15 in (6, 7, 8) and i % 12 in (4, 5):
+                continue
+            a, b = j * around + i, j * around + (i + 1) % around
+            faces.append([a, a + around, b + around, b])
+    points.append((0, 4.8, 0))
+    faces += [[rows * around + i, len(points) - 1, rows * around + (i + 1) % around]
+              for i in range(around)]
+    used = sorted({i for face in faces for i in face})
+    number = {i: k for k, i in enumerate(used)}
+    write(folder, "tower.obj", obj([points[i] for i in used],
+                                   [[number[i] for i in face] for face in faces],
+                                   "a tower with windows, open at its foot"))
+    scene(folder, "tower", "tower.obj", """cellwarp-handles 1
+# Its foot stands, its top is turned.
+fixed  foot  box -1 -1 -1  1 0.3 1
+handle top   box -1 3.7 -1  1 5 1
+frame 1
+move top rotate 0 1 0 120
+""", ',\n  "cells": {"fill": "closed"}')
+
+
 def main():
     here = os.path.dirname(os.path.abspath(__file__))
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
-    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, figure, soup, scan,
-                 hose, ring, posed, skeletons, flesh, rods, carried):
+    for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, figure, drawing,
+                 tower, soup, scan, hose, ring, posed, skeletons, flesh, rods, carried):
         if not wanted or make.__name__ in wanted:
             make(folder)
             print("made", make.__name__)

@@ -104,7 +104,10 @@ void SessionFlags::add_to(CLI::App& app)
             "cells whose error is larger are split, of the diagonal; 0: all, down "
             "to --max-depth (default {}; {} with --energy botsch07)",
             kUsualThreshold, kUsualGap));
-    app.add_option("--fill", settings.cells.fill, "solid or shell (default solid)");
+    app.add_option(
+        "--fill", settings.cells.fill,
+        "solid, shell, or closed: solid, with lids over all openings of a mesh "
+        "(default solid, which closes narrow ones)");
     app.add_option(
         "--gap", settings.cells.gap,
         fmt::format("parts farther apart than this, of the diagonal, are never "

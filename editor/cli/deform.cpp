@@ -210,10 +210,13 @@ Json intersections_json(const Session& session, bool counts_rest,
         return nullptr;
     const std::optional<SelfIntersections> now =
         self_intersections(triangles, session.deformed().samples, geometry.samples);
+    const CellSystem* const system = session.system();
+    const bool is_shell = system && system->rest().material.method == InsideMethod::None;
     if (now && now->fresh > 0)
-        warnings.push_back(fmt::format("{} pairs of triangles intersect that do not at "
-                                       "rest: parts pass through each other",
-                                       now->fresh));
+        warnings.push_back(fmt::format(
+            "{} pairs of triangles intersect that do not at rest: parts pass "
+            "through each other{}",
+            now->fresh, is_shell ? " (a thicker shell folds less: --thickness)" : ""));
     const std::optional<SelfIntersections> rest =
         counts_rest ? self_intersections(triangles, geometry.samples, geometry.samples)
                     : std::nullopt;

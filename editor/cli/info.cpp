@@ -35,6 +35,7 @@ Json describe(const GeometryFile& file, const std::optional<Parts>& parts)
     json["samples"] = geometry.samples.size();
     json["faces"] = geometry.num_faces();
     json["triangles"] = geometry.num_triangles();
+    json["lines"] = geometry.lines.size();
     json["box"] = {{box.low.x(), box.low.y(), box.low.z()},
                    {box.high.x(), box.high.y(), box.high.z()}};
     json["attributes"] = geometry.attributes;
@@ -59,6 +60,8 @@ std::string as_text(const Json& json)
         "triangles)\n",
         json["format"].get<std::string>(), json["samples"].get<std::size_t>(),
         json["faces"].get<std::size_t>(), json["triangles"].get<std::size_t>());
+    if (const auto lines = json["lines"].get<std::size_t>(); lines > 0)
+        text += fmt::format("  lines       {}\n", lines);
     text += "  box         " + corner_text(json["box"][0]) + " to " +
             corner_text(json["box"][1]) + "\n";
     std::string attributes;

@@ -236,8 +236,7 @@ Pictures rendered_pictures()
                                const std::vector<Eigen::Vector3d>& samples,
                                bool shows_cells)
     {
-        Figure& figure = figures->emplace_back(figure_of(session));
-        figure.points = samples;
+        Figure& figure = figures->emplace_back(figure_of(session, samples));
         if (shows_cells)
             add_cells(figure, session);
     };

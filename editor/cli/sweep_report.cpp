@@ -41,6 +41,11 @@ std::vector<std::string> field_names(const std::vector<FieldChoice>& fields)
     return names;
 }
 
+const char* fill_name(const CellSettings& cells)
+{
+    return cells.has_lids ? "closed" : cells.fill == Fill::Solid ? "solid" : "shell";
+}
+
 Json settings_json(const SweepReport& report)
 {
     const SweepSettings& settings = report.settings;
@@ -51,7 +56,7 @@ Json settings_json(const SweepReport& report)
             {"interpolators", field_names(settings.fields)},
             {"iterations", settings.iteration_limits},
             {"runs", settings.runs},
-            {"fill", cells.fill == Fill::Solid ? "solid" : "shell"},
+            {"fill", fill_name(cells)},
             {"across", report.result.across},
             {"gap", cells.gap},
             {"max_cells", cells.max_cells},
@@ -390,10 +395,10 @@ std::string settings_text(const SweepReport& report)
         "at "
         "most {} iterations a frame; times and memory are medians of {} runs, the "
         "reference's of one",
-        cells.fill == Fill::Solid ? "solid" : "shell", report.result.across,
-        settings.max_depth, cells.gap, cells.max_cells,
-        method_name(settings.session.method), settings.session.gradient_tolerance,
-        kReferenceTolerance, settings.session.max_iterations, settings.runs);
+        fill_name(cells), report.result.across, settings.max_depth, cells.gap,
+        cells.max_cells, method_name(settings.session.method),
+        settings.session.gradient_tolerance, kReferenceTolerance,
+        settings.session.max_iterations, settings.runs);
 }
 
 } // namespace cellwarp

@@ -97,6 +97,9 @@ std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
                     });
     layout->coarse_triangles =
         coarse_triangles(geometry.samples, triangles, layout->place_of);
+    for (const auto& line : geometry.lines)
+        for (const std::uint32_t sample : line)
+            layout->lines.push_back(layout->place_of[sample]);
     return layout;
 }
 

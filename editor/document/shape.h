@@ -31,6 +31,8 @@ struct ShapeLayout
     /// when drawing all of them would take too long. Empty for a cloud, and where there
     /// are few anyway.
     std::vector<std::uint32_t> coarse_triangles;
+    /// Lines that the file draws from sample to sample, as places, two each.
+    std::vector<std::uint32_t> lines;
 };
 
 /// A rod or curve where it is, in view space.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 
 #include "editor/session/role_colour.h"
 #include "io/error.h"
@@ -24,8 +25,8 @@ constexpr double kThread = 0.005, kHeld = 0.012;
 constexpr Colour kHeldColour = {60, 60, 66};
 
 /// As balls so close that they look like a thread.
-void add_thread(const std::vector<Eigen::Vector3d>& line, double radius, Colour colour,
-                Figure& figure)
+void add_thread(std::span<const Eigen::Vector3d> line, double radius, Colour colour,
+                std::vector<Figure::Bead>& beads)
 {
     constexpr int kMost = 200; // between two places of the line
     for (std::size_t k = 0; k + 1 < line.size(); ++k)
@@ -34,18 +35,25 @@ void add_thread(const std::vector<Eigen::Vector3d>& line, double radius, Colour 
         const int count = static_cast<int>(
             std::clamp(std::ceil(3.0 * length / radius), 1.0, double(kMost)));
         for (int i = 0; i < count; ++i)
-            figure.beads.push_back(
-                {line[k] + (line[k + 1] - line[k]) * (double(i) / count), radius,
-                 colour});
+            beads.push_back({line[k] + (line[k + 1] - line[k]) * (double(i) / count),
+                             radius, colour});
     }
 }
 
 /// Balls that just cover the gaps of a cloud.
 constexpr double kBallShare = 0.7;
 
-} // namespace
+/// A thread along each of the lines that a file draws between its samples.
+void add_drawn_lines(const Geometry& geometry, Figure& figure)
+{
+    const double diagonal = bounding_box(figure.points).size().norm();
+    for (const auto& [a, b] : geometry.lines)
+        add_thread(std::array{figure.points[a], figure.points[b]}, kThread * diagonal,
+                   figure.colours[a], figure.balls);
+}
 
-Figure figure_of(const Geometry& geometry)
+/// Without the lines that are drawn between them.
+Figure samples_of(const Geometry& geometry)
 {
     Figure figure;
     figure.points = geometry.samples;
@@ -53,13 +61,22 @@ Figure figure_of(const Geometry& geometry)
     figure.colours = geometry.colours;
     if (figure.colours.empty())
         figure.colours.assign(figure.points.size(), kPlain);
-    if (figure.triangles.empty())
+    if (figure.triangles.empty() && geometry.lines.empty())
     {
         const ModelBox box = bounding_box(figure.points);
         const double spacing = point_spacing(figure.points);
         figure.point_radius =
             kBallShare * (spacing > 0 ? spacing : std::max(1e-3, box.size().norm()));
     }
+    return figure;
+}
+
+} // namespace
+
+Figure figure_of(const Geometry& geometry)
+{
+    Figure figure = samples_of(geometry);
+    add_drawn_lines(geometry, figure);
     return figure;
 }
 
@@ -75,6 +92,7 @@ Figure figure_of(const std::vector<Geometry>& parts)
                               more.colours.end());
         for (const std::array<std::uint32_t, 3>& t : more.triangles)
             figure.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+        figure.balls.insert(figure.balls.end(), more.balls.begin(), more.balls.end());
         figure.point_radius = std::max(figure.point_radius, more.point_radius);
     }
     return figure;
@@ -82,14 +100,20 @@ Figure figure_of(const std::vector<Geometry>& parts)
 
 Figure figure_of(const Session& session)
 {
-    Figure figure = figure_of(session.geometry());
-    figure.points = session.deformed().samples;
+    return figure_of(session, session.deformed().samples);
+}
+
+Figure figure_of(const Session& session, const std::vector<Eigen::Vector3d>& samples)
+{
+    Figure figure = samples_of(session.geometry());
+    figure.points = samples;
     if (session.geometry().colours.empty())
         figure.colours.assign(figure.points.size(), kFreeColour);
     if (const CellSystem* const system = session.system())
         for (const Region& region : system->regions().regions())
             for (const std::uint32_t i : region.samples)
                 figure.colours[i] = role_colour(region.role);
+    add_drawn_lines(session.geometry(), figure);
     const double diagonal = bounding_box(figure.points).size().norm();
     for (const RodReport& rod : session.rods())
     {
@@ -97,7 +121,7 @@ Figure figure_of(const Session& session)
             rod.is_rod ? role_colour(Role::Rod) : role_colour(Role::Curve);
         const double thin =
             std::min(kThread * diagonal, rod.is_rod ? rod.radius : INFINITY);
-        add_thread(rod.line, thin, colour, figure);
+        add_thread(rod.line, thin, colour, figure.beads);
         for (const RodReport::Pin& pin : rod.pins)
             figure.beads.push_back({pin.place, kHeld * diagonal, role_colour(Role::Pin)});
         for (std::size_t k = 0; k < rod.points.size(); ++k)
@@ -129,8 +153,8 @@ void add_joints(Figure& figure, const std::vector<PosedJoint>& joints)
     {
         figure.beads.push_back({joint.place, kHeld * diagonal, kHeldColour});
         if (joint.parent >= 0)
-            add_thread({joints[idx(joint.parent)].place, joint.place}, kThread * diagonal,
-                       role_colour(Role::Bone), figure);
+            add_thread(std::array{joints[idx(joint.parent)].place, joint.place},
+                       kThread * diagonal, role_colour(Role::Bone), figure.beads);
     }
 }
 

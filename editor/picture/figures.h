@@ -19,6 +19,8 @@ Figure figure_of(const std::vector<Geometry>& parts);
 /// regions in the colours of their roles; what is free in the file's colours if it has
 /// any.
 Figure figure_of(const Session& session);
+/// The same with its samples at other places.
+Figure figure_of(const Session& session, const std::vector<Eigen::Vector3d>& samples);
 
 /// What the samples of a region take where the session's last frame put them. Throws
 /// Fault::Usage where there is no region of that name.

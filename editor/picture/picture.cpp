@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -64,11 +65,14 @@ public:
             Eigen::Map<Eigen::Vector3f>{ball} = place(x);
             ball[3] = static_cast<float>(radius / extent);
         };
-        if (!balls_.empty())
+        if (const std::size_t count = balls_.size() + figure.balls.size(); count > 0)
         {
-            float* const v = tree_.add_balls(balls_.size());
-            for (std::size_t i = 0; i < balls_.size(); ++i)
-                add_ball(v + 4 * i, figure.points[balls_[i]], figure.point_radius);
+            float* v = tree_.add_balls(count);
+            for (const std::uint32_t point : balls_)
+                add_ball(std::exchange(v, v + 4), figure.points[point],
+                         figure.point_radius);
+            for (const Figure::Bead& ball : figure.balls)
+                add_ball(std::exchange(v, v + 4), ball.place, ball.radius);
         }
         if (!figure.boxes.empty())
         {
@@ -195,7 +199,9 @@ private:
     {
         if (hit.body == 1 || figure_.triangles.empty())
         {
-            colour = to_float(figure_.colours[balls_[hit.element]]);
+            colour = to_float(hit.element < balls_.size()
+                                  ? figure_.colours[balls_[hit.element]]
+                                  : figure_.balls[hit.element - balls_.size()].colour);
             return;
         }
         const auto& t = figure_.triangles[hit.element];

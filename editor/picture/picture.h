@@ -21,14 +21,15 @@ using Colour = std::array<std::uint8_t, 3>;
 /// What stands in a picture. All lengths in one unit; faces are seen from both sides.
 struct Figure
 {
-    /// What is seen through the rest: the line of a rod, its held points.
     struct Bead
     {
         Eigen::Vector3d place;
         double radius = 0.0;
         Colour colour = {};
     };
+    /// What is seen through the rest: the line of a rod, its held points.
     std::vector<Bead> beads;
+    std::vector<Bead> balls; ///< as solid as the rest
     std::vector<Eigen::Vector3d> points;
     std::vector<std::array<std::uint32_t, 3>> triangles;
     std::vector<Colour> colours; ///< one a point

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include <Eigen/Geometry>
 #include <fmt/format.h>
 
 #include "editor/session/flat.h"
@@ -13,6 +14,7 @@
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/lids.h"
 
 namespace cellwarp
 {
@@ -164,6 +166,31 @@ int axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal,
     return axis;
 }
 
+/// What a body with lids encloses is more than this [diagonal^3]: else it is a sheet.
+constexpr double kLeastEnclosed = 1e-6;
+
+/// Of a closed surface; of one whose triangles disagree about their sides too little.
+double enclosed_volume(const Shape& shape, const BoundingSurface& surface)
+{
+    double volume = 0.0;
+    for (const auto& [a, b, c] : surface.triangles)
+        volume += shape.samples[a].dot(shape.samples[b].cross(shape.samples[c])) / 6.0;
+    return std::abs(volume);
+}
+
+/// Closes the openings of a mesh that has few; not of sheets and soups, which enclose
+/// nothing then either. \p whole: what volumes are measured by.
+bool put_lids_on(Shape& shape, double whole)
+{
+    if (!is_nearly_closed(bounding_surface(shape)))
+        return false;
+    Shape closed = with_lids(shape);
+    if (enclosed_volume(closed, bounding_surface(closed)) <= kLeastEnclosed * whole)
+        return false;
+    shape = std::move(closed);
+    return true;
+}
+
 } // namespace
 
 std::vector<Triangle> triangles_of(const Geometry& geometry)
@@ -195,6 +222,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     }
     Shape shape;
     shape.triangles = triangles_of(geometry);
+    shape.lines = geometry.lines;
     shape.samples.resize(samples.size());
     parallel_for(samples.size(), kSamplesAtOnce,
                  [&](std::size_t i) { shape.samples[i] = frame.to_work(samples[i]); });
@@ -208,6 +236,12 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
                 throw malformed({settings.frame_file, 0, "cells.frame"},
                                 "does not hold sample " + std::to_string(i));
         }
+    const std::size_t num_samples = shape.samples.size();
+    std::vector<std::string> warnings;
+    if (settings.has_lids && flat_axis < 0 &&
+        !put_lids_on(shape, std::pow(frame.diagonal(), 3)))
+        warnings.push_back("there is nothing that lids would enclose (--fill closed): "
+                           "openings are closed as with --fill solid");
     const BoundingSurface surface = bounding_surface(shape);
     const double voxel_of_gap = settings.gap / kVoxelsPerGap * frame.diagonal();
     double max_voxel = voxel_of_gap;
@@ -235,8 +269,7 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     }
     const double others =
         (is_shell ? kBytesOfShellCells : kBytesOfCells) +
-        (kBytesPerSample +
-         (is_shell && shape.triangles.empty() ? kBytesOfSquares : 0.0)) *
+        (kBytesPerSample + (is_shell && shape.is_cloud() ? kBytesOfSquares : 0.0)) *
             static_cast<double>(samples.size());
     const double bytes = memory_with(
         material_bytes(surface, grid, settings.fill) + others, settings.max_memory);
@@ -269,10 +302,15 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     if (grid.voxel() > voxel_of_gap * (1.0 + 1e-9))
         material.joins_below =
             std::max(material.joins_below, kVoxelsPerGap * grid.voxel());
-    std::vector<std::string> warnings;
+    if (settings.fill == Fill::Solid && flat_axis < 0)
+        material.notches = find_notches(shape, surface, material.grid);
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None &&
         flat_axis < 0)
-        warnings.push_back("nothing is enclosed: the shape is treated as a shell");
+        warnings.push_back(
+            std::string("nothing is enclosed: the shape is treated as a shell") +
+            (is_nearly_closed(surface) && !settings.has_lids
+                 ? " (--fill closed puts lids on its openings)"
+                 : ""));
     const double opening = 2.0 * material.seal_radius / frame.diagonal();
     if (opening > kWideOpening)
         warnings.push_back(
@@ -292,6 +330,10 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             parts.num_touching(), parts.count()));
     Sheets sheets =
         find_sheets(shape, surface, material, settings.thickness * frame.diagonal());
+    // The tips of lids are no samples of the model.
+    shape.samples.resize(num_samples);
+    if (!parts.voxel_of_sample.empty())
+        parts.voxel_of_sample.resize(num_samples);
     auto boundary = settings.has_contact
                         ? std::make_shared<const BoundaryPoints>(material.grid, flat_axis)
                         : nullptr;
@@ -309,6 +351,7 @@ std::optional<Parts> mesh_parts(const Geometry& geometry)
     Shape shape;
     shape.samples = geometry.samples;
     shape.triangles = triangles_of(geometry);
+    shape.lines = geometry.lines;
     if (!may_have_parts(shape, bounding_surface(shape)))
         return Parts{{{0, geometry.samples.size()}}, {}, {}};
     return build_rest_shape(geometry, geometry.samples, CellSettings())->parts;
@@ -356,10 +399,11 @@ Body cut(std::shared_ptr<const RestShape> rest, Octree octree, const Body* earli
     std::optional<EarlierCells> from;
     if (earlier)
         from.emplace(EarlierCells{earlier->octree, earlier->pieces, earlier->cells});
-    Pieces pieces = from ? find_pieces(grid, octree, from->octree, from->pieces)
-                         : find_pieces(grid, octree);
+    const Notches& notches = rest->material.notches;
+    Pieces pieces = from ? find_pieces(grid, octree, notches, from->octree, from->pieces)
+                         : find_pieces(grid, octree, notches);
     Cells cells = build_cells(grid, octree, pieces, rest->material.is_sheet, rest->sheets,
-                              from ? &*from : nullptr);
+                              notches, from ? &*from : nullptr);
     std::vector<int> cell_of_sample(rest->samples.size());
     const std::vector<std::size_t>& voxels = rest->parts.voxel_of_sample;
     parallel_for(cell_of_sample.size(), kSamplesAtOnce,

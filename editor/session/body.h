@@ -38,9 +38,10 @@ inline constexpr double kUsualGap = 1e-2;
 struct CellSettings
 {
     Fill fill = Fill::Solid;
-    int across = 0;    ///< coarsest cells along the longest side; 0: automatic
-    int max_depth = 0; ///< splits below them, at the most
-    int min_depth = 0; ///< splits below them, everywhere
+    bool has_lids = false; ///< openings of a mesh are closed, whatever their width
+    int across = 0;        ///< coarsest cells along the longest side; 0: automatic
+    int max_depth = 0;     ///< splits below them, at the most
+    int min_depth = 0;     ///< splits below them, everywhere
     /// [diagonal] Cells with a larger error are split; infinity: none.
     double threshold = INFINITY;
     /// Errors of the cells [work]; empty: cell_errors(). Benchmarks compare others.

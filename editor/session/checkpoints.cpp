@@ -37,6 +37,7 @@ std::size_t bytes_of(const StageRest& rest)
     const RestShape& shape = *rest.shape;
     return bytes + sizeof shape + bytes_of(shape.samples) +
            bytes_of(shape.material.grid.material()) + bytes_of(shape.material.is_sheet) +
+           bytes_of(shape.material.notches.open_sides()) +
            bytes_of(shape.parts.voxel_of_sample) + bytes_of(shape.sheets.patches) +
            bytes_of(shape.sheets.crossings);
 }

@@ -257,8 +257,8 @@ void RegionSet::find_voxels()
     }
     if (!has_lists)
         return;
-    const VoxelNumbers<std::uint32_t> nearest =
-        nearest_samples(grid, shape_->samples, shape_->parts.voxel_of_sample);
+    const VoxelNumbers<std::uint32_t> nearest = nearest_samples(
+        grid, shape_->samples, shape_->parts.voxel_of_sample, shape_->material.notches);
     std::vector<std::vector<std::uint32_t>> more(size());
     nearest.for_each(
         [&](std::size_t voxel, std::uint32_t sample)

@@ -21,6 +21,7 @@ SessionSettings settings_of(const SceneFile& scene, bool is_preview)
     SessionSettings settings;
     CellSettings& cells = settings.cells;
     cells.fill = scene.settings.cells.fill == "shell" ? Fill::Shell : Fill::Solid;
+    cells.has_lids = scene.settings.cells.fill == "closed";
     cells.across = static_cast<int>(scene.settings.cells.across.value_or(cells.across));
     cells.max_depth =
         static_cast<int>(scene.settings.cells.max_depth.value_or(kUsualDepth));

@@ -31,6 +31,9 @@ constexpr std::size_t kSpacingProbes = 48;
 /// holes are seen between points that are spread at random.
 constexpr double kPointOverlap = 2.4, kCoarseOverlap = 1.4;
 constexpr double kFloorReach = 3.0; ///< half side [view]
+/// How wide the points of drawn lines are, over those of a cloud: the lines show.
+constexpr double kOnLines = 0.2;
+
 /// So many points of a cloud, and up to twice as many, are drawn where all would be slow.
 constexpr int kCoarsePoints = 100000;
 /// Corners of triangles that go to the graphics card in one frame.
@@ -95,9 +98,13 @@ public:
         layout_ = shape.layout;
         num_corners_ = static_cast<GLsizei>(layout_->triangles.size());
         array_.bind();
-        // One buffer: all triangles, then the coarse ones, which come first.
+        // One buffer: all triangles, then the coarse ones, which come first, and lines.
         num_coarse_ = static_cast<GLsizei>(layout_->coarse_triangles.size());
-        triangles_.reserve(idx(num_corners_ + num_coarse_) * sizeof(std::uint32_t));
+        num_ends_ = static_cast<GLsizei>(layout_->lines.size());
+        triangles_.reserve(idx(num_corners_ + num_coarse_ + num_ends_) *
+                           sizeof(std::uint32_t));
+        triangles_.write(layout_->lines.data(), idx(num_ends_) * sizeof(std::uint32_t),
+                         idx(num_corners_ + num_coarse_) * sizeof(std::uint32_t));
         triangles_.write(layout_->coarse_triangles.data(),
                          idx(num_coarse_) * sizeof(std::uint32_t),
                          idx(num_corners_) * sizeof(std::uint32_t));
@@ -110,7 +117,7 @@ public:
             array_.floats(1, normals_, 3);
         array_.constant(2);
         if (num_corners_ == 0 && spacing_ == 0.0)
-            spacing_ = spacing_of(shape);
+            spacing_ = (has_lines() ? kOnLines : 1.0) * spacing_of(shape);
         has_colours_ = false;
     }
 
@@ -135,16 +142,18 @@ public:
         return detail == Detail::Coarse ? std::max(1, count_ / kCoarsePoints) : 1;
     }
 
+    bool has_lines() const { return num_ends_ > 0; }
+    void draw_lines() const
+    {
+        bind();
+        glDrawElements(GL_LINES, num_ends_, GL_UNSIGNED_INT,
+                       reinterpret_cast<const void*>(idx(num_corners_ + num_coarse_) *
+                                                     sizeof(std::uint32_t)));
+    }
+
     void draw(Detail detail) const
     {
-        array_.bind();
-        if (!has_colours_)
-        {
-            const Colour colour = free_colour();
-            glVertexAttrib4f(2, colour[0] / 255.0f, colour[1] / 255.0f,
-                             colour[2] / 255.0f, 0.0f);
-        }
-        glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
+        bind();
         if (is_cloud())
             draw_points(point_step(detail));
         else if ((detail == Detail::Coarse || !is_whole()) && num_coarse_ > 0)
@@ -156,6 +165,17 @@ public:
     }
 
 private:
+    void bind() const
+    {
+        array_.bind();
+        if (!has_colours_)
+        {
+            const Colour colour = free_colour();
+            glVertexAttrib4f(2, colour[0] / 255.0f, colour[1] / 255.0f,
+                             colour[2] / 255.0f, 0.0f);
+        }
+        glVertexAttrib3f(1, 0.0f, 0.0f, 0.0f);
+    }
     void draw_points(int step) const
     {
         read_every(step);
@@ -187,7 +207,7 @@ private:
     std::shared_ptr<const ShapeLayout> layout_;
     Eigen::Matrix4d to_view_ = Eigen::Matrix4d::Identity();
     std::uint64_t version_ = 0;
-    GLsizei count_ = 0, num_corners_ = 0, num_coarse_ = 0;
+    GLsizei count_ = 0, num_corners_ = 0, num_coarse_ = 0, num_ends_ = 0;
     GLsizei num_uploaded_ = 0; ///< of the corners
     double spacing_ = 0.0;     ///< [work], of a cloud
     bool has_colours_ = false;
@@ -455,6 +475,13 @@ void Canvas::State::draw_shape(const CanvasScene& scene, const ViewOptions& opti
 {
     if (shape->is_empty())
         return;
+    if (shape->has_lines())
+    {
+        set_up(lines, scene, shape->to_view());
+        lines.set("nearer", kLineNearer);
+        lines.set("ink", 0.0f, 0.0f, 0.0f, 0.0f);
+        shape->draw_lines();
+    }
     if (shape->is_cloud())
     {
         draw_points(scene, *shape, rect, options.detail, 1.0f);

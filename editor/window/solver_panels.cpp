@@ -275,8 +275,10 @@ void show_cells_panel(EditorApp& app, PanelState& state)
     take(show_number("Gap", settings.cells.gap, "0.008 (default)",
                      "Parts farther apart than this are never glued, relative to the "
                      "diagonal"));
-    constexpr std::array<Choice, 3> kFills = {
-        {{nullptr, "Solid (default)"}, {"solid", "Solid"}, {"shell", "Shell"}}};
+    constexpr std::array<Choice, 4> kFills = {{{nullptr, "Solid (default)"},
+                                               {"solid", "Solid"},
+                                               {"closed", "Solid, openings closed"},
+                                               {"shell", "Shell"}}};
     is_done |= show_choice("Fill", settings.cells.fill, kFills);
     if (bool joins = settings.cells.join.value_or(false);
         ImGui::Checkbox("Join parts that touch", &joins))

@@ -99,10 +99,17 @@ private:
         else
         {
             const PlaceVectors kept = without_far_ones(places);
-            if (parts.local && wants_gradient)
-                parts.local->value(kept, near, shares_, out);
-            else if (parts.local)
-                parts.local->displacement(kept, near, shares_, out.displacement);
+            if (parts.local)
+            {
+                parts.local->find_shares(near, wants_gradient, shares_);
+                if (LocalRbf::has_blend(shares_))
+                    blend(near, parts.poses, field_.cells_, kept, wants_gradient,
+                          blended_);
+                if (wants_gradient)
+                    parts.local->value(kept, shares_, blended_, out);
+                else
+                    parts.local->displacement(kept, shares_, blended_, out.displacement);
+            }
             else
                 parts.global->value(kept, out);
             fade_outside(places, near, wants_gradient, out);
@@ -180,7 +187,7 @@ private:
     LocalRbf::Shares shares_;
     std::vector<Influence> single_;
     MovedRegions::Scratch scratch_;
-    ValueOnPlaces outside_;
+    ValueOnPlaces outside_, blended_;
 };
 
 FieldValue Field::value(const Eigen::Vector3d& x, int own) const
@@ -544,7 +551,8 @@ std::vector<bool> FieldFitter::followers_of(const Motion& motion,
     std::vector<bool> by_clusters = follows;
     for (std::size_t i = 0; i < follows.size(); ++i)
         for (const Membership& member : clusters.of_cell(static_cast<int>(i)))
-            by_clusters[i] = by_clusters[i] && is_followed[idx(member.cluster)];
+            by_clusters[i] = by_clusters[i] && member.cluster != LocalRbf::kBlended &&
+                             is_followed[idx(member.cluster)];
     return by_clusters;
 }
 

@@ -2,6 +2,11 @@
 #include "solver/field/local_rbf.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <map>
+#include <tuple>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -9,8 +14,79 @@
 namespace cellwarp
 {
 
-/// Ascending by cluster. The sums run over the cells in their order, so that a place gets
-/// the same bits whichever other cells are looked at.
+namespace
+{
+
+/// How far the two cells of an unglued pair go apart at the middle between them [edge]
+/// where their clusters begin to give way to the blend, and where they have done so. An
+/// RBF that has to bridge more than that swings.
+constexpr double kTornFrom = 0.15, kTornTo = 0.5;
+
+/// A box of the octree: its edge and its place among those of this size.
+using BoxKey = std::tuple<double, std::int64_t, std::int64_t, std::int64_t>;
+
+/// The box of \p larger times a cell's size that holds the box beside the cell's by \p
+/// step along the axis.
+BoxKey key_of(const Cells& cells, const Cell& cell, int axis = 0, int step = 0,
+              int larger = 1)
+{
+    Eigen::Vector3d at = (cell.box_centre - cells.corner) / cell.edge;
+    at[axis] += step;
+    const Eigen::Array3d box = (at.array() / larger).floor();
+    return {larger * cell.edge, std::llround(box.x()), std::llround(box.y()),
+            std::llround(box.z())};
+}
+
+/// How much an unglued pair is torn apart: from 0 to 1.
+double tear_of(const Cells& cells, const std::array<int, 2>& pair,
+               std::span<const Pose> poses)
+{
+    const Cell& a = cells.cells[idx(pair[0])];
+    const Cell& b = cells.cells[idx(pair[1])];
+    const Eigen::Vector3d middle = 0.5 * (a.anchor + b.anchor);
+    const double apart = (displacement(poses[idx(pair[0])], a.centre, middle) -
+                          displacement(poses[idx(pair[1])], b.centre, middle))
+                             .norm() /
+                         std::min(a.edge, b.edge);
+    const double u = std::clamp((apart - kTornFrom) / (kTornTo - kTornFrom), 0.0, 1.0);
+    return u * u * (3.0 - 2.0 * u);
+}
+
+} // namespace
+
+std::vector<std::array<int, 2>> unglued_pairs(const Cells& cells)
+{
+    std::map<BoxKey, std::vector<int>> in_box;
+    for (std::size_t c = 0; c < cells.size(); ++c)
+        in_box[key_of(cells, cells.cells[c])].push_back(static_cast<int>(c));
+    std::vector<std::array<int, 2>> pairs;
+    const auto add = [&](int a, const std::vector<int>& others)
+    {
+        const std::span<const int> glued = cells.neighbours_of(a);
+        for (const int b : others)
+            if (b != a && !std::binary_search(glued.begin(), glued.end(), b))
+                pairs.push_back({std::min(a, b), std::max(a, b)});
+    };
+    constexpr int kLargest = 4; // neighbours' edge over a cell's own, at the most
+    for (std::size_t c = 0; c < cells.size(); ++c)
+    {
+        const Cell& cell = cells.cells[c];
+        add(static_cast<int>(c), in_box[key_of(cells, cell)]);
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int step : {-1, 1})
+                for (int larger = 1; larger <= kLargest; larger *= 2)
+                    if (const auto other =
+                            in_box.find(key_of(cells, cell, axis, step, larger));
+                        other != in_box.end())
+                        add(static_cast<int>(c), other->second);
+    }
+    std::sort(pairs.begin(), pairs.end());
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    return pairs;
+}
+
+/// The sums run over the cells in their order, so that a place gets the same bits
+/// whichever other cells are looked at.
 void LocalRbf::find_shares(std::span<const InfluenceOnPlaces> influences,
                            bool wants_gradient, Shares& out) const
 {
@@ -36,18 +112,19 @@ void LocalRbf::find_shares(std::span<const InfluenceOnPlaces> influences,
     }
 }
 
-void LocalRbf::value(const PlaceVectors& places,
-                     std::span<const InfluenceOnPlaces> influences, Shares& scratch,
-                     ValueOnPlaces& out) const
+void LocalRbf::value(const PlaceVectors& places, const Shares& shares,
+                     const ValueOnPlaces& blended, ValueOnPlaces& out) const
 {
-    find_shares(influences, true, scratch);
     out = {};
     PlaceNumbers total = PlaceNumbers::Zero();
     PlaceVectors total_gradient = PlaceVectors::Zero();
     ValueOnPlaces fit;
-    for (const Share& share : scratch)
+    for (const Share& share : shares)
     {
-        fits_[idx(share.cluster)]->value(places, fit);
+        if (share.cluster == kBlended)
+            fit = blended;
+        else
+            fits_[idx(share.cluster)]->value(places, fit);
         total += share.weight;
         total_gradient += share.gradient;
         for (int k = 0; k < 3; ++k)
@@ -73,17 +150,18 @@ void LocalRbf::value(const PlaceVectors& places,
         }
 }
 
-void LocalRbf::displacement(const PlaceVectors& places,
-                            std::span<const InfluenceOnPlaces> influences,
-                            Shares& scratch, PlaceVectors& out) const
+void LocalRbf::displacement(const PlaceVectors& places, const Shares& shares,
+                            const ValueOnPlaces& blended, PlaceVectors& out) const
 {
-    find_shares(influences, false, scratch);
     out.setZero();
     PlaceNumbers total = PlaceNumbers::Zero();
     PlaceVectors fit;
-    for (const Share& share : scratch)
+    for (const Share& share : shares)
     {
-        fits_[idx(share.cluster)]->displacement(places, fit);
+        if (share.cluster == kBlended)
+            fit = blended.displacement;
+        else
+            fits_[idx(share.cluster)]->displacement(places, fit);
         total += share.weight;
         for (int k = 0; k < 3; ++k)
             out.col(k) += share.weight * fit.col(k);
@@ -95,13 +173,65 @@ void LocalRbf::displacement(const PlaceVectors& places,
 LocalRbfFitter::LocalRbfFitter(const Cells& cells,
                                std::span<const Constraint> constraints,
                                const ClusterSize& size, bool keeps_systems)
-    : choice_(cells, constraints), keeps_systems_(keeps_systems)
+    : cells_(cells), choice_(cells, constraints), unglued_(unglued_pairs(cells)),
+      keeps_systems_(keeps_systems)
 {
     std::vector<bool> is_idle;
     for (const Constraint& constraint : constraints)
         is_idle.push_back(constraint.hold == Hold::Idle);
     clusters_ = std::make_shared<const Clusters>(grow_clusters(cells, is_idle, size));
     fits_.resize(clusters_->clusters.size());
+    if (unglued_.empty())
+        return;
+    std::vector<char> is_in_pair(cells.size(), 0);
+    for (const std::array<int, 2>& pair : unglued_)
+        is_in_pair[idx(pair[0])] = is_in_pair[idx(pair[1])] = 1;
+    clusters_of_.resize(cells.size());
+    for (std::size_t c = 0; c < clusters_->clusters.size(); ++c)
+        for (const int cell : clusters_->clusters[c].cells)
+            if (is_in_pair[idx(cell)])
+                clusters_of_[idx(cell)].push_back(static_cast<int>(c));
+}
+
+std::shared_ptr<const Clusters>
+LocalRbfFitter::without_torn(std::span<const Pose> poses) const
+{
+    std::vector<double> tears(clusters_->clusters.size(), 0.0);
+    bool has_any = false;
+    std::vector<int> both;
+    for (const std::array<int, 2>& pair : unglued_)
+    {
+        both.clear();
+        const std::vector<int>& a = clusters_of_[idx(pair[0])];
+        const std::vector<int>& b = clusters_of_[idx(pair[1])];
+        std::set_intersection(a.begin(), a.end(), b.begin(), b.end(),
+                              std::back_inserter(both));
+        if (both.empty())
+            continue; // they are far from each other through the glue
+        const double tear = tear_of(cells_, pair, poses);
+        has_any = has_any || tear > 0.0;
+        for (const int c : both)
+            tears[idx(c)] = std::max(tears[idx(c)], tear);
+    }
+    if (!has_any)
+        return clusters_;
+    auto changed = std::make_shared<Clusters>();
+    changed->clusters = clusters_->clusters;
+    changed->first_membership.push_back(0);
+    for (std::size_t cell = 0; cell < cells_.size(); ++cell)
+    {
+        for (const Membership& membership : clusters_->of_cell(static_cast<int>(cell)))
+            if (const double tear = tears[idx(membership.cluster)]; tear > 0.0)
+                changed->memberships.push_back(
+                    {LocalRbf::kBlended, membership.weight * tear});
+        for (const Membership& membership : clusters_->of_cell(static_cast<int>(cell)))
+            if (const double rest = 1.0 - tears[idx(membership.cluster)]; rest > 0.0)
+                changed->memberships.push_back(
+                    {membership.cluster, membership.weight * rest});
+        changed->first_membership.push_back(
+            static_cast<int>(changed->memberships.size()));
+    }
+    return changed;
 }
 
 void LocalRbfFitter::fit_one(std::size_t cluster, std::span<const Pose> poses)
@@ -138,7 +268,7 @@ std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,
     LocalRbf::Fits fields;
     for (const ClusterFit& fit : fits_)
         fields.push_back(fit.field);
-    return LocalRbf(clusters_, std::move(fields));
+    return LocalRbf(without_torn(poses), std::move(fields));
 }
 
 double LocalRbfFitter::residual() const

@@ -2,8 +2,12 @@
 // The release field: small RBFs, one for each group of cells that are near through the
 // glue, joined by a partition of unity. As smooth as one RBF through all cells, but
 // linear in their number, and parts that only lie side by side don't pull at each other.
+// Where a notch opens, cells are near through the glue and in space, and yet go different
+// ways: an RBF through both sides would swing between them. There the blend of the
+// closest cells, which knows the sides, takes the place of the group's RBF.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -22,13 +26,16 @@ namespace cellwarp
 
 /// F(x) = sum_c W_c phi_c / sum_c W_c with phi_c the RBF of cluster c and
 /// W_c(x) = sum_j b_j(x) w_c(j): b_j the influences of the closest cells, w_c(j) how much
-/// cell j belongs to the cluster. Immutable.
+/// cell j belongs to the cluster. The cluster kBlended has no RBF: there phi is the blend
+/// of the cells. Immutable.
 class LocalRbf
 {
 public:
     using Fits = std::vector<std::shared_ptr<const RbfField>>;
 
-    /// \p fits: one a cluster.
+    static constexpr int kBlended = -1;
+
+    /// \p fits: one a cluster, but for kBlended.
     LocalRbf(std::shared_ptr<const Clusters> clusters, Fits fits)
         : clusters_(std::move(clusters)), fits_(std::move(fits))
     {
@@ -43,24 +50,34 @@ public:
     };
     using Shares = std::vector<Share>;
 
-    /// \p influences: on these places, of cells that are in clusters.
-    void value(const PlaceVectors& places, std::span<const InfluenceOnPlaces> influences,
-               Shares& scratch, ValueOnPlaces& out) const;
-    /// The displacement alone, to the same bits: faster.
-    void displacement(const PlaceVectors& places,
-                      std::span<const InfluenceOnPlaces> influences, Shares& scratch,
-                      PlaceVectors& out) const;
+    /// Of the clusters at places with these influences, of cells that are in clusters.
+    /// Ascending by cluster.
+    void find_shares(std::span<const InfluenceOnPlaces> influences, bool wants_gradient,
+                     Shares& out) const;
+    /// Whether the blend is among them.
+    static bool has_blend(const Shares& shares)
+    {
+        return !shares.empty() && shares.front().cluster == kBlended;
+    }
+
+    /// \p blended: the blend at the places, if the shares have it.
+    void value(const PlaceVectors& places, const Shares& shares,
+               const ValueOnPlaces& blended, ValueOnPlaces& out) const;
+    /// The displacement alone, to the same bits: faster. The shares need no gradients.
+    void displacement(const PlaceVectors& places, const Shares& shares,
+                      const ValueOnPlaces& blended, PlaceVectors& out) const;
 
     const Clusters& clusters() const { return *clusters_; }
     const Fits& fits() const { return fits_; }
 
 private:
-    void find_shares(std::span<const InfluenceOnPlaces> influences, bool wants_gradient,
-                     Shares& out) const;
-
     std::shared_ptr<const Clusters> clusters_;
     Fits fits_;
 };
+
+/// Pairs of cells side by side that are not glued to each other: pieces of one leaf, and
+/// of leaves that have a side, or a part of one, in common. Ascending.
+std::vector<std::array<int, 2>> unglued_pairs(const Cells& cells);
 
 /// Fits the RBFs of one set of cells, frame after frame: while the cells stay only
 /// displacements change, and a cluster whose own do not keeps its fit.
@@ -92,8 +109,13 @@ private:
         bool was_solved = false, was_factored = false; ///< in the last fit
     };
     void fit_one(std::size_t cluster, std::span<const Pose> poses);
+    /// The clusters, those that are torn having given way to the blend.
+    std::shared_ptr<const Clusters> without_torn(std::span<const Pose> poses) const;
 
+    const Cells& cells_;
     CentreChoice choice_;
+    std::vector<std::array<int, 2>> unglued_;
+    std::vector<std::vector<int>> clusters_of_; ///< of cells in unglued pairs
     bool keeps_systems_;
     std::shared_ptr<const Clusters> clusters_;
     std::vector<ClusterFit> fits_;

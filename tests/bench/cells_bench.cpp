@@ -117,8 +117,8 @@ void recut(benchmark::State& state, double voxels)
     Cells cells;
     for (auto _ : state)
     {
-        const Pieces pieces = find_pieces(grid, cube.finer, cube.octree, cube.pieces);
-        cells = build_cells(grid, cube.finer, pieces, {}, {}, &earlier);
+        const Pieces pieces = find_pieces(grid, cube.finer, {}, cube.octree, cube.pieces);
+        cells = build_cells(grid, cube.finer, pieces, {}, {}, {}, &earlier);
     }
     const std::vector<LeafNumber> same = cube.finer.numbers_in(cube.octree);
     double num_new = 0.0;

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
-#include <map>
 #include <string>
 #include <utility>
 
@@ -19,6 +18,7 @@
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/hollows.h"
+#include "octree/lids.h"
 #include "octree/sealed_inside.h"
 #include "octree/surface_marks.h"
 #include "octree/winding.h"
@@ -64,40 +64,6 @@ Shape loaded(const std::string& path)
             shape.triangles.push_back({corners[0], corners[k - 1], corners[k]});
     }
     return shape;
-}
-
-/// The shape with a fan over each loop of open edges.
-Shape with_lids(const Shape& shape)
-{
-    Shape closed = shape;
-    closed.triangles = bounding_surface(shape).triangles;
-    std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
-    for (const Triangle& t : closed.triangles)
-        for (std::size_t k = 0; k < 3; ++k)
-            ++edges[{t[k], t[(k + 1) % 3]}];
-    std::map<std::uint32_t, std::uint32_t> next; // around a hole, against its triangles
-    for (const auto& [edge, count] : edges)
-        if (!edges.contains({edge.second, edge.first}))
-            next[edge.second] = edge.first;
-    while (!next.empty())
-    {
-        std::vector<std::uint32_t> loop;
-        for (std::uint32_t at = next.begin()->first; next.contains(at);)
-        {
-            loop.push_back(at);
-            const std::uint32_t to = next[at];
-            next.erase(at);
-            at = to;
-        }
-        Vector3d centre = Vector3d::Zero();
-        for (const std::uint32_t i : loop)
-            centre += closed.samples[i] / static_cast<double>(loop.size());
-        const std::uint32_t tip = static_cast<std::uint32_t>(closed.samples.size());
-        closed.samples.push_back(centre);
-        for (std::size_t i = 0; i < loop.size(); ++i)
-            closed.triangles.push_back({tip, loop[i], loop[(i + 1) % loop.size()]});
-    }
-    return closed;
 }
 
 Shape soup_of(const Shape& shape, double share)

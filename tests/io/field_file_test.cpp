@@ -153,6 +153,7 @@ TEST(FieldFile, whose_parts_contradict_each_other_is_refused)
     expect_refused([](StoredField& f) { f.axes[0] = -1; }, "axes");
     expect_refused([](StoredField& f) { f.kind = 5; }, "kind");
     expect_refused([](StoredField& f) { f.membership_fits[0] = 1; }, "memberships");
+    expect_refused([](StoredField& f) { f.membership_fits[0] = -2; }, "memberships");
     expect_refused([](StoredField& f) { f.first_membership = {0, 0, 2}; }, "no RBF");
     expect_refused([](StoredField& f) { f.membership_weights[0] = 0; }, "weight");
     expect_refused([](StoredField& f) { f.first_centre = {0, 2}; }, "RBFs");

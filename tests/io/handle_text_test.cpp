@@ -478,7 +478,7 @@ TEST(SceneText, reads_back_the_same_to_the_bit)
         scene.model = "dir/" + any_name(rng) + ".obj";
         if (rng() % 2)
             scene.handles = rng() % 2 ? "/h\".handles" : "dir/b.handles";
-        maybe(scene.settings.cells.fill, rng() % 2 ? "solid" : "shell");
+        maybe(scene.settings.cells.fill, rng() % 2 ? "closed" : "shell");
         maybe(scene.settings.cells.across, std::int64_t(1 + rng() % (1 << 20)));
         maybe(scene.settings.cells.max_depth, std::int64_t(rng() % 21));
         maybe(scene.settings.cells.threshold, double(rng()) * 5e-324);

@@ -145,6 +145,30 @@ TEST(Obj, names_what_a_foreign_file_looks_like)
     EXPECT_TRUE(contains(refused("v 0 0 0\n{}\n"), "x.obj:2"));
 }
 
+TEST(Obj, lines_join_their_samples_in_turn)
+{
+    const Geometry g =
+        scanned("l 1 2\n" + kTriangle + "vt 0\nl 3/1 1 -2 # closed\nl 1 \\\n 3\n");
+    ASSERT_EQ(g.lines.size(), 4u);
+    EXPECT_EQ(g.lines[0], (std::array<std::uint32_t, 2>{0, 1}));
+    EXPECT_EQ(g.lines[1], (std::array<std::uint32_t, 2>{2, 0}));
+    EXPECT_EQ(g.lines[2], (std::array<std::uint32_t, 2>{0, 1}));
+    EXPECT_EQ(g.lines[3], (std::array<std::uint32_t, 2>{0, 2}));
+    EXPECT_EQ(g.num_faces(), 0u);
+}
+
+TEST(Obj, a_wrong_line_is_told_with_its_place)
+{
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1\n"),
+                         "x.obj:4: line: got 1 places, need at least 2"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 4\n"),
+                         "x.obj:4: line index: is out of range (got 4, need at most 3)"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 -4\n"), "x.obj:4: line index"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 2/1\n"), "x.obj:4: line index"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 2//1\n"), "need v or v/vt"));
+    EXPECT_TRUE(contains(refused(kTriangle + "l 1 b\n"), "line index: is no index"));
+}
+
 TEST(Obj, an_unknown_statement_passes_through_with_a_warning)
 {
     const GeometryFile file = scan_geometry("x.obj", kTriangle + "fancy 1 2 3\n");

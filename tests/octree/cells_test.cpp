@@ -10,6 +10,7 @@
 
 #include "octree/base/index.h"
 #include "octree/nearest_sample.h"
+#include "octree/notches.h"
 #include "tests/support/bodies.h"
 #include "tests/support/shapes.h"
 
@@ -282,6 +283,7 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
         x.z() += 0.4;
     const Shape with_sheet = joined(box_shape({0, 0, 0}, {1, 1, 1}), beside);
     std::size_t num_crumbs = 0, num_sheets = 0, num_taken = 0;
+    bool has_notches = false;
     for (const Shape& shape :
          {support::l_prism(), support::comb(),
           turned(support::comb(), support::random_rotation(rng)), rough,
@@ -299,22 +301,25 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
         num_sheets += sheets.crossings.size();
         const MaterialTest test = material_test(grid);
         Octree octree(grid.shape(), test);
-        Pieces pieces = find_pieces(grid, octree);
-        Cells cells = build_cells(grid, octree, pieces, material.is_sheet, sheets);
+        const Notches notches = find_notches(shape, surface, grid);
+        has_notches |= !notches.empty();
+        Pieces pieces = find_pieces(grid, octree, notches);
+        Cells cells =
+            build_cells(grid, octree, pieces, material.is_sheet, sheets, notches);
         for (int step = 0; step < 6; ++step)
         {
             const std::vector<LeafNumber> some = some_of(octree, 0.1, rng);
             Octree next = step % 3 == 2 ? octree.merge(some) : octree.split(some, test);
             for (const LeafNumber from : next.numbers_in(octree))
                 num_taken += from != LeafNumber::None;
-            Pieces recut = find_pieces(grid, next, octree, pieces);
-            const Pieces anew = find_pieces(grid, next);
+            Pieces recut = find_pieces(grid, next, notches, octree, pieces);
+            const Pieces anew = find_pieces(grid, next, notches);
             expect_same(grid, next, recut, anew);
             const EarlierCells earlier{octree, pieces, cells};
-            Cells recut_cells =
-                build_cells(grid, next, recut, material.is_sheet, sheets, &earlier);
-            expect_same(recut_cells,
-                        build_cells(grid, next, anew, material.is_sheet, sheets));
+            Cells recut_cells = build_cells(grid, next, recut, material.is_sheet, sheets,
+                                            notches, &earlier);
+            expect_same(recut_cells, build_cells(grid, next, anew, material.is_sheet,
+                                                 sheets, notches));
             for (const LeafNumber leaf : next.numbers())
                 num_crumbs += recut.shares_crumbs(leaf);
             octree = std::move(next);
@@ -325,6 +330,7 @@ TEST(Cells, made_from_earlier_ones_are_those_made_from_nothing_to_the_bit)
     EXPECT_GT(num_crumbs, 0u);
     EXPECT_GT(num_sheets, 0u);
     EXPECT_GT(num_taken, 1000u);
+    EXPECT_TRUE(has_notches);
 }
 
 TEST(NearestSamples, are_measured_through_the_material)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/sheet.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -96,6 +97,38 @@ TEST(Sheet, has_the_same_parts_for_every_number_of_threads)
         for (std::size_t i = 0; i < all.patches.size(); ++i)
             ASSERT_EQ(all.patches[i].centre, alone.patches[i].centre);
     }
+}
+
+TEST(Sheet, of_a_line_is_a_bar_as_wide_as_it_is_thick_however_it_lies)
+{
+    std::mt19937 rng(9);
+    for (int trial = 0; trial < 10; ++trial)
+        for (const int parts : {1, 7})
+        {
+            const Eigen::Matrix3d R = random_rotation(rng);
+            Shape shape;
+            for (int k = 0; k <= parts; ++k)
+            {
+                shape.samples.push_back(R * Eigen::Vector3d(3.0 * k / parts, 0, 0));
+                if (k > 0)
+                    shape.lines.push_back({std::uint32_t(k), std::uint32_t(k - 1)});
+            }
+            shape = support::turned(shape, Eigen::Matrix3d::Identity());
+            const Cut whole = cut(shape, 40);
+            EXPECT_NEAR(area_of(whole.sheets), 3.0 * kThickness, 1e-9);
+            // The same volume in the cross-sections along the axis that it lies along.
+            int axis = 0;
+            R.col(0).cwiseAbs().maxCoeff(&axis);
+            EXPECT_NEAR(volumes_of(whole.cells)[axis], 3.0 * kThickness * kThickness,
+                        0.06 * 3.0 * kThickness * kThickness);
+            EXPECT_EQ(std::ranges::max(connected_components(whole.cells)), 0);
+            // It bends to all sides alike.
+            for (const SheetCrossing& crossing : whole.sheets.crossings)
+            {
+                EXPECT_NEAR(crossing.normal.dot(R.col(0)), 0.0, 1e-12);
+                EXPECT_NEAR(crossing.length, kThickness, 1e-12);
+            }
+        }
 }
 
 TEST(Sheet, crosses_a_plane_in_one_part_or_in_halves_where_a_corner_lies_on_it)

@@ -193,6 +193,8 @@ std::string obj_text(const Shape& shape)
     for (const Triangle& t : shape.triangles)
         text += "f " + std::to_string(t[0] + 1) + " " + std::to_string(t[1] + 1) + " " +
                 std::to_string(t[2] + 1) + "\n";
+    for (const auto& [a, b] : shape.lines)
+        text += "l " + std::to_string(a + 1) + " " + std::to_string(b + 1) + "\n";
     return text;
 }
 

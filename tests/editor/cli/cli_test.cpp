@@ -350,6 +350,87 @@ TEST(Cli, json_tells_of_contacts_where_they_are_asked_for)
     EXPECT_TRUE(std::find(unused.begin(), unused.end(), "contact") == unused.end());
 }
 
+TEST(Cli, fill_closed_puts_lids_on_a_mesh_that_would_be_a_shell)
+{
+    const support::Folder folder;
+    const std::string scene = support::samples_folder() + "/tower.json";
+    const auto played = [&](const std::string& fill, const std::string& name)
+    {
+        const Result result = run({"deform", scene, "--fill", fill, "-o", folder / name,
+                                   "--save-field", folder / (name + ".cwf"), "--json"});
+        EXPECT_EQ(result.code, 0) << result.err;
+        return nlohmann::json::parse(result.out);
+    };
+    const nlohmann::json closed = played("closed", "closed.obj");
+    const nlohmann::json shell = played("shell", "shell.obj");
+    const nlohmann::json solid = played("solid", "solid.obj");
+    EXPECT_EQ(closed["material"]["inside"], "winding number");
+    EXPECT_EQ(shell["material"]["inside"], "none");
+    EXPECT_EQ(closed["warnings"].dump(), "[]");
+    EXPECT_TRUE(contains(solid["warnings"].dump(), "--fill closed puts lids"));
+    // The tips of its lids are not written, and its walls stay out of each other.
+    const Geometry before =
+        read_geometry(support::samples_folder() + "/tower.obj", {}).geometry;
+    EXPECT_EQ(read_geometry(folder / "closed.obj", {}).geometry.samples.size(),
+              before.samples.size());
+    if (can_tell_triangle_pairs())
+    {
+        EXPECT_EQ(closed["self_intersections"]["new"], 0);
+        EXPECT_GT(shell["self_intersections"]["new"], 50);
+        EXPECT_TRUE(contains(shell["warnings"].dump(), "a thicker shell folds less"));
+    }
+    // The field that was kept moves the model as the edit did.
+    EXPECT_EQ(run({"apply", folder / "closed.obj.cwf",
+                   support::samples_folder() + "/tower.obj", "-o", folder / "again.obj"})
+                  .code,
+              0);
+    EXPECT_EQ(bytes_of(folder / "again.obj"), bytes_of(folder / "closed.obj"));
+    // A sheet encloses nothing with a lid either.
+    const Result sheet =
+        run({"deform",
+             folder.write("sheet.obj", support::obj_text(support::sheet_shape(3, 1, 12))),
+             "--fill", "closed", "--fix", "box -1 -1 -1 0.3 2 1", "--handle",
+             "end box 2.7 -1 -1 4 2 1", "--move", "end translate 0 0 0.3", "-o",
+             folder / "bent.obj"});
+    EXPECT_EQ(sheet.code, 0);
+    EXPECT_TRUE(contains(sheet.err, "nothing that lids would enclose"));
+}
+
+TEST(Cli, a_notch_that_opens_is_the_same_through_a_field_that_was_kept)
+{
+    const support::Folder folder;
+    const std::string comb = folder.write("comb.obj", support::obj_text(support::comb()));
+    // Voxels of a sixth: the slit is narrower than these.
+    ASSERT_EQ(run({"deform", comb, "--fix", "box -1 -1 -1 0.5 2 2", "--handle",
+                   "tooth box 3.5 0.56 -1 5 2 2", "--move",
+                   "tooth rotate 0 0 1 40 about 2 0.5 0.5", "--across", "12",
+                   "--max-depth", "0", "--gap", "0.1", "-o", folder / "open.obj",
+                   "--save-field", folder / "open.cwf"})
+                  .code,
+              0);
+    ASSERT_EQ(run({"apply", folder / "open.cwf", comb, "-o", folder / "again.obj"}).code,
+              0);
+    EXPECT_EQ(bytes_of(folder / "again.obj"), bytes_of(folder / "open.obj"));
+    // One tooth rises, the other hardly moves.
+    const Geometry before = read_geometry(comb, {}).geometry;
+    const Geometry after = read_geometry(folder / "open.obj", {}).geometry;
+    for (std::size_t i = 0; i < before.samples.size(); ++i)
+    {
+        const Eigen::Vector3d& x = before.samples[i];
+        if (x.x() < 3.0)
+            continue;
+        const double rise = (after.samples[i] - x).y();
+        if (x.y() > 0.5)
+        {
+            EXPECT_GT(rise, 0.4);
+        }
+        else
+        {
+            EXPECT_LT(std::abs(rise), 0.2);
+        }
+    }
+}
+
 TEST(Cli, output_is_the_same_to_the_bit_for_every_number_of_threads)
 {
     const Files files;

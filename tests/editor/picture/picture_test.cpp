@@ -89,6 +89,35 @@ TEST(Picture, draws_points_as_balls_and_boxes_as_glass)
     EXPECT_GT(tinted, 500);
 }
 
+TEST(Picture, draws_lines_of_a_file_as_solid_threads)
+{
+    Geometry geometry;
+    geometry.samples = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    geometry.lines = {{0, 1}, {0, 2}};
+    geometry.colours.assign(3, {20, 20, 220});
+    const Figure lines = figure_of(geometry);
+    EXPECT_GT(lines.balls.size(), 100u);
+    EXPECT_EQ(lines.point_radius, 0.0); // the samples are on lines
+    const auto count_blue = [](const Image& image)
+    {
+        int blue = 0;
+        for (int y = 0; y < 60; ++y)
+            for (int x = 0; x < 80; ++x)
+                blue += pixel(image, x, y)[2] > pixel(image, x, y)[0] + 30;
+        return blue;
+    };
+    const int seen = count_blue(draw({lines}, small()));
+    EXPECT_GT(seen, 30);
+    // What stands before them hides them.
+    Figure hidden = lines;
+    for (const double z : {-0.2, 0.2})
+        for (const auto& [x, y] : {std::pair(-2.0, -2.0), {4.0, -2.0}, {1.0, 4.0}})
+            hidden.points.emplace_back(x, y, z);
+    hidden.triangles = {{3, 4, 5}, {6, 7, 8}};
+    hidden.colours.resize(9, {200, 200, 200});
+    EXPECT_EQ(count_blue(draw({hidden}, small())), 0);
+}
+
 TEST(Picture, of_a_single_point_is_no_problem)
 {
     Figure one;

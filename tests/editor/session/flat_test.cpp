@@ -265,4 +265,35 @@ TEST(Flat, what_is_not_flat_is_refused)
             << move;
 }
 
+TEST(Flat, a_figure_drawn_in_lines_bends_as_one_body)
+{
+    // A cross of two long lines and a lamp at the end of one: few samples, far apart.
+    Shape figure{{{0, 0, 0}, {0, 2, 0}, {-1.5, 1, 0}, {0, 1, 0}, {1.5, 1, 0}}, {}};
+    figure.lines = {{0, 3}, {3, 1}, {2, 3}, {3, 4}};
+    for (int k = 0; k <= 12; ++k)
+    {
+        const double angle = 2.0 * std::numbers::pi * k / 12.0;
+        figure.samples.emplace_back(1.8 - 0.3 * std::cos(angle),
+                                    1.0 + 0.3 * std::sin(angle), 0.0);
+        if (k > 0)
+            figure.lines.push_back({std::uint32_t(4 + k), std::uint32_t(5 + k)});
+    }
+    const std::string moves = "fixed foot box -1 -1 -1 1 0.4 1\n"
+                              "handle top box -1 1.8 -1 1 3 1\n"
+                              "frame 1\nmove top rotate 0 0 1 40 about 0 0 0\n";
+    for (const bool is_flat : {true, false})
+    {
+        const Session session = played(figure, moves, is_flat);
+        EXPECT_EQ(session.frames()[0].solve.stop, Stop::Converged);
+        const std::vector<Eigen::Vector3d>& samples = session.deformed().samples;
+        // The arms and the lamp follow, and stay as far from each other.
+        EXPECT_LT((samples[2] - figure.samples[2]).y(), -0.2) << is_flat;
+        EXPECT_GT((samples[4] - figure.samples[4]).y(), 0.2) << is_flat;
+        EXPECT_NEAR((samples[4] - samples[2]).norm(), 3.0, 0.15) << is_flat;
+        EXPECT_NEAR((samples[11] - samples[5]).norm(), 0.6, 0.06) << is_flat;
+        for (const Eigen::Vector3d& x : samples)
+            EXPECT_NEAR(x.z(), 0.0, is_flat ? 1e-9 : 0.05);
+    }
+}
+
 } // namespace cellwarp

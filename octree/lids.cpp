@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "octree/lids.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <iterator>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "octree/base/union_find.h"
+#include "octree/bounding_surface.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+using Edge = std::pair<std::uint32_t, std::uint32_t>;
+
+/// The edges that lack their opposite, from the first to the second corner; as often as
+/// they do.
+std::vector<Edge> open_edges(const std::vector<Triangle>& triangles)
+{
+    std::vector<Edge> edges;
+    for (const Triangle& t : triangles)
+        for (std::size_t k = 0; k < 3; ++k)
+            edges.emplace_back(t[k], t[(k + 1) % 3]);
+    std::vector<Edge> opposite;
+    for (const auto& [a, b] : edges)
+        opposite.emplace_back(b, a);
+    std::sort(edges.begin(), edges.end());
+    std::sort(opposite.begin(), opposite.end());
+    std::vector<Edge> open;
+    std::set_difference(edges.begin(), edges.end(), opposite.begin(), opposite.end(),
+                        std::back_inserter(open));
+    return open;
+}
+
+/// The middle of a loop, by the length of its edges.
+class Middle
+{
+public:
+    void add(const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+    {
+        const double length = (b - a).norm();
+        sum_ += 0.5 * length * (a + b);
+        length_ += length;
+    }
+    Eigen::Vector3d place() const { return sum_ / length_; }
+
+private:
+    Eigen::Vector3d sum_ = Eigen::Vector3d::Zero();
+    double length_ = 0.0;
+};
+
+} // namespace
+
+Shape with_lids(const Shape& shape)
+{
+    const std::vector<Edge> open = open_edges(bounding_surface(shape).triangles);
+    UnionFind loops(shape.samples.size());
+    for (const auto& [a, b] : open)
+        loops.join(static_cast<int>(a), static_cast<int>(b));
+    const auto loop_of = [&](const Edge& edge)
+    { return loops.first_of(static_cast<int>(edge.first)); };
+    std::map<int, Middle> middles;
+    for (const Edge& edge : open)
+        middles[loop_of(edge)].add(shape.samples[edge.first], shape.samples[edge.second]);
+    Shape closed = shape;
+    std::map<int, std::uint32_t> tips;
+    for (const auto& [loop, middle] : middles)
+    {
+        tips[loop] = static_cast<std::uint32_t>(closed.samples.size());
+        closed.samples.push_back(middle.place());
+    }
+    for (const Edge& edge : open)
+        closed.triangles.push_back({edge.second, edge.first, tips[loop_of(edge)]});
+    return closed;
+}
+
+} // namespace cellwarp
