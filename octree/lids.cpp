@@ -18,22 +18,22 @@ namespace cellwarp
 namespace
 {
 
-using Edge = std::pair<std::uint32_t, std::uint32_t>;
+using OpenEdge = std::pair<std::uint32_t, std::uint32_t>;
 
 /// The edges that lack their opposite, from the first to the second corner; as often as
 /// they do.
-std::vector<Edge> open_edges(const std::vector<Triangle>& triangles)
+std::vector<OpenEdge> open_edges(const std::vector<Triangle>& triangles)
 {
-    std::vector<Edge> edges;
+    std::vector<OpenEdge> edges;
     for (const Triangle& t : triangles)
         for (std::size_t k = 0; k < 3; ++k)
             edges.emplace_back(t[k], t[(k + 1) % 3]);
-    std::vector<Edge> opposite;
+    std::vector<OpenEdge> opposite;
     for (const auto& [a, b] : edges)
         opposite.emplace_back(b, a);
     std::sort(edges.begin(), edges.end());
     std::sort(opposite.begin(), opposite.end());
-    std::vector<Edge> open;
+    std::vector<OpenEdge> open;
     std::set_difference(edges.begin(), edges.end(), opposite.begin(), opposite.end(),
                         std::back_inserter(open));
     return open;
@@ -60,14 +60,14 @@ private:
 
 Shape with_lids(const Shape& shape)
 {
-    const std::vector<Edge> open = open_edges(bounding_surface(shape).triangles);
+    const std::vector<OpenEdge> open = open_edges(bounding_surface(shape).triangles);
     UnionFind loops(shape.samples.size());
     for (const auto& [a, b] : open)
         loops.join(static_cast<int>(a), static_cast<int>(b));
-    const auto loop_of = [&](const Edge& edge)
+    const auto loop_of = [&](const OpenEdge& edge)
     { return loops.first_of(static_cast<int>(edge.first)); };
     std::map<int, Middle> middles;
-    for (const Edge& edge : open)
+    for (const OpenEdge& edge : open)
         middles[loop_of(edge)].add(shape.samples[edge.first], shape.samples[edge.second]);
     Shape closed = shape;
     std::map<int, std::uint32_t> tips;
@@ -76,7 +76,7 @@ Shape with_lids(const Shape& shape)
         tips[loop] = static_cast<std::uint32_t>(closed.samples.size());
         closed.samples.push_back(middle.place());
     }
-    for (const Edge& edge : open)
+    for (const OpenEdge& edge : open)
         closed.triangles.push_back({edge.second, edge.first, tips[loop_of(edge)]});
     return closed;
 }

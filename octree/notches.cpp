@@ -19,9 +19,9 @@ namespace
 {
 
 /// What is as near to a plane or a side as this meets it [voxel].
-constexpr double kNear = 1e-6;
+constexpr double kMeets = 1e-6;
 
-constexpr std::size_t kTrianglesAtOnce = 1024; ///< of one thread
+constexpr std::size_t kMarkedAtOnce = 1024; ///< of one thread
 constexpr std::size_t kVoxelsAtOnce = 1 << 16;
 
 /// Of a voxel that has a side which triangles meet; beside bit k, which says that its
@@ -43,8 +43,8 @@ public:
                 std::minmax({corners[0][axis_], corners[1][axis_], corners[2][axis_]});
             // Numbers are not negative, so that cutting off is rounding down.
             const int last =
-                std::min(static_cast<int>(high + kNear), grid_.counts()[axis_] - 1);
-            for (plane_ = static_cast<int>(std::max(low - kNear, 0.0)) + 1;
+                std::min(static_cast<int>(high + kMeets), grid_.counts()[axis_] - 1);
+            for (plane_ = static_cast<int>(std::max(low - kMeets, 0.0)) + 1;
                  plane_ <= last; ++plane_)
                 add_section(corners);
         }
@@ -68,12 +68,12 @@ private:
             const Eigen::Vector3d& p = corners[k];
             const Eigen::Vector3d& q = corners[(k + 1) % 3];
             const double at_p = p[axis_] - plane_, at_q = q[axis_] - plane_;
-            if (std::abs(at_p) <= kNear)
+            if (std::abs(at_p) <= kMeets)
             {
                 places[count++] = {p[u], p[v]};
                 ++num_corners;
             }
-            else if (std::abs(at_q) > kNear && (at_p < 0.0) != (at_q < 0.0))
+            else if (std::abs(at_q) > kMeets && (at_p < 0.0) != (at_q < 0.0))
             {
                 const double t = at_p / (at_p - at_q);
                 places[count++] = {p[u] + t * (q[u] - p[u]), p[v] + t * (q[v] - p[v])};
@@ -119,8 +119,8 @@ private:
         const int u = (axis_ + 1) % 3, v = (axis_ + 2) % 3;
         Eigen::Vector3i voxel;
         voxel[v] = row;
-        const int end = voxel_at(high + kNear, u);
-        for (int i = voxel_at(low - kNear, u); i <= end; ++i)
+        const int end = voxel_at(high + kMeets, u);
+        for (int i = voxel_at(low - kMeets, u); i <= end; ++i)
         {
             voxel[u] = i;
             voxel[axis_] = plane_ - 1;
@@ -137,8 +137,8 @@ private:
             known.fetch_or(marks, std::memory_order_relaxed);
     }
 
-    int first_row(double v) const { return voxel_at(v - kNear, (axis_ + 2) % 3); }
-    int last_row(double v) const { return voxel_at(v + kNear, (axis_ + 2) % 3); }
+    int first_row(double v) const { return voxel_at(v - kMeets, (axis_ + 2) % 3); }
+    int last_row(double v) const { return voxel_at(v + kMeets, (axis_ + 2) % 3); }
     /// The number of the voxel of a coordinate: the outermost ones in the box reach to
     /// its ends.
     int voxel_at(double x, int axis) const
@@ -160,7 +160,7 @@ VoxelFlags sides_met(const Shape& shape, const std::vector<Triangle>& triangles,
     const double scale = 1.0 / grid.shape().voxel();
     const auto in_voxels = [&](std::uint32_t sample) -> Eigen::Vector3d
     { return scale * (shape.samples[sample] - grid.corner()); };
-    parallel_ranges(triangles.size(), kTrianglesAtOnce,
+    parallel_ranges(triangles.size(), kMarkedAtOnce,
                     [&](std::size_t begin, std::size_t end)
                     {
                         SideMarker marker(grid, met);

@@ -170,7 +170,7 @@ int axis_across(const WorkFrame& frame, const Eigen::Vector3d& normal,
 constexpr double kLeastEnclosed = 1e-6;
 
 /// Of a closed surface; of one whose triangles disagree about their sides too little.
-double enclosed_volume(const Shape& shape, const BoundingSurface& surface)
+double volume_within(const Shape& shape, const BoundingSurface& surface)
 {
     double volume = 0.0;
     for (const auto& [a, b, c] : surface.triangles)
@@ -185,7 +185,7 @@ bool put_lids_on(Shape& shape, double whole)
     if (!is_nearly_closed(bounding_surface(shape)))
         return false;
     Shape closed = with_lids(shape);
-    if (enclosed_volume(closed, bounding_surface(closed)) <= kLeastEnclosed * whole)
+    if (volume_within(closed, bounding_surface(closed)) <= kLeastEnclosed * whole)
         return false;
     shape = std::move(closed);
     return true;
