@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/lids.h"
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <iterator>
 #include <map>
 #include <utility>
 #include <vector>
 
+#include "octree/base/edges.h"
 #include "octree/base/union_find.h"
 #include "octree/bounding_surface.h"
 
@@ -22,20 +21,24 @@ using OpenEdge = std::pair<std::uint32_t, std::uint32_t>;
 
 /// The edges that lack their opposite, from the first to the second corner; as often as
 /// they do.
-std::vector<OpenEdge> open_edges(const std::vector<Triangle>& triangles)
+std::vector<OpenEdge> open_edges(const Shape& shape)
 {
-    std::vector<OpenEdge> edges;
-    for (const Triangle& t : triangles)
-        for (std::size_t k = 0; k < 3; ++k)
-            edges.emplace_back(t[k], t[(k + 1) % 3]);
-    std::vector<OpenEdge> opposite;
-    for (const auto& [a, b] : edges)
-        opposite.emplace_back(b, a);
-    std::sort(edges.begin(), edges.end());
-    std::sort(opposite.begin(), opposite.end());
+    const std::vector<Triangle> triangles = bounding_surface(shape).triangles;
+    const auto each_pass = [&](const auto& pass)
+    {
+        for (const Triangle& t : triangles)
+            for (std::size_t k = 0; k < 3; ++k)
+                pass(t[k], t[(k + 1) % 3]);
+    };
     std::vector<OpenEdge> open;
-    std::set_difference(edges.begin(), edges.end(), opposite.begin(), opposite.end(),
-                        std::back_inserter(open));
+    for_each_edge(shape.samples.size(), each_pass,
+                  [&](const Edge& edge)
+                  {
+                      for (int k = edge.backward; k < edge.forward; ++k)
+                          open.emplace_back(edge.low, edge.high);
+                      for (int k = edge.forward; k < edge.backward; ++k)
+                          open.emplace_back(edge.high, edge.low);
+                  });
     return open;
 }
 
@@ -60,7 +63,7 @@ private:
 
 Shape with_lids(const Shape& shape)
 {
-    const std::vector<OpenEdge> open = open_edges(bounding_surface(shape).triangles);
+    const std::vector<OpenEdge> open = open_edges(shape);
     UnionFind loops(shape.samples.size());
     for (const auto& [a, b] : open)
         loops.join(static_cast<int>(a), static_cast<int>(b));

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "octree/hold_together.h"
+
 namespace cellwarp
 {
 
@@ -82,13 +84,8 @@ VoxelNumbers<std::uint32_t> nearest_samples(const VoxelGrid& grid,
             for_each_beside(from,
                             [&](const Eigen::Vector3i& other)
                             {
-                                if (!grid.contains(other))
-                                    return;
-                                const std::size_t to = grid.index(other);
-                                int axis = 0;
-                                (other - from).cwiseAbs().maxCoeff(&axis);
-                                if (material[to] == material[entry.voxel] &&
-                                    !notches.is_open(std::min(to, entry.voxel), axis))
+                                if (grid.contains(other) &&
+                                    hold_together(grid, notches, from, other))
                                     offer(other, entry.sample);
                             });
         }

@@ -9,6 +9,7 @@
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/union_find.h"
+#include "octree/hold_together.h"
 
 namespace cellwarp
 {
@@ -255,16 +256,6 @@ private:
         return has_any;
     }
 
-    /// Whether two voxels side by side hold together.
-    bool holds(const Eigen::Vector3i& voxel, const Eigen::Vector3i& next) const
-    {
-        const std::size_t a = grid_.index(voxel), b = grid_.index(next);
-        int axis = 0;
-        (next - voxel).cwiseAbs().maxCoeff(&axis);
-        return grid_.material()[a] == grid_.material()[b] &&
-               !notches_.is_open(std::min(a, b), axis);
-    }
-
     /// For each crumb of a leaf the whole pieces with which it has faces in common.
     std::map<std::int32_t, std::set<std::int32_t>>
     touches_of(std::size_t leaf, const std::vector<char>& is_crumb) const
@@ -279,7 +270,8 @@ private:
                                     return;
                                 const std::int32_t other = pieces_.at(grid_, next);
                                 if (other >= 0 && other != piece &&
-                                    !is_crumb[idx(other)] && holds(voxel, next))
+                                    !is_crumb[idx(other)] &&
+                                    hold_together(grid_, notches_, voxel, next))
                                     touches[piece].insert(other);
                             });
         };

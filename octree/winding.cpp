@@ -247,7 +247,7 @@ std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& 
         const std::uint64_t column = column_of(grid, axis, at);
         int below = 0;
         for (auto crossing = std::lower_bound(found.begin(), found.end(), column,
-                                              [](const Crossing&a, std::uint64_t of)
+                                              [](const auto&a, std::uint64_t of)
                                               { return a.column < of; });
              crossing != found.end() && crossing->column == column &&
              crossing->height < at[axis] + 1.0;
