@@ -505,6 +505,7 @@ const std::vector<TakenBack>& departures_taken_back()
               {"handing over at level changes", &Departures::level_changes,
                FieldKind::Rbf},
               {"measured borders", &Departures::measured_borders, FieldKind::Rbf},
+              {"smooth borders", &Departures::smooth_borders, FieldKind::Rbf},
               {"rigid steps", &Departures::rigid_steps, FieldKind::Rbf},
               {"errors from the affine map", &Departures::affine_errors, FieldKind::Rbf},
               {"the blend along the glue", &Departures::blend, FieldKind::Blend},

@@ -18,6 +18,8 @@ struct Departures
     /// Glue between a region and a free cell is as long as the free material there. Else
     /// from centre to centre.
     bool measured_borders = true;
+    /// Sheets bend less around small handles (border_bending.cpp). Else alike everywhere.
+    bool smooth_borders = true;
     /// A step keeps cells that turn as one rigid body in their places to each other
     /// (rigid_motion.cpp). Else each is turned by the closest rotation and shifted by v.
     bool rigid_steps = true;
@@ -37,6 +39,7 @@ struct Departures
 inline constexpr Departures kBotsch07{.glue_in_face = false,
                                       .level_changes = false,
                                       .measured_borders = false,
+                                      .smooth_borders = false,
                                       .rigid_steps = false,
                                       .affine_errors = false,
                                       .blend = false,

@@ -180,13 +180,14 @@ bool differ_in_size(const Cell& a, const Cell& b)
 }
 
 /// S of a face: see above.
-Eigen::Matrix3d moment_of(const Face& face)
+Eigen::Matrix3d moment_of(const Face& face, double bending)
 {
+    const Eigen::Matrix3d turning = face.turning + bending * Eigen::Matrix3d::Identity();
     const double least = std::pow(kHingeThickness * face.distance, 2) / 12.0;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(face.turning);
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(turning);
     const Eigen::Matrix3d M =
         eigen.eigenvalues()[0] >= least
-            ? face.turning
+            ? turning
             : Eigen::Matrix3d(eigen.eigenvectors() *
                               eigen.eigenvalues().cwiseMax(least).asDiagonal() *
                               eigen.eigenvectors().transpose());
@@ -313,7 +314,8 @@ Glue with_groups(const Glue& glue, const Cells& cells, std::span<const int> lead
 }
 
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
-                std::span<const BorderGlue> borders, const Departures& departures)
+                std::span<const BorderGlue> borders, const Departures& departures,
+                std::span<const double> bending)
 {
     Glue glue;
     glue.faces.resize(cells.faces.size());
@@ -359,7 +361,7 @@ Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
         if (face.sheet_share > 0)
             place += face.sheet_share * (sheet_place(face, a, b, border_of[f]) - place);
         if (departures.glue_in_face)
-            out.moment = moment_of(face);
+            out.moment = moment_of(face, bending.empty() ? 0.0 : bending[f]);
         else
             measure_over_cells(a, b, place, out.moment);
         out.reach_a = place - a.centre;

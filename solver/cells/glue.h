@@ -53,9 +53,10 @@ struct BorderGlue
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
 /// takes the geometric mean of its two. Empty: all 1.
 /// \p departures: glue_in_face and level_changes count here.
+/// \p bending: what all moments of each face are larger by [length^2]; empty: 0.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders = {},
-                const Departures& departures = {});
+                const Departures& departures = {}, std::span<const double> bending = {});
 
 /// The same glue where groups of cells are one rigid body each: a group's faces are its
 /// leader's, and those within it are gone. \p leaders: of each cell; -1: it is in none.

@@ -227,7 +227,7 @@ TEST(SweepCommand, departures_are_taken_back_in_a_column_of_their_own)
     const std::string csv = support::bytes_of(folder + "/report.csv");
     EXPECT_TRUE(contains(csv, ",stop,scene,without\n"));
     const auto rows = parsed_csv(csv);
-    EXPECT_EQ(rows.size(), 23u);
+    EXPECT_EQ(rows.size(), 25u);
     EXPECT_EQ(rows[1].at("without"), "");
     EXPECT_EQ(rows.back().at("without"), "all (botsch07)");
     EXPECT_EQ(rows.back().at("interpolator"), "closest4");

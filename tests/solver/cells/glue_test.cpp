@@ -144,6 +144,30 @@ Pose twisted(const Pose& pose, const Eigen::Matrix<double, 6, 1>& twist)
 
 } // namespace
 
+TEST(Glue, with_bending_of_a_face_costs_more_by_it_about_every_axis_and_no_more_to_open)
+{
+    const Cells cells = two_cells();
+    constexpr double kBending = 0.37;
+    const GlueFace plain = one_face();
+    const GlueFace bent = build_glue(cells, {}, {}, {}, std::vector{kBending}).faces[0];
+    const Pose a{Eigen::Matrix3d::Identity(), cells.cells[0].centre};
+    const Pose b{Eigen::Matrix3d::Identity(), cells.cells[1].centre};
+    std::mt19937 rng(11);
+    for (int i = 0; i < 20; ++i)
+    {
+        const Eigen::Vector3d axis = random_vector(rng, 1.0).normalized();
+        const double angle = 0.1 + 0.1 * i;
+        Pose turned = b;
+        turned.R = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+        EXPECT_NEAR(glue_energy(bent, a, turned) - glue_energy(plain, a, turned),
+                    plain.stiffness * 4.0 * std::pow(std::sin(angle / 2), 2) * kBending,
+                    1e-12);
+        Pose moved = b;
+        moved.p += random_vector(rng, 1.0);
+        EXPECT_NEAR(glue_energy(bent, a, moved), glue_energy(plain, a, moved), 1e-12);
+    }
+}
+
 TEST(Glue, is_zero_for_a_common_rigid_motion_and_only_then)
 {
     std::mt19937 rng(1);

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/border_bending.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+#include <Eigen/Geometry>
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "editor/session/region_cells.h"
+#include "editor/session/session.h"
+#include "octree/base/index.h"
+#include "tests/support/rest_model.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr double kHandleRadius = 0.12;
+const Eigen::Vector3d kMiddle(1.0, 1.0, 0.0);
+
+CellSettings fine_cells()
+{
+    CellSettings cells;
+    cells.across = 40;
+    return cells;
+}
+
+/// A body with its regions, and what their borders add to its faces.
+struct Bent : support::RestModel
+{
+    Body body;
+    std::vector<double> bending;
+
+    Bent(const Shape& shape, const std::string& statements)
+        : RestModel(shape, statements, fine_cells()), body(build_body(rest, settings)),
+          bending(border_bending(
+              body, *regions,
+              prescribing_regions(*regions, regions->shares(body), body.cells)))
+    {
+    }
+    Eigen::Vector3d centre(std::size_t face) const
+    {
+        return rest->frame.to_model(body.cells.faces[face].centre);
+    }
+};
+
+Shape square()
+{
+    return support::sheet_shape(2.0, 2.0, 40);
+}
+
+std::string sphere(const Eigen::Vector3d& x, double radius)
+{
+    return fmt::format("sphere {:.9g} {:.9g} {:.9g} {:.9g}\n", x.x(), x.y(), x.z(),
+                       radius);
+}
+
+/// The square with its edges fixed, turned, its middle raised by twice the handle's
+/// radius; samples turned back.
+std::vector<Eigen::Vector3d> raised(const Eigen::Matrix3d& turn, bool has_smooth_borders)
+{
+    Shape shape = square();
+    for (Eigen::Vector3d& x : shape.samples)
+        x = turn * x;
+    std::string text =
+        "cellwarp-handles 1\nhandle h " + sphere(turn * kMiddle, kHandleRadius + 1e-6);
+    for (double along = 0.0; along <= 2.0; along += 0.2)
+        for (const double at : {0.0, 2.0})
+            for (const Eigen::Vector3d& x :
+                 {Eigen::Vector3d(along, at, 0), Eigen::Vector3d(at, along, 0)})
+                text += "fixed f " + sphere(turn * x, 0.300001);
+    const Eigen::Vector3d up = 2.0 * kHandleRadius * turn.col(2);
+    text += fmt::format("frame 1\nmove h translate {:.9g} {:.9g} {:.9g}\n", up.x(),
+                        up.y(), up.z());
+    SessionSettings settings;
+    settings.cells = fine_cells();
+    settings.departures.smooth_borders = has_smooth_borders;
+    Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
+                    parse_handles("h.handles", text), settings);
+    while (session.next_frame(true))
+        EXPECT_EQ(session.frames().back().solve.stop, Stop::Converged);
+    std::vector<Eigen::Vector3d> samples = session.deformed().samples;
+    for (Eigen::Vector3d& x : samples)
+        x = turn.transpose() * x;
+    return samples;
+}
+
+/// The largest angle between neighbouring triangles near the handle [rad].
+double sharpest_fold(const std::vector<Eigen::Vector3d>& samples)
+{
+    std::map<std::pair<std::uint32_t, std::uint32_t>, Eigen::Vector3d> normals;
+    double sharpest = 0.0;
+    const Shape rest = square();
+    for (const Triangle& t : rest.triangles)
+    {
+        if ((rest.samples[t[0]] - kMiddle).norm() > 3.0 * kHandleRadius)
+            continue;
+        const Eigen::Vector3d n = (samples[t[1]] - samples[t[0]])
+                                      .cross(samples[t[2]] - samples[t[0]])
+                                      .normalized();
+        for (std::size_t k = 0; k < 3; ++k)
+        {
+            const auto edge = std::minmax(t[k], t[(k + 1) % 3]);
+            const auto [other, is_new] = normals.emplace(edge, n);
+            if (!is_new)
+                sharpest = std::max(sharpest, std::atan2(other->second.cross(n).norm(),
+                                                         other->second.dot(n)));
+        }
+    }
+    return sharpest;
+}
+
+} // namespace
+
+TEST(BorderBending, is_that_of_a_plate_as_thick_as_the_handle_is_wide_and_ends)
+{
+    const Bent bent(square(), "handle h " + sphere(kMiddle, kHandleRadius));
+    ASSERT_EQ(bent.bending.size(), bent.body.cells.faces.size());
+    const double scale = bent.rest->frame.diagonal() / std::sqrt(8.0);
+    const double most = std::pow(2.0 * kHandleRadius * scale, 2) / 12.0;
+    double largest = 0.0;
+    for (std::size_t f = 0; f < bent.bending.size(); ++f)
+    {
+        const double from = (bent.centre(f) - kMiddle).norm();
+        EXPECT_GE(bent.bending[f], 0.0);
+        EXPECT_LT(bent.bending[f], 1.1 * most);
+        if (from > 6.1 * kHandleRadius)
+        {
+            EXPECT_EQ(bent.bending[f], 0.0) << from;
+        }
+        else if (from < 3.0 * kHandleRadius)
+        {
+            EXPECT_GT(bent.bending[f], 0.1 * most) << from;
+        }
+        largest = std::max(largest, bent.bending[f]);
+    }
+    EXPECT_GT(largest, 0.85 * most);
+}
+
+TEST(BorderBending, leaves_a_sheet_alone_that_only_lies_near)
+{
+    Shape above = square();
+    for (Eigen::Vector3d& x : above.samples)
+        x.z() += 0.15;
+    const Bent bent(support::joined(square(), above),
+                    "handle h " + sphere(kMiddle, kHandleRadius));
+    ASSERT_FALSE(bent.bending.empty());
+    for (std::size_t f = 0; f < bent.bending.size(); ++f)
+    {
+        if (bent.centre(f).z() > 0.075)
+        {
+            EXPECT_EQ(bent.bending[f], 0.0);
+        }
+    }
+}
+
+TEST(BorderBending, leaves_strips_large_handles_and_what_is_solid_as_they_are)
+{
+    EXPECT_TRUE(Bent(support::sheet_shape(4.0, 0.2, 4),
+                     "fixed f box -1 -1 -1 0.2 1 1\nhandle h box 3.8 -1 -1 5 1 1\n")
+                    .bending.empty());
+    EXPECT_TRUE(Bent(square(), "handle h " + sphere(kMiddle, 0.4)).bending.empty());
+    EXPECT_TRUE(Bent(support::box_shape({0, 0, 0}, {2, 2, 0.4}, 40),
+                     "handle h " + sphere(kMiddle, kHandleRadius))
+                    .bending.empty());
+}
+
+TEST(BorderBending, lets_a_small_handle_raise_a_bulge_and_no_tent)
+{
+    const Eigen::Matrix3d turns[] = {
+        Eigen::Matrix3d::Identity(),
+        Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix()};
+    for (const Eigen::Matrix3d& turn : turns)
+    {
+        const double smooth = sharpest_fold(raised(turn, true));
+        const double creased = sharpest_fold(raised(turn, false));
+        EXPECT_LT(smooth, 0.7 * creased) << smooth << " " << creased;
+    }
+}
+
+TEST(BorderBending, makes_what_is_symmetric_a_symmetric_bulge)
+{
+    const std::vector<Eigen::Vector3d> samples =
+        raised(Eigen::Matrix3d::Identity(), true);
+    const Shape rest = square();
+    std::map<std::pair<long, long>, double> heights;
+    const auto key = [](const Eigen::Vector3d& x)
+    { return std::pair(std::lround(1e6 * x.x()), std::lround(1e6 * x.y())); };
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        heights[key(rest.samples[i])] = samples[i].z();
+    for (std::size_t i = 0; i < samples.size(); ++i)
+    {
+        const Eigen::Vector3d& x = rest.samples[i];
+        EXPECT_NEAR(samples[i].z(), heights.at(key({2.0 - x.x(), x.y(), 0.0})), 1e-7);
+        EXPECT_NEAR(samples[i].z(), heights.at(key({x.y(), x.x(), 0.0})), 1e-7);
+    }
+}
+
+} // namespace cellwarp
