@@ -5,22 +5,25 @@
 // a crease of its thickness along the handle's border. That is what sheet metal does, and
 // nobody wants it who pulls at a car's roof. To bend over a length like the handle's
 // radius r the plate has to be about as thick as the handle is wide. So around a small
-// handle its resistance to bending, and that alone, is the one of a plate with the
-// thickness
+// handle it resists bending as a plate of the thickness
 //   2 r (1 - s(d / 5 r)),   s(x) = x^2 (3 - 2 x),
-// at the distance d from the handle, where that is more than its own. It stretches as it
-// did.
+// at the distance d from the handle, where that is more than its own. It stretches, and
+// turns in its plane, as it did.
 //   Measured on a square of thickness 0.01, its handle of radius 0.04 raised by twice
 // that [diagonal]: the sharpest fold between triangles of edge 0.018 is 16 degrees
-// without, 11 with thickness r, 9 with 2 r. On a car's roof a reach of 2 r leaves a
-// crease at the end of the reach, one of 5 r none.
+// without, 9 with it. On a car's roof a reach of 2 r leaves a crease at the end of the
+// reach, one of 5 r none.
 //   Larger handles move a part of the shape rather than raise a bulge, and strips held at
-// an end bend along one line, as strips do: both are left as they are.
+// an end bend along one line, as strips do: both are left as they are, and with them
+// bones, rings around a tube and what lies at several places. All is measured on voxels
+// and on the sheet's patches, which are the same in all cells.
 #include "editor/session/border_bending.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
+#include <optional>
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
@@ -40,6 +43,10 @@ constexpr double kReach = 5.0;
 /// Radius up to which a handle is small, and from which it is not [diagonal].
 constexpr double kSmall = 0.05, kLarge = 0.1;
 
+/// A handle is a disc if its spread about its centre is within these bounds of that of a
+/// disc of its area, and if it is as near to the centre as this [its radius].
+constexpr double kLeastSpread = 0.85, kLargestSpread = 1.25, kNearCentre = 0.5;
+
 /// The share of the ring around a handle that is sheet, from which it counts as lying in
 /// one, and with which it does wholly: at an edge it has half, at the end of a strip
 /// less.
@@ -52,65 +59,110 @@ double smooth_step(double low, double high, double x)
     return t * t * (3.0 - 2.0 * t);
 }
 
-std::vector<Eigen::Vector3d> centres_of_voxels(const Body& body, const RegionSet& regions,
-                                               std::size_t region)
+/// What a region has of sheets. Their area is measured on the triangles, all else on
+/// voxels, which a mirror image of the mesh has alike.
+struct Spot
 {
-    const VoxelGrid& grid = body.rest->material.grid;
-    std::vector<Eigen::Vector3d> centres;
-    for (const std::uint32_t voxel : regions.voxels(region))
-        centres.push_back(grid.centre(grid.coordinates(voxel)));
-    return centres;
-}
+    std::vector<Eigen::Vector3d> places; ///< its voxels' centres
+    Eigen::Vector3d centre = Eigen::Vector3d::Zero();
+    double radius = 0.0; ///< of a disc that is spread about its centre as it is
+    double area = 0.0;
 
-/// Of the disc that lies about its centre as the points do about theirs.
-double radius_of(const std::vector<Eigen::Vector3d>& points)
-{
-    const auto count = static_cast<double>(points.size());
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& x : points)
-        mean += x / count;
-    double sum = 0.0;
-    for (const Eigen::Vector3d& x : points)
-        sum += (x - mean).squaredNorm();
-    return std::sqrt(2.0 * sum / count);
-}
+    Spot(const RestShape& rest, std::span<const std::uint32_t> voxels)
+    {
+        const VoxelGrid& grid = rest.material.grid;
+        for (const std::uint32_t voxel : voxels)
+            if (rest.material.is_sheet[voxel])
+                places.push_back(grid.centre(grid.coordinates(voxel)));
+        const auto count = static_cast<double>(places.size());
+        for (const Eigen::Vector3d& x : places)
+            centre += x / count;
+        double sum = 0.0;
+        for (const Eigen::Vector3d& x : places)
+            sum += (x - centre).squaredNorm() / count;
+        radius = std::sqrt(2.0 * sum);
+    }
 
-/// Finds what lies around one handle after another.
+    bool is_disc(const PointTree& tree) const
+    {
+        const double of_disc = radius * std::sqrt(std::numbers::pi / area);
+        return of_disc > kLeastSpread && of_disc < kLargestSpread &&
+               std::sqrt(tree.nearest(centre).distance_squared) < kNearCentre * radius;
+    }
+};
+
+/// Finds what lies around one spot after another.
 class Surroundings
 {
 public:
     explicit Surroundings(const Body& body)
-        : body_(body), areas_(body.cells.size(), 0.0), is_near_(body.cells.size(), 0)
+        : body_(body), first_(body.cells.size() + 1, 0), seen_(body.cells.size(), kUnseen)
     {
-        for (const SheetPatch& patch : body.rest->sheets.patches)
-            areas_[idx(body.pieces.at(body.rest->material.grid, patch.voxel))] +=
-                patch.area;
+        // The patches of each cell, in a row.
+        std::vector<int> cells;
+        for (const SheetPatch& patch : patches())
+        {
+            cells.push_back(body.pieces.at(body.rest->material.grid, patch.voxel));
+            ++first_[idx(cells.back()) + 1];
+        }
+        std::partial_sum(first_.begin(), first_.end(), first_.begin());
+        patches_.resize(cells.size());
+        std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
+        for (std::size_t k = 0; k < cells.size(); ++k)
+            patches_[next[idx(cells[k])]++] = k;
     }
 
-    /// From the handle's \p own cells along the glue, as far as \p reach.
-    void find(const PointTree& handle, const std::vector<int>& own, double reach)
+    /// Of the sheets in a region.
+    double area(const RegionSet& regions, std::size_t region,
+                const RegionShares& shares) const
     {
-        for (const int cell : near_)
-            is_near_[idx(cell)] = 0;
-        near_ = own;
-        for (const int cell : near_)
-            is_near_[idx(cell)] = 1;
-        area_ = 0.0;
+        double area = 0.0;
+        for (const auto& [cell, share] : shares.cells)
+            for_each_patch(cell,
+                           [&](const SheetPatch& patch)
+                           {
+                               if (regions.holds_voxel(region, patch.voxel))
+                                   area += patch.area;
+                           });
+        return area;
+    }
+
+    /// From cells that the spot has a share of along the glue, as far as \p reach from
+    /// its places.
+    void find(const PointTree& places, const RegionShares& shares, double reach)
+    {
+        for (const int cell : touched_)
+            seen_[idx(cell)] = kUnseen;
+        touched_.clear();
+        near_.clear();
+        for (const auto& [cell, share] : shares.cells)
+            take(cell, true);
         for (std::size_t next = 0; next < near_.size(); ++next)
             for (const int cell : body_.cells.neighbours_of(near_[next]))
             {
-                const Eigen::Vector3d& middle = body_.cells.cells[idx(cell)].middle;
-                if (is_near_[idx(cell)] ||
-                    handle.nearest(middle).distance_squared > reach * reach)
+                if (seen_[idx(cell)] != kUnseen)
                     continue;
-                is_near_[idx(cell)] = 1;
-                near_.push_back(cell);
-                area_ += areas_[idx(cell)];
+                const Cell& of = body_.cells.cells[idx(cell)];
+                // As far as it reaches itself.
+                const double most = reach + 0.5 * std::sqrt(3.0) * of.edge;
+                take(cell, places.nearest(of.box_centre).distance_squared < most * most);
             }
     }
 
-    /// Of the sheets in the cells found, without the handle's own.
-    double area() const { return area_; }
+    /// Of the sheets in the cells found, within \p reach of the places.
+    double area(const PointTree& places, double reach) const
+    {
+        double area = 0.0;
+        for (const int cell : near_)
+            for_each_patch(cell,
+                           [&](const SheetPatch& patch)
+                           {
+                               if (places.nearest(patch.centre).distance_squared <
+                                   reach * reach)
+                                   area += patch.area;
+                           });
+        return area;
+    }
 
     /// Calls visit(f) for the faces between the cells found.
     template <class Visit>
@@ -122,23 +174,42 @@ public:
             auto face = std::lower_bound(faces.begin(), faces.end(), cell,
                                          [](const Face& f, int a) { return f.a < a; });
             for (; face != faces.end() && face->a == cell; ++face)
-                if (is_near_[idx(face->b)])
+                if (seen_[idx(face->b)] == kNear)
                     visit(idx(face - faces.begin()));
         }
     }
 
 private:
+    static constexpr char kUnseen = 0, kNear = 1, kFar = 2;
+
+    const std::vector<SheetPatch>& patches() const { return body_.rest->sheets.patches; }
+
+    template <class Visit>
+    void for_each_patch(int cell, Visit&& visit) const
+    {
+        for (std::size_t k = first_[idx(cell)]; k < first_[idx(cell) + 1]; ++k)
+            visit(patches()[patches_[k]]);
+    }
+
+    void take(int cell, bool is_near)
+    {
+        seen_[idx(cell)] = is_near ? kNear : kFar;
+        touched_.push_back(cell);
+        if (is_near)
+            near_.push_back(cell);
+    }
+
     const Body& body_;
-    std::vector<double> areas_; ///< of the sheets in each cell
-    std::vector<char> is_near_;
-    std::vector<int> near_;
-    double area_ = 0.0;
+    std::vector<std::size_t> first_; ///< cells + 1 offsets into patches_
+    std::vector<std::size_t> patches_;
+    std::vector<char> seen_; ///< of each cell
+    std::vector<int> touched_, near_;
 };
 
 } // namespace
 
 std::vector<double> border_bending(const Body& body, const RegionSet& regions,
-                                   std::span<const int> region_of_cell)
+                                   std::span<const RegionShares> shares)
 {
     std::vector<double> bending;
     const RestShape& rest = *body.rest;
@@ -146,40 +217,42 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
         return bending;
     const double thickness = rest.sheets.thickness;
     const double diagonal = rest.frame.diagonal();
-    std::vector<std::vector<int>> cells_of_region(regions.size());
-    for (std::size_t c = 0; c < region_of_cell.size(); ++c)
-        if (region_of_cell[c] >= 0)
-            cells_of_region[idx(region_of_cell[c])].push_back(static_cast<int>(c));
-    Surroundings around(body);
+    std::optional<Surroundings> around; // which takes time where sheets are large
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
-        // Much larger ones are not looked at voxel by voxel.
-        if (!regions[r].moves_as_one() || cells_of_region[r].empty() ||
-            regions.voxels(r).empty() ||
+        const Region& region = regions[r];
+        // Much larger ones are not looked at patch by patch.
+        if (!region.moves_as_one() || region.is_pin_of_one_place() || region.bone ||
             regions.box(r).size().norm() > 4.0 * kLarge * diagonal)
             continue;
-        const std::vector<Eigen::Vector3d> voxels = centres_of_voxels(body, regions, r);
-        const double radius = radius_of(voxels);
+        Spot spot(rest, regions.voxels(r));
+        const double radius = spot.radius;
         const double smallness =
             1.0 - smooth_step(kSmall * diagonal, kLarge * diagonal, radius);
-        if (!(smallness > 0) || kThickness * radius <= thickness)
+        if (!(smallness > 0) || !(kThickness * radius > thickness))
             continue;
-        const PointTree handle(voxels);
+        if (!around)
+            around.emplace(body);
+        spot.area = around->area(regions, r, shares[r]);
+        const PointTree places(spot.places);
+        if (!spot.is_disc(places))
+            continue;
         const double reach = kReach * radius;
-        around.find(handle, cells_of_region[r], reach);
+        around->find(places, shares[r], reach);
         const double ring =
             std::numbers::pi * (std::pow(radius + reach, 2) - radius * radius);
         const double share =
-            smallness * smooth_step(kLeastShare, kWholeShare, around.area() / ring);
+            smallness * smooth_step(kLeastShare, kWholeShare,
+                                    (around->area(places, reach) - spot.area) / ring);
         if (!(share > 0))
             continue;
         bending.resize(body.cells.faces.size(), 0.0);
-        around.for_each_face(
+        around->for_each_face(
             [&](std::size_t f)
             {
                 const Face& face = body.cells.faces[f];
                 const double distance =
-                    std::sqrt(handle.nearest(face.centre).distance_squared);
+                    std::sqrt(places.nearest(face.centre).distance_squared);
                 const double thick =
                     kThickness * radius * (1.0 - smooth_step(0.0, reach, distance));
                 const double more =

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Sheets bend less around small handles, so that these raise a bulge and no tent.
+// Sheets resist bending more around small handles, so that these raise a bulge and no
+// tent.
 #pragma once
 
 #include <span>
@@ -11,10 +12,11 @@
 namespace cellwarp
 {
 
-/// What every moment of a face grows by (see Face::turning) where it lies around a region
-/// that is small beside the shape and has a sheet on most sides, of all faces of \p body
-/// [length^2]; empty where none is. \p region_of_cell: as prescribing_regions() says.
+/// The `bending` of build_glue() where faces lie around a region that is a small disc of
+/// a sheet, with the sheet on most sides; of all faces of \p body [length^2]; empty where
+/// none is. A region of several discs is none.
+/// \p shares: of the regions in the body.
 std::vector<double> border_bending(const Body& body, const RegionSet& regions,
-                                   std::span<const int> region_of_cell);
+                                   std::span<const RegionShares> shares);
 
 } // namespace cellwarp

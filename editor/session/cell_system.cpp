@@ -57,13 +57,14 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
                         "parts keep few digits",
                         *stiffest / *softest));
     const Departures& departures = settings.departures;
-    glue_ = build_glue(
-        cells, factors,
-        departures.measured_borders ? border_glue(*body_, *regions_, region_of_cell_)
-                                    : std::vector<BorderGlue>(),
-        departures,
-        departures.smooth_borders ? border_bending(*body_, *regions_, region_of_cell_)
-                                  : std::vector<double>());
+    glue_ = build_glue(cells, factors,
+                       departures.measured_borders
+                           ? border_glue(*body_, *regions_, region_of_cell_)
+                           : std::vector<BorderGlue>(),
+                       departures,
+                       departures.smooth_borders && departures.glue_in_face
+                           ? border_bending(*body_, *regions_, shares_)
+                           : std::vector<double>());
     for (const Cell& cell : cells.cells)
         poses_.push_back({Eigen::Matrix3d::Identity(), cell.centre});
     motions_.resize(regions_->size());

@@ -18,7 +18,8 @@ struct Departures
     /// Glue between a region and a free cell is as long as the free material there. Else
     /// from centre to centre.
     bool measured_borders = true;
-    /// Sheets bend less around small handles (border_bending.cpp). Else alike everywhere.
+    /// Sheets resist bending more around small handles; part of the glue in the face.
+    /// Else they are alike everywhere.
     bool smooth_borders = true;
     /// A step keeps cells that turn as one rigid body in their places to each other
     /// (rigid_motion.cpp). Else each is turned by the closest rotation and shifted by v.

@@ -179,18 +179,23 @@ bool differ_in_size(const Cell& a, const Cell& b)
     return a.edge != b.edge && a.anchor == a.box_centre && b.anchor == b.box_centre;
 }
 
-/// S of a face: see above.
+/// S of a face: see above. \p bending is about the axes in its sheet, which turns hardest
+/// about its normal.
 Eigen::Matrix3d moment_of(const Face& face, double bending)
 {
-    const Eigen::Matrix3d turning = face.turning + bending * Eigen::Matrix3d::Identity();
     const double least = std::pow(kHingeThickness * face.distance, 2) / 12.0;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(turning);
-    const Eigen::Matrix3d M =
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(face.turning);
+    Eigen::Matrix3d M =
         eigen.eigenvalues()[0] >= least
-            ? turning
+            ? face.turning
             : Eigen::Matrix3d(eigen.eigenvectors() *
                               eigen.eigenvalues().cwiseMax(least).asDiagonal() *
                               eigen.eigenvectors().transpose());
+    if (bending > 0)
+    {
+        const Eigen::Vector3d normal = eigen.eigenvectors().col(2);
+        M += bending * (Eigen::Matrix3d::Identity() - normal * normal.transpose());
+    }
     return 0.5 * M.trace() * Eigen::Matrix3d::Identity() - M;
 }
 

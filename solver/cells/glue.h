@@ -53,7 +53,8 @@ struct BorderGlue
 /// \p cell_factors: stiffness of each cell relative to plain material, > 0; a face
 /// takes the geometric mean of its two. Empty: all 1.
 /// \p departures: glue_in_face and level_changes count here.
-/// \p bending: what all moments of each face are larger by [length^2]; empty: 0.
+/// \p bending: what Face::turning of each face grows by about the axes in its sheet, with
+/// glue_in_face [length^2]; empty: 0.
 Glue build_glue(const Cells& cells, std::span<const double> cell_factors,
                 std::span<const BorderGlue> borders = {},
                 const Departures& departures = {}, std::span<const double> bending = {});

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <string>
 #include <utility>
 
@@ -11,9 +12,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "editor/session/region_cells.h"
 #include "editor/session/session.h"
-#include "octree/base/index.h"
 #include "tests/support/rest_model.h"
 
 namespace cellwarp
@@ -25,10 +24,10 @@ namespace
 constexpr double kHandleRadius = 0.12;
 const Eigen::Vector3d kMiddle(1.0, 1.0, 0.0);
 
-CellSettings fine_cells()
+CellSettings cells_across(int across)
 {
     CellSettings cells;
-    cells.across = 40;
+    cells.across = across;
     return cells;
 }
 
@@ -38,11 +37,10 @@ struct Bent : support::RestModel
     Body body;
     std::vector<double> bending;
 
-    Bent(const Shape& shape, const std::string& statements)
-        : RestModel(shape, statements, fine_cells()), body(build_body(rest, settings)),
-          bending(border_bending(
-              body, *regions,
-              prescribing_regions(*regions, regions->shares(body), body.cells)))
+    Bent(const Shape& shape, const std::string& statements, int across = 40)
+        : RestModel(shape, statements, cells_across(across)),
+          body(build_body(rest, settings)),
+          bending(border_bending(body, *regions, regions->shares(body)))
     {
     }
     Eigen::Vector3d centre(std::size_t face) const
@@ -62,9 +60,16 @@ std::string sphere(const Eigen::Vector3d& x, double radius)
                        radius);
 }
 
-/// The square with its edges fixed, turned, its middle raised by twice the handle's
+enum class Way
+{
+    Up,
+    InPlane
+};
+
+/// The square with its edges fixed, turned, its middle moved by twice the handle's
 /// radius; samples turned back.
-std::vector<Eigen::Vector3d> raised(const Eigen::Matrix3d& turn, bool has_smooth_borders)
+std::vector<Eigen::Vector3d> moved(Way way, const Eigen::Matrix3d& turn,
+                                   bool has_smooth_borders)
 {
     Shape shape = square();
     for (Eigen::Vector3d& x : shape.samples)
@@ -76,11 +81,12 @@ std::vector<Eigen::Vector3d> raised(const Eigen::Matrix3d& turn, bool has_smooth
             for (const Eigen::Vector3d& x :
                  {Eigen::Vector3d(along, at, 0), Eigen::Vector3d(at, along, 0)})
                 text += "fixed f " + sphere(turn * x, 0.300001);
-    const Eigen::Vector3d up = 2.0 * kHandleRadius * turn.col(2);
-    text += fmt::format("frame 1\nmove h translate {:.9g} {:.9g} {:.9g}\n", up.x(),
-                        up.y(), up.z());
+    const Eigen::Vector3d by = 2.0 * kHandleRadius * turn.col(way == Way::Up ? 2 : 0);
+    text += fmt::format("frame 1\nmove h translate {:.9g} {:.9g} {:.9g}\n", by.x(),
+                        by.y(), by.z());
     SessionSettings settings;
-    settings.cells = fine_cells();
+    settings.cells = cells_across(40);
+    settings.cells.is_flat = way == Way::InPlane;
     settings.departures.smooth_borders = has_smooth_borders;
     Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
                     parse_handles("h.handles", text), settings);
@@ -172,6 +178,65 @@ TEST(BorderBending, leaves_strips_large_handles_and_what_is_solid_as_they_are)
                     .bending.empty());
 }
 
+TEST(BorderBending, leaves_a_ring_around_a_tube_as_it_is)
+{
+    // Of its area, as spread as a disc of it, but open in its middle.
+    constexpr double kRadius = 0.1, kLength = 2.0;
+    constexpr int kAround = 32, kAlong = 40;
+    Shape tube;
+    for (int i = 0; i <= kAlong; ++i)
+        for (int j = 0; j < kAround; ++j)
+        {
+            const double angle = 2.0 * std::numbers::pi * j / kAround;
+            tube.samples.emplace_back(kRadius * std::cos(angle),
+                                      kRadius * std::sin(angle), kLength * i / kAlong);
+        }
+    for (std::uint32_t i = 0; i < kAlong; ++i)
+        for (std::uint32_t j = 0; j < kAround; ++j)
+        {
+            const std::uint32_t a = i * kAround + j, b = i * kAround + (j + 1) % kAround;
+            tube.triangles.push_back({a, b, b + kAround});
+            tube.triangles.push_back({a, b + kAround, a + kAround});
+        }
+    for (const double half : {0.025, 0.05, 0.1, 0.2})
+        EXPECT_TRUE(
+            Bent(tube, fmt::format("handle h box -1 -1 {} 1 1 {}\n", 1 - half, 1 + half))
+                .bending.empty())
+            << half;
+}
+
+TEST(BorderBending, leaves_pins_of_one_place_as_they_are)
+{
+    EXPECT_TRUE(Bent(square(), "pin p " + sphere(kMiddle, 0.001)).bending.empty());
+}
+
+TEST(BorderBending, is_the_same_in_cells_of_all_sizes)
+{
+    // At the handle's border.
+    const auto largest = [](int across)
+    {
+        const Bent bent(square(), "handle h " + sphere(kMiddle, kHandleRadius), across);
+        EXPECT_FALSE(bent.bending.empty()) << across;
+        const double scale = bent.rest->frame.diagonal();
+        double found = 0.0;
+        for (const double bending : bent.bending)
+            found = std::max(found, bending / (scale * scale));
+        return found;
+    };
+    const double fine = largest(40);
+    EXPECT_NEAR(largest(20), fine, 0.1 * fine);
+    EXPECT_NEAR(largest(10), fine, 0.3 * fine);
+}
+
+TEST(BorderBending, changes_nothing_in_the_plane)
+{
+    const Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+    const std::vector<Eigen::Vector3d> with = moved(Way::InPlane, turn, true);
+    const std::vector<Eigen::Vector3d> without = moved(Way::InPlane, turn, false);
+    for (std::size_t i = 0; i < with.size(); ++i)
+        EXPECT_LT((with[i] - without[i]).norm(), 1e-9);
+}
+
 TEST(BorderBending, lets_a_small_handle_raise_a_bulge_and_no_tent)
 {
     const Eigen::Matrix3d turns[] = {
@@ -179,8 +244,8 @@ TEST(BorderBending, lets_a_small_handle_raise_a_bulge_and_no_tent)
         Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix()};
     for (const Eigen::Matrix3d& turn : turns)
     {
-        const double smooth = sharpest_fold(raised(turn, true));
-        const double creased = sharpest_fold(raised(turn, false));
+        const double smooth = sharpest_fold(moved(Way::Up, turn, true));
+        const double creased = sharpest_fold(moved(Way::Up, turn, false));
         EXPECT_LT(smooth, 0.7 * creased) << smooth << " " << creased;
     }
 }
@@ -188,7 +253,7 @@ TEST(BorderBending, lets_a_small_handle_raise_a_bulge_and_no_tent)
 TEST(BorderBending, makes_what_is_symmetric_a_symmetric_bulge)
 {
     const std::vector<Eigen::Vector3d> samples =
-        raised(Eigen::Matrix3d::Identity(), true);
+        moved(Way::Up, Eigen::Matrix3d::Identity(), true);
     const Shape rest = square();
     std::map<std::pair<long, long>, double> heights;
     const auto key = [](const Eigen::Vector3d& x)
