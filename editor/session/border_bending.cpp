@@ -27,6 +27,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
+#include "octree/base/smooth_step.h"
 
 namespace cellwarp
 {
@@ -52,21 +53,13 @@ constexpr double kLeastSpread = 0.85, kLargestSpread = 1.25, kNearCentre = 0.5;
 /// less.
 constexpr double kLeastShare = 0.3, kWholeShare = 0.5;
 
-/// From 0 up to \p low to 1 from \p high on.
-double smooth_step(double low, double high, double x)
-{
-    const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
-    return t * t * (3.0 - 2.0 * t);
-}
-
-/// What a region has of sheets. Their area is measured on the triangles, all else on
-/// voxels, which a mirror image of the mesh has alike.
+/// Where a region has sheets: measured on voxels, which a mirror image of the mesh has
+/// alike.
 struct Spot
 {
     std::vector<Eigen::Vector3d> places; ///< its voxels' centres
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     double radius = 0.0; ///< of a disc that is spread about its centre as it is
-    double area = 0.0;
 
     Spot(const RestShape& rest, std::span<const std::uint32_t> voxels)
     {
@@ -83,7 +76,8 @@ struct Spot
         radius = std::sqrt(2.0 * sum);
     }
 
-    bool is_disc(const PointTree& tree) const
+    /// \p tree: of its places; \p area: of the sheets.
+    bool is_disc(const PointTree& tree, double area) const
     {
         const double of_disc = radius * std::sqrt(std::numbers::pi / area);
         return of_disc > kLeastSpread && of_disc < kLargestSpread &&
@@ -113,8 +107,8 @@ public:
     }
 
     /// Of the sheets in a region.
-    double area(const RegionSet& regions, std::size_t region,
-                const RegionShares& shares) const
+    double area_of(const RegionSet& regions, std::size_t region,
+                   const RegionShares& shares) const
     {
         double area = 0.0;
         for (const auto& [cell, share] : shares.cells)
@@ -150,7 +144,7 @@ public:
     }
 
     /// Of the sheets in the cells found, within \p reach of the places.
-    double area(const PointTree& places, double reach) const
+    double area_within(const PointTree& places, double reach) const
     {
         double area = 0.0;
         for (const int cell : near_)
@@ -225,7 +219,7 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
         if (!region.moves_as_one() || region.is_pin_of_one_place() || region.bone ||
             regions.box(r).size().norm() > 4.0 * kLarge * diagonal)
             continue;
-        Spot spot(rest, regions.voxels(r));
+        const Spot spot(rest, regions.voxels(r));
         const double radius = spot.radius;
         const double smallness =
             1.0 - smooth_step(kSmall * diagonal, kLarge * diagonal, radius);
@@ -233,9 +227,9 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
             continue;
         if (!around)
             around.emplace(body);
-        spot.area = around->area(regions, r, shares[r]);
+        const double area = around->area_of(regions, r, shares[r]);
         const PointTree places(spot.places);
-        if (!spot.is_disc(places))
+        if (!spot.is_disc(places, area))
             continue;
         const double reach = kReach * radius;
         around->find(places, shares[r], reach);
@@ -243,7 +237,7 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
             std::numbers::pi * (std::pow(radius + reach, 2) - radius * radius);
         const double share =
             smallness * smooth_step(kLeastShare, kWholeShare,
-                                    (around->area(places, reach) - spot.area) / ring);
+                                    (around->area_within(places, reach) - area) / ring);
         if (!(share > 0))
             continue;
         bending.resize(body.cells.faces.size(), 0.0);

@@ -63,10 +63,11 @@ SkeletonPose pose_of(const SkeletonAim& aim)
     return {aim.turns, aim.shifts};
 }
 
-class Handle final : public SkeletonHandle
+class HandleOfJoints final : public SkeletonHandle
 {
 public:
-    Handle(const std::vector<SkeletonJoint>& joints, const Units& units, std::string file)
+    HandleOfJoints(const std::vector<SkeletonJoint>& joints, const Units& units,
+                   std::string file)
         : file_(std::move(file)), statements_(joints),
           skeleton_(joints_of(joints, units)),
           unit_(units.is_relative ? units.box.size().norm() : 1.0),
@@ -309,7 +310,7 @@ std::shared_ptr<const SkeletonHandle>
 make_skeleton_handle(const std::vector<SkeletonJoint>& joints, const Units& units,
                      const std::string& file)
 {
-    return std::make_shared<const Handle>(joints, units, file);
+    return std::make_shared<const HandleOfJoints>(joints, units, file);
 }
 
 struct KeyedJoints::Tracks

@@ -10,6 +10,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/smooth_step.h"
 
 namespace cellwarp
 {
@@ -48,8 +49,7 @@ double tear_of(const Cells& cells, const std::array<int, 2>& pair,
                           displacement(poses[idx(pair[1])], b.centre, middle))
                              .norm() /
                          std::min(a.edge, b.edge);
-    const double u = std::clamp((apart - kTornFrom) / (kTornTo - kTornFrom), 0.0, 1.0);
-    return u * u * (3.0 - 2.0 * u);
+    return smooth_step(kTornFrom, kTornTo, apart);
 }
 
 } // namespace
