@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/body.h"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
+#include <string>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -10,6 +12,7 @@
 #include "io/geometry_file.h"
 #include "octree/near_distances.h"
 #include "tests/support/bodies.h"
+#include "tests/support/pot.h"
 #include "tests/support/sanitized.h"
 #include "tests/support/shapes.h"
 
@@ -103,6 +106,30 @@ double num_within(const VoxelGrid& grid, double distance)
 }
 
 } // namespace
+
+TEST(Body, of_a_pot_without_its_lid_is_solid_and_says_what_leaves_it_open)
+{
+    const Geometry pot =
+        scan_geometry("pot.obj", support::obj_text(support::with_hole(
+                                     support::pot(), {0.0, 0.8, 0.0}, 0.4)))
+            .geometry;
+    const auto has_warning = [&](const CellSettings& settings)
+    {
+        const auto rest = build_rest_shape(pot, pot.samples, settings);
+        EXPECT_EQ(rest->sheets.patches.empty(), settings.fill == Fill::Solid);
+        return std::any_of(
+            rest->warnings.begin(), rest->warnings.end(),
+            [](const std::string& warning)
+            { return warning.find("--fill shell leaves it open") != std::string::npos; });
+    };
+    CellSettings settings;
+    EXPECT_TRUE(has_warning(settings));
+    settings.has_lids = true;
+    EXPECT_FALSE(has_warning(settings));
+    settings.has_lids = false;
+    settings.fill = Fill::Shell;
+    EXPECT_FALSE(has_warning(settings));
+}
 
 TEST(Body, of_small_shapes_takes_what_is_near_them_and_not_their_box)
 {
