@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "io/packed.h"
 #include "io/stored_number.h"
@@ -35,6 +36,14 @@ public:
         load();
     }
     bool is_done() const { return first_ == after_.size(); }
+    bool is_empty() const { return after_.empty(); }
+    /// Whether its numbers have fixed lengths.
+    bool is_binary() const
+    {
+        const auto end = places_.scalars.begin() + static_cast<long>(places_.length);
+        return std::all_of(places_.scalars.begin(), end,
+                           [](Scalar scalar) { return stored_size(scalar) > 0; });
+    }
     std::uint64_t start() const { return places_.starts[first_ + order_[next_]]; }
     bool changes() const
     {
@@ -140,6 +149,35 @@ EditStream& next_of(EditStreams& streams)
                              { return start_of(a) < start_of(b); });
 }
 
+/// Whether all numbers keep their length.
+bool is_binary(const EditStreams& streams)
+{
+    return std::all_of(streams.begin(), streams.end(),
+                       [](const EditStream& stream)
+                       { return stream.is_empty() || stream.is_binary(); });
+}
+
+/// Puts numbers of fixed lengths into a copy of the bytes from byte \p from of the file
+/// on.
+void overwrite(const std::string& path, EditStreams& streams, std::uint64_t from,
+               std::span<char> copy)
+{
+    std::optional<Edit> too_large; // the first in the file
+    for (EditStream& stream : streams)
+        for (; !stream.is_done() && stream.start() < from + copy.size(); stream.advance())
+        {
+            if (!stream.changes())
+                continue;
+            const Edit edit = stream.edit();
+            if (!overwrite_stored(edit.value, edit.scalar, edit.big_endian,
+                                  &copy[edit.start - from]) &&
+                !(too_large && too_large->start < edit.start))
+                too_large = edit;
+        }
+    if (too_large)
+        throw does_not_fit(path, too_large->start, too_large->value);
+}
+
 /// Length of the number or index at \p start: what none of the formats has in one
 /// ends it.
 std::size_t token_length(std::string_view bytes, std::uint64_t start)
@@ -206,9 +244,18 @@ void PatchedBytes::append_to(std::string& out) const
 
 void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t to) const
 {
+    EditStreams streams = edit_streams(geometry_, patch_);
+    for (EditStream& stream : streams)
+        stream.skip_to(from);
+    if (patch_.index_starts.empty() && is_binary(streams))
+    {
+        const std::size_t first = out.size();
+        out.append(bytes_.substr(from - start_, to - from));
+        overwrite(path_, streams, from, std::span(out).subspan(first));
+        return;
+    }
     std::uint64_t copied = from;
-    const auto replace =
-        [&](std::uint64_t place, std::size_t length, std::string_view text)
+    const auto put = [&](std::uint64_t place, std::size_t length, std::string_view text)
     {
         out.append(bytes_.substr(copied - start_, place - copied));
         out.append(text);
@@ -221,12 +268,9 @@ void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t
         if (!store(edit.value, edit.scalar, edit.big_endian, text))
             throw does_not_fit(path_, edit.start, edit.value);
         const std::size_t size = stored_size(edit.scalar);
-        replace(edit.start, size > 0 ? size : token_length(bytes_, edit.start - start_),
-                text);
+        put(edit.start, size > 0 ? size : token_length(bytes_, edit.start - start_),
+            text);
     };
-    EditStreams streams = edit_streams(geometry_, patch_);
-    for (EditStream& stream : streams)
-        stream.skip_to(from);
     auto index = static_cast<std::size_t>(
         std::lower_bound(patch_.index_starts.begin(), patch_.index_starts.end(), from) -
         patch_.index_starts.begin());
@@ -240,8 +284,8 @@ void PatchedBytes::append_to(std::string& out, std::uint64_t from, std::uint64_t
             break;
         if (i < number)
         {
-            replace(i, token_length(bytes_, i - start_),
-                    std::to_string(patch_.new_indices[index]));
+            put(i, token_length(bytes_, i - start_),
+                std::to_string(patch_.new_indices[index]));
             ++index;
             continue;
         }

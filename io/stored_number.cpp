@@ -32,13 +32,11 @@ Number load(const char* bytes, bool big_endian)
 }
 
 template <class Number>
-void append(Number value, bool big_endian, std::string& out)
+void put(Number value, bool big_endian, char* bytes)
 {
-    char raw[sizeof(Number)];
-    std::memcpy(raw, &value, sizeof raw);
+    std::memcpy(bytes, &value, sizeof value);
     if (big_endian)
-        std::reverse(raw, raw + sizeof raw);
-    out.append(raw, sizeof raw);
+        std::reverse(bytes, bytes + sizeof value);
 }
 
 template <class Integer>
@@ -50,12 +48,12 @@ bool fits(double value)
 }
 
 template <class Integer>
-bool append_rounded(double value, bool big_endian, std::string& out)
+bool put_rounded(double value, bool big_endian, char* bytes)
 {
     const double rounded = std::nearbyint(value);
     if (!fits<Integer>(rounded))
         return false;
-    append(static_cast<Integer>(rounded), big_endian, out);
+    put(static_cast<Integer>(rounded), big_endian, bytes);
     return true;
 }
 
@@ -132,36 +130,49 @@ bool fits_stored(Scalar type, double value)
     }
 }
 
-bool store(double value, Scalar type, bool big_endian, std::string& out)
+bool overwrite_stored(double value, Scalar type, bool big_endian, char* bytes)
 {
     switch (type)
     {
     case Scalar::Text:
-        append_shortest(value, out);
-        return std::isfinite(value);
     case Scalar::TextInt:
-        append_shortest(std::nearbyint(value) + 0.0, out); // no -0
-        return std::isfinite(value);
+        break;
     case Scalar::Int8:
-        return append_rounded<std::int8_t>(value, big_endian, out);
+        return put_rounded<std::int8_t>(value, big_endian, bytes);
     case Scalar::UInt8:
-        return append_rounded<std::uint8_t>(value, big_endian, out);
+        return put_rounded<std::uint8_t>(value, big_endian, bytes);
     case Scalar::Int16:
-        return append_rounded<std::int16_t>(value, big_endian, out);
+        return put_rounded<std::int16_t>(value, big_endian, bytes);
     case Scalar::UInt16:
-        return append_rounded<std::uint16_t>(value, big_endian, out);
+        return put_rounded<std::uint16_t>(value, big_endian, bytes);
     case Scalar::Int32:
-        return append_rounded<std::int32_t>(value, big_endian, out);
+        return put_rounded<std::int32_t>(value, big_endian, bytes);
     case Scalar::UInt32:
-        return append_rounded<std::uint32_t>(value, big_endian, out);
+        return put_rounded<std::uint32_t>(value, big_endian, bytes);
     case Scalar::Float32:
-        append(static_cast<float>(value), big_endian, out);
+        put(static_cast<float>(value), big_endian, bytes);
         return std::isfinite(static_cast<float>(value));
     case Scalar::Float64:
-        append(value, big_endian, out);
+        put(value, big_endian, bytes);
         return std::isfinite(value);
     }
     return false;
+}
+
+bool store(double value, Scalar type, bool big_endian, std::string& out)
+{
+    if (type == Scalar::Text)
+        append_shortest(value, out);
+    else if (type == Scalar::TextInt)
+        append_shortest(std::nearbyint(value) + 0.0, out); // no -0
+    else
+    {
+        char bytes[sizeof(double)] = {};
+        const bool fits = overwrite_stored(value, type, big_endian, bytes);
+        out.append(bytes, stored_size(type));
+        return fits;
+    }
+    return std::isfinite(value);
 }
 
 } // namespace cellwarp

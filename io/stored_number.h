@@ -20,6 +20,10 @@ double load_stored(const char* bytes, Scalar type, bool big_endian);
 /// Whether an integer type can hold \p value exactly; true for a real type.
 bool fits_stored(Scalar type, double value);
 
+/// Puts \p value, rounded to the nearest that the binary \p type has, in the place of the
+/// stored_size(type) bytes there. False if it is outside the type's range.
+bool overwrite_stored(double value, Scalar type, bool big_endian, char* bytes);
+
 /// \p value as bytes of \p type (text: shortest decimal), rounded to the nearest
 /// that the type has. False if it is outside the type's range.
 bool store(double value, Scalar type, bool big_endian, std::string& out);

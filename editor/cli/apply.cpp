@@ -128,7 +128,7 @@ Deformation load_field(const std::string& path, ApplySettings& settings)
     const FieldFile file = read_field(path);
     left -= kProgramBytes;
     Deformation deformation(file, path, left);
-    left -= memory_of(file);
+    left -= memory_of(file) + deformation.most_kept();
     return deformation;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <deque>
+#include <limits>
 
 #include "io/error.h"
 #include "io/number.h"
@@ -171,7 +172,8 @@ WorkFrame frame_of(const StoredField& stored)
 /// One stage, ready to be applied.
 struct Deformation::Map
 {
-    Map(const StoredField& stored, const std::string& path);
+    /// \p most_kept: see Field::keep_surroundings().
+    Map(const StoredField& stored, const std::string& path, std::size_t most_kept);
 
     void carry(const Carried& carried) const;
 
@@ -179,13 +181,19 @@ struct Deformation::Map
     VoxelGrid grid;
     /// Where there is no material: -2 less the nearest piece.
     std::vector<std::int32_t> piece_of_voxel;
+    /// Of the boxes of the smallest leaves: what all their voxels have, or kMixed. Most
+    /// have one, and these numbers fit into the processor's cache.
+    std::vector<std::int32_t> piece_of_box;
+    static constexpr std::int32_t kMixed = std::numeric_limits<std::int32_t>::min();
     Cells cells; ///< without faces
     std::deque<RegionFade> fades;
-    std::unique_ptr<const Field> field;
+    std::unique_ptr<Field> field;
 
 private:
+    std::int32_t piece_of(const Eigen::Vector3i& voxel) const;
     int cell_at(const Eigen::Vector3d& x) const;
     void read_material(const StoredField& stored, const std::string& path);
+    void find_boxes();
     void read_cells(const StoredField& stored);
     FieldParts read_field(const StoredField& stored);
 };
@@ -199,6 +207,9 @@ constexpr double kBytesPerVoxel = 4.0 + 1.0, kBytesPerSpreadVoxel = 4.0;
 /// How often the numbers of a file are in memory: as they were read, and ready to be
 /// used.
 constexpr double kCopies = 2.5;
+
+/// What all maps may keep of what they looked up: at most, and of what is left [byte].
+constexpr double kMostKept = 64e6, kShareKept = 0.25;
 
 double num_voxels_of(const StoredField& stored)
 {
@@ -260,12 +271,14 @@ std::shared_ptr<const RbfField> fit_at(const StoredField& stored, std::size_t i)
 
 } // namespace
 
-Deformation::Map::Map(const StoredField& stored, const std::string& path)
+Deformation::Map::Map(const StoredField& stored, const std::string& path,
+                      std::size_t most_kept)
     : frame(frame_of(stored)), grid(checked_grid(stored, path))
 {
     read_material(stored, path);
     read_cells(stored);
-    field = std::make_unique<const Field>(cells, read_field(stored));
+    field = std::make_unique<Field>(cells, read_field(stored));
+    field->keep_surroundings(most_kept);
 }
 
 void Deformation::Map::read_material(const StoredField& stored, const std::string& path)
@@ -286,16 +299,38 @@ void Deformation::Map::read_material(const StoredField& stored, const std::strin
                            [](std::int32_t nearest) { return -2 - nearest; });
         voxel = end;
     }
+    find_boxes();
+}
+
+void Deformation::Map::find_boxes()
+{
+    piece_of_box.resize(grid.num_boxes());
+    parallel_for(
+        piece_of_box.size(), kSmallBodies,
+        [&](std::size_t box)
+        {
+            const VoxelRange range = grid.voxels_of_box(box);
+            const std::int32_t first = piece_of_voxel[grid.index(range.first)];
+            bool is_mixed = false;
+            for_each_voxel(
+                range, [&](const Eigen::Vector3i& voxel)
+                { is_mixed = is_mixed || piece_of_voxel[grid.index(voxel)] != first; });
+            piece_of_box[box] = is_mixed ? kMixed : first;
+        });
+}
+
+std::int32_t Deformation::Map::piece_of(const Eigen::Vector3i& voxel) const
+{
+    const std::int32_t of_box = piece_of_box[grid.box(voxel)];
+    return of_box == kMixed ? piece_of_voxel[grid.index(voxel)] : of_box;
 }
 
 /// A sample of the session's model is in the cell that it has there.
 int Deformation::Map::cell_at(const Eigen::Vector3d& x) const
 {
     const std::int32_t piece = piece_at(
-        grid,
-        [&](const Eigen::Vector3i& voxel) { return piece_of_voxel[grid.index(voxel)]; },
-        x);
-    return piece >= 0 ? piece : -2 - piece_of_voxel[grid.index(grid.locate(x))];
+        grid, [&](const Eigen::Vector3i& voxel) { return piece_of(voxel); }, x);
+    return piece >= 0 ? piece : -2 - piece_of(grid.locate(x));
 }
 
 void Deformation::Map::read_cells(const StoredField& stored)
@@ -406,8 +441,12 @@ Deformation::Deformation(const FieldFile& file, const std::string& path,
                                           " for " + shortest(voxels) + " voxels (limit " +
                                           in_bytes(max_memory) + ")"));
     }
+    most_kept_ = max_memory > 0 ? std::min(kMostKept, kShareKept * (max_memory - bytes))
+                                : kMostKept;
+    const double share = most_kept_ / static_cast<double>(file.stages.size());
     for (const StoredField& stage : file.stages)
-        maps_.push_back(std::make_unique<const Map>(stage, path));
+        maps_.push_back(
+            std::make_unique<const Map>(stage, path, static_cast<std::size_t>(share)));
 }
 
 Deformation::~Deformation() = default;

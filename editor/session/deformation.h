@@ -28,7 +28,8 @@ WorkFrame frame_of(const StoredField& stored);
 /// [byte].
 double memory_of(const FieldFile& file);
 
-/// Maps that follow each other, one for each commit and the last. Immutable.
+/// Maps that follow each other, one for each commit and the last. Immutable, but for what
+/// they keep of what they looked up.
 class Deformation
 {
 public:
@@ -41,6 +42,8 @@ public:
     Deformation& operator=(Deformation&&) noexcept;
 
     std::size_t num_maps() const { return maps_.size(); }
+    /// What it may come to keep while it moves places, beyond memory_of() [byte].
+    double most_kept() const { return most_kept_; }
     std::uint32_t checksum() const { return checksum_; } ///< of the file
 
     /// How many places lie farther outside the box of the first map's model than a
@@ -55,6 +58,7 @@ public:
 private:
     struct Map;
     std::vector<std::unique_ptr<const Map>> maps_;
+    double most_kept_ = 0.0;
     std::uint32_t checksum_ = 0;
 };
 

@@ -30,6 +30,11 @@ Eigen::Vector3d scaled(const Eigen::Vector3d& v, int exponent)
             std::ldexp(v.z(), exponent)};
 }
 
+bool is_identity(const Eigen::Matrix3d& axes)
+{
+    return axes == Eigen::Matrix3d::Identity();
+}
+
 /// The exponent that brings a length into [1/2, 1).
 int normalising_exponent(const Eigen::Vector3d& size)
 {
@@ -52,13 +57,13 @@ Eigen::Vector3d WorkFrame::to_model(const Eigen::Vector3d& point) const
 }
 Eigen::Vector3d WorkFrame::vector_to_work(const Eigen::Vector3d& vector) const
 {
-    return axes.isIdentity(0) ? scaled(vector, exponent)
-                              : Eigen::Vector3d(axes * scaled(vector, exponent));
+    return is_identity(axes) ? scaled(vector, exponent)
+                             : Eigen::Vector3d(axes * scaled(vector, exponent));
 }
 Eigen::Vector3d WorkFrame::vector_to_model(const Eigen::Vector3d& vector) const
 {
-    return axes.isIdentity(0) ? scaled(vector, -exponent)
-                              : scaled(axes.transpose() * vector, -exponent);
+    return is_identity(axes) ? scaled(vector, -exponent)
+                             : scaled(axes.transpose() * vector, -exponent);
 }
 double WorkFrame::length_to_model(double length) const
 {
@@ -66,14 +71,14 @@ double WorkFrame::length_to_model(double length) const
 }
 Eigen::Matrix3d WorkFrame::rotation_to_work(const Eigen::Matrix3d& R) const
 {
-    if (axes.isIdentity(0) || R.isIdentity(0))
+    if (is_identity(axes) || is_identity(R))
         return R;
     return axes * R * axes.transpose();
 }
 
 Motion WorkFrame::motion_to_model(const Motion& motion) const
 {
-    const Eigen::Matrix3d R = axes.isIdentity(0)
+    const Eigen::Matrix3d R = is_identity(axes)
                                   ? motion.R
                                   : Eigen::Matrix3d(axes.transpose() * motion.R * axes);
     return {R, origin - R * origin + vector_to_model(motion.t)};

@@ -20,6 +20,32 @@ namespace
 
 using Lanes = double __attribute__((vector_size(8 * CELLWARP_WIDTH)));
 
+// Not every file has a use for all of them.
+[[maybe_unused]] inline Lanes load(const double* numbers)
+{
+    Lanes value;
+    __builtin_memcpy(&value, numbers, sizeof value);
+    return value;
+}
+
+[[maybe_unused]] inline void store(double* numbers, const Lanes& value)
+{
+    __builtin_memcpy(numbers, &value, sizeof value);
+}
+
+[[maybe_unused]] inline Lanes square_root(const Lanes& value)
+{
+    Lanes root = value;
+    for (int l = 0; l < CELLWARP_WIDTH; ++l)
+        root[l] = __builtin_sqrt(root[l]);
+    return root;
+}
+
+[[maybe_unused]] inline Lanes larger(const Lanes& a, const Lanes& b)
+{
+    return a > b ? a : b;
+}
+
 } // namespace
 
 } // namespace cellwarp::CELLWARP_LANES_FOR

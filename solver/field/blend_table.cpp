@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <ranges>
 #include <tuple>
 
 #include "octree/base/index.h"
@@ -237,7 +238,9 @@ void PartMaker::add_member(std::uint32_t point)
     else
     {
         influences_.find(points_.place(point), own, found_);
-        nodes_.fades().reach(points_.place(point), found_.near, &near_, reach_);
+        nodes_.fades().make_ways(std::views::transform(found_.near, &Influence::cell),
+                                 near_);
+        nodes_.fades().reach(points_.place(point), found_.near, near_, reach_);
         if (reach_.node_of >= 0)
             member.follows = reach_.node_of;
         // A pin's nodes turn with the cells around.

@@ -23,6 +23,9 @@ constexpr double kOutside = 1.0;
 /// A cell that counts in the box of another is no more than so many faces away.
 constexpr int kRingsThatCount = 4;
 
+/// Points that are expected in an octant for which everything is kept.
+constexpr std::size_t kManyPoints = std::size_t(1) << 20;
+
 } // namespace
 
 RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
@@ -38,10 +41,15 @@ RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
 
 Field::Field(const Cells& cells, FieldParts parts)
     : cells_(cells), parts_(std::move(parts)), closest_(cells),
-      regions_(parts_.regions, cells.size())
+      maps_(cell_maps(cells, parts_.poses)), regions_(parts_.regions, cells.size())
 {
     if (parts_.kind == FieldKind::Closest4)
         closest4_.emplace(cells);
+}
+
+void Field::keep_surroundings(std::size_t max_bytes)
+{
+    kept_ = std::make_unique<KeptSurroundings>(cells_.size(), max_bytes);
 }
 
 /// What one thread keeps while it evaluates a field.
@@ -52,41 +60,83 @@ public:
     {
     }
 
-    /// All points in the material of one cell: so many, in a box (clamped to the cell's).
+    /// All points in the material of one cell, in a box (clamped to the cell's). \p
+    /// num_points: so many are expected there.
     void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
                std::size_t num_points)
     {
-        own_ = own;
-        influences_.enter(own, low, high);
-        scratch_.near.enter(Eigen::AlignedBox3d(low, high), num_points);
+        look_around(own, low, high, num_points, scratch_around_);
+        around_ = &scratch_around_;
+    }
+    /// Likewise in one octant of the cell.
+    void enter(int own, std::size_t octant, std::size_t num_points)
+    {
+        const Eigen::AlignedBox3d box = octant_box(own, octant);
+        enter(own, box.min(), box.max(), num_points);
+    }
+    /// Likewise, with what is kept of the octant; false if that is nothing.
+    bool enter_kept(int own, std::size_t octant)
+    {
+        const Surroundings* const kept = field_.kept_->get(
+            own, octant,
+            [&]
+            {
+                const Eigen::AlignedBox3d box = octant_box(own, octant);
+                Surroundings made;
+                look_around(own, box.min(), box.max(), kManyPoints, made);
+                made.cells.shrink();
+                return made;
+            });
+        if (kept)
+            around_ = kept;
+        return kept != nullptr;
     }
 
-    /// The first \p count of eight places.
-    void find(const PlaceVectors& places, int count, bool wants_gradient,
-              ValueOnPlaces& out)
+    /// The first \p count of eight places. What it returns is good until the next call.
+    const ValueOnPlaces& find(const PlaceVectors& places, int count, bool wants_gradient)
     {
+        ValueOnPlaces& out = values_;
         const std::span<const InfluenceOnPlaces> near =
-            influences_.find(places, wants_gradient);
+            influences_.find(places, around_->cells, wants_gradient);
         find_base(places, near, wants_gradient, out);
-        const Cell& cell = field_.cells_.cells[idx(own_)];
-        const bool is_touched = field_.regions_.touches(own_);
+        const bool is_touched = field_.regions_.touches(around_->cells.own());
         for (int l = 0; l < count; ++l)
         {
-            const Eigen::Vector3d x = places.row(l).transpose().matrix();
-            if (!is_touched && nearest_in_box(cell.box_centre, cell.edge, x) == x)
+            if (!is_touched && influences_.are_inside()[l])
                 continue;
             single_.clear();
             for (const InfluenceOnPlaces& influence : near)
                 if (influence.weight[l] > 0)
                     single_.push_back({influence.cell, influence.weight[l],
                                        influence.gradient.row(l).transpose().matrix()});
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
             FieldValue value = out.at(l);
-            field_.regions_.correct(x, single_, wants_gradient, scratch_, value);
+            field_.regions_.correct(x, single_, around_->nodes, wants_gradient, scratch_,
+                                    value);
             out.set(l, value);
         }
+        return out;
     }
 
 private:
+    Eigen::AlignedBox3d octant_box(int own, std::size_t octant) const
+    {
+        const Eigen::Vector3d& centre = field_.closest_.box_centre(own);
+        const double half = 0.5 * field_.closest_.edge(own);
+        const Eigen::Vector3d corner =
+            centre + half * Eigen::Vector3d(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1,
+                                            octant & 4 ? 1 : -1);
+        return {centre.cwiseMin(corner), centre.cwiseMax(corner)};
+    }
+    void look_around(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                     std::size_t num_points, Surroundings& out) const
+    {
+        out.cells.find(field_.closest_, own, low, high);
+        out.nodes.enter(Eigen::AlignedBox3d(low, high), num_points);
+        if (field_.regions_.touches(own))
+            field_.regions_.fades().make_ways(out.cells.cells(), out.nodes);
+    }
+
     /// Without the regions.
     void find_base(const PlaceVectors& places, std::span<const InfluenceOnPlaces> near,
                    bool wants_gradient, ValueOnPlaces& out)
@@ -95,7 +145,7 @@ private:
         if (field_.closest4_)
             find_by_closest4(places, out);
         else if (!parts.local && !parts.global)
-            blend(near, parts.poses, field_.cells_, places, wants_gradient, out);
+            blend(near, field_.maps_, places, wants_gradient, out);
         else
         {
             const PlaceVectors kept = without_far_ones(places);
@@ -103,8 +153,7 @@ private:
             {
                 parts.local->find_shares(near, wants_gradient, shares_);
                 if (LocalRbf::has_blend(shares_))
-                    blend(near, parts.poses, field_.cells_, kept, wants_gradient,
-                          blended_);
+                    blend(near, field_.maps_, kept, wants_gradient, blended_);
                 if (wants_gradient)
                     parts.local->value(kept, shares_, blended_, out);
                 else
@@ -130,7 +179,9 @@ private:
     /// put onto the box.
     PlaceVectors without_far_ones(const PlaceVectors& places) const
     {
-        const Cell& cell = field_.cells_.cells[idx(own_)];
+        if (influences_.are_inside().all())
+            return places;
+        const Cell& cell = own_cell();
         PlaceVectors kept = places;
         for (int l = 0; l < kPlaces; ++l)
         {
@@ -147,7 +198,9 @@ private:
     void fade_outside(const PlaceVectors& places, std::span<const InfluenceOnPlaces> near,
                       bool wants_gradient, ValueOnPlaces& out)
     {
-        const Cell& cell = field_.cells_.cells[idx(own_)];
+        if (influences_.are_inside().all())
+            return;
+        const Cell& cell = own_cell();
         const double width = kOutside * cell.edge;
         bool has_outside = false;
         for (int l = 0; l < kPlaces; ++l)
@@ -159,8 +212,7 @@ private:
             if (distance == 0.0)
                 continue;
             if (!has_outside)
-                blend(near, field_.parts_.poses, field_.cells_, places, wants_gradient,
-                      outside_);
+                blend(near, field_.maps_, places, wants_gradient, outside_);
             has_outside = true;
             if (distance >= width)
             {
@@ -181,20 +233,42 @@ private:
         }
     }
 
+    const Cell& own_cell() const
+    {
+        return field_.cells_.cells[idx(around_->cells.own())];
+    }
+
     const Field& field_;
     PlaceInfluences influences_;
-    int own_ = 0;
+    const Surroundings* around_ = nullptr; ///< of the points entered
+    Surroundings scratch_around_;
     LocalRbf::Shares shares_;
     std::vector<Influence> single_;
     MovedRegions::Scratch scratch_;
-    ValueOnPlaces outside_, blended_;
+    ValueOnPlaces values_, outside_, blended_;
 };
+
+namespace
+{
+
+/// Takes what a field finds, for one point or for several.
+template <class One, class OfPlaces>
+struct Take : One, OfPlaces
+{
+    Take(One one, OfPlaces of_places) : One(one), OfPlaces(of_places) {}
+    using One::operator();
+    using OfPlaces::operator();
+};
+
+} // namespace
 
 FieldValue Field::value(const Eigen::Vector3d& x, int own) const
 {
     FieldValue value;
     evaluate({&x, 1}, {&own, 1}, true,
-             [&](std::size_t, const FieldValue& found) { value = found; });
+             Take([&](std::size_t, const FieldValue& found) { value = found; },
+                  [&](std::size_t, const ValueOnPlaces& found, int place)
+                  { value = found.at(place); }));
     return value;
 }
 
@@ -203,7 +277,9 @@ std::vector<FieldValue> Field::values(std::span<const Eigen::Vector3d> points,
 {
     std::vector<FieldValue> result(points.size());
     evaluate(points, own, true,
-             [&](std::size_t i, const FieldValue& value) { result[i] = value; });
+             Take([&](std::size_t i, const FieldValue& value) { result[i] = value; },
+                  [&](std::size_t i, const ValueOnPlaces& values, int place)
+                  { result[i] = values.at(place); }));
     return result;
 }
 
@@ -212,8 +288,10 @@ std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3
 {
     std::vector<Eigen::Vector3d> result(points.size());
     evaluate(points, own, false,
-             [&](std::size_t i, const FieldValue& value)
-             { result[i] = value.displacement; });
+             Take([&](std::size_t i, const FieldValue& value)
+                  { result[i] = value.displacement; },
+                  [&](std::size_t i, const ValueOnPlaces& values, int place)
+                  { result[i] = values.displacement.row(place).transpose().matrix(); }));
     return result;
 }
 
@@ -276,6 +354,7 @@ template <class Take>
 void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const int> own,
                      bool wants_gradient, const Take& take) const
 {
+    const bool keeps = kept_ && kept_->expect(points.size());
     const CellOrder order = in_cell_order(points, own, closest_, cells_.size());
     const auto run_task = [&](Evaluation& evaluation, std::span<const std::uint32_t> task)
     {
@@ -305,10 +384,10 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
                 for (std::size_t l = 0; l < kPlaces; ++l)
                     places.row(static_cast<Eigen::Index>(l)) =
                         points[some[first + std::min(l, count - 1)]].transpose().array();
-                ValueOnPlaces values;
-                evaluation.find(places, static_cast<int>(count), wants_gradient, values);
+                const ValueOnPlaces& values =
+                    evaluation.find(places, static_cast<int>(count), wants_gradient);
                 for (std::size_t l = 0; l < count; ++l)
-                    take(some[first + l], values.at(static_cast<int>(l)));
+                    take(some[first + l], values, static_cast<int>(l));
             }
         };
         std::vector<std::uint32_t> few;
@@ -318,16 +397,17 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
             while (end < task.size() && order.octants[task[end]] == octant)
                 ++end;
             const auto some = task.subspan(begin, end - begin);
+            if (keeps && evaluation.enter_kept(cell, octant))
+            {
+                run(some);
+                continue;
+            }
             if (some.size() < kOwnSearch)
             {
                 few.insert(few.end(), some.begin(), some.end());
                 continue;
             }
-            const Eigen::Vector3d corner =
-                centre + half * Eigen::Vector3d(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1,
-                                                octant & 4 ? 1 : -1);
-            evaluation.enter(cell, centre.cwiseMin(corner), centre.cwiseMax(corner),
-                             some.size());
+            evaluation.enter(cell, octant, some.size());
             run(some);
         }
         if (few.empty())

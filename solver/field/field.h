@@ -19,6 +19,7 @@
 #include "solver/field/local_rbf.h"
 #include "solver/field/rbf.h"
 #include "solver/field/region_fade.h"
+#include "solver/field/surroundings.h"
 
 namespace cellwarp
 {
@@ -84,8 +85,8 @@ struct FieldParts
     std::vector<MovedRegion> regions;
 };
 
-/// Immutable once built, safe for many threads. Keeps references to \p cells and to the
-/// fades of the regions.
+/// Immutable once built but for what is kept, safe for many threads. Keeps references to
+/// \p cells and to the fades of the regions.
 class Field
 {
 public:
@@ -107,9 +108,13 @@ public:
     std::vector<Eigen::Vector3d> displacements(std::span<const Eigen::Vector3d> points,
                                                std::span<const int> own) const;
 
+    /// Keeps what is looked up around the points, up to \p max_bytes, for those to come:
+    /// worth it where many points come a few at a time. Changes no bit.
+    void keep_surroundings(std::size_t max_bytes);
+
 private:
     class Evaluation;
-    /// take(i, value) for each point, from any thread.
+    /// take(i, value) for each point, or take(i, values, place), from any thread.
     template <class Take>
     void evaluate(std::span<const Eigen::Vector3d> points, std::span<const int> own,
                   bool wants_gradient, const Take& take) const;
@@ -117,8 +122,10 @@ private:
     const Cells& cells_;
     FieldParts parts_;
     ClosestCells closest_;
+    std::vector<CellMap> maps_;
     std::optional<Closest4> closest4_;
     MovedRegions regions_;
+    std::unique_ptr<KeptSurroundings> kept_; ///< null: nothing is kept
 };
 
 /// Makes the fields of one set of cells, frame after frame.

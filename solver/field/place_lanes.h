@@ -14,7 +14,7 @@
 
 #include "octree/cells.h"
 #include "solver/field/blend.h"
-#include "solver/field/rbf_kernel.h"
+#include "solver/field/influence_kernel.h"
 
 namespace cellwarp
 {
@@ -46,6 +46,45 @@ struct InfluenceOnPlaces
     PlaceVectors gradient = PlaceVectors::Zero(); ///< if wanted
 };
 
+/// The cells that may count at places in a box that one cell holds, and a short way
+/// through the glue to each of them.
+class CellsAround
+{
+public:
+    /// \p own: holds the places; [\p low, \p high]: the box around their nearest points
+    /// in its box.
+    void find(const ClosestCells& closest, int own, const Eigen::Vector3d& low,
+              const Eigen::Vector3d& high);
+
+    int own() const { return cells_[own_]; }
+    /// Ascending.
+    std::span<const int> cells() const { return cells_; }
+    /// Gives away the memory that is not needed any more.
+    void shrink();
+    std::size_t num_bytes() const;
+
+private:
+    friend class PlaceInfluences;
+    /// How a cell is reached from the own one.
+    struct Way
+    {
+        double away = 0.0;       ///< squared distance of the middle over edge
+        int hops = -1;           ///< glued faces between it and the own cell
+        int lead = -1;           ///< the one before it on the way; the own one's: -1
+        bool is_regular = false; ///< the way is one of a regular grid
+        bool is_asked = false;   ///< whether it is short, or another through it
+    };
+    void find_ways(const ClosestCells& closest, const Eigen::Vector3d& middle);
+    void ask_for_ways();
+
+    std::size_t own_ = 0;
+    std::vector<int> cells_; ///< ascending
+    std::vector<CellBox> boxes_;
+    std::vector<Way> ways_;  ///< by their number among the cells, likewise:
+    std::vector<int> order_; ///< all of them, by hops
+    bool has_asked_ = false;
+};
+
 /// The weights of ClosestCells for eight places that one cell holds. A scratch object:
 /// one a thread.
 class PlaceInfluences
@@ -53,40 +92,33 @@ class PlaceInfluences
 public:
     explicit PlaceInfluences(const ClosestCells& closest) : closest_(closest) {}
 
-    /// Before the places: which cell holds them, and the box around their nearest points
-    /// in its box.
-    void enter(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high);
-    /// The influences, ascending by cell; 0 where a cell does not count.
-    std::span<const InfluenceOnPlaces> find(const PlaceVectors& places,
-                                            bool wants_gradient);
+    /// The influences, ascending by cell; 0 where a cell does not count. \p around: of a
+    /// box that holds the places.
+    std::span<const InfluenceOnPlaces>
+    find(const PlaceVectors& places, const CellsAround& around, bool wants_gradient);
+    /// Of these places, those that are known to be in the box of the cell that holds
+    /// them.
+    const Eigen::Array<bool, kPlaces, 1>& are_inside() const { return are_inside_; }
 
 private:
     using PlaceMarks = Eigen::Array<bool, kPlaces, 1>;
-    void find_ways(const Eigen::Vector3d& middle);
-    void ask_for_ways();
-    PlaceMarks find_plain(const PlaceVectors& places, bool wants_gradient);
-    PlaceMarks narrow_places(const PlaceVectors& inside,
+    PlaceMarks find_plain(const PlaceVectors& places, const CellsAround& around,
+                          bool wants_gradient);
+    PlaceMarks narrow_places(const CellsAround& around, const PlaceVectors& inside,
                              std::span<const PlaceNumbers> rests) const;
-    void find_alone(const PlaceVectors& places, int place);
+    void find_alone(const PlaceVectors& places, const CellsAround& around, int place);
 
     const ClosestCells& closest_;
-    int own_ = 0;
-    std::vector<int> near_; ///< cells that may count, ascending
-    // Of each of these, by its number there:
-    std::vector<double> away_;     ///< squared distance over edge
-    std::vector<int> hops_;        ///< glued faces between it and the own cell
-    std::vector<int> lead_;        ///< the one before it on a way; the own one's: -1
-    std::vector<char> is_regular_; ///< that way is one of a regular grid
-    std::vector<char> is_asked_;   ///< whether that way is short, or another through it
-    std::vector<int> order_;       ///< all of them, by hops
-    bool has_asked_ = false;
+    PlaceMarks are_inside_;
     std::vector<InfluenceOnPlaces> found_;
     std::vector<Influence> single_;
 };
 
-/// The poses of the influences, blended at the places. [Botsch07]
-void blend(std::span<const InfluenceOnPlaces> influences, std::span<const Pose> poses,
-           const Cells& cells, const PlaceVectors& places, bool wants_gradient,
-           ValueOnPlaces& out);
+/// How the cells move their material.
+std::vector<CellMap> cell_maps(const Cells& cells, std::span<const Pose> poses);
+
+/// The maps of the influences, blended at the places. [Botsch07]
+void blend(std::span<const InfluenceOnPlaces> influences, std::span<const CellMap> maps,
+           const PlaceVectors& places, bool wants_gradient, ValueOnPlaces& out);
 
 } // namespace cellwarp

@@ -17,26 +17,6 @@ namespace
 
 constexpr std::size_t kParts = kCentreLanes / CELLWARP_WIDTH;
 
-inline Lanes load(const double* numbers)
-{
-    Lanes value;
-    __builtin_memcpy(&value, numbers, sizeof value);
-    return value;
-}
-
-inline void store(double* numbers, const Lanes& value)
-{
-    __builtin_memcpy(numbers, &value, sizeof value);
-}
-
-inline Lanes square_root(const Lanes& value)
-{
-    Lanes root = value;
-    for (int l = 0; l < CELLWARP_WIDTH; ++l)
-        root[l] = __builtin_sqrt(root[l]);
-    return root;
-}
-
 inline Lanes cube_of_distance(const Lanes& dx, const Lanes& dy, const Lanes& dz)
 {
     const Lanes squared = dx * dx + dy * dy + dz * dz;

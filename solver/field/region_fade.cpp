@@ -26,6 +26,7 @@
 
 #include "octree/base/index.h"
 #include "solver/cells/glue_distances.h"
+#include "solver/field/influence_kernel.h"
 
 namespace cellwarp
 {
@@ -181,24 +182,10 @@ void RegionFade::find_nearest(const Eigen::Vector3d& x, Nearest& out) const
     }
 }
 
-RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x,
-                                      std::span<const Influence> influences,
+RegionFade::Weight RegionFade::weight(const Eigen::Vector3d& x, const Weight& of_cells,
                                       const NearNodes* near, Nearest& nearest) const
 {
-    Weight weight;
-    bool is_all_near = true;
-    for (const Influence& influence : influences)
-    {
-        if (!std::binary_search(near_cells_.begin(), near_cells_.end(), influence.cell))
-        {
-            is_all_near = false;
-            continue;
-        }
-        weight.value += influence.weight;
-        weight.gradient += influence.gradient;
-    }
-    if (is_all_near)
-        weight = {1.0, Eigen::Vector3d::Zero(), false};
+    Weight weight = of_cells;
     if (weight.value == 0.0)
         return weight;
     nearest.count = 0;
@@ -335,7 +322,7 @@ namespace
 {
 
 /// More nodes than this near a box take longer than the tree does.
-constexpr std::size_t kMostNearNodes = 400;
+constexpr std::size_t kMostNearNodes = 1000;
 
 /// Fewer points in a box than this are not worth a list of the nodes near it.
 constexpr std::size_t kLeastPoints = 24;
@@ -345,90 +332,136 @@ constexpr double kReachSlack = 1e-9;
 
 } // namespace
 
-void NearNodes::enter(const RegionFade& fade, const Eigen::AlignedBox3d& box)
+/// No point has its nearest nodes farther from the middle than the middle has its own and
+/// the way to the point twice, there and back.
+double NearNodes::reach_of(const Eigen::Vector3d& x) const
 {
-    // No point of the box has its nearest nodes farther from the middle than the middle
-    // has its own and a diagonal: half of it to the point and half of it back.
-    box_ = box;
-    const Eigen::Vector3d middle = box.center();
-    fade.tree_.nearest(middle, RegionFade::kNearest, found_);
-    const double own = std::sqrt(found_.back().distance_squared);
-    const double reach = own + box.diagonal().norm();
+    return (own_ + 2.0 * (x - middle_).norm()) * (1.0 + kReachSlack);
+}
+
+NearNodes::NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box)
+    : box_(box), middle_(box.center())
+{
+    std::vector<PointTree::Neighbour> found;
+    fade.tree_.nearest(middle_, RegionFade::kNearest, found);
+    own_ = std::sqrt(found.back().distance_squared);
+    const double reach = reach_of(box.max());
     // Nodes on a surface: their number grows with the square.
     const double share = static_cast<double>(kMostNearNodes) / RegionFade::kNearest;
-    is_worth_it_ = reach * reach < 2.0 * share * own * own;
+    is_worth_it_ = reach * reach < 2.0 * share * own_ * own_;
     if (!is_worth_it_)
         return;
-    fade.tree_.within(middle, reach * (1.0 + kReachSlack), found_);
-    is_worth_it_ = found_.size() <= kMostNearNodes;
+    fade.tree_.within(middle_, reach, found);
+    is_worth_it_ = found.size() <= kMostNearNodes;
     if (!is_worth_it_)
         return;
-    nodes_.clear();
-    for (const PointTree::Neighbour& node : found_)
-        nodes_.push_back(node.index);
-    std::sort(nodes_.begin(), nodes_.end());
-    places_.resize(static_cast<Eigen::Index>(nodes_.size()), 3);
+    // Those near the middle first: few of the others are among the nearest then.
+    std::sort(found.begin(), found.end(),
+              [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
+              {
+                  return std::tie(a.distance_squared, a.index) <
+                         std::tie(b.distance_squared, b.index);
+              });
+    nodes_.resize(found.size());
+    std::transform(found.begin(), found.end(), nodes_.begin(),
+                   [](const PointTree::Neighbour& node)
+                   { return static_cast<std::uint32_t>(node.index); });
+    const std::size_t row = (nodes_.size() + kPlaceLanes - 1) / kPlaceLanes * kPlaceLanes;
+    places_.assign(3 * row, INFINITY);
     for (std::size_t k = 0; k < nodes_.size(); ++k)
-        places_.row(static_cast<Eigen::Index>(k)) =
-            fade.nodes()[nodes_[k]].transpose().array();
+        for (std::size_t axis = 0; axis < 3; ++axis)
+            places_[axis * row + k] =
+                fade.nodes()[nodes_[k]][static_cast<Eigen::Index>(axis)];
+    for (std::size_t k = 0; k < nodes_.size(); k += kPlaceLanes)
+        away_.push_back(std::sqrt(found[k].distance_squared));
 }
 
 bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
                         RegionFade::Nearest& out) const
 {
-    // The tree's sums, in its order.
-    squares_ = (places_.col(0) - x.x()).square() + (places_.col(1) - x.y()).square() +
-               (places_.col(2) - x.z()).square();
+    // Of the blocks behind these none has a node that is near enough.
+    const std::size_t count =
+        kPlaceLanes *
+        idx(std::upper_bound(away_.begin(), away_.end(), reach_of(x)) - away_.begin());
+    out.squares.resize(std::max(out.squares.size(), count));
+    const double nearest_squared =
+        widest_influence_kernels().squares({places_.data(),
+                                            count,
+                                            places_.size() / 3,
+                                            {x.x(), x.y(), x.z()},
+                                            out.squares.data()});
     out.count = 0;
-    if (std::sqrt(squares_.minCoeff()) / radius >= 1.0)
+    if (std::sqrt(nearest_squared) / radius >= 1.0)
         return true;
-    double farthest = INFINITY; // that still counts
-    for (std::size_t k = 0; k < nodes_.size(); ++k)
+    // The last of those that count, and the last one that was left out: both only fall.
+    double farthest = INFINITY, left_out = INFINITY;
+    std::size_t found = 0;
+    for (std::size_t k = 0; k < std::min(count, nodes_.size()); ++k)
     {
-        const double squared = squares_[static_cast<Eigen::Index>(k)];
-        if (!(squared < farthest))
+        const PointTree::Neighbour node{nodes_[k], out.squares[k]};
+        if (!(node.distance_squared < farthest))
+        {
+            if (node.distance_squared == farthest)
+                left_out = farthest;
             continue;
-        std::size_t place = std::min(out.count, RegionFade::kNearest - 1);
-        for (; place > 0 && out.nodes[place - 1].distance_squared > squared; --place)
-            out.nodes[place] = out.nodes[place - 1];
-        out.nodes[place] = {nodes_[k], squared};
-        out.count = std::min(out.count + 1, RegionFade::kNearest);
-        if (out.count == RegionFade::kNearest)
+        }
+        if (found == RegionFade::kNearest)
+            left_out = farthest;
+        else
+            ++found;
+        std::size_t place = found - 1;
+        for (; place > 0; --place)
+        {
+            const PointTree::Neighbour& before = out.nodes[place - 1];
+            if (before.distance_squared <= node.distance_squared &&
+                (before.distance_squared < node.distance_squared ||
+                 before.index < node.index))
+                break;
+            out.nodes[place] = before;
+        }
+        out.nodes[place] = node;
+        if (found == RegionFade::kNearest)
             farthest = out.nodes.back().distance_squared;
     }
+    out.count = found;
     // Of several that are equally far the tree takes some, and the slope of the shares is
     // that from the one that is last.
-    const double last = out.nodes[out.count - 1].distance_squared;
-    const std::span<const PointTree::Neighbour> all = out.all();
-    return (squares_ == last).count() ==
-           std::count_if(all.begin(), all.end(),
-                         [&](const PointTree::Neighbour& node)
-                         { return node.distance_squared == last; });
+    return out.nodes[found - 1].distance_squared < left_out;
+}
+
+std::size_t NearNodes::num_bytes() const
+{
+    return sizeof(*this) + nodes_.capacity() * sizeof(std::uint32_t) +
+           (places_.capacity() + away_.capacity()) * sizeof(double);
 }
 
 void NearNodesOfRegions::enter(const Eigen::AlignedBox3d& box, std::size_t num_points)
 {
     box_ = box;
     is_worth_it_ = num_points >= kLeastPoints;
-    ++turn_;
+    of_region_.clear();
 }
 
-const NearNodes* NearNodesOfRegions::of(int region, const RegionFade& fade)
+void NearNodesOfRegions::make(int region, const RegionFade& fade)
 {
-    if (!is_worth_it_)
-        return nullptr;
-    const std::size_t r = idx(region);
-    if (r >= of_region_.size())
-    {
-        of_region_.resize(r + 1);
-        turn_of_region_.resize(r + 1, 0);
-    }
-    if (turn_of_region_[r] != turn_)
-    {
-        of_region_[r].enter(fade, box_);
-        turn_of_region_[r] = turn_;
-    }
-    return &of_region_[r];
+    if (is_worth_it_ && !of(region))
+        of_region_.emplace_back(region, NearNodes(fade, box_));
+}
+
+const NearNodes* NearNodesOfRegions::of(int region) const
+{
+    for (const auto& [known, nodes] : of_region_)
+        if (known == region)
+            return &nodes;
+    return nullptr;
+}
+
+std::size_t NearNodesOfRegions::num_bytes() const
+{
+    std::size_t bytes = 0;
+    for (const auto& [region, nodes] : of_region_)
+        bytes += nodes.num_bytes();
+    return bytes;
 }
 
 RegionFades::RegionFades(std::vector<const RegionFade*> fades, std::size_t num_cells)
@@ -491,25 +524,38 @@ void share_out(std::vector<RegionFades::Share>& shares)
 } // namespace
 
 void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                        NearNodesOfRegions* near_nodes, Reach& out) const
+                        const NearNodesOfRegions& near_nodes, Reach& out) const
 {
     out.node_of = -1;
     out.shares.clear(); // first the weights of the regions alone
-    std::vector<int>& near = out.near;
+    std::vector<Reach::Near>& near = out.near;
     near.clear();
     for (const Influence& influence : influences)
         for (const int r : regions_of_cell_[idx(influence.cell)])
-            if (std::find(near.begin(), near.end(), r) == near.end())
-                near.push_back(r);
-    std::sort(near.begin(), near.end());
-    for (const int r : near)
+        {
+            auto own =
+                std::find_if(near.begin(), near.end(),
+                             [&](const Reach::Near& known) { return known.region == r; });
+            if (own == near.end())
+                own = near.insert(near.end(), {r, {}, 0});
+            own->weight.value += influence.weight;
+            own->weight.gradient += influence.gradient;
+            ++own->num_cells;
+        }
+    std::sort(near.begin(), near.end(),
+              [](const Reach::Near& a, const Reach::Near& b)
+              { return a.region < b.region; });
+    for (Reach::Near& region : near)
     {
+        const int r = region.region;
+        // The weights of all cells are 1 together, up to rounding.
+        if (region.num_cells == influences.size())
+            region.weight = {1.0, Eigen::Vector3d::Zero(), false};
         const std::size_t k = out.shares.size();
         if (k == out.nearest.size())
             out.nearest.emplace_back();
-        const RegionFade::Weight weight = fade(r).weight(
-            x, influences, near_nodes ? near_nodes->of(r, fade(r)) : nullptr,
-            out.nearest[k]);
+        const RegionFade::Weight weight =
+            fade(r).weight(x, region.weight, near_nodes.of(r), out.nearest[k]);
         if (weight.is_node)
         {
             out.node_of = r;
@@ -540,10 +586,11 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
 }
 
 void MovedRegions::correct(const Eigen::Vector3d& x,
-                           std::span<const Influence> influences, bool wants_gradient,
+                           std::span<const Influence> influences,
+                           const NearNodesOfRegions& near, bool wants_gradient,
                            Scratch& scratch, FieldValue& value) const
 {
-    fades_.reach(x, influences, &scratch.near, scratch.reach);
+    fades_.reach(x, influences, near, scratch.reach);
     const RegionFades::Reach& reach = scratch.reach;
     if (reach.node_of >= 0)
     {

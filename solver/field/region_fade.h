@@ -5,7 +5,9 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -56,6 +58,7 @@ public:
         std::array<PointTree::Neighbour, kNearest> nodes;
         std::size_t count = 0;
         std::vector<PointTree::Neighbour> found; ///< scratch
+        std::vector<double> squares;             ///< likewise
 
         std::span<const PointTree::Neighbour> all() const
         {
@@ -71,11 +74,11 @@ public:
         Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
         bool is_node = false; ///< the point is a node
     };
-    /// \p influences: of ClosestCells at \p x; the correction reaches only cells that
-    /// are near through the glue. \p near: a shorter way to the nodes, or null. Where it
-    /// counts, \p nearest is replaced.
-    Weight weight(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                  const NearNodes* near, Nearest& nearest) const;
+    /// \p of_cells: the weights of ClosestCells at \p x, with their gradient, of the near
+    /// cells together: the correction reaches only these. \p near: a shorter way to the
+    /// nodes, or null. Where it counts, \p nearest is replaced.
+    Weight weight(const Eigen::Vector3d& x, const Weight& of_cells, const NearNodes* near,
+                  Nearest& nearest) const;
 
     /// A node near a point, and how much of the average there it makes.
     struct NodeShare
@@ -132,7 +135,7 @@ private:
 class NearNodes
 {
 public:
-    void enter(const RegionFade& fade, const Eigen::AlignedBox3d& box);
+    NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box);
     /// Whether nearest() tells of a point: it is in the box, and the box has not too
     /// many.
     bool may_tell_of(const Eigen::Vector3d& x) const
@@ -142,32 +145,37 @@ public:
     /// What the tree tells, to the bit; nothing is told where no node is nearer than
     /// \p radius. False: only the tree can tell.
     bool nearest(const Eigen::Vector3d& x, double radius, RegionFade::Nearest& out) const;
+    std::size_t num_bytes() const;
 
 private:
+    double reach_of(const Eigen::Vector3d& x) const;
+
     Eigen::AlignedBox3d box_;
     bool is_worth_it_ = false;
-    std::vector<std::size_t> nodes_; ///< ascending
-    Eigen::Array<double, Eigen::Dynamic, 3> places_;
-    mutable Eigen::ArrayXd squares_;
-    std::vector<PointTree::Neighbour> found_; ///< scratch
+    Eigen::Vector3d middle_;
+    double own_ = 0.0; ///< distance of the last of the nearest nodes of the middle
+    std::vector<std::uint32_t> nodes_; ///< by their distance from the middle
+    std::vector<double> away_;         ///< that of every kPlaceLanes-th
+    std::vector<double>
+        places_; ///< rows x, y, z, in blocks of kPlaceLanes, padded with infinity
 };
 
-/// NearNodes of several regions for one box after the other, each made when it is asked
-/// for. A scratch object: one a thread.
+/// NearNodes of several regions for one box after the other.
 class NearNodesOfRegions
 {
 public:
     /// \p num_points: that will be asked for in this box.
     void enter(const Eigen::AlignedBox3d& box, std::size_t num_points);
-    /// Null where the tree is as fast.
-    const NearNodes* of(int region, const RegionFade& fade);
+    /// Unless it is there, or the tree is as fast.
+    void make(int region, const RegionFade& fade);
+    /// Null where none was made.
+    const NearNodes* of(int region) const;
+    std::size_t num_bytes() const;
 
 private:
     Eigen::AlignedBox3d box_;
     bool is_worth_it_ = false;
-    std::size_t turn_ = 0; ///< boxes so far
-    std::vector<NearNodes> of_region_;
-    std::vector<std::size_t> turn_of_region_;
+    std::vector<std::pair<int, NearNodes>> of_region_;
 };
 
 /// A region in one frame: its motion, and by how much the field misses it.
@@ -208,12 +216,28 @@ public:
         std::size_t nearest_of_node = 0; ///< among nearest
         std::vector<Share> shares;
         std::vector<RegionFade::Nearest> nearest; ///< more than are used
-        std::vector<int> near;                    ///< scratch
+
+        /// A region, and what the cells near it weigh together at the point.
+        struct Near
+        {
+            int region = 0;
+            RegionFade::Weight weight;
+            std::size_t num_cells = 0;
+        };
+        std::vector<Near> near; ///< scratch
     };
-    /// \p influences: of ClosestCells at \p x. \p near: shorter ways to the nodes, or
-    /// null. Replaces \p out.
+    /// \p influences: of ClosestCells at \p x. \p near: shorter ways to the nodes.
+    /// Replaces \p out.
     void reach(const Eigen::Vector3d& x, std::span<const Influence> influences,
-               NearNodesOfRegions* near, Reach& out) const;
+               const NearNodesOfRegions& near, Reach& out) const;
+    /// Makes the shorter ways that reach() may use, for the regions near some cells.
+    template <class Cells>
+    void make_ways(const Cells& cells, NearNodesOfRegions& near) const
+    {
+        for (const int cell : cells)
+            for (const int region : regions_of_cell_[idx(cell)])
+                near.make(region, fade(region));
+    }
 
     const RegionFade& fade(int region) const { return *fades_[idx(region)]; }
 
@@ -231,15 +255,16 @@ public:
 
     struct Scratch
     {
-        NearNodesOfRegions near; ///< to be told of each box
         RegionFades::Reach reach;
         RegionFade::NodeShares shares;
     };
     /// Corrects the field's \p value at \p x for the regions around \p x. At a node it
-    /// is the region's motion to the bit.
+    /// is the region's motion to the bit. \p near: shorter ways to the nodes.
     void correct(const Eigen::Vector3d& x, std::span<const Influence> influences,
-                 bool wants_gradient, Scratch& scratch, FieldValue& value) const;
+                 const NearNodesOfRegions& near, bool wants_gradient, Scratch& scratch,
+                 FieldValue& value) const;
 
+    const RegionFades& fades() const { return fades_; }
     /// Whether a correction counts somewhere in the box of a cell.
     bool touches(int cell) const { return is_touched_[idx(cell)]; }
     /// The region in which a cell is deep; null: none.

@@ -20,14 +20,12 @@ namespace
 
 inline Lanes load(const PartRow& row, std::size_t lane)
 {
-    Lanes value;
-    __builtin_memcpy(&value, row.lane + lane, sizeof value);
-    return value;
+    return load(row.lane + lane);
 }
 
 inline void store(PartRow& row, std::size_t lane, const Lanes& value)
 {
-    __builtin_memcpy(row.lane + lane, &value, sizeof value);
+    store(row.lane + lane, value);
 }
 
 /// The sums with all signs, of eight numbers: their own inverse, but for a factor of 8.

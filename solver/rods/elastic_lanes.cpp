@@ -20,27 +20,12 @@ namespace
 
 inline Lanes load(const SpanNumbers& numbers, int first)
 {
-    Lanes value;
-    __builtin_memcpy(&value, numbers.lane + first, sizeof value);
-    return value;
+    return load(numbers.lane + first);
 }
 
 inline void store(SpanNumbers& numbers, int first, const Lanes& value)
 {
-    __builtin_memcpy(numbers.lane + first, &value, sizeof value);
-}
-
-inline Lanes square_root(const Lanes& value)
-{
-    Lanes root = value;
-    for (int l = 0; l < CELLWARP_WIDTH; ++l)
-        root[l] = __builtin_sqrt(root[l]);
-    return root;
-}
-
-inline Lanes larger(const Lanes& a, const Lanes& b)
-{
-    return a > b ? a : b;
+    store(numbers.lane + first, value);
 }
 
 struct Vec

@@ -165,6 +165,25 @@ TEST(Ply, a_value_that_its_type_cannot_hold_is_an_error)
         contains(error_of(Fault::Malformed, [&] { patched(file, patch); }), "byte"));
 }
 
+TEST(Ply, of_several_values_that_do_not_fit_the_first_in_the_file_is_named)
+{
+    // A normal of the first vertex stands before the places of the second.
+    const std::string head =
+        header("binary_little_endian",
+               "property char x\nproperty char y\nproperty char z\n"
+               "property char nx\nproperty char ny\nproperty char nz\n",
+               0);
+    const std::string bytes = head + std::string("\1\2\3\1\1\1\4\5\6\1\1\1\7\1\2\1\1\1");
+    const GeometryFile file = scan_geometry("x.ply", bytes);
+    DeformedSamples patch = same(file.geometry);
+    patch.samples[1].x() = 200.0;
+    patch.directions[0].y() = 300.0;
+    patch.directions[1].x() = 400.0;
+    const std::string error = error_of(Fault::Malformed, [&] { patched(file, patch); });
+    EXPECT_TRUE(contains(error, "byte " + std::to_string(head.size() + 4))) << error;
+    EXPECT_TRUE(contains(error, "300")) << error;
+}
+
 TEST(Ply, normals_turn_and_bad_ones_stay)
 {
     const std::string text =

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include <gtest/gtest.h>
 
@@ -687,6 +688,52 @@ TEST(RegionFade, points_among_many_move_as_they_do_alone)
             EXPECT_EQ(values[i].gradient, alone.gradient) << points[i].transpose();
         }
     }
+}
+
+TEST(Field, what_is_kept_around_points_changes_no_bit)
+{
+    const RegionCase c;
+    const RegionFade fade(c.bar.cells, c.nodes(), {});
+    std::mt19937 rng(8);
+    std::vector<Eigen::Vector3d> points;
+    std::vector<int> own;
+    for (int i = 0; i < 4000; ++i)
+    {
+        points.emplace_back(random_number(rng, 0.0, 3.0), random_number(rng, 0.0, 3.0),
+                            random_number(rng, 0.0, 4.0));
+        own.push_back(own_cell(c.bar, points.back()));
+        if (i % 7 == 0) // some outside of the box of the cell that they follow
+            points.back() += random_vector(rng, 0.8);
+        if (i % 11 == 0) // some at nodes
+            points.back() = 0.25 * (4.0 * points.back()).array().round();
+    }
+    constexpr std::size_t kRoom = std::size_t(1) << 24, kLittleRoom = 20000, kNoRoom = 10;
+    for (const FieldKind kind : {FieldKind::Blend, FieldKind::Closest4, FieldKind::Rbf})
+        for (const std::size_t most : {kRoom, kLittleRoom, kNoRoom})
+        {
+            Field field = fit_field(kind, c.bar.cells, twisted(c.bar, 0.1), c.constraints,
+                                    {{&fade, c.motion, false, {}}});
+            const std::vector<Eigen::Vector3d> wanted = field.displacements(points, own);
+            const std::vector<FieldValue> values = field.values(points, own);
+            field.keep_surroundings(most);
+            // A few at a time, twice: before they are kept and after.
+            constexpr std::size_t kFew = 40;
+            for (std::size_t first = 0; first < 2 * points.size(); first += kFew)
+            {
+                const std::size_t at = first % points.size();
+                const auto some = std::span(points).subspan(at, kFew);
+                const auto of_some = std::span(own).subspan(at, kFew);
+                const std::vector<Eigen::Vector3d> moved =
+                    field.displacements(some, of_some);
+                const std::vector<FieldValue> turned = field.values(some, of_some);
+                for (std::size_t i = 0; i < kFew; ++i)
+                {
+                    EXPECT_EQ(moved[i], wanted[at + i]);
+                    EXPECT_EQ(turned[i].displacement, values[at + i].displacement);
+                    EXPECT_EQ(turned[i].gradient, values[at + i].gradient);
+                }
+            }
+        }
 }
 
 TEST(RegionFade, gradient_matches_finite_differences)

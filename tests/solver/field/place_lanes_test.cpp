@@ -36,15 +36,16 @@ void compare(const Built& built, int& most)
     {
         const Cell& cell = built.cells.cells[own];
         const Eigen::Vector3d half = Eigen::Vector3d::Constant(0.5 * cell.edge);
-        influences.enter(static_cast<int>(own), cell.box_centre - half,
-                         cell.box_centre + half);
+        CellsAround around;
+        around.find(closest, static_cast<int>(own), cell.box_centre - half,
+                    cell.box_centre + half);
         PlaceVectors places;
         for (int l = 0; l < kPlaces; ++l) // some of them outside of the box
             places.row(l) =
                 (cell.box_centre + support::random_vector(rng, 0.6 * cell.edge))
                     .transpose()
                     .array();
-        const auto found = influences.find(places, true);
+        const auto found = influences.find(places, around, true);
         for (int l = 0; l < kPlaces; ++l)
         {
             closest.influences(places.row(l).transpose().matrix(), static_cast<int>(own),
