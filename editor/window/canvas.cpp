@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Order of drawing: background, the shape with its edges, the floor (which blends over
-// them), the ghost, the cells. A frame in which nothing changed copies nothing.
+// them), the ghost, the cells. A frame in which nothing changed copies and draws nothing:
+// the last picture is shown again, which takes the cores of a solver that is at work, or
+// of a machine without a graphics card, for a moment only.
 #include "editor/window/canvas.h"
 
 #include <algorithm>
@@ -80,21 +82,23 @@ double spacing_of(const ShownShape& shape)
 class DrawnShape
 {
 public:
-    void upload(const ShownShape& shape)
+    /// \return whether anything has changed
+    bool upload(const ShownShape& shape)
     {
         if (shape.layout == nullptr)
-            return;
-        if (!is_whole())
+            return false;
+        const bool was_whole = is_whole();
+        if (!was_whole)
             upload_triangles();
         if (version_ == shape.version && layout_ == shape.layout)
-            return;
+            return !was_whole;
         positions_.fill(shape.positions.data(), shape.positions.size() * sizeof(float));
         normals_.fill(shape.normals.data(), shape.normals.size() * sizeof(float));
         to_view_ = shape.to_view;
         version_ = shape.version;
         count_ = static_cast<GLsizei>(shape.positions.size() / 3);
         if (layout_ == shape.layout)
-            return;
+            return true;
         layout_ = shape.layout;
         num_corners_ = static_cast<GLsizei>(layout_->triangles.size());
         array_.bind();
@@ -119,6 +123,7 @@ public:
         if (num_corners_ == 0 && spacing_ == 0.0)
             spacing_ = (has_lines() ? kOnLines : 1.0) * spacing_of(shape);
         has_colours_ = false;
+        return true;
     }
 
     void set_colours(const std::vector<Colour>& colours)
@@ -307,6 +312,20 @@ struct CellsOf
     bool operator==(const CellsOf&) const = default;
 };
 
+/// What a picture depends on.
+struct PictureOf
+{
+    std::uint64_t upload = 0; ///< the last one that brought something new
+    ViewOptions options;
+    int width = 0, height = 0;
+    // Of a document:
+    Eigen::Matrix4d view = Eigen::Matrix4d::Zero(), projection = view,
+                    cells_to_view = view;
+    Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
+    int up_axis = -1;
+    bool operator==(const PictureOf&) const = default;
+};
+
 } // namespace
 
 struct Canvas::State
@@ -319,14 +338,24 @@ struct Canvas::State
     ShaderProgram floor{shaders::kFloorVertex, shaders::kFloorFragment};
     VertexArray nothing; ///< for shaders that need no attribute
     SmoothTarget smooth;
-    bool is_smooth = false; ///< the frame that is being drawn
+    KeptPicture picture;
+    bool is_smooth = false, is_kept = false; ///< the frame that is being drawn
+    std::uint64_t num_uploads = 0;           ///< that brought something new
+    std::optional<PictureOf> picture_of;     ///< the picture that is kept
     std::optional<DrawnShape> shape, rest;
     CanvasCells cells;
     std::optional<ColoursOf> colours_of;
     std::optional<CellsOf> cells_of;
 
+    bool show_again(const PictureOf& wanted, const ViewRect& rect, int window_height);
     void begin(const ViewRect& rect, int window_height, const ViewOptions& options);
     void end(const ViewRect& rect, int window_height);
+    void remember(const PictureOf& drawn)
+    {
+        picture_of.reset();
+        if (is_kept)
+            picture_of = drawn;
+    }
     void set_up(const ShaderProgram& program, const CanvasScene& scene,
                 const Eigen::Matrix4d& to_view) const;
     void draw_shape(const CanvasScene& scene, const ViewOptions& options,
@@ -351,6 +380,7 @@ void Canvas::clear()
     state_->rest.emplace();
     state_->colours_of.reset();
     state_->cells_of.reset();
+    ++state_->num_uploads;
 }
 
 bool Canvas::is_whole() const
@@ -367,7 +397,7 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
 {
     const Clock::time_point start = Clock::now();
     State& state = *state_;
-    state.shape->upload(scene.shape);
+    bool is_new = state.shape->upload(scene.shape);
     const ColoursOf colours_of{scene.document.revision(), state.shape->layout().get(),
                                options.shows_regions, scene.selection.count()};
     if (colours_of.layout != nullptr && state.colours_of != colours_of)
@@ -376,9 +406,10 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
                                                 *state.shape->layout(),
                                                 options.shows_regions));
         state.colours_of = colours_of;
+        is_new = true;
     }
     if (options.shows_ghost || !state.rest->is_whole())
-        state.rest->upload(scene.rest);
+        is_new = state.rest->upload(scene.rest) || is_new;
     const CellsOf cells_of{
         scene.cells.version, options.cell_colours,
         options.cell_colours == CellColours::Region ? scene.document.revision() : 0};
@@ -386,16 +417,29 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
     {
         state.cells.upload(scene.cells, options.cell_colours, scene.document.regions());
         state.cells_of = cells_of;
+        is_new = true;
     }
+    state.num_uploads += is_new;
     return ms_since(start);
+}
+
+bool Canvas::State::show_again(const PictureOf& wanted, const ViewRect& rect,
+                               int window_height)
+{
+    if (picture_of != wanted)
+        return false;
+    picture.show(rect.x, window_height - rect.y - rect.height);
+    return true;
 }
 
 void Canvas::State::begin(const ViewRect& rect, int window_height,
                           const ViewOptions& options)
 {
+    is_kept = picture.begin(rect.width, rect.height);
     is_smooth = options.is_smooth && smooth.begin(rect.width, rect.height);
-    const int x = is_smooth ? 0 : rect.x;
-    const int y = is_smooth ? 0 : window_height - rect.y - rect.height;
+    const bool is_beside = is_smooth || is_kept;
+    const int x = is_beside ? 0 : rect.x;
+    const int y = is_beside ? 0 : window_height - rect.y - rect.height;
     glViewport(x, y, rect.width, rect.height);
     glEnable(GL_SCISSOR_TEST);
     glScissor(x, y, rect.width, rect.height);
@@ -427,8 +471,11 @@ void Canvas::State::end(const ViewRect& rect, int window_height)
 {
     glDisable(GL_DEPTH_TEST);
     glDisable(GL_SCISSOR_TEST);
+    const int x = rect.x, y = window_height - rect.y - rect.height;
     if (is_smooth)
-        smooth.end(rect.x, window_height - rect.y - rect.height);
+        smooth.end(is_kept ? picture.frame() : 0, is_kept ? 0 : x, is_kept ? 0 : y);
+    if (is_kept)
+        picture.show(x, y);
 }
 
 void Canvas::State::set_up(const ShaderProgram& program, const CanvasScene& scene,
@@ -587,15 +634,31 @@ void Canvas::draw_empty(const ViewOptions& options, const ViewRect& rect,
 {
     if (rect.width < 1 || rect.height < 1)
         return;
+    const PictureOf wanted{state_->num_uploads, options, rect.width, rect.height};
+    if (state_->show_again(wanted, rect, window_height))
+        return;
     state_->begin(rect, window_height, options);
     state_->end(rect, window_height);
+    state_->remember(wanted);
 }
 
-void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
+bool Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
                   const ViewRect& rect, int window_height)
 {
     if (rect.width < 1 || rect.height < 1)
-        return;
+        return false;
+    const PictureOf wanted{state_->num_uploads,
+                           options,
+                           rect.width,
+                           rect.height,
+                           scene.camera.view_matrix(),
+                           scene.camera.projection_matrix(),
+                           scene.cells.to_view,
+                           scene.low,
+                           scene.high,
+                           scene.camera.up_axis()};
+    if (state_->show_again(wanted, rect, window_height))
+        return false;
     state_->begin(rect, window_height, options);
     state_->draw_shape(scene, options, rect);
     if (options.shows_floor)
@@ -605,6 +668,8 @@ void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
     if (options.cells != CellsShown::No)
         state_->draw_cells(scene, options);
     state_->end(rect, window_height);
+    state_->remember(wanted);
+    return true;
 }
 
 } // namespace cellwarp

@@ -41,6 +41,7 @@ struct ViewOptions
     Detail detail = Detail::All;
     CellsShown cells = CellsShown::No;
     CellColours cell_colours = CellColours::Gap;
+    bool operator==(const ViewOptions&) const = default;
 };
 
 /// A rectangle of the window, from its upper left corner [pixel of the screen].
@@ -79,9 +80,10 @@ public:
     /// Whether all of it is there: of large meshes a part comes with each call, and fewer
     /// triangles are drawn until then.
     bool is_whole() const;
-    /// Draws into \p rect of a window that is \p window_height high. Nothing is drawn
-    /// into an empty one.
-    void draw(const CanvasScene& scene, const ViewOptions& options, const ViewRect& rect,
+    /// Draws into \p rect of a window that is \p window_height high; what would look as
+    /// the last time is shown again without being drawn. Nothing is drawn into an empty
+    /// one. \return whether it was drawn
+    bool draw(const CanvasScene& scene, const ViewOptions& options, const ViewRect& rect,
               int window_height);
     /// The view of no document.
     void draw_empty(const ViewOptions& options, const ViewRect& rect, int window_height);

@@ -294,8 +294,8 @@ double Editor::draw_canvas()
         options.detail = Detail::Coarse;
         options.is_smooth = false;
     }
-    draws_all_ = !draws_less_ && canvas_.is_whole();
-    canvas_.draw(scene, options, view_, window_.height());
+    const bool is_drawn = canvas_.draw(scene, options, view_, window_.height());
+    draws_all_ = is_drawn && !draws_less_ && canvas_.is_whole();
     return upload_ms;
 }
 

@@ -83,6 +83,27 @@ private:
     GLuint id_ = 0;
 };
 
+/// A picture beside the window's: what is drawn once can be shown again.
+class KeptPicture
+{
+public:
+    KeptPicture();
+    ~KeptPicture();
+    KeptPicture(const KeptPicture&) = delete;
+    KeptPicture& operator=(const KeptPicture&) = delete;
+
+    /// Drawing goes there from now on; false where the driver cannot.
+    bool begin(int width, int height);
+    GLuint frame() const { return frame_; }
+    /// In the window, its lower left corner at (\p x, \p y), where drawing goes then.
+    void show(int x, int y) const;
+
+private:
+    GLuint frame_ = 0, colour_ = 0, depth_ = 0;
+    int width_ = 0, height_ = 0;
+    bool is_good_ = true;
+};
+
 /// A picture with several samples a pixel, whatever the window has.
 class SmoothTarget
 {
@@ -94,8 +115,8 @@ public:
 
     /// Drawing goes there from now on; false where the driver cannot.
     bool begin(int width, int height);
-    /// Into the window's picture, its lower left corner at (\p x, \p y).
-    void end(int x, int y);
+    /// Into a picture (0: the window's), its lower left corner at (\p x, \p y).
+    void end(GLuint frame, int x, int y);
 
 private:
     GLuint frame_ = 0, colour_ = 0, depth_ = 0;

@@ -57,6 +57,16 @@ struct Picture
         EXPECT_EQ(rgb.size(), 3u * idx(width * height));
     }
 
+    /// The view alone.
+    std::string view() const
+    {
+        std::string pixels;
+        for (int y = height / 10; y < height * 8 / 10; ++y)
+            pixels +=
+                rgb.substr(3 * idx(y * width + width / 50), 3 * idx(width * 6 / 10));
+        return pixels;
+    }
+
     /// All but the status bar, which tells how long frames take.
     std::string without_times() const { return rgb.substr(0, rgb.size() / 10 * 9); }
 
@@ -338,6 +348,49 @@ TEST_F(EditorWindow, a_saved_turn_about_a_pivot_opens_with_its_history_and_view)
     EXPECT_GT(std::hypot(yellow("before.ppm").x - yellow("opened.ppm").x,
                          yellow("before.ppm").y - yellow("opened.ppm").y),
               10.0);
+}
+
+TEST_F(EditorWindow, draws_what_has_changed_and_shows_the_rest_again)
+{
+    struct Change
+    {
+        std::string there, back;
+    };
+    const std::vector<Change> changes = {
+        {"show edges on", "show edges off"},
+        {"show colours off", "show colours on"},
+        {"show ghost on", "show ghost off"},
+        {"show floor off", "show floor on"},
+        {"show cells on", "show cells off"},
+        {"show dark off", "show dark on"},
+        {"key 3 alt", "key 1 alt\nkey home"},
+        {"undo\nwait", "redo\nwait"},
+        {"key a", "key a alt"}, // all selected, and nothing
+        {"size 900 700", "size 1200 800"}};
+    std::string script = bending(folder_.path().string()) + "key 1 alt\nkey home\nwait\n";
+    const auto shoot = [&](const std::string& statements, std::size_t number)
+    {
+        script += statements + "\nwait\nshot " + file(std::to_string(number) + ".ppm") +
+                  "\nframes 3\nshot " + file(std::to_string(number) + "later.ppm") + "\n";
+    };
+    shoot("", 0);
+    for (std::size_t k = 0; k < changes.size(); ++k)
+    {
+        shoot(changes[k].there, 2 * k + 1);
+        shoot(changes[k].back, 2 * k + 2);
+    }
+    const Result result = play(script + "quit\n", {bar(folder_)});
+    ASSERT_EQ(result.code, 0) << result.err;
+    const auto view = [&](std::size_t number, const std::string& when = "")
+    { return Picture(file(std::to_string(number) + when + ".ppm")).view(); };
+    const std::string first = view(0);
+    for (std::size_t k = 0; k < changes.size(); ++k)
+    {
+        EXPECT_NE(view(2 * k + 1), first) << changes[k].there;
+        EXPECT_EQ(view(2 * k + 1, "later"), view(2 * k + 1)) << changes[k].there;
+        EXPECT_EQ(view(2 * k + 2), first) << changes[k].back;
+        EXPECT_EQ(view(2 * k + 2, "later"), first) << changes[k].back;
+    }
 }
 
 TEST_F(EditorWindow, is_drawn_at_any_size)
