@@ -208,8 +208,12 @@ constexpr double kBytesPerVoxel = 4.0 + 1.0, kBytesPerSpreadVoxel = 4.0;
 /// used.
 constexpr double kCopies = 2.5;
 
-/// What all maps may keep of what they looked up: at most, and of what is left [byte].
-constexpr double kMostKept = 64e6, kShareKept = 0.25;
+/// Of a cell and of a box of voxels, beyond what the file says of it [byte].
+constexpr double kBytesPerCell = sizeof(Cell) + sizeof(CellMap), kBytesPerBox = 4.0;
+
+/// What all maps may keep of what they looked up, and what is left to parts of files
+/// before anything is kept [byte].
+constexpr double kMostKept = 64e6, kBytesForParts = 256e6;
 
 double num_voxels_of(const StoredField& stored)
 {
@@ -420,7 +424,10 @@ double memory_of(const FieldFile& file)
     for (const StoredField& stage : file.stages)
     {
         const double voxels = num_voxels_of(stage);
-        bytes += kBytesPerVoxel * voxels + kCopies * bytes_of_numbers(stage);
+        const double leaf = stage.voxels_per_leaf;
+        bytes += (kBytesPerVoxel + kBytesPerBox / (leaf * leaf * leaf)) * voxels +
+                 kBytesPerCell * static_cast<double>(stage.edges.size()) +
+                 kCopies * bytes_of_numbers(stage);
         largest = std::max(largest, kBytesPerSpreadVoxel * voxels);
     }
     return bytes + largest;
@@ -441,8 +448,9 @@ Deformation::Deformation(const FieldFile& file, const std::string& path,
                                           " for " + shortest(voxels) + " voxels (limit " +
                                           in_bytes(max_memory) + ")"));
     }
-    most_kept_ = max_memory > 0 ? std::min(kMostKept, kShareKept * (max_memory - bytes))
-                                : kMostKept;
+    most_kept_ = kMostKept;
+    if (max_memory > 0)
+        most_kept_ = std::clamp(max_memory - bytes - kBytesForParts, 0.0, kMostKept);
     const double share = most_kept_ / static_cast<double>(file.stages.size());
     for (const StoredField& stage : file.stages)
         maps_.push_back(

@@ -24,8 +24,8 @@ StoredField stored_field(const CellSystem& system, const Field& field);
 /// Where the model of a stored field was, and its axes.
 WorkFrame frame_of(const StoredField& stored);
 
-/// What a Deformation of that file takes at the most, the file's own numbers included
-/// [byte].
+/// What a Deformation of that file takes at the most, the file's own numbers included,
+/// but not what it keeps meanwhile [byte].
 double memory_of(const FieldFile& file);
 
 /// Maps that follow each other, one for each commit and the last. Immutable, but for what

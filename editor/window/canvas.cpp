@@ -299,7 +299,6 @@ struct ColoursOf
     std::uint64_t revision = 0;
     const ShapeLayout* layout = nullptr;
     bool shows_regions = true;
-    std::size_t num_selected = 0; ///< a brush at work changes nothing else
     bool operator==(const ColoursOf&) const = default;
 };
 
@@ -345,14 +344,18 @@ struct Canvas::State
     std::optional<DrawnShape> shape, rest;
     CanvasCells cells;
     std::optional<ColoursOf> colours_of;
+    Selection selection; ///< likewise: a brush at work changes nothing else
     std::optional<CellsOf> cells_of;
 
-    bool show_again(const PictureOf& wanted, const ViewRect& rect, int window_height);
+    PictureOf picture_wanted(const ViewOptions& options, const ViewRect& rect) const;
+    PictureOf picture_wanted(const CanvasScene& scene, const ViewOptions& options,
+                             const ViewRect& rect) const;
+    bool show_again(const PictureOf& wanted, const ViewRect& rect,
+                    int window_height) const;
     void begin(const ViewRect& rect, int window_height, const ViewOptions& options);
     void end(const ViewRect& rect, int window_height);
     void remember(const PictureOf& drawn)
     {
-        picture_of.reset();
         if (is_kept)
             picture_of = drawn;
     }
@@ -399,13 +402,15 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
     State& state = *state_;
     bool is_new = state.shape->upload(scene.shape);
     const ColoursOf colours_of{scene.document.revision(), state.shape->layout().get(),
-                               options.shows_regions, scene.selection.count()};
-    if (colours_of.layout != nullptr && state.colours_of != colours_of)
+                               options.shows_regions};
+    if (colours_of.layout != nullptr &&
+        (state.colours_of != colours_of || state.selection != scene.selection))
     {
         state.shape->set_colours(sample_colours(scene.document, scene.selection,
                                                 *state.shape->layout(),
                                                 options.shows_regions));
         state.colours_of = colours_of;
+        state.selection = scene.selection;
         is_new = true;
     }
     if (options.shows_ghost || !state.rest->is_whole())
@@ -423,8 +428,28 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
     return ms_since(start);
 }
 
+PictureOf Canvas::State::picture_wanted(const ViewOptions& options,
+                                        const ViewRect& rect) const
+{
+    return {num_uploads, options, rect.width, rect.height};
+}
+
+PictureOf Canvas::State::picture_wanted(const CanvasScene& scene,
+                                        const ViewOptions& options,
+                                        const ViewRect& rect) const
+{
+    PictureOf wanted = picture_wanted(options, rect);
+    wanted.view = scene.camera.view_matrix();
+    wanted.projection = scene.camera.projection_matrix();
+    wanted.cells_to_view = scene.cells.to_view;
+    wanted.low = scene.low;
+    wanted.high = scene.high;
+    wanted.up_axis = scene.camera.up_axis();
+    return wanted;
+}
+
 bool Canvas::State::show_again(const PictureOf& wanted, const ViewRect& rect,
-                               int window_height)
+                               int window_height) const
 {
     if (picture_of != wanted)
         return false;
@@ -435,8 +460,11 @@ bool Canvas::State::show_again(const PictureOf& wanted, const ViewRect& rect,
 void Canvas::State::begin(const ViewRect& rect, int window_height,
                           const ViewOptions& options)
 {
+    picture_of.reset();
     is_kept = picture.begin(rect.width, rect.height);
     is_smooth = options.is_smooth && smooth.begin(rect.width, rect.height);
+    if (is_kept && !is_smooth)
+        picture.begin(rect.width, rect.height); // a smooth one that failed went elsewhere
     const bool is_beside = is_smooth || is_kept;
     const int x = is_beside ? 0 : rect.x;
     const int y = is_beside ? 0 : window_height - rect.y - rect.height;
@@ -634,7 +662,7 @@ void Canvas::draw_empty(const ViewOptions& options, const ViewRect& rect,
 {
     if (rect.width < 1 || rect.height < 1)
         return;
-    const PictureOf wanted{state_->num_uploads, options, rect.width, rect.height};
+    const PictureOf wanted = state_->picture_wanted(options, rect);
     if (state_->show_again(wanted, rect, window_height))
         return;
     state_->begin(rect, window_height, options);
@@ -642,23 +670,18 @@ void Canvas::draw_empty(const ViewOptions& options, const ViewRect& rect,
     state_->remember(wanted);
 }
 
-bool Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
+bool Canvas::show_again(const CanvasScene& scene, const ViewOptions& options,
+                        const ViewRect& rect, int window_height)
+{
+    return state_->show_again(state_->picture_wanted(scene, options, rect), rect,
+                              window_height);
+}
+
+void Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
                   const ViewRect& rect, int window_height)
 {
     if (rect.width < 1 || rect.height < 1)
-        return false;
-    const PictureOf wanted{state_->num_uploads,
-                           options,
-                           rect.width,
-                           rect.height,
-                           scene.camera.view_matrix(),
-                           scene.camera.projection_matrix(),
-                           scene.cells.to_view,
-                           scene.low,
-                           scene.high,
-                           scene.camera.up_axis()};
-    if (state_->show_again(wanted, rect, window_height))
-        return false;
+        return;
     state_->begin(rect, window_height, options);
     state_->draw_shape(scene, options, rect);
     if (options.shows_floor)
@@ -668,8 +691,7 @@ bool Canvas::draw(const CanvasScene& scene, const ViewOptions& options,
     if (options.cells != CellsShown::No)
         state_->draw_cells(scene, options);
     state_->end(rect, window_height);
-    state_->remember(wanted);
-    return true;
+    state_->remember(state_->picture_wanted(scene, options, rect));
 }
 
 } // namespace cellwarp

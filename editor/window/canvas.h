@@ -80,11 +80,13 @@ public:
     /// Whether all of it is there: of large meshes a part comes with each call, and fewer
     /// triangles are drawn until then.
     bool is_whole() const;
-    /// Draws into \p rect of a window that is \p window_height high; what would look as
-    /// the last time is shown again without being drawn. Nothing is drawn into an empty
-    /// one. \return whether it was drawn
-    bool draw(const CanvasScene& scene, const ViewOptions& options, const ViewRect& rect,
+    /// Draws into \p rect of a window that is \p window_height high. Nothing is drawn
+    /// into an empty one.
+    void draw(const CanvasScene& scene, const ViewOptions& options, const ViewRect& rect,
               int window_height);
+    /// Shows what was drawn the last time, if draw() would draw just that; else false.
+    bool show_again(const CanvasScene& scene, const ViewOptions& options,
+                    const ViewRect& rect, int window_height);
     /// The view of no document.
     void draw_empty(const ViewOptions& options, const ViewRect& rect, int window_height);
     CellScale scale_of_cells() const;

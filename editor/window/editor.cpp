@@ -267,7 +267,7 @@ double Editor::draw_canvas()
         drawn_ = opened;
         whole_frames_.clear();
     }
-    draws_all_ = draws_less_ = false;
+    is_drawn_ = draws_all_ = draws_less_ = false;
     if (opened == nullptr)
     {
         canvas_.draw_empty(app_.view, view_, window_.height());
@@ -286,6 +286,8 @@ double Editor::draw_canvas()
                             frame.to_work(editing.document().box().high)};
     const double upload_ms = canvas_.upload(scene, app_.view);
     ViewOptions options = app_.view;
+    if (canvas_.show_again(scene, options, view_, window_.height()))
+        return upload_ms;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
     // the solver, whose cores the drawing takes, has done its work.
     draws_less_ = is_at_work() && whole_frames_.median() > kSlowFrame;
@@ -294,8 +296,10 @@ double Editor::draw_canvas()
         options.detail = Detail::Coarse;
         options.is_smooth = false;
     }
-    const bool is_drawn = canvas_.draw(scene, options, view_, window_.height());
-    draws_all_ = is_drawn && !draws_less_ && canvas_.is_whole();
+    is_drawn_ = !canvas_.show_again(scene, options, view_, window_.height());
+    if (is_drawn_)
+        canvas_.draw(scene, options, view_, window_.height());
+    draws_all_ = is_drawn_ && !draws_less_ && canvas_.is_whole();
     return upload_ms;
 }
 
@@ -325,8 +329,9 @@ FrameParts Editor::frame()
     parts.draw = ms_since(draw_start) - parts.upload;
     parts.total = ms_since(start);
     app_.frame_times.add(seconds_now(), parts.total);
+    parts.is_drawn = is_drawn_;
     if (draws_all_)
-        whole_frames_.add(parts.total);
+        whole_frames_.add(parts.total - parts.upload);
     window_.show_frame();
     if (std::string title = app_.title(); title != title_)
         window_.set_title(title_ = std::move(title));

@@ -21,7 +21,8 @@ struct FrameParts
 {
     double update = 0.0; ///< of document and hand
     double upload = 0.0, draw = 0.0;
-    double total = 0.0; ///< from the first event to the drawn frame
+    double total = 0.0;    ///< from the first event to the drawn frame
+    bool is_drawn = false; ///< the view was; else its last picture was shown again
 };
 
 class Editor
@@ -68,9 +69,10 @@ private:
     std::string title_;
     std::string words_;                     ///< that were drawn last
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
-    bool draws_all_ = false;                ///< this frame: no coarse triangles
-    bool draws_less_ = false;               ///< this frame, for it would be slow
-    LastFrames whole_frames_;               ///< of that shape
+    bool is_drawn_ = false;   ///< this frame: the view, not its last picture
+    bool draws_all_ = false;  ///< this frame: no coarse triangles
+    bool draws_less_ = false; ///< this frame, for it would be slow
+    LastFrames whole_frames_; ///< of that shape
 };
 
 } // namespace cellwarp

@@ -95,7 +95,8 @@ public:
     /// Drawing goes there from now on; false where the driver cannot.
     bool begin(int width, int height);
     GLuint frame() const { return frame_; }
-    /// In the window, its lower left corner at (\p x, \p y), where drawing goes then.
+    /// Copies it into the window, its lower left corner to (\p x, \p y). Drawing goes to
+    /// the window from now on.
     void show(int x, int y) const;
 
 private:

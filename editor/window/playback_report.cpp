@@ -28,12 +28,14 @@ Json summary_of(std::vector<double> values)
     return {{"median", at(0.5)}, {"p95", at(0.95)}, {"worst", at(1.0)}};
 }
 
+/// Of the frames for which the view was drawn.
 std::vector<double> column(const std::vector<FrameParts>& frames,
                            double FrameParts::*part)
 {
     std::vector<double> values;
     for (const FrameParts& frame : frames)
-        values.push_back(frame.*part);
+        if (frame.is_drawn)
+            values.push_back(frame.*part);
     return values;
 }
 
@@ -48,6 +50,7 @@ std::string report_text(const PlaybackReport& report)
         json["drags"].push_back(
             {{"line", drag.line},
              {"events", drag.frames.size()},
+             {"drawn_frames", column(drag.frames, &FrameParts::total).size()},
              {"solved_frames", drag.solved},
              {"frame_ms", summary_of(column(drag.frames, &FrameParts::total))},
              {"update_ms", summary_of(column(drag.frames, &FrameParts::update))},

@@ -23,7 +23,7 @@ constexpr double kOutside = 1.0;
 /// A cell that counts in the box of another is no more than so many faces away.
 constexpr int kRingsThatCount = 4;
 
-/// Points that are expected in an octant for which everything is kept.
+/// So many points in a box that looking around beforehand always pays.
 constexpr std::size_t kManyPoints = std::size_t(1) << 20;
 
 } // namespace
@@ -71,17 +71,18 @@ public:
     /// Likewise in one octant of the cell.
     void enter(int own, std::size_t octant, std::size_t num_points)
     {
-        const Eigen::AlignedBox3d box = octant_box(own, octant);
+        const Eigen::AlignedBox3d box = part_box(own, octant);
         enter(own, box.min(), box.max(), num_points);
     }
-    /// Likewise, with what is kept of the octant; false if that is nothing.
-    bool enter_kept(int own, std::size_t octant)
+    /// Likewise in an octant, or in the whole box, with what is kept of it; false if that
+    /// is nothing.
+    bool enter_kept(int own, std::size_t part)
     {
         const Surroundings* const kept = field_.kept_->get(
-            own, octant,
+            own, part,
             [&]
             {
-                const Eigen::AlignedBox3d box = octant_box(own, octant);
+                const Eigen::AlignedBox3d box = part_box(own, part);
                 Surroundings made;
                 look_around(own, box.min(), box.max(), kManyPoints, made);
                 made.cells.shrink();
@@ -119,13 +120,16 @@ public:
     }
 
 private:
-    Eigen::AlignedBox3d octant_box(int own, std::size_t octant) const
+    Eigen::AlignedBox3d part_box(int own, std::size_t part) const
     {
         const Eigen::Vector3d& centre = field_.closest_.box_centre(own);
-        const double half = 0.5 * field_.closest_.edge(own);
+        const Eigen::Vector3d half =
+            Eigen::Vector3d::Constant(0.5 * field_.closest_.edge(own));
+        if (part == kWholeBox)
+            return {centre - half, centre + half};
         const Eigen::Vector3d corner =
-            centre + half * Eigen::Vector3d(octant & 1 ? 1 : -1, octant & 2 ? 1 : -1,
-                                            octant & 4 ? 1 : -1);
+            centre + half.cwiseProduct(Eigen::Vector3d(
+                         part & 1 ? 1 : -1, part & 2 ? 1 : -1, part & 4 ? 1 : -1));
         return {centre.cwiseMin(corner), centre.cwiseMax(corner)};
     }
     void look_around(int own, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
@@ -253,9 +257,9 @@ namespace
 
 /// Takes what a field finds, for one point or for several.
 template <class One, class OfPlaces>
-struct Take : One, OfPlaces
+struct TakeValues : One, OfPlaces
 {
-    Take(One one, OfPlaces of_places) : One(one), OfPlaces(of_places) {}
+    TakeValues(One one, OfPlaces of_places) : One(one), OfPlaces(of_places) {}
     using One::operator();
     using OfPlaces::operator();
 };
@@ -266,9 +270,9 @@ FieldValue Field::value(const Eigen::Vector3d& x, int own) const
 {
     FieldValue value;
     evaluate({&x, 1}, {&own, 1}, true,
-             Take([&](std::size_t, const FieldValue& found) { value = found; },
-                  [&](std::size_t, const ValueOnPlaces& found, int place)
-                  { value = found.at(place); }));
+             TakeValues([&](std::size_t, const FieldValue& found) { value = found; },
+                        [&](std::size_t, const ValueOnPlaces& found, int place)
+                        { value = found.at(place); }));
     return value;
 }
 
@@ -277,9 +281,10 @@ std::vector<FieldValue> Field::values(std::span<const Eigen::Vector3d> points,
 {
     std::vector<FieldValue> result(points.size());
     evaluate(points, own, true,
-             Take([&](std::size_t i, const FieldValue& value) { result[i] = value; },
-                  [&](std::size_t i, const ValueOnPlaces& values, int place)
-                  { result[i] = values.at(place); }));
+             TakeValues([&](std::size_t i, const FieldValue& value)
+                        { result[i] = value; },
+                        [&](std::size_t i, const ValueOnPlaces& values, int place)
+                        { result[i] = values.at(place); }));
     return result;
 }
 
@@ -288,10 +293,12 @@ std::vector<Eigen::Vector3d> Field::displacements(std::span<const Eigen::Vector3
 {
     std::vector<Eigen::Vector3d> result(points.size());
     evaluate(points, own, false,
-             Take([&](std::size_t i, const FieldValue& value)
-                  { result[i] = value.displacement; },
-                  [&](std::size_t i, const ValueOnPlaces& values, int place)
-                  { result[i] = values.displacement.row(place).transpose().matrix(); }));
+             TakeValues([&](std::size_t i, const FieldValue& value)
+                        { result[i] = value.displacement; },
+                        [&](std::size_t i, const ValueOnPlaces& values, int place) {
+                            result[i] =
+                                values.displacement.row(place).transpose().matrix();
+                        }));
     return result;
 }
 
@@ -328,8 +335,9 @@ CellOrder in_cell_order(std::span<const Eigen::Vector3d> points, std::span<const
                                 (d[0] > 0) + 2 * (d[1] > 0) + 4 * (d[2] > 0));
                         }
                     });
-    std::vector<std::uint32_t> first(8 * num_cells + 1, 0);
-    const auto key = [&](std::size_t i) { return 8 * idx(own[i]) + order.octants[i]; };
+    std::vector<std::uint32_t> first(kOctants * num_cells + 1, 0);
+    const auto key = [&](std::size_t i)
+    { return kOctants * idx(own[i]) + order.octants[i]; };
     for (std::size_t i = 0; i < points.size(); ++i)
         ++first[key(i) + 1];
     for (std::size_t k = 1; k < first.size(); ++k)
@@ -339,9 +347,9 @@ CellOrder in_cell_order(std::span<const Eigen::Vector3d> points, std::span<const
     for (std::size_t i = 0; i < points.size(); ++i)
         order.points[next[key(i)]++] = static_cast<std::uint32_t>(i);
     for (std::size_t cell = 0; cell < num_cells; ++cell)
-        for (std::size_t at = first[8 * cell]; at < first[8 * (cell + 1)];)
+        for (std::size_t at = first[kOctants * cell]; at < first[kOctants * (cell + 1)];)
         {
-            at = std::min<std::size_t>(first[8 * (cell + 1)], at + kTaskPoints);
+            at = std::min<std::size_t>(first[kOctants * (cell + 1)], at + kTaskPoints);
             order.ends.push_back(at);
         }
     return order;
@@ -356,6 +364,8 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
 {
     const bool keeps = kept_ && kept_->expect(points.size());
     const CellOrder order = in_cell_order(points, own, closest_, cells_.size());
+    // Few points leave most of eight places empty: worth it only where these cost little.
+    const std::size_t least_kept = parts_.local || parts_.global ? kPlaces / 2 : 1;
     const auto run_task = [&](Evaluation& evaluation, std::span<const std::uint32_t> task)
     {
         const int cell = own[task.front()];
@@ -397,7 +407,7 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
             while (end < task.size() && order.octants[task[end]] == octant)
                 ++end;
             const auto some = task.subspan(begin, end - begin);
-            if (keeps && evaluation.enter_kept(cell, octant))
+            if (keeps && some.size() >= least_kept && evaluation.enter_kept(cell, octant))
             {
                 run(some);
                 continue;
@@ -412,6 +422,8 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
         }
         if (few.empty())
             return;
+        if (keeps && evaluation.enter_kept(cell, kWholeBox))
+            return run(few);
         Eigen::Vector3d low = centre + Eigen::Vector3d::Constant(half),
                         high = centre - Eigen::Vector3d::Constant(half);
         for (const std::uint32_t i : few)

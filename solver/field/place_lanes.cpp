@@ -22,6 +22,7 @@ constexpr std::size_t kMostNear = 64;
 
 /// From one influence to the next [double].
 constexpr std::size_t kInfluenceStride = sizeof(InfluenceOnPlaces) / sizeof(double);
+static_assert(sizeof(InfluenceOnPlaces) % sizeof(double) == 0);
 
 } // namespace
 
@@ -67,7 +68,8 @@ void CellsAround::find(const ClosestCells& closest, int own, const Eigen::Vector
                 cells_.push_back(other);
         }
     std::sort(cells_.begin(), cells_.end());
-    own_ = idx(std::lower_bound(cells_.begin(), cells_.end(), own) - cells_.begin());
+    own_place_ =
+        idx(std::lower_bound(cells_.begin(), cells_.end(), own) - cells_.begin());
     boxes_.clear();
     for (const int cell : cells_)
     {
@@ -112,8 +114,8 @@ void CellsAround::find_ways(const ClosestCells& closest, const Eigen::Vector3d& 
     for (std::size_t i = 0; i < cells_.size(); ++i)
         ways_[i].away = (middle - closest.box_centre(cells_[i])).squaredNorm() /
                         (boxes_[i].edge * boxes_[i].edge);
-    order_.assign(1, static_cast<int>(own_));
-    ways_[own_].hops = 0;
+    order_.assign(1, static_cast<int>(own_place_));
+    ways_[own_place_].hops = 0;
     for (std::size_t next = 0; next < order_.size(); ++next)
     {
         const std::size_t i = idx(order_[next]);
@@ -142,9 +144,9 @@ void CellsAround::ask_for_ways()
 {
     const auto centre = [&](std::size_t i)
     { return Eigen::Map<const Eigen::Array3d>(boxes_[i].centre); };
-    const Eigen::Array3d origin = centre(own_);
-    const double edge = boxes_[own_].edge, hair = 1e-6 * edge;
-    ways_[own_].is_regular = true;
+    const Eigen::Array3d origin = centre(own_place_);
+    const double edge = boxes_[own_place_].edge, hair = 1e-6 * edge;
+    ways_[own_place_].is_regular = true;
     has_asked_ = false;
     for (std::size_t next = 1; next < order_.size(); ++next)
     {
@@ -236,7 +238,12 @@ std::span<const InfluenceOnPlaces> PlaceInfluences::find(const PlaceVectors& pla
     if (count <= kMostNear)
         is_alone = find_plain(places, around, wants_gradient);
     else
-        are_inside_.setConstant(false); // not known
+        for (int l = 0; l < kPlaces; ++l)
+        {
+            const Eigen::Vector3d x = places.row(l).transpose().matrix();
+            are_inside_[l] = nearest_in_box(closest_.box_centre(around.own()),
+                                            closest_.edge(around.own()), x) == x;
+        }
     if (is_alone.any())
         for (int l = 0; l < kPlaces; ++l)
             if (is_alone[l])
@@ -254,7 +261,7 @@ PlaceInfluences::PlaceMarks PlaceInfluences::find_plain(const PlaceVectors& plac
     PlaceNumbers rests[kMostNear];
     InfluenceOnPlaces& first = found_.front();
     widest_influence_kernels().weights(
-        {around.boxes_.data(), count, around.own_, kBoxSlack, places.data(),
+        {around.boxes_.data(), count, around.own_place_, kBoxSlack, places.data(),
          inside.data(), is_within.data(), rests[0].data(), first.weight.data(),
          wants_gradient ? first.gradient.data() : nullptr, kInfluenceStride});
     are_inside_ = is_within.rowwise().minCoeff() > 0.0;

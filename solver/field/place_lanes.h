@@ -56,7 +56,7 @@ public:
     void find(const ClosestCells& closest, int own, const Eigen::Vector3d& low,
               const Eigen::Vector3d& high);
 
-    int own() const { return cells_[own_]; }
+    int own() const { return cells_[own_place_]; }
     /// Ascending.
     std::span<const int> cells() const { return cells_; }
     /// Gives away the memory that is not needed any more.
@@ -77,8 +77,8 @@ private:
     void find_ways(const ClosestCells& closest, const Eigen::Vector3d& middle);
     void ask_for_ways();
 
-    std::size_t own_ = 0;
-    std::vector<int> cells_; ///< ascending
+    std::size_t own_place_ = 0; ///< of the own cell, among:
+    std::vector<int> cells_;    ///< ascending
     std::vector<CellBox> boxes_;
     std::vector<Way> ways_;  ///< by their number among the cells, likewise:
     std::vector<int> order_; ///< all of them, by hops
@@ -96,8 +96,7 @@ public:
     /// box that holds the places.
     std::span<const InfluenceOnPlaces>
     find(const PlaceVectors& places, const CellsAround& around, bool wants_gradient);
-    /// Of these places, those that are known to be in the box of the cell that holds
-    /// them.
+    /// Of these places, those that are in the box of the cell that holds them.
     const Eigen::Array<bool, kPlaces, 1>& are_inside() const { return are_inside_; }
 
 private:

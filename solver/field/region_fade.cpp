@@ -321,8 +321,9 @@ RegionFade::average_displacement(const Eigen::Vector3d& x, const Nearest& neares
 namespace
 {
 
-/// More nodes than this near a box take longer than the tree does.
-constexpr std::size_t kMostNearNodes = 1000;
+/// More nodes than this near a box take longer than the tree does: in any case, and for
+/// each of the points that are looked for.
+constexpr std::size_t kMostNearNodes = 1000, kNodesAPoint = 16;
 
 /// Fewer points in a box than this are not worth a list of the nodes near it.
 constexpr std::size_t kLeastPoints = 24;
@@ -336,23 +337,32 @@ constexpr double kReachSlack = 1e-9;
 /// the way to the point twice, there and back.
 double NearNodes::reach_of(const Eigen::Vector3d& x) const
 {
-    return (own_ + 2.0 * (x - middle_).norm()) * (1.0 + kReachSlack);
+    return (last_of_middle_ + 2.0 * (x - middle_).norm()) * (1.0 + kReachSlack);
 }
 
-NearNodes::NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box)
+NearNodes::NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box,
+                     std::size_t num_points)
     : box_(box), middle_(box.center())
 {
     std::vector<PointTree::Neighbour> found;
     fade.tree_.nearest(middle_, RegionFade::kNearest, found);
-    own_ = std::sqrt(found.back().distance_squared);
+    const double half_diagonal = (box.max() - middle_).norm();
+    if (std::sqrt(found.front().distance_squared) - half_diagonal >=
+        fade.radius() * (1.0 + kReachSlack))
+    {
+        is_worth_it_ = true; // no point has one that is near enough to count
+        return;
+    }
+    last_of_middle_ = std::sqrt(found.back().distance_squared);
     const double reach = reach_of(box.max());
     // Nodes on a surface: their number grows with the square.
-    const double share = static_cast<double>(kMostNearNodes) / RegionFade::kNearest;
-    is_worth_it_ = reach * reach < 2.0 * share * own_ * own_;
+    const std::size_t most = std::min(kMostNearNodes, kNodesAPoint * num_points);
+    const double share = static_cast<double>(most) / RegionFade::kNearest;
+    is_worth_it_ = reach * reach < 2.0 * share * last_of_middle_ * last_of_middle_;
     if (!is_worth_it_)
         return;
     fade.tree_.within(middle_, reach, found);
-    is_worth_it_ = found.size() <= kMostNearNodes;
+    is_worth_it_ = found.size() <= most;
     if (!is_worth_it_)
         return;
     // Those near the middle first: few of the others are among the nearest then.
@@ -393,7 +403,15 @@ bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
     out.count = 0;
     if (std::sqrt(nearest_squared) / radius >= 1.0)
         return true;
-    // The last of those that count, and the last one that was left out: both only fall.
+    if (nearest_squared == 0.0) // of a node no other one counts
+    {
+        const auto node = std::find(out.squares.begin(), out.squares.end(), 0.0);
+        out.nodes[0] = {nodes_[idx(node - out.squares.begin())], 0.0};
+        out.count = 1;
+        return true;
+    }
+    // Squared distances: the largest of those that are taken so far, and the least that
+    // was as large as that and is not taken.
     double farthest = INFINITY, left_out = INFINITY;
     std::size_t found = 0;
     for (std::size_t k = 0; k < std::min(count, nodes_.size()); ++k)
@@ -438,14 +456,14 @@ std::size_t NearNodes::num_bytes() const
 void NearNodesOfRegions::enter(const Eigen::AlignedBox3d& box, std::size_t num_points)
 {
     box_ = box;
-    is_worth_it_ = num_points >= kLeastPoints;
+    num_points_ = num_points;
     of_region_.clear();
 }
 
 void NearNodesOfRegions::make(int region, const RegionFade& fade)
 {
-    if (is_worth_it_ && !of(region))
-        of_region_.emplace_back(region, NearNodes(fade, box_));
+    if (num_points_ >= kLeastPoints && !of(region))
+        of_region_.emplace_back(region, NearNodes(fade, box_, num_points_));
 }
 
 const NearNodes* NearNodesOfRegions::of(int region) const

@@ -135,7 +135,9 @@ private:
 class NearNodes
 {
 public:
-    NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box);
+    /// \p num_points: so many will be asked for in the box.
+    NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box,
+              std::size_t num_points);
     /// Whether nearest() tells of a point: it is in the box, and the box has not too
     /// many.
     bool may_tell_of(const Eigen::Vector3d& x) const
@@ -153,7 +155,7 @@ private:
     Eigen::AlignedBox3d box_;
     bool is_worth_it_ = false;
     Eigen::Vector3d middle_;
-    double own_ = 0.0; ///< distance of the last of the nearest nodes of the middle
+    double last_of_middle_ = 0.0;      ///< distance of the last of its own nearest nodes
     std::vector<std::uint32_t> nodes_; ///< by their distance from the middle
     std::vector<double> away_;         ///< that of every kPlaceLanes-th
     std::vector<double>
@@ -174,7 +176,7 @@ public:
 
 private:
     Eigen::AlignedBox3d box_;
-    bool is_worth_it_ = false;
+    std::size_t num_points_ = 0;
     std::vector<std::pair<int, NearNodes>> of_region_;
 };
 

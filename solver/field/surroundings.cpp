@@ -12,10 +12,10 @@ std::size_t Surroundings::num_bytes() const
 KeptSurroundings::KeptSurroundings(std::size_t num_cells, std::size_t max_bytes)
     : num_cells_(num_cells)
 {
-    const std::size_t bytes = kOctants * num_cells * sizeof(const Surroundings*);
+    const std::size_t bytes = kParts * num_cells * sizeof(const Surroundings*);
     if (2 * bytes > max_bytes)
         return;
-    kept_ = std::vector<std::atomic<const Surroundings*>>(kOctants * num_cells);
+    kept_ = std::vector<std::atomic<const Surroundings*>>(kParts * num_cells);
     bytes_left_ = static_cast<std::ptrdiff_t>(max_bytes - bytes);
 }
 

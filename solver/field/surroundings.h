@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What a field looks up once for all points in a box: the cells that may count there, and
 // the nodes of regions. A field that is asked for many points, a few at a time, keeps it
-// for each octant of its cells.
+// for the box of each of its cells, and for the octants of that box.
 #pragma once
 
 #include <atomic>
@@ -24,9 +24,10 @@ struct Surroundings
 
 /// The octants of a box; bit k of a number says that it is the upper half along axis k.
 inline constexpr std::size_t kOctants = 8;
+/// In place of the number of an octant: the whole box.
+inline constexpr std::size_t kWholeBox = kOctants;
 
-/// One for each octant of each cell, made when it is first asked for. Safe for many
-/// threads.
+/// One for each box and octant, made when it is first asked for. Safe for many threads.
 class KeptSurroundings
 {
 public:
@@ -36,19 +37,20 @@ public:
     KeptSurroundings(const KeptSurroundings&) = delete;
     KeptSurroundings& operator=(const KeptSurroundings&) = delete;
 
-    /// Counts points before they are looked at; false: so far they are too few for the
-    /// octants.
+    /// Counts points before they are looked at; false: so far they are too few to keep
+    /// anything.
     bool expect(std::size_t num_points)
     {
-        return (num_points_ += num_points) >= kOctants * num_cells_;
+        return (num_points_ += num_points) >= kLeastPoints * kOctants * num_cells_;
     }
-    /// The octant's; if there are none and no room is left, null. \p make() makes them.
+    /// Those of an octant of a cell, or of its whole box, made by \p make() if they are
+    /// not there yet. Null: they are not there, and no room is left.
     template <class Make>
-    const Surroundings* get(int cell, std::size_t octant, const Make& make)
+    const Surroundings* get(int cell, std::size_t part, const Make& make)
     {
         if (kept_.empty())
             return nullptr;
-        std::atomic<const Surroundings*>& place = kept_[kOctants * idx(cell) + octant];
+        std::atomic<const Surroundings*>& place = kept_[kParts * idx(cell) + part];
         const Surroundings* const known = place.load(std::memory_order_acquire);
         if (known || bytes_left_.load(std::memory_order_relaxed) <= 0)
             return known;
@@ -56,6 +58,10 @@ public:
     }
 
 private:
+    static constexpr std::size_t kParts = kOctants + 1; ///< of a cell
+    /// Points of an octant, on an average, that are worth it.
+    static constexpr std::size_t kLeastPoints = 4;
+
     const Surroundings* keep(std::atomic<const Surroundings*>& place,
                              std::unique_ptr<const Surroundings> made);
 

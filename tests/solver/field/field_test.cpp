@@ -736,6 +736,71 @@ TEST(Field, what_is_kept_around_points_changes_no_bit)
         }
 }
 
+TEST(NearNodes, are_the_nearest_of_all_nodes)
+{
+    // Thousands of nodes on a plane, at random and on a lattice, a few, and far ones.
+    const RegionCase c;
+    std::mt19937 rng(12);
+    std::vector<RegionFade::Node> scattered, lattice, few, far;
+    for (int i = 0; i < 6000; ++i)
+        scattered.push_back(
+            {{random_number(rng, 0, 3), random_number(rng, 0, 3), 1.0}, 0});
+    for (int i = 0; i < 60; ++i)
+        for (int j = 0; j < 60; ++j)
+            lattice.push_back({{0.05 * i, 0.05 * j, 1.0}, 0});
+    for (int i = 0; i < 7; ++i)
+        few.push_back({{random_number(rng, 1, 2), random_number(rng, 1, 2), 1.0}, 0});
+    for (int i = 0; i < 50; ++i)
+        far.push_back({{0.06 * i, 0.0, 40.0}, 0});
+    int num_told = 0, num_none = 0;
+    for (const std::vector<RegionFade::Node>& nodes : {scattered, lattice, few, far})
+    {
+        const RegionFade fade(c.bar.cells, nodes, {});
+        for (int trial = 0; trial < 60; ++trial)
+        {
+            const Eigen::Vector3d low(random_number(rng, 0, 2.5),
+                                      random_number(rng, 0, 2.5),
+                                      random_number(rng, 0.2, 4.0));
+            const double edge = trial % 2 == 0 ? 0.5 : 0.1;
+            const Eigen::AlignedBox3d box(low, low + Eigen::Vector3d::Constant(edge));
+            const NearNodes near(fade, box, 1000);
+            RegionFade::Nearest found;
+            for (int k = 0; k < 30; ++k)
+            {
+                Eigen::Vector3d x = low;
+                for (int axis = 0; axis < 3; ++axis)
+                    x[axis] += random_number(rng, 0, edge);
+                if (k % 5 == 0) // a node, where the box holds it
+                    x = fade.nodes()[idx(k * 7 % static_cast<int>(nodes.size()))];
+                if (!near.may_tell_of(x) || !near.nearest(x, fade.radius(), found))
+                    continue;
+                std::vector<std::pair<double, std::size_t>> all;
+                for (std::size_t i = 0; i < fade.nodes().size(); ++i)
+                {
+                    const Eigen::Vector3d d = fade.nodes()[i] - x;
+                    all.emplace_back(d.x() * d.x() + d.y() * d.y() + d.z() * d.z(), i);
+                }
+                std::sort(all.begin(), all.end());
+                ++num_told;
+                std::size_t wanted = std::min(all.size(), RegionFade::kNearest);
+                if (std::sqrt(all.front().first) / fade.radius() >= 1.0)
+                    wanted = 0;
+                else if (all.front().first == 0.0)
+                    wanted = 1;
+                num_none += wanted == 0;
+                ASSERT_EQ(found.count, wanted);
+                for (std::size_t i = 0; i < wanted; ++i)
+                {
+                    EXPECT_EQ(found.nodes[i].index, all[i].second);
+                    EXPECT_EQ(found.nodes[i].distance_squared, all[i].first);
+                }
+            }
+        }
+    }
+    EXPECT_GT(num_told, 3000);
+    EXPECT_GT(num_none, 100);
+}
+
 TEST(RegionFade, gradient_matches_finite_differences)
 {
     const RegionCase c;

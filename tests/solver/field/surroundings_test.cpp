@@ -29,16 +29,16 @@ Surroundings made_for(const support::Built& built, int cell)
 
 } // namespace
 
-TEST(KeptSurroundings, are_made_once_for_each_octant)
+TEST(KeptSurroundings, are_made_once_for_each_octant_and_box)
 {
     const support::Built bar = support::bar(3, 3, 6);
     KeptSurroundings kept(bar.cells.size(), kRoom);
     int num_made = 0;
     for (int again = 0; again < 2; ++again)
         for (int cell = 0; cell < static_cast<int>(bar.cells.size()); ++cell)
-            for (std::size_t octant = 0; octant < kOctants; ++octant)
+            for (std::size_t part = 0; part <= kWholeBox; ++part)
             {
-                const Surroundings* const found = kept.get(cell, octant,
+                const Surroundings* const found = kept.get(cell, part,
                                                            [&]
                                                            {
                                                                ++num_made;
@@ -47,13 +47,13 @@ TEST(KeptSurroundings, are_made_once_for_each_octant)
                 ASSERT_TRUE(found);
                 EXPECT_EQ(found->cells.own(), cell);
             }
-    EXPECT_EQ(num_made, static_cast<int>(kOctants * bar.cells.size()));
+    EXPECT_EQ(num_made, static_cast<int>((kOctants + 1) * bar.cells.size()));
 }
 
 TEST(KeptSurroundings, are_no_more_than_there_is_room_for)
 {
     const support::Built bar = support::bar(3, 3, 6);
-    const std::size_t table = kOctants * bar.cells.size() * sizeof(void*);
+    const std::size_t table = (kOctants + 1) * bar.cells.size() * sizeof(void*);
     const std::size_t one = made_for(bar, 0).num_bytes();
     KeptSurroundings kept(bar.cells.size(), 2 * table + 5 * one);
     std::size_t num_kept = 0, bytes = table;
@@ -74,7 +74,7 @@ TEST(KeptSurroundings, are_no_more_than_there_is_room_for)
 TEST(KeptSurroundings, wait_until_there_are_points_enough)
 {
     KeptSurroundings kept(10, kRoom);
-    EXPECT_FALSE(kept.expect(79));
+    EXPECT_FALSE(kept.expect(4 * 8 * 10 - 1));
     EXPECT_TRUE(kept.expect(1));
     EXPECT_TRUE(kept.expect(1));
 }
