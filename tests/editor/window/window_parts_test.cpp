@@ -242,8 +242,12 @@ TEST(PlaybackReport, tells_medians_and_worst_and_null_of_what_was_not_measured)
     PlaybackReport report;
     DragTimes& drag = report.drags.emplace_back();
     for (const double ms : {3.0, 1.0, 2.0, 50.0, 2.5})
-        drag.frames.push_back({.total = ms});
+        drag.frames.push_back({.total = ms, .is_drawn = true});
+    drag.frames.push_back({.total = 0.125}); // the last picture was shown again
     const std::string text = report_text(report);
+    EXPECT_TRUE(support::contains(text, "\"events\": 6")) << text;
+    EXPECT_TRUE(support::contains(text, "\"drawn_frames\": 5")) << text;
+    EXPECT_FALSE(support::contains(text, "0.125")) << text;
     EXPECT_TRUE(support::contains(text, "\"median\": 2.5")) << text;
     EXPECT_TRUE(support::contains(text, "\"worst\": 50.0")) << text;
     EXPECT_TRUE(support::contains(text, "\"solve_ms\": null")) << text;
