@@ -24,6 +24,8 @@ namespace cellwarp
 namespace
 {
 
+/// A pixel, where edges are smooth.
+constexpr int kSamples = 4;
 /// Lines lie this much of the depth range before the faces that they belong to.
 constexpr float kLineNearer = 4e-5f;
 constexpr float kGhostOpacity = 0.42f;
@@ -336,8 +338,7 @@ struct Canvas::State
     ShaderProgram boxes{shaders::kCellVertex, shaders::kCellFragment};
     ShaderProgram floor{shaders::kFloorVertex, shaders::kFloorFragment};
     VertexArray nothing; ///< for shaders that need no attribute
-    SmoothTarget smooth;
-    KeptPicture picture;
+    Offscreen smooth{kSamples}, picture{1};
     bool is_smooth = false, is_kept = false; ///< the frame that is being drawn
     std::uint64_t num_uploads = 0;           ///< that brought something new
     std::optional<PictureOf> picture_of;     ///< the picture that is kept
@@ -453,7 +454,7 @@ bool Canvas::State::show_again(const PictureOf& wanted, const ViewRect& rect,
 {
     if (picture_of != wanted)
         return false;
-    picture.show(rect.x, window_height - rect.y - rect.height);
+    picture.copy_to(0, rect.x, window_height - rect.y - rect.height);
     return true;
 }
 
@@ -501,9 +502,9 @@ void Canvas::State::end(const ViewRect& rect, int window_height)
     glDisable(GL_SCISSOR_TEST);
     const int x = rect.x, y = window_height - rect.y - rect.height;
     if (is_smooth)
-        smooth.end(is_kept ? picture.frame() : 0, is_kept ? 0 : x, is_kept ? 0 : y);
+        smooth.copy_to(is_kept ? picture.frame() : 0, is_kept ? 0 : x, is_kept ? 0 : y);
     if (is_kept)
-        picture.show(x, y);
+        picture.copy_to(0, x, y);
 }
 
 void Canvas::State::set_up(const ShaderProgram& program, const CanvasScene& scene,

@@ -13,8 +13,6 @@ namespace cellwarp
 namespace
 {
 
-constexpr GLint kSamples = 4; ///< a pixel
-
 GLuint compiled(GLenum kind, const char* text)
 {
     const GLuint shader = glCreateShader(kind);
@@ -29,21 +27,6 @@ GLuint compiled(GLenum kind, const char* text)
         throw std::logic_error(std::string("a shader does not compile: ") + words);
     }
     return shader;
-}
-
-/// Colours and depths for the frame that is bound. \p samples: 0, or several a pixel.
-/// \return whether the driver can draw there
-bool attach(GLuint colour, GLuint depth, int samples, int width, int height)
-{
-    for (const auto& [buffer, format, place] :
-         {std::tuple(colour, GL_RGBA8, GL_COLOR_ATTACHMENT0),
-          std::tuple(depth, GL_DEPTH_COMPONENT24, GL_DEPTH_ATTACHMENT)})
-    {
-        glBindRenderbuffer(GL_RENDERBUFFER, buffer);
-        glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
-        glFramebufferRenderbuffer(GL_FRAMEBUFFER, place, GL_RENDERBUFFER, buffer);
-    }
-    return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
 }
 
 } // namespace
@@ -151,21 +134,25 @@ void VertexArray::constant(GLuint index) const
     glDisableVertexAttribArray(index);
 }
 
-KeptPicture::KeptPicture()
+Offscreen::Offscreen(int samples) : samples_(samples)
 {
+    GLint most = 0;
+    glGetIntegerv(GL_MAX_SAMPLES, &most);
+    is_good_ = samples == 1 || most > 1;
+    samples_ = samples == 1 ? 0 : std::min(most, samples);
     glGenFramebuffers(1, &frame_);
     glGenRenderbuffers(1, &colour_);
     glGenRenderbuffers(1, &depth_);
 }
 
-KeptPicture::~KeptPicture()
+Offscreen::~Offscreen()
 {
     glDeleteFramebuffers(1, &frame_);
     glDeleteRenderbuffers(1, &colour_);
     glDeleteRenderbuffers(1, &depth_);
 }
 
-bool KeptPicture::begin(int width, int height)
+bool Offscreen::begin(int width, int height)
 {
     if (!is_good_)
         return false;
@@ -174,59 +161,25 @@ bool KeptPicture::begin(int width, int height)
     {
         width_ = width;
         height_ = height;
-        is_good_ = attach(colour_, depth_, 0, width, height);
+        for (const auto& [buffer, format, place] :
+             {std::tuple(colour_, GL_RGBA8, GL_COLOR_ATTACHMENT0),
+              std::tuple(depth_, GL_DEPTH_COMPONENT24, GL_DEPTH_ATTACHMENT)})
+        {
+            glBindRenderbuffer(GL_RENDERBUFFER, buffer);
+            glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples_, format, width,
+                                             height);
+            glFramebufferRenderbuffer(GL_FRAMEBUFFER, place, GL_RENDERBUFFER, buffer);
+        }
+        is_good_ = glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
     }
     if (!is_good_)
         glBindFramebuffer(GL_FRAMEBUFFER, 0);
     return is_good_;
 }
 
-void KeptPicture::show(int x, int y) const
+void Offscreen::copy_to(GLuint frame, int x, int y) const
 {
     glDisable(GL_SCISSOR_TEST);
-    glBindFramebuffer(GL_READ_FRAMEBUFFER, frame_);
-    glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
-    glBlitFramebuffer(0, 0, width_, height_, x, y, x + width_, y + height_,
-                      GL_COLOR_BUFFER_BIT, GL_NEAREST);
-    glBindFramebuffer(GL_FRAMEBUFFER, 0);
-}
-
-SmoothTarget::SmoothTarget()
-{
-    GLint most = 0;
-    glGetIntegerv(GL_MAX_SAMPLES, &most);
-    samples_ = std::min(most, kSamples);
-    glGenFramebuffers(1, &frame_);
-    glGenRenderbuffers(1, &colour_);
-    glGenRenderbuffers(1, &depth_);
-}
-
-SmoothTarget::~SmoothTarget()
-{
-    glDeleteFramebuffers(1, &frame_);
-    glDeleteRenderbuffers(1, &colour_);
-    glDeleteRenderbuffers(1, &depth_);
-}
-
-bool SmoothTarget::begin(int width, int height)
-{
-    if (samples_ < 2)
-        return false;
-    glBindFramebuffer(GL_FRAMEBUFFER, frame_);
-    if (width != width_ || height != height_)
-    {
-        width_ = width;
-        height_ = height;
-        if (!attach(colour_, depth_, samples_, width, height))
-            samples_ = 0;
-    }
-    if (samples_ == 0)
-        glBindFramebuffer(GL_FRAMEBUFFER, 0);
-    return samples_ > 0;
-}
-
-void SmoothTarget::end(GLuint frame, int x, int y)
-{
     glBindFramebuffer(GL_READ_FRAMEBUFFER, frame_);
     glBindFramebuffer(GL_DRAW_FRAMEBUFFER, frame);
     glBlitFramebuffer(0, 0, width_, height_, x, y, x + width_, y + height_,

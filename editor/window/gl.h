@@ -83,45 +83,27 @@ private:
     GLuint id_ = 0;
 };
 
-/// A picture beside the window's: what is drawn once can be shown again.
-class KeptPicture
+/// A picture beside the window's: what is drawn there can be copied again and again.
+class Offscreen
 {
 public:
-    KeptPicture();
-    ~KeptPicture();
-    KeptPicture(const KeptPicture&) = delete;
-    KeptPicture& operator=(const KeptPicture&) = delete;
+    /// \p samples: 1, or several a pixel, whatever the window has.
+    explicit Offscreen(int samples);
+    ~Offscreen();
+    Offscreen(const Offscreen&) = delete;
+    Offscreen& operator=(const Offscreen&) = delete;
 
     /// Drawing goes there from now on; false where the driver cannot.
     bool begin(int width, int height);
     GLuint frame() const { return frame_; }
-    /// Copies it into the window, its lower left corner to (\p x, \p y). Drawing goes to
-    /// the window from now on.
-    void show(int x, int y) const;
+    /// Copies it into another picture of one sample a pixel (0: the window's), its lower
+    /// left corner to (\p x, \p y). Drawing goes to the window from now on.
+    void copy_to(GLuint frame, int x, int y) const;
 
 private:
     GLuint frame_ = 0, colour_ = 0, depth_ = 0;
-    int width_ = 0, height_ = 0;
+    int samples_, width_ = 0, height_ = 0;
     bool is_good_ = true;
-};
-
-/// A picture with several samples a pixel, whatever the window has.
-class SmoothTarget
-{
-public:
-    SmoothTarget();
-    ~SmoothTarget();
-    SmoothTarget(const SmoothTarget&) = delete;
-    SmoothTarget& operator=(const SmoothTarget&) = delete;
-
-    /// Drawing goes there from now on; false where the driver cannot.
-    bool begin(int width, int height);
-    /// Into a picture (0: the window's), its lower left corner at (\p x, \p y).
-    void end(GLuint frame, int x, int y);
-
-private:
-    GLuint frame_ = 0, colour_ = 0, depth_ = 0;
-    int samples_ = 0, width_ = 0, height_ = 0;
 };
 
 } // namespace cellwarp
