@@ -345,7 +345,7 @@ struct Canvas::State
     std::optional<DrawnShape> shape, rest;
     CanvasCells cells;
     std::optional<ColoursOf> colours_of;
-    Selection selection; ///< likewise: a brush at work changes nothing else
+    Selection selection; ///< that the colours show: a brush at work changes only this
     std::optional<CellsOf> cells_of;
 
     PictureOf picture_wanted(const ViewOptions& options, const ViewRect& rect) const;
@@ -465,7 +465,7 @@ void Canvas::State::begin(const ViewRect& rect, int window_height,
     is_kept = picture.begin(rect.width, rect.height);
     is_smooth = options.is_smooth && smooth.begin(rect.width, rect.height);
     if (is_kept && !is_smooth)
-        picture.begin(rect.width, rect.height); // a smooth one that failed went elsewhere
+        picture.begin(rect.width, rect.height); // smooth.begin() has left it
     const bool is_beside = is_smooth || is_kept;
     const int x = is_beside ? 0 : rect.x;
     const int y = is_beside ? 0 : window_height - rect.y - rect.height;

@@ -69,7 +69,7 @@ struct InfluenceKernels
 {
     void (*weights)(const PlaceWeights&);
     void (*blend)(const PlaceBlend&);
-    /// Returns the least of them.
+    /// Returns the least of the squares.
     double (*squares)(const NodeSquares&);
 };
 
