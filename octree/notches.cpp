@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/shared_marks.h"
 #include "octree/winding.h"
 
 namespace cellwarp
@@ -32,7 +32,7 @@ constexpr std::uint8_t kAtSurface = 8;
 class SideMarker
 {
 public:
-    SideMarker(const VoxelGrid& grid, VoxelFlags& met) : grid_(grid), met_(met) {}
+    SideMarker(const VoxelGrid& grid, SharedMarks& met) : grid_(grid), met_(met) {}
 
     /// Corners in voxel units.
     void add(const std::array<Eigen::Vector3d, 3>& corners)
@@ -124,17 +124,11 @@ private:
         {
             voxel[u] = i;
             voxel[axis_] = plane_ - 1;
-            mark(voxel, static_cast<std::uint8_t>(kAtSurface | 1 << axis_));
+            met_.add(grid_.index(voxel),
+                     static_cast<std::uint8_t>(kAtSurface | 1 << axis_));
             voxel[axis_] = plane_;
-            mark(voxel, kAtSurface);
+            met_.add(grid_.index(voxel), kAtSurface);
         }
-    }
-
-    void mark(const Eigen::Vector3i& voxel, std::uint8_t marks)
-    {
-        const std::atomic_ref<std::uint8_t> known(met_[grid_.index(voxel)]);
-        if ((known.load(std::memory_order_relaxed) & marks) != marks)
-            known.fetch_or(marks, std::memory_order_relaxed);
     }
 
     int first_row(double v) const { return voxel_at(v - kMeets, (axis_ + 2) % 3); }
@@ -149,7 +143,7 @@ private:
     }
 
     const VoxelGrid& grid_;
-    VoxelFlags& met_;
+    SharedMarks& met_;
     int axis_ = 0, plane_ = 0; ///< whose sections are marked
 };
 
@@ -157,13 +151,14 @@ VoxelFlags sides_met(const Shape& shape, const std::vector<Triangle>& triangles,
                      const VoxelGrid& grid)
 {
     VoxelFlags met(grid.size());
+    SharedMarks marks(met);
     const double scale = 1.0 / grid.shape().voxel();
     const auto in_voxels = [&](std::uint32_t sample) -> Eigen::Vector3d
     { return scale * (shape.samples[sample] - grid.corner()); };
     parallel_ranges(triangles.size(), kMarkedAtOnce,
                     [&](std::size_t begin, std::size_t end)
                     {
-                        SideMarker marker(grid, met);
+                        SideMarker marker(grid, marks);
                         for (std::size_t t = begin; t < end; ++t)
                             marker.add({in_voxels(triangles[t][0]),
                                         in_voxels(triangles[t][1]),

@@ -1,24 +1,26 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A triangle's range of voxels is cut in halves, and each half is tested for an axis
-// that separates it from the triangle: its normal, the nine cross products of its edges
-// with the box's, and the box's own. A box that is a little larger than the voxel tells
-// whether the triangle touches it, one a little smaller whether it reaches into it, and
-// one that is a thin slab around a side of it whether part of the triangle lies there.
-// A small triangle in a row of voxels, which touches none of the planes beside the row,
-// needs no such test: how far it reaches along the row tells all.
+// A box meets a triangle unless one of 13 axes separates them: the triangle's normal, the
+// nine cross products of its edges with the box's, and the box's own. Of boxes side by
+// side in a row an axis separates all up to one, or all from one on: what is left between
+// those of all axes is found once a row. A box that is a little larger than the voxel
+// tells whether the triangle touches it, one a little smaller whether it reaches into it,
+// and one that is a thin slab around a side of it whether part of the triangle lies
+// there. A large triangle's range of voxels is cut in halves, of which those that do not
+// meet it are left out. A small triangle in a row of voxels, which touches none of the
+// planes beside the row, needs no such test: how far it reaches along the row tells all.
 // Nothing depends on which of two neighbours is the upper one: the marks of a mirror
 // image are the mirror image of the marks.
 #include "octree/surface_marks.h"
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 
 #include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/shared_marks.h"
 
 namespace cellwarp
 {
@@ -39,25 +41,12 @@ VoxelLines lines_in_voxels(const VoxelGrid& grid)
     return lines;
 }
 
-/// Whether a voxel has all of a mark. Another thread may give it the rest meanwhile.
-bool has_mark(std::uint8_t& voxel, std::uint8_t mark)
-{
-    return (std::atomic_ref<std::uint8_t>(voxel).load(std::memory_order_relaxed) &
-            mark) == mark;
-}
-
-void add_mark(std::uint8_t& voxel, std::uint8_t mark)
-{
-    if (!has_mark(voxel, mark)) // writing takes far longer
-        std::atomic_ref<std::uint8_t>(voxel).fetch_or(mark, std::memory_order_relaxed);
-}
-
 /// Marks the voxels that one triangle (corners in voxel units) touches.
 class TriangleMarker
 {
 public:
     TriangleMarker(const VoxelGrid& grid, const VoxelLines& lines,
-                   const std::array<Eigen::Vector3d, 3>& corners, VoxelFlags& marks)
+                   const std::array<Eigen::Vector3d, 3>& corners, SharedMarks& marks)
         : grid_(grid), lines_(lines), corners_(corners), marks_(marks)
     {
         box_low_ = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2]);
@@ -72,6 +61,9 @@ public:
             range.last[k] = static_cast<int>(
                 std::clamp(std::floor(box_high_[k] + kTouch), first, last));
         }
+        (range.last - range.first).maxCoeff(&row_);
+        u_ = (row_ + 1) % 3;
+        v_ = (row_ + 2) % 3;
         if (!mark_row(range))
             visit(range);
     }
@@ -82,34 +74,51 @@ private:
         Eigen::Vector3d low, high;
     };
 
+    /// Boxes with one section across the row meet the triangle if they begin before \p to
+    /// and end behind \p from, which may be behind it by a rounding.
+    struct Reach
+    {
+        double from = INFINITY, to = -INFINITY;
+        bool has(double low, double high) const { return low <= to && high >= from; }
+        void cut(double first, double last)
+        {
+            from = std::max(from, first);
+            to = std::min(to, last);
+        }
+    };
+
+    /// An axis, and the range of the triangle on it.
+    struct Axis
+    {
+        double along, u, v; ///< its parts: along the row, across
+        double length_u, length_v;
+        double low, high;
+    };
+
+    /// The normal and the nine cross products, turned to where the row goes.
     void find_axes()
     {
         const Eigen::Vector3d edges[3] = {corners_[1] - corners_[0],
                                           corners_[2] - corners_[1],
                                           corners_[0] - corners_[2]};
-        has_axes_ = true;
-        std::array<Eigen::Vector3d, kAxes> axes;
-        axes.fill(Eigen::Vector3d::Zero());
-        axes[0] = edges[0].cross(edges[1]);
-        for (std::size_t e = 0; e < 3; ++e)
-            for (std::size_t k = 0; k < 3; ++k)
-                axes[1 + 3 * e + k] =
-                    Eigen::Vector3d::Unit(static_cast<Eigen::Index>(k)).cross(edges[e]);
-        for (std::size_t s = 0; s < kAxes; ++s)
+        add_axis(edges[0].cross(edges[1]));
+        for (const Eigen::Vector3d& edge : edges)
+            for (int k = 0; k < 3; ++k)
+                add_axis(Eigen::Vector3d::Unit(k).cross(edge));
+    }
+
+    void add_axis(Eigen::Vector3d axis)
+    {
+        if (axis[row_] < 0.0)
+            axis = -axis;
+        double low = INFINITY, high = -INFINITY;
+        for (const Eigen::Vector3d& corner : corners_)
         {
-            low_[s] = INFINITY;
-            high_[s] = -INFINITY;
-            for (const Eigen::Vector3d& corner : corners_)
-            {
-                low_[s] = std::min(low_[s], axes[s].dot(corner));
-                high_[s] = std::max(high_[s], axes[s].dot(corner));
-            }
-            for (std::size_t k = 0; k < 3; ++k)
-            {
-                axes_[k][s] = axes[s][static_cast<Eigen::Index>(k)];
-                lengths_[k][s] = std::abs(axes_[k][s]);
-            }
+            low = std::min(low, axis.dot(corner));
+            high = std::max(high, axis.dot(corner));
         }
+        const double u = axis[u_], v = axis[v_];
+        axes_[num_axes_++] = {axis[row_], u, v, std::abs(u), std::abs(v), low, high};
     }
 
     Box box_of(const VoxelRange& range) const
@@ -124,26 +133,51 @@ private:
         return box;
     }
 
-    bool meets(const Box& box)
+    /// Where boxes touch the triangle and where it reaches into them.
+    struct Reaches
     {
-        if ((box_low_.array() > box.high.array()).any() ||
-            (box_high_.array() < box.low.array()).any())
-            return false;
-        if (!has_axes_)
-            find_axes(); // few triangles of a fine mesh need them
-        const Eigen::Vector3d half = 0.5 * (box.high - box.low);
-        const Eigen::Vector3d middle = 0.5 * (box.high + box.low);
-        int num_apart = 0; // counted to the end: several axes at once
-        for (std::size_t s = 0; s < kAxes; ++s)
+        Reach touched, penetrated;
+    };
+
+    /// Of a box's section across the row.
+    Reaches reaches(const Box& box)
+    {
+        const auto is_off = [&](int axis, double grown)
         {
-            const double centre = axes_[0][s] * middle.x() + axes_[1][s] * middle.y() +
-                                  axes_[2][s] * middle.z();
-            const double reach = lengths_[0][s] * half.x() + lengths_[1][s] * half.y() +
-                                 lengths_[2][s] * half.z();
-            num_apart += static_cast<int>(centre - reach > high_[s]) |
-                         static_cast<int>(centre + reach < low_[s]);
+            return box_low_[axis] > box.high[axis] + grown ||
+                   box_high_[axis] < box.low[axis] - grown;
+        };
+        if (is_off(u_, kTouch) || is_off(v_, kTouch))
+            return {};
+        if (num_axes_ == 0)
+            find_axes(); // few triangles of a fine mesh need them
+        const double half_u = 0.5 * (box.high[u_] - box.low[u_]);
+        const double half_v = 0.5 * (box.high[v_] - box.low[v_]);
+        const double u = 0.5 * (box.high[u_] + box.low[u_]);
+        const double v = 0.5 * (box.high[v_] + box.low[v_]);
+        Reaches result;
+        Reach &touched = result.touched, &penetrated = result.penetrated;
+        touched = penetrated = {box_low_[row_], box_high_[row_]};
+        for (const Axis& axis : axes_)
+        {
+            const double middle = axis.u * u + axis.v * v;
+            const double half = axis.length_u * half_u + axis.length_v * half_v;
+            const double grown = kTouch * (axis.length_u + axis.length_v);
+            const double low = axis.low - middle - half, high = axis.high - middle + half;
+            if (axis.along > 0.0)
+            {
+                touched.cut((low - grown) / axis.along, (high + grown) / axis.along);
+                penetrated.cut((low + grown) / axis.along, (high - grown) / axis.along);
+                continue;
+            }
+            if (low > grown || high < -grown)
+                return {};
+            if (low > -grown || high < grown)
+                penetrated = {};
         }
-        return num_apart == 0;
+        if (is_off(u_, -kTouch) || is_off(v_, -kTouch))
+            penetrated = {};
+        return result;
     }
 
     /// Calls visit(axis, is_upper, plane) for the sides of a voxel near whose planes the
@@ -172,46 +206,37 @@ private:
         return marks;
     }
 
-    /// The sides of a voxel in which part of the triangle lies.
-    std::uint8_t sides_in(const Box& box)
+    /// Whether all voxels of a row have all marks that they can get: triangles of a fine
+    /// mesh tell nothing new of most.
+    bool are_known(const VoxelRange& row) const
     {
-        std::uint8_t sides = 0;
-        for_each_side(box,
-                      [&](int axis, bool is_upper, double plane)
-                      {
-                          Box slab{box.low.array() + kTouch, box.high.array() - kTouch};
-                          slab.low[axis] = plane - 2.0 * kTouch;
-                          slab.high[axis] = plane + 2.0 * kTouch;
-                          if (meets(slab))
-                              sides |= SurfaceMark::side(axis, is_upper);
-                      });
-        return sides;
+        for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
+             ++voxel[row_])
+            if (!marks_.has(grid_.index(voxel), possible_marks(box_of({voxel, voxel}))))
+                return false;
+        return true;
     }
 
     /// Of a triangle that lies in one row of voxels and off its sides; else false.
     bool mark_row(const VoxelRange& range)
     {
-        int along = 0;
-        (range.last - range.first).maxCoeff(&along);
-        for (int axis = 0; axis < 3; ++axis)
+        for (const int axis : {u_, v_})
         {
-            if (axis == along)
-                continue;
             const std::vector<double>& lines = lines_[idx(axis)];
             if (range.first[axis] != range.last[axis] ||
                 box_low_[axis] <= lines[idx(range.first[axis])] + 2.0 * kTouch ||
                 box_high_[axis] >= lines[idx(range.first[axis]) + 1] - 2.0 * kTouch)
                 return false;
         }
-        const std::vector<double>& lines = lines_[idx(along)];
-        const double low = box_low_[along], high = box_high_[along];
+        const std::vector<double>& lines = lines_[idx(row_)];
+        const double low = box_low_[row_], high = box_high_[row_];
         const auto reaches = [&](double from, double to)
         { return low <= to && high >= from; };
         Eigen::Vector3i voxel = range.first;
-        for (; voxel[along] <= range.last[along]; ++voxel[along])
+        for (; voxel[row_] <= range.last[row_]; ++voxel[row_])
         {
-            const double begin = lines[idx(voxel[along])];
-            const double end = lines[idx(voxel[along]) + 1];
+            const double begin = lines[idx(voxel[row_])];
+            const double end = lines[idx(voxel[row_]) + 1];
             if (!reaches(begin - kTouch, end + kTouch))
                 continue;
             std::uint8_t mark = SurfaceMark::kTouched;
@@ -221,42 +246,71 @@ private:
             {
                 const double plane = is_upper ? end : begin;
                 if (low >= plane - 2.0 * kTouch && high <= plane + 2.0 * kTouch)
-                    mark |= SurfaceMark::side(along, is_upper);
+                    mark |= SurfaceMark::side(row_, is_upper);
             }
-            add_mark(marks_[grid_.index(voxel)], mark);
+            marks_.add(grid_.index(voxel), mark);
         }
         return true;
     }
 
-    bool touches(const Box& box)
+    void mark_voxels(const VoxelRange& row)
     {
-        return meets({box.low.array() - kTouch, box.high.array() + kTouch});
+        if (are_known(row))
+            return;
+        const auto [touched, penetrated] = reaches(box_of(row));
+        for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
+             ++voxel[row_])
+        {
+            const Box box = box_of({voxel, voxel});
+            const double low = box.low[row_], high = box.high[row_];
+            if (!touched.has(low - kTouch, high + kTouch))
+                continue;
+            std::uint8_t mark = SurfaceMark::kTouched;
+            if (penetrated.has(low + kTouch, high - kTouch))
+                mark |= SurfaceMark::kPenetrated;
+            for_each_side(box,
+                          [&](int axis, bool is_upper, double plane)
+                          {
+                              if (lies_in_side(box, axis, plane, penetrated))
+                                  mark |= SurfaceMark::side(axis, is_upper);
+                          });
+            marks_.add(grid_.index(voxel), mark);
+        }
     }
 
-    void mark_voxel(const Eigen::Vector3i& voxel)
+    /// Whether part of the triangle lies in the side of a voxel that is in this plane.
+    bool lies_in_side(const Box& box, int axis, double plane, const Reach& penetrated)
     {
-        const Box box = box_of({voxel, voxel});
-        std::uint8_t& marks = marks_[grid_.index(voxel)];
-        // Triangles of a fine mesh tell nothing new of most voxels.
-        if (has_mark(marks, possible_marks(box)) || !touches(box))
-            return;
-        std::uint8_t mark = SurfaceMark::kTouched;
-        if (meets({box.low.array() + kTouch, box.high.array() - kTouch}))
-            mark |= SurfaceMark::kPenetrated;
-        add_mark(marks, static_cast<std::uint8_t>(mark | sides_in(box)));
+        if (axis == row_)
+            return penetrated.has(plane - 2.0 * kTouch, plane + 2.0 * kTouch);
+        Box slab = box;
+        slab.low[axis] = plane - 3.0 * kTouch;
+        slab.high[axis] = plane + 3.0 * kTouch;
+        return reaches(slab).penetrated.has(box.low[row_] + kTouch,
+                                            box.high[row_] - kTouch);
     }
 
     void visit(const VoxelRange& range)
     {
-        constexpr double kFew = 8.0;
-        const Eigen::Vector3d extents = (range.last - range.first).cast<double>();
-        if ((extents.array() + 1.0).prod() <= kFew)
-            return for_each_voxel(range, [&](const Eigen::Vector3i& voxel)
-                                  { mark_voxel(voxel); });
-        if (!touches(box_of(range)))
+        constexpr int kFewRows = 8;
+        const Eigen::Vector3i counts = range.last - range.first + Eigen::Vector3i::Ones();
+        if (counts[u_] * counts[v_] <= kFewRows)
+        {
+            VoxelRange row = range;
+            for (int j = range.first[v_]; j <= range.last[v_]; ++j)
+                for (int i = range.first[u_]; i <= range.last[u_]; ++i)
+                {
+                    row.first[u_] = row.last[u_] = i;
+                    row.first[v_] = row.last[v_] = j;
+                    mark_voxels(row);
+                }
+            return;
+        }
+        const Box box = box_of(range);
+        if (!reaches(box).touched.has(box.low[row_] - kTouch, box.high[row_] + kTouch))
             return;
         int axis = 0;
-        extents.maxCoeff(&axis);
+        counts.maxCoeff(&axis);
         const int middle = (range.first[axis] + range.last[axis]) / 2;
         VoxelRange low = range, high = range;
         low.last[axis] = middle;
@@ -268,12 +322,10 @@ private:
     const VoxelGrid& grid_;
     const VoxelLines& lines_;
     std::array<Eigen::Vector3d, 3> corners_;
-    VoxelFlags& marks_;
-    bool has_axes_ = false;
-    /// The normal and the nine cross products, an even number with zeros; by their parts.
-    static constexpr std::size_t kAxes = 12;
-    std::array<std::array<double, kAxes>, 3> axes_, lengths_;
-    std::array<double, kAxes> low_, high_; ///< of the triangle, along each
+    SharedMarks& marks_;
+    int row_ = 0, u_ = 1, v_ = 2; ///< the axis of rows, and those across
+    std::size_t num_axes_ = 0;
+    std::array<Axis, 10> axes_;
     Eigen::Vector3d box_low_, box_high_;
 };
 
@@ -302,6 +354,7 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
 {
     constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
     VoxelFlags marks(grid.size());
+    SharedMarks shared(marks);
     const VoxelLines lines = lines_in_voxels(grid);
     std::vector<std::size_t> voxels;
     if (!shape.triangles.empty())
@@ -314,25 +367,26 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
                      // Most triangles of a fine mesh lie in the voxel of their corners.
                      const std::size_t voxel = voxels[a];
                      if (voxel != kSeveral && voxel == voxels[b] && voxel == voxels[c])
-                         add_mark(marks[voxel], kInside);
+                         shared.add(voxel, kInside);
                      else
                          TriangleMarker(grid, lines,
                                         {grid.to_voxels(shape.samples[a]),
                                          grid.to_voxels(shape.samples[b]),
                                          grid.to_voxels(shape.samples[c])},
-                                        marks);
+                                        shared);
                  });
     if (!shape.lines.empty())
     {
         // As triangles of no width. What they touch counts as reached into: a line that
         // runs along the edges of voxels would be in none of them.
         VoxelFlags of_lines(grid.size());
+        SharedMarks of_all(of_lines);
         for (const auto& [a, b] : shape.lines)
             TriangleMarker(grid, lines,
                            {grid.to_voxels(shape.samples[a]),
                             grid.to_voxels(shape.samples[b]),
                             grid.to_voxels(shape.samples[b])},
-                           of_lines);
+                           of_all);
         for_each_set(of_lines, [&](std::size_t voxel) { marks[voxel] |= kInside; });
     }
     std::vector<bool> is_used(shape.samples.size(), false);

@@ -79,6 +79,24 @@ int parts_around(const VoxelGrid& grid, const VoxelFlags& material,
     return parts;
 }
 
+/// Material of \p width voxels from \p row on: what is inside, and what the surface
+/// reaches into. Nothing is written where there is none.
+void settle_row(std::size_t row, std::size_t width, const VoxelFlags& marks,
+                const VoxelFlags& is_inside, VoxelFlags& material)
+{
+    constexpr std::size_t kAtOnce = 64;
+    const std::size_t end = row + width;
+    for (std::size_t at = row; at < end; at += kAtOnce)
+    {
+        const std::size_t next = std::min(end, at + kAtOnce);
+        if (is_inside.is_zero(at, next) && marks.is_zero(at, next))
+            continue;
+        for (std::size_t i = at; i < next; ++i)
+            material[i] = static_cast<std::uint8_t>(
+                (is_inside[i] != 0) | ((marks[i] & SurfaceMark::kPenetrated) != 0));
+    }
+}
+
 } // namespace
 
 void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
@@ -88,28 +106,32 @@ void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
     material = VoxelFlags(grid.size());
     const VoxelRange& box = grid.inside_box();
     const std::size_t width = idx(box.last.x() - box.first.x() + 1);
-    for (int k = box.first.z(); k <= box.last.z(); ++k)
-        for (int j = box.first.y(); j <= box.last.y(); ++j)
-        {
-            const std::size_t row = grid.index(box.first.x(), j, k);
-            for_each_set(is_inside, row, row + width,
-                         [&](std::size_t voxel) { material[voxel] = 1; });
-            for_each_set(marks, row, row + width,
-                         [&](std::size_t voxel)
-                         {
-                             if (marks[voxel] & SurfaceMark::kPenetrated)
-                                 material[voxel] = 1;
-                         });
-        }
+    std::vector<std::vector<std::size_t>> touched_of(idx(grid.counts().z()));
+    parallel_for(idx(box.last.z() - box.first.z() + 1), 1,
+                 [&](std::size_t layer)
+                 {
+                     const int k = box.first.z() + static_cast<int>(layer);
+                     for (int j = box.first.y(); j <= box.last.y(); ++j)
+                         settle_row(grid.index(box.first.x(), j, k), width, marks,
+                                    is_inside, material);
+                 });
     // Adds what \p is_needed, asked for all that is only touched, finds in the material
     // as it is.
-    std::vector<std::size_t> touched;
-    for_each_set(marks,
-                 [&](std::size_t voxel)
+    const std::size_t size_of_layer = grid.size() / touched_of.size();
+    parallel_for(touched_of.size(), 1,
+                 [&](std::size_t layer)
                  {
-                     if (!material[voxel])
-                         touched.push_back(voxel);
+                     for_each_set(marks, layer * size_of_layer,
+                                  (layer + 1) * size_of_layer,
+                                  [&](std::size_t voxel)
+                                  {
+                                      if (!material[voxel])
+                                          touched_of[layer].push_back(voxel);
+                                  });
                  });
+    std::vector<std::size_t> touched;
+    for (const std::vector<std::size_t>& of_layer : touched_of)
+        touched.insert(touched.end(), of_layer.begin(), of_layer.end());
     const auto add = [&](auto&& is_needed)
     {
         std::vector<char> is_added(touched.size(), 0);

@@ -7,7 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
+#include <numeric>
+#include <span>
 #include <utility>
 
 #include "octree/base/index.h"
@@ -20,16 +21,27 @@ namespace cellwarp
 namespace
 {
 
-/// Where the lines through the voxel centres along one axis cross the triangles.
+/// Where the line through the voxel centres of a column crosses a triangle.
 struct Crossing
 {
-    std::uint64_t column;
     double height; ///< [voxel]
     int sign;
     bool operator<(const Crossing& other) const
     {
-        return std::tuple(column, height, sign) <
-               std::tuple(other.column, other.height, other.sign);
+        return std::pair(height, sign) < std::pair(other.height, other.sign);
+    }
+};
+
+/// Of all columns along an axis.
+struct Crossings
+{
+    std::vector<std::uint32_t> first; ///< columns + 1 offsets
+    std::vector<Crossing> all;        ///< of a column ascending
+
+    std::size_t num_columns() const { return first.size() - 1; }
+    std::span<const Crossing> of(std::size_t column) const
+    {
+        return std::span(all).subspan(first[column], first[column + 1] - first[column]);
     }
 };
 
@@ -78,6 +90,8 @@ double height_at(const double (&p)[3][2], const double (&h)[3], double x, double
     return heights[0] + s * (heights[1] - heights[0]);
 }
 
+constexpr std::size_t kColumnsAtOnce = 256; ///< of one thread
+
 /// Which columns of voxels along an axis are asked for; empty: all.
 using Columns = std::vector<char>;
 
@@ -91,9 +105,10 @@ std::uint64_t column_of(const VoxelGrid& grid, int axis, const Eigen::Vector3i& 
     return column_at(grid, axis, voxel[(axis + 1) % 3], voxel[(axis + 2) % 3]);
 }
 
-/// Of one triangle, added to \p found.
-void add_crossings(const Shape& shape, const Triangle& t, const VoxelGrid& grid, int axis,
-                   const Columns& columns, std::vector<Crossing>& found)
+/// Calls visit(column, crossing) for those of one triangle.
+template <class Visit>
+void for_each_crossing(const Shape& shape, const Triangle& t, const VoxelGrid& grid,
+                       int axis, const Columns& columns, Visit&& visit)
 {
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
     double p[3][2], h[3];
@@ -120,82 +135,63 @@ void add_crossings(const Shape& shape, const Triangle& t, const VoxelGrid& grid,
             if (!columns.empty() && !columns[column])
                 continue;
             const double x = i + 0.5, y = j + 0.5;
-            const int s0 = side(p[0], p[1], x, y), s1 = side(p[1], p[2], x, y),
-                      s2 = side(p[2], p[0], x, y);
-            if (s0 != s1 || s1 != s2 || s0 == 0)
-                continue;
-            found.push_back({column, height_at(p, h, x, y), s0});
+            const int sign = side(p[0], p[1], x, y);
+            if (sign != 0 && side(p[1], p[2], x, y) == sign &&
+                side(p[2], p[0], x, y) == sign)
+                visit(column, Crossing{height_at(p, h, x, y), sign});
         }
 }
 
-/// By column, then ascending.
-std::vector<Crossing> crossings(const Shape& shape,
-                                const std::vector<Triangle>& triangles,
-                                const VoxelGrid& grid, int axis,
-                                const Columns& columns = {})
+Crossings crossings(const Shape& shape, const std::vector<Triangle>& triangles,
+                    const VoxelGrid& grid, int axis, const Columns& columns = {})
 {
-    constexpr std::size_t kTriangles = 16384; // of one part
-    std::vector<std::vector<Crossing>> of_parts((triangles.size() + kTriangles - 1) /
-                                                kTriangles);
+    constexpr std::size_t kTriangles = 1024; // of one part
+    struct Part
+    {
+        std::vector<std::uint64_t> columns;
+        std::vector<Crossing> crossings;
+    };
+    std::vector<Part> parts((triangles.size() + kTriangles - 1) / kTriangles);
     parallel_for(
-        of_parts.size(),
+        parts.size(), 1,
         [&](std::size_t part)
         {
             const std::size_t begin = part * kTriangles;
             const std::size_t end = std::min(triangles.size(), begin + kTriangles);
             for (std::size_t t = begin; t < end; ++t)
-                add_crossings(shape, triangles[t], grid, axis, columns, of_parts[part]);
+                for_each_crossing(shape, triangles[t], grid, axis, columns,
+                                  [&](std::uint64_t column, const Crossing& crossing)
+                                  {
+                                      parts[part].columns.push_back(column);
+                                      parts[part].crossings.push_back(crossing);
+                                  });
         });
-    std::vector<Crossing> found;
-    for (const std::vector<Crossing>& part : of_parts)
-        found.insert(found.end(), part.begin(), part.end());
-    parallel_sort(found);
+    // Two places further on at first, then one: where the next of a column goes.
+    Crossings found;
+    std::vector<std::uint32_t>& first = found.first;
+    first.resize(grid.size() / idx(grid.counts()[axis]) + 2, 0);
+    for (const Part& part : parts)
+        for (const std::uint64_t column : part.columns)
+            ++first[column + 2];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    found.all.resize(first.back());
+    for (const Part& part : parts)
+        for (std::size_t k = 0; k < part.columns.size(); ++k)
+            found.all[first[part.columns[k] + 1]++] = part.crossings[k];
+    first.pop_back();
+    parallel_for(found.num_columns(), kColumnsAtOnce,
+                 [&](std::size_t column) {
+                     std::sort(found.all.begin() + first[column],
+                               found.all.begin() + first[column + 1]);
+                 });
     return found;
 }
 
-/// Calls \p visit(voxel index, winding number seen from below, from above) for the
-/// voxels of all columns that are crossed, of one column on one thread.
-template <class Visit>
-void walk_columns(const std::vector<Crossing>& found, const VoxelGrid& grid, int axis,
-                  Visit&& visit)
+/// The first voxel of a column whose centre is above this height.
+int first_above(double height, int count)
 {
-    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    std::vector<std::size_t> first_of; // of each column, and the end
-    for (std::size_t i = 0; i < found.size(); ++i)
-        if (i == 0 || found[i].column != found[i - 1].column)
-            first_of.push_back(i);
-    const std::size_t num_columns = first_of.size();
-    first_of.push_back(found.size());
-    constexpr std::size_t kColumns = 64; // of one thread
-    parallel_for(num_columns, kColumns,
-                 [&](std::size_t c)
-                 {
-                     const std::size_t end = first_of[c + 1];
-                     std::size_t next = first_of[c];
-                     const std::uint64_t column = found[next].column;
-                     const auto across = static_cast<std::uint64_t>(grid.counts()[u]);
-                     Eigen::Vector3i voxel;
-                     voxel[u] = static_cast<int>(column % across);
-                     voxel[v] = static_cast<int>(column / across);
-                     int total = 0, below = 0;
-                     for (std::size_t i = next; i < end; ++i)
-                         total += found[i].sign;
-                     for (int h = 0; h < grid.counts()[axis]; ++h)
-                     {
-                         while (next < end && found[next].height < h + 0.5)
-                             below += found[next++].sign;
-                         if (below == 0 && total == 0)
-                         {
-                             if (next == end)
-                                 break;
-                             // Outside up to the next crossing.
-                             h = std::clamp(static_cast<int>(found[next].height - 0.5), h,
-                                            grid.counts()[axis] - 1);
-                         }
-                         voxel[axis] = h;
-                         visit(grid.index(voxel), below, total - below);
-                     }
-                 });
+    return static_cast<int>(
+        std::clamp(std::floor(height - 0.5) + 1.0, 0.0, static_cast<double>(count)));
 }
 
 } // namespace
@@ -204,11 +200,22 @@ VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& tr
                              const VoxelGrid& grid)
 {
     VoxelFlags is_inside(grid.size());
-    walk_columns(crossings(shape, triangles, grid, 2), grid, 2,
-                 [&](std::size_t voxel, int below, int)
+    // Along x, where the voxels of a column follow each other in memory.
+    const Crossings found = crossings(shape, triangles, grid, 0);
+    const int nx = grid.counts().x();
+    parallel_for(found.num_columns(), kColumnsAtOnce,
+                 [&](std::size_t column)
                  {
-                     if (below != 0)
-                         is_inside[voxel] = 1;
+                     std::uint8_t* const row = is_inside.data() + column * idx(nx);
+                     int below = 0, begin = 0; // the first voxel with this number below
+                     for (const Crossing& crossing : found.of(column))
+                     {
+                         const int next = first_above(crossing.height, nx);
+                         if (below != 0)
+                             std::fill(row + begin, row + next, std::uint8_t{1});
+                         begin = next;
+                         below += crossing.sign;
+                     }
                  });
     return is_inside;
 }
@@ -218,14 +225,42 @@ VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangl
 {
     VoxelFlags votes(grid.size());
     for (int axis = 0; axis < 3; ++axis)
-        walk_columns(crossings(shape, triangles, grid, axis), grid, axis,
-                     [&](std::size_t voxel, int below, int above)
+    {
+        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const auto across = static_cast<std::uint64_t>(grid.counts()[u]);
+        const int count = grid.counts()[axis];
+        const Crossings found = crossings(shape, triangles, grid, axis);
+        parallel_for(found.num_columns(), kColumnsAtOnce,
+                     [&](std::size_t column)
                      {
-                         if (below == 0 && above == 0)
-                             return;
-                         votes[voxel] = static_cast<std::uint8_t>(
-                             votes[voxel] + (below != 0) + (above != 0));
+                         Eigen::Vector3i voxel;
+                         voxel[u] = static_cast<int>(column % across);
+                         voxel[v] = static_cast<int>(column / across);
+                         voxel[axis] = 0;
+                         int below = 0, above = 0;
+                         for (const Crossing& crossing : found.of(column))
+                             above += crossing.sign;
+                         const auto vote_up_to = [&](int end)
+                         {
+                             const auto vote =
+                                 static_cast<std::uint8_t>((below != 0) + (above != 0));
+                             if (vote == 0)
+                                 voxel[axis] = end;
+                             for (; voxel[axis] < end; ++voxel[axis])
+                             {
+                                 std::uint8_t& of = votes[grid.index(voxel)];
+                                 of = static_cast<std::uint8_t>(of + vote);
+                             }
+                         };
+                         for (const Crossing& crossing : found.of(column))
+                         {
+                             vote_up_to(first_above(crossing.height, count));
+                             below += crossing.sign;
+                             above -= crossing.sign;
+                         }
+                         vote_up_to(count);
                      });
+    }
     return votes;
 }
 
@@ -240,19 +275,14 @@ std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& 
     Columns columns(idx(grid.counts()[u]) * idx(grid.counts()[v]), 0);
     for (const std::size_t voxel : voxels)
         columns[column_of(grid, axis, grid.coordinates(voxel))] = 1;
-    const std::vector<Crossing> found = crossings(shape, triangles, grid, axis, columns);
+    const Crossings found = crossings(shape, triangles, grid, axis, columns);
     for (std::size_t k = 0; k < voxels.size(); ++k)
     {
         const Eigen::Vector3i at = grid.coordinates(voxels[k]);
-        const std::uint64_t column = column_of(grid, axis, at);
         int below = 0;
-        for (auto crossing = std::lower_bound(found.begin(), found.end(), column,
-                                              [](const auto&a, std::uint64_t of)
-                                              { return a.column < of; });
-             crossing != found.end() && crossing->column == column &&
-             crossing->height < at[axis] + 1.0;
-             ++crossing)
-            below += crossing->sign;
+        for (const Crossing& crossing : found.of(column_of(grid, axis, at)))
+            if (crossing.height < at[axis] + 1.0)
+                below += crossing.sign;
         is_inside[k] = below != 0;
     }
     return is_inside;

@@ -171,13 +171,14 @@ std::vector<LeafNumber> leaves_of_fine_regions(const FleshModel& model,
     const VoxelGrid& grid = model.rest->material.grid;
     std::vector<char> is_fine(octree.leaves().size(), 0);
     for (std::size_t region = 0; region < model.fine->size(); ++region)
-        for (const std::uint32_t voxel : model.fine->voxels(region))
-        {
-            const LeafNumber leaf =
-                octree.find(grid.coordinates(voxel) / grid.shape().voxels_per_leaf);
-            if (leaf != LeafNumber::None)
-                is_fine[idx(leaf)] = 1;
-        }
+        model.fine->voxels(region).for_each(
+            [&](std::size_t voxel)
+            {
+                const LeafNumber leaf =
+                    octree.find(grid.coordinates(voxel) / grid.shape().voxels_per_leaf);
+                if (leaf != LeafNumber::None)
+                    is_fine[idx(leaf)] = 1;
+            });
     std::vector<LeafNumber> leaves;
     for (const LeafNumber leaf : octree.numbers())
         if (is_fine[idx(leaf)])

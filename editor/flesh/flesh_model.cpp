@@ -131,8 +131,8 @@ void take_materials(FleshModel& model)
         material.young = told.young.value_or(material.young);
         material.poisson = told.poisson.value_or(material.poisson);
         material.density = told.density.value_or(material.density);
-        for (const std::uint32_t voxel : region.voxels(0))
-            model.material_of_voxel[voxel] = number;
+        region.voxels(0).for_each([&](std::size_t voxel)
+                                  { model.material_of_voxel[voxel] = number; });
     }
 }
 

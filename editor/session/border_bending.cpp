@@ -61,12 +61,15 @@ struct Spot
     Eigen::Vector3d centre = Eigen::Vector3d::Zero();
     double radius = 0.0; ///< of a disc that is spread about its centre as it is
 
-    Spot(const RestShape& rest, std::span<const std::uint32_t> voxels)
+    Spot(const RestShape& rest, const VoxelRuns& voxels)
     {
         const VoxelGrid& grid = rest.material.grid;
-        for (const std::uint32_t voxel : voxels)
-            if (rest.material.is_sheet[voxel])
-                places.push_back(grid.centre(grid.coordinates(voxel)));
+        voxels.for_each(
+            [&](std::size_t voxel)
+            {
+                if (rest.material.is_sheet[voxel])
+                    places.push_back(grid.centre(grid.coordinates(voxel)));
+            });
         const auto count = static_cast<double>(places.size());
         for (const Eigen::Vector3d& x : places)
             centre += x / count;
@@ -115,7 +118,7 @@ public:
             for_each_patch(cell,
                            [&](const SheetPatch& patch)
                            {
-                               if (regions.holds_voxel(region, patch.voxel))
+                               if (regions.voxels(region).has(patch.voxel))
                                    area += patch.area;
                            });
         return area;

@@ -48,7 +48,7 @@ std::size_t bytes_of(const StageStart& start)
     for (std::size_t r = 0; r < start.regions->size(); ++r)
         bytes += bytes_of((*start.regions)[r].samples) +
                  bytes_of((*start.regions)[r].listed) +
-                 start.regions->voxels(r).size_bytes();
+                 bytes_of(start.regions->voxels(r).runs());
     if (const Octree* const coarsest = start.refiner.coarsest())
         bytes += bytes_of(*coarsest);
     return bytes;

@@ -56,31 +56,74 @@ void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
         }
 }
 
-/// How many voxels from \p voxel on, along the axis, belong to the cell and are inside
-/// the region or not, as wanted.
-int run_length(const Body& body, const RegionSet& regions, std::size_t region,
-               Eigen::Vector3i voxel, int axis, int step, bool wants_inside)
+/// Which voxels of a leaf belong to a region: asked for often, and dear to look up among
+/// all that the region has.
+class RegionInLeaf
 {
-    const VoxelGrid& grid = body.rest->material.grid;
-    const std::int32_t own = body.pieces.at(grid, voxel);
-    int count = 0;
-    while (voxel[axis] >= 0 && voxel[axis] < grid.counts()[axis] &&
-           body.pieces.at(grid, voxel) == own &&
-           regions.holds_voxel(region, grid.index(voxel)) == wants_inside)
+public:
+    RegionInLeaf(const VoxelGrid& grid, const VoxelBlock& block, const VoxelRuns& voxels)
+        : block_(block)
     {
-        ++count;
-        voxel[axis] += step;
+        const std::size_t width = idx(block.width);
+        is_held_.resize(width * width * width, 0);
+        for (std::size_t k = 0; k < width; ++k)
+            for (std::size_t j = 0; j < width; ++j)
+            {
+                const std::size_t row =
+                    grid.index(block.first + Eigen::Vector3i(0, static_cast<int>(j),
+                                                             static_cast<int>(k)));
+                voxels.for_each_part(
+                    row, row + width,
+                    [&](std::size_t begin, std::size_t end) {
+                        std::fill_n(&is_held_[(k * width + j) * width + begin - row],
+                                    end - begin, 1);
+                    });
+            }
     }
-    return count;
-}
+
+    /// How many voxels from \p voxel on, along the axis, belong to its cell in this leaf
+    /// and are inside the region or not, as wanted.
+    int run_length(const Body& body, Eigen::Vector3i voxel, int axis, int step,
+                   bool wants_inside) const
+    {
+        const VoxelGrid& grid = body.rest->material.grid;
+        const std::int32_t own = body.pieces.at(grid, voxel);
+        int count = 0;
+        while (is_in(block_, voxel) && body.pieces.at(grid, voxel) == own &&
+               holds(voxel) == wants_inside)
+        {
+            ++count;
+            voxel[axis] += step;
+        }
+        return count;
+    }
+
+private:
+    bool holds(const Eigen::Vector3i& voxel) const
+    {
+        const Eigen::Vector3i at = voxel - block_.first;
+        const std::size_t width = idx(block_.width);
+        return is_held_[(idx(at.z()) * width + idx(at.y())) * width + idx(at.x())] != 0;
+    }
+
+    VoxelBlock block_;
+    std::vector<char> is_held_;
+};
 
 /// From the middle of the free cell to where the region ends, averaged over the face the
 /// way springs side by side are.
-double border_length(const Body& body, const RegionSet& regions, std::size_t region,
-                     const Face& face, bool is_a_held)
+double border_length(const Body& body, const VoxelRuns& region, const Face& face,
+                     bool is_a_held)
 {
     const VoxelGrid& grid = body.rest->material.grid;
     const int axis = face.axis;
+    const auto in_leaf_of = [&](int cell)
+    {
+        const LeafNumber leaf = body.cells.cells[idx(cell)].leaf;
+        return RegionInLeaf(grid, voxel_block(grid.shape(), body.octree[leaf]), region);
+    };
+    const RegionInLeaf in_held = in_leaf_of(is_a_held ? face.a : face.b),
+                       in_loose = in_leaf_of(is_a_held ? face.b : face.a);
     const double half = 0.5 * body.cells.cells[idx(is_a_held ? face.b : face.a)].edge;
     const int outwards = is_a_held ? 1 : -1; // of the region
     double area = 0.0, stiffness = 0.0;
@@ -90,9 +133,9 @@ double border_length(const Body& body, const RegionSet& regions, std::size_t reg
         {
             const Eigen::Vector3i& held = is_a_held ? below : above;
             const Eigen::Vector3i& loose = is_a_held ? above : below;
-            int voxels = run_length(body, regions, region, held, axis, -outwards, false);
+            int voxels = in_held.run_length(body, held, axis, -outwards, false);
             if (voxels == 0)
-                voxels = -run_length(body, regions, region, loose, axis, outwards, true);
+                voxels = -in_loose.run_length(body, loose, axis, outwards, true);
             const int u = (axis + 1) % 3, v = (axis + 2) % 3;
             const double part = grid.extent(u, below[u]) * grid.extent(v, below[v]);
             area += part;
@@ -342,7 +385,7 @@ std::vector<BorderGlue> border_glue(const Body& body, const RegionSet& regions,
                  [&](std::size_t k)
                  {
                      BorderGlue& border = borders[k];
-                     border.length = border_length(body, regions, regions_there[k],
+                     border.length = border_length(body, regions.voxels(regions_there[k]),
                                                    body.cells.faces[idx(border.face)],
                                                    border.is_a_rigid);
                  });

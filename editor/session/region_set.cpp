@@ -48,7 +48,7 @@ void voxel_range(const RegionShape& shape, const VoxelGrid& grid, const WorkFram
 
 /// Those of the material that a line passes through: a thin tube may miss their centres.
 void add_voxels_on(const std::vector<Eigen::Vector3d>& line, const VoxelGrid& grid,
-                   std::vector<std::uint32_t>& voxels)
+                   std::vector<VoxelRuns::Run>& runs)
 {
     const double step = 0.25 * grid.shape().voxel();
     for (std::size_t k = 0; k + 1 < line.size(); ++k)
@@ -64,9 +64,9 @@ void add_voxels_on(const std::vector<Eigen::Vector3d>& line, const VoxelGrid& gr
                 (x.array() > grid.counts().cast<double>().array() * grid.shape().voxel())
                     .any())
                 continue;
-            const std::size_t voxel = grid.index(grid.locate(x));
+            const auto voxel = static_cast<std::uint32_t>(grid.index(grid.locate(x)));
             if (grid.material()[voxel])
-                voxels.push_back(static_cast<std::uint32_t>(voxel));
+                runs.push_back({voxel, voxel + 1});
         }
     }
 }
@@ -100,53 +100,61 @@ std::vector<std::uint32_t> voxels_on_bone(const Region& region, const VoxelGrid&
     return voxels;
 }
 
-/// The voxels whose centres lie in the shapes of a region, each once, ascending.
-std::vector<std::uint32_t> voxels_in_shapes(const Region& region, const RestShape& rest)
+/// Adds those of a row [first, last] of voxels of material whose centres are in a shape.
+void add_row(const RegionShape& shape, bool is_convex, const RestShape& rest,
+             const Eigen::Vector3i& first, int last, VoxelRuns& voxels)
 {
     const VoxelGrid& grid = rest.material.grid;
-    std::vector<std::uint32_t> voxels;
+    const std::size_t row = grid.index(0, first.y(), first.z());
+    const auto holds = [&](int i) {
+        return shape.holds(rest.frame.to_model(grid.centre({i, first.y(), first.z()})));
+    };
+    int known = -1; // whether it holds this one has been asked
+    bool holds_known = false;
+    for (int begin = first.x(); begin <= last; begin += kSideBySide)
+    {
+        const int end = std::min(begin + kSideBySide, last);
+        const std::span<const std::uint8_t> material =
+            grid.material().part(row + idx(begin), row + idx(end) + 1);
+        if (std::all_of(material.begin(), material.end(),
+                        [](std::uint8_t of) { return of == 0; }))
+            continue;
+        // All between two that are in a convex shape are.
+        const bool holds_begin = begin == known ? holds_known : holds(begin);
+        known = end;
+        holds_known = holds(end);
+        const bool has_all = is_convex && holds_begin && holds_known;
+        for (int i = begin; i < std::min(begin + kSideBySide, last + 1); ++i)
+            if (material[idx(i - begin)] && (has_all || holds(i)))
+                voxels.add(row + idx(i));
+    }
+}
+
+/// The voxels whose centres lie in the shapes of a region.
+VoxelRuns voxels_in_shapes(const Region& region, const RestShape& rest)
+{
+    const VoxelGrid& grid = rest.material.grid;
+    std::vector<VoxelRuns::Run> runs;
     const bool is_convex = !region.spline && !region.bone; // each of its shapes
     for (const RegionShape& shape : region.shapes)
     {
         Eigen::Vector3i first, last;
         voxel_range(shape, grid, rest.frame, first, last);
-        std::vector<std::vector<std::uint32_t>> of_layer(
-            idx(std::max(0, last.z() - first.z() + 1)));
-        parallel_for(
-            of_layer.size(),
-            [&](std::size_t layer)
-            {
-                const int k = first.z() + static_cast<int>(layer);
-                const auto holds = [&](int i, int j) {
-                    return shape.holds(rest.frame.to_model(grid.centre({i, j, k})));
-                };
-                for (int j = first.y(); j <= last.y(); ++j)
-                    for (int begin = first.x(); begin <= last.x(); begin += kSideBySide)
-                    {
-                        // All between two that are in a convex shape are.
-                        const int end = std::min(begin + kSideBySide - 1, last.x());
-                        const std::size_t row = grid.index(begin, j, k);
-                        const std::size_t count = idx(end - begin) + 1;
-                        if (grid.material().is_zero(row, row + count))
-                            continue;
-                        const bool has_all =
-                            is_convex && holds(begin, j) && holds(end, j);
-                        for (std::size_t i = 0; i < count; ++i)
-                            if (grid.material()[row + i] &&
-                                (has_all || holds(begin + static_cast<int>(i), j)))
-                                of_layer[layer].push_back(
-                                    static_cast<std::uint32_t>(row + i));
-                    }
-            });
-        for (const std::vector<std::uint32_t>& layer : of_layer)
-            voxels.insert(voxels.end(), layer.begin(), layer.end());
+        std::vector<VoxelRuns> of_layer(idx(std::max(0, last.z() - first.z() + 1)));
+        parallel_for(of_layer.size(),
+                     [&](std::size_t layer)
+                     {
+                         const int k = first.z() + static_cast<int>(layer);
+                         for (int j = first.y(); j <= last.y(); ++j)
+                             add_row(shape, is_convex, rest, {first.x(), j, k}, last.x(),
+                                     of_layer[layer]);
+                     });
+        for (const VoxelRuns& layer : of_layer)
+            runs.insert(runs.end(), layer.runs().begin(), layer.runs().end());
     }
     if (region.is_rod())
-        add_voxels_on(region.spline->polyline(), grid, voxels);
-    if (!std::is_sorted(voxels.begin(), voxels.end())) // one shape's are
-        std::sort(voxels.begin(), voxels.end());
-    voxels.erase(std::unique(voxels.begin(), voxels.end()), voxels.end());
-    return voxels;
+        add_voxels_on(region.spline->polyline(), grid, runs);
+    return VoxelRuns(std::move(runs));
 }
 
 double volume_of(const VoxelGrid& grid, const Eigen::Vector3i& v)
@@ -157,27 +165,71 @@ double volume_of(const VoxelGrid& grid, const Eigen::Vector3i& v)
     return product;
 }
 
+/// Calls visit(voxel) for those of a finest box of the octree, ascending.
+template <class Visit>
+void for_each_in_box(const VoxelGrid& grid, const VoxelRuns& voxels, std::size_t box,
+                     Visit&& visit)
+{
+    const auto [first, last] = grid.voxels_of_box(box);
+    for (int k = first.z(); k <= last.z(); ++k)
+        for (int j = first.y(); j <= last.y(); ++j)
+        {
+            const std::size_t row = grid.index(0, j, k);
+            voxels.for_each_part(
+                row + idx(first.x()), row + idx(last.x()) + 1,
+                [&](std::size_t begin, std::size_t end)
+                {
+                    for (std::size_t v = begin; v < end; ++v)
+                        visit(Eigen::Vector3i(static_cast<int>(v - row), j, k));
+                });
+        }
+}
+
 /// The volume of \p voxels in each finest box of the octree that holds any, by its
 /// number.
-std::vector<std::pair<std::size_t, double>>
-volumes_in_boxes(const VoxelGrid& grid, const std::vector<std::uint32_t>& voxels)
+std::vector<std::pair<std::size_t, double>> volumes_in_boxes(const VoxelGrid& grid,
+                                                             const VoxelRuns& voxels)
 {
+    const std::size_t nx = idx(grid.counts().x());
+    const int width = grid.shape().voxels_per_leaf;
+    const std::vector<double>& lines = grid.lines(0);
+    // Of a layer of boxes: those that have any, and all volumes.
+    const std::size_t boxes_of_layer = (nx / idx(width)) * idx(grid.counts().y() / width);
+    std::vector<std::size_t> touched;
+    std::vector<double> of_layer(boxes_of_layer, 0.0);
     std::vector<std::pair<std::size_t, double>> volumes;
-    for (const std::uint32_t voxel : voxels)
+    const auto finish_layer = [&]
     {
-        const Eigen::Vector3i v = grid.coordinates(voxel);
-        if (volumes.empty() || volumes.back().first != grid.box(v))
-            volumes.emplace_back(grid.box(v), 0.0);
-        volumes.back().second += volume_of(grid, v);
-    }
-    std::sort(volumes.begin(), volumes.end());
-    std::size_t count = 0;
-    for (const auto& [box, volume] : volumes)
-        if (count > 0 && volumes[count - 1].first == box)
-            volumes[count - 1].second += volume;
-        else
-            volumes[count++] = {box, volume};
-    volumes.resize(count);
+        std::sort(touched.begin(), touched.end());
+        for (const std::size_t box : touched)
+            volumes.emplace_back(box, std::exchange(of_layer[box % boxes_of_layer], 0.0));
+        touched.clear();
+    };
+    for (const VoxelRuns::Run& run : voxels.runs())
+        for (std::size_t begin = run.begin; begin < run.end;)
+        {
+            // A run may go on in the next row.
+            Eigen::Vector3i voxel = grid.coordinates(begin);
+            const std::size_t row = begin - idx(voxel.x());
+            const int end =
+                static_cast<int>(std::min<std::size_t>(run.end, row + nx) - row);
+            const double section = grid.extent(1, voxel.y()) * grid.extent(2, voxel.z());
+            begin = row + idx(end);
+            while (voxel.x() < end)
+            {
+                const std::size_t box = grid.box(voxel);
+                if (!touched.empty() &&
+                    touched.front() / boxes_of_layer != box / boxes_of_layer)
+                    finish_layer();
+                const int next = std::min(end, (voxel.x() / width + 1) * width);
+                double& volume = of_layer[box % boxes_of_layer];
+                if (volume == 0.0)
+                    touched.push_back(box);
+                volume += (lines[idx(next)] - lines[idx(voxel.x())]) * section;
+                voxel.x() = next;
+            }
+        }
+    finish_layer();
     return volumes;
 }
 
@@ -237,11 +289,10 @@ void RegionSet::find_voxels()
                      if (!regions_[r].bone)
                          return;
                      line_voxels_[r] = voxels_on_bone(regions_[r], grid);
-                     std::vector<std::uint32_t> both;
-                     std::set_union(voxels_[r].begin(), voxels_[r].end(),
-                                    line_voxels_[r].begin(), line_voxels_[r].end(),
-                                    std::back_inserter(both));
-                     voxels_[r] = std::move(both);
+                     VoxelRuns on_line;
+                     for (const std::uint32_t voxel : line_voxels_[r])
+                         on_line.add(voxel);
+                     voxels_[r] = united(voxels_[r], on_line);
                  });
     // Samples that stand for their voxels: listed ones, and all those of a region
     // that holds no voxel centre.
@@ -259,26 +310,22 @@ void RegionSet::find_voxels()
         return;
     const VoxelNumbers<std::uint32_t> nearest = nearest_samples(
         grid, shape_->samples, shape_->parts.voxel_of_sample, shape_->material.notches);
-    std::vector<std::vector<std::uint32_t>> more(size());
+    std::vector<VoxelRuns> more(size());
     nearest.for_each(
         [&](std::size_t voxel, std::uint32_t sample)
         {
             for (const std::uint32_t r : regions_of_sample[sample])
-                more[r].push_back(static_cast<std::uint32_t>(voxel));
+                more[r].add(voxel);
         });
     for (std::size_t r = 0; r < size(); ++r)
-    {
-        std::vector<std::uint32_t> both;
-        std::set_union(voxels_[r].begin(), voxels_[r].end(), more[r].begin(),
-                       more[r].end(), std::back_inserter(both));
-        voxels_[r] = std::move(both);
-    }
+        voxels_[r] = united(voxels_[r], more[r]);
 }
 
 void RegionSet::leave_out_bones()
 {
     std::vector<Region> kept;
-    std::vector<std::vector<std::uint32_t>> voxels, line_voxels;
+    std::vector<VoxelRuns> voxels;
+    std::vector<std::vector<std::uint32_t>> line_voxels;
     for (std::size_t r = 0; r < regions_.size(); ++r)
     {
         if (regions_[r].bone && voxels_[r].empty())
@@ -312,8 +359,8 @@ void RegionSet::measure()
         for (const std::uint32_t i : regions_[r].samples)
             include(shape_->samples[i]);
         if (regions_[r].samples.empty())
-            for (const std::uint32_t voxel : voxels_[r])
-                include(grid.centre(grid.coordinates(voxel)));
+            voxels_[r].for_each([&](std::size_t voxel)
+                                { include(grid.centre(grid.coordinates(voxel))); });
     }
 }
 
@@ -330,12 +377,6 @@ void RegionSet::find_overlaps()
             else
                 first_region[i] = static_cast<int>(r);
         }
-}
-
-bool RegionSet::holds_voxel(std::size_t region, std::size_t voxel) const
-{
-    return std::binary_search(voxels_[region].begin(), voxels_[region].end(),
-                              static_cast<std::uint32_t>(voxel));
 }
 
 /// The samples of a region in components of the body where it has no part of any piece.
@@ -377,13 +418,11 @@ std::vector<RegionShares> RegionSet::shares(const Body& body) const
                 if (only >= 0)
                     part[idx(only)] += volume;
                 else
-                    for_each_voxel(grid.voxels_of_box(box),
-                                   [&](const Eigen::Vector3i& voxel)
-                                   {
-                                       if (holds_voxel(r, grid.index(voxel)))
-                                           part[idx(pieces.at(grid, voxel))] +=
-                                               volume_of(grid, voxel);
-                                   });
+                    for_each_in_box(grid, voxels_[r], box,
+                                    [&](const Eigen::Vector3i& voxel) {
+                                        part[idx(pieces.at(grid, voxel))] +=
+                                            volume_of(grid, voxel);
+                                    });
             }
             // Where none of its voxels is in a component that holds samples of it,
             // because it ends there within a voxel or others outnumber its samples: the

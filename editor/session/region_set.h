@@ -13,6 +13,7 @@
 #include "editor/session/body.h"
 #include "editor/session/regions.h"
 #include "editor/session/skeleton_handle.h"
+#include "octree/voxel_runs.h"
 
 namespace cellwarp
 {
@@ -50,12 +51,7 @@ public:
     /// Names of bones that meet no material.
     const std::vector<std::string>& outside() const { return outside_; }
 
-    /// Ascending.
-    std::span<const std::uint32_t> voxels(std::size_t region) const
-    {
-        return voxels_[region];
-    }
-    bool holds_voxel(std::size_t region, std::size_t voxel) const;
+    const VoxelRuns& voxels(std::size_t region) const { return voxels_[region]; }
 
     /// Of all regions in the cells of a body of this shape. Every component of the body
     /// that holds samples of a region has a share of it, be it a token; none of a curve.
@@ -94,7 +90,7 @@ private:
     std::string file_;
     std::shared_ptr<const SkeletonHandle> skeleton_;
     std::vector<std::string> outside_;
-    std::vector<std::vector<std::uint32_t>> voxels_;
+    std::vector<VoxelRuns> voxels_;
     /// Of the voxels in each finest box of the octree that holds any, by its number.
     std::vector<std::vector<std::pair<std::size_t, double>>> volumes_;
     std::vector<std::vector<std::uint32_t>> line_voxels_; ///< of bones
