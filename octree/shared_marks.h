@@ -21,14 +21,16 @@ class SharedMarks
 public:
     /// \p marks must outlive this.
     explicit SharedMarks(VoxelFlags& marks)
-        : marks_(marks), is_written_(marks.size() / kPage + 1)
+        : marks_(marks),
+          into_page_(reinterpret_cast<std::uintptr_t>(marks.data()) % kPage),
+          is_written_((into_page_ + marks.size()) / kPage + 1)
     {
     }
 
     /// Whether a voxel has all of a mark. Another thread may give it the rest meanwhile.
     bool has(std::size_t voxel, std::uint8_t mark) const
     {
-        return is_written_[voxel / kPage].load(std::memory_order_relaxed) &&
+        return is_written_[page(voxel)].load(std::memory_order_relaxed) &&
                (std::atomic_ref<std::uint8_t>(marks_[voxel])
                     .load(std::memory_order_relaxed) &
                 mark) == mark;
@@ -39,13 +41,16 @@ public:
             return;
         std::atomic_ref<std::uint8_t>(marks_[voxel])
             .fetch_or(mark, std::memory_order_relaxed);
-        is_written_[voxel / kPage].store(true, std::memory_order_relaxed);
+        is_written_[page(voxel)].store(true, std::memory_order_relaxed);
     }
 
 private:
     static constexpr std::size_t kPage = 4096; ///< [byte]
 
+    std::size_t page(std::size_t voxel) const { return (into_page_ + voxel) / kPage; }
+
     VoxelFlags& marks_;
+    std::size_t into_page_;                     ///< of the first voxel
     std::vector<std::atomic<bool>> is_written_; ///< of each page
 };
 

@@ -30,6 +30,8 @@ namespace
 
 using VoxelLines = std::array<std::vector<double>, 3>;
 
+constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
+
 /// Where voxels begin and end [voxel], as VoxelGrid::to_voxels() counts.
 VoxelLines lines_in_voxels(const VoxelGrid& grid)
 {
@@ -180,6 +182,11 @@ private:
         return result;
     }
 
+    bool is_flat(int axis) const
+    {
+        return box_high_[axis] - box_low_[axis] <= 4.0 * kTouch;
+    }
+
     /// Calls visit(axis, is_upper, plane) for the sides of a voxel near whose planes the
     /// triangle is.
     template <class Visit>
@@ -187,7 +194,7 @@ private:
     {
         for (int axis = 0; axis < 3; ++axis)
         {
-            if (box_high_[axis] - box_low_[axis] > 4.0 * kTouch)
+            if (!is_flat(axis))
                 continue;
             for (const bool is_upper : {false, true})
                 if (const double plane = is_upper ? box.high[axis] : box.low[axis];
@@ -200,7 +207,7 @@ private:
     /// All marks that a voxel can get from the triangle.
     std::uint8_t possible_marks(const Box& box) const
     {
-        std::uint8_t marks = SurfaceMark::kTouched | SurfaceMark::kPenetrated;
+        std::uint8_t marks = kInside;
         for_each_side(box, [&](int axis, bool is_upper, double)
                       { marks |= SurfaceMark::side(axis, is_upper); });
         return marks;
@@ -210,9 +217,12 @@ private:
     /// mesh tell nothing new of most.
     bool are_known(const VoxelRange& row) const
     {
+        const bool may_lie_in_sides = is_flat(0) || is_flat(1) || is_flat(2);
         for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
              ++voxel[row_])
-            if (!marks_.has(grid_.index(voxel), possible_marks(box_of({voxel, voxel}))))
+            if (!marks_.has(grid_.index(voxel),
+                            may_lie_in_sides ? possible_marks(box_of({voxel, voxel}))
+                                             : kInside))
                 return false;
         return true;
     }
@@ -352,7 +362,6 @@ std::vector<std::size_t> only_voxels(const std::vector<Eigen::Vector3d>& samples
 
 VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
 {
-    constexpr std::uint8_t kInside = SurfaceMark::kPenetrated | SurfaceMark::kTouched;
     VoxelFlags marks(grid.size());
     SharedMarks shared(marks);
     const VoxelLines lines = lines_in_voxels(grid);

@@ -30,67 +30,48 @@ constexpr double kSameShare = 1e-6;
 /// reach its middle.
 constexpr double kShortest = 0.1;
 
-/// The faces of voxels of which a face of glue is made: calls visit(below, above).
-template <class Visit>
-void for_each_voxel_face(const Body& body, const Face& face, Visit&& visit)
-{
-    const VoxelGrid& grid = body.rest->material.grid;
-    const Cell& a = body.cells.cells[idx(face.a)];
-    const VoxelBlock block = voxel_block(grid.shape(), body.octree[a.leaf]);
-    // What touches may be a crumb that belongs to the upper cell, from another leaf.
-    const Cell& b = body.cells.cells[idx(face.b)];
-    const VoxelBlock above_block = voxel_block(grid.shape(), body.octree[b.leaf]);
-    const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
-    Eigen::Vector3i below;
-    below[axis] = block.first[axis] + block.width - 1;
-    for (int j = 0; j < block.width; ++j)
-        for (int i = 0; i < block.width; ++i)
-        {
-            below[u] = block.first[u] + i;
-            below[v] = block.first[v] + j;
-            Eigen::Vector3i above = below;
-            ++above[axis];
-            if (body.pieces.at(grid, below) == face.a &&
-                body.pieces.at(grid, above) == face.b && is_in(above_block, above))
-                visit(below, above);
-        }
-}
-
-/// Which voxels of a leaf belong to a region: asked for often, and dear to look up among
-/// all that the region has.
-class RegionInLeaf
+/// The voxels of one cell in its leaf, and which of them belong to a region: asked for
+/// often, and dear to look up in all that body and region have.
+class CellVoxels
 {
 public:
-    RegionInLeaf(const VoxelGrid& grid, const VoxelBlock& block, const VoxelRuns& voxels)
-        : block_(block)
-    {
-        const std::size_t width = idx(block.width);
-        is_held_.resize(width * width * width, 0);
-        for (std::size_t k = 0; k < width; ++k)
-            for (std::size_t j = 0; j < width; ++j)
-            {
-                const std::size_t row =
-                    grid.index(block.first + Eigen::Vector3i(0, static_cast<int>(j),
-                                                             static_cast<int>(k)));
-                voxels.for_each_part(
-                    row, row + width,
-                    [&](std::size_t begin, std::size_t end) {
-                        std::fill_n(&is_held_[(k * width + j) * width + begin - row],
-                                    end - begin, 1);
-                    });
-            }
-    }
-
-    /// How many voxels from \p voxel on, along the axis, belong to its cell in this leaf
-    /// and are inside the region or not, as wanted.
-    int run_length(const Body& body, Eigen::Vector3i voxel, int axis, int step,
-                   bool wants_inside) const
+    CellVoxels(const Body& body, const VoxelRuns& region, int cell)
     {
         const VoxelGrid& grid = body.rest->material.grid;
-        const std::int32_t own = body.pieces.at(grid, voxel);
+        const LeafNumber leaf = body.cells.cells[idx(cell)].leaf;
+        block_ = voxel_block(grid.shape(), body.octree[leaf]);
+        const std::size_t width = idx(block_.width);
+        bits_.resize(width * width * width, 0);
+        body.pieces.for_each_run(
+            grid, block_, leaf,
+            [&](int j, int k, int first, int last, std::int32_t piece)
+            {
+                if (piece != cell)
+                    return;
+                char* const row = &bits_[(idx(k) * width + idx(j)) * width];
+                std::fill(row + first, row + last, kOwn);
+                const std::size_t start =
+                    grid.index(block_.first + Eigen::Vector3i(0, j, k));
+                region.for_each_part(start + idx(first), start + idx(last),
+                                     [&](std::size_t begin, std::size_t end) {
+                                         std::fill(row + begin - start, row + end - start,
+                                                   static_cast<char>(kOwn | kHeld));
+                                     });
+            });
+    }
+
+    const VoxelBlock& block() const { return block_; }
+    bool has(const Eigen::Vector3i& voxel) const
+    {
+        return is_in(block_, voxel) && bits(voxel) != 0;
+    }
+    /// How many voxels of the cell from \p voxel on, along the axis, are inside the
+    /// region or not, as wanted.
+    int run_length(Eigen::Vector3i voxel, int axis, int step, bool wants_inside) const
+    {
+        const int wanted = wants_inside ? kOwn | kHeld : kOwn;
         int count = 0;
-        while (is_in(block_, voxel) && body.pieces.at(grid, voxel) == own &&
-               holds(voxel) == wants_inside)
+        while (is_in(block_, voxel) && bits(voxel) == wanted)
         {
             ++count;
             voxel[axis] += step;
@@ -99,15 +80,17 @@ public:
     }
 
 private:
-    bool holds(const Eigen::Vector3i& voxel) const
+    static constexpr char kOwn = 1, kHeld = 2;
+
+    char bits(const Eigen::Vector3i& voxel) const
     {
         const Eigen::Vector3i at = voxel - block_.first;
         const std::size_t width = idx(block_.width);
-        return is_held_[(idx(at.z()) * width + idx(at.y())) * width + idx(at.x())] != 0;
+        return bits_[(idx(at.z()) * width + idx(at.y())) * width + idx(at.x())];
     }
 
     VoxelBlock block_;
-    std::vector<char> is_held_;
+    std::vector<char> bits_;
 };
 
 /// From the middle of the free cell to where the region ends, averaged over the face the
@@ -116,33 +99,36 @@ double border_length(const Body& body, const VoxelRuns& region, const Face& face
                      bool is_a_held)
 {
     const VoxelGrid& grid = body.rest->material.grid;
-    const int axis = face.axis;
-    const auto in_leaf_of = [&](int cell)
-    {
-        const LeafNumber leaf = body.cells.cells[idx(cell)].leaf;
-        return RegionInLeaf(grid, voxel_block(grid.shape(), body.octree[leaf]), region);
-    };
-    const RegionInLeaf in_held = in_leaf_of(is_a_held ? face.a : face.b),
-                       in_loose = in_leaf_of(is_a_held ? face.b : face.a);
+    const CellVoxels a(body, region, face.a), b(body, region, face.b);
+    const CellVoxels &held = is_a_held ? a : b, &loose = is_a_held ? b : a;
     const double half = 0.5 * body.cells.cells[idx(is_a_held ? face.b : face.a)].edge;
     const int outwards = is_a_held ? 1 : -1; // of the region
+    const int axis = face.axis, u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const VoxelBlock& block = a.block();
+    Eigen::Vector3i below;
+    below[axis] = block.first[axis] + block.width - 1;
     double area = 0.0, stiffness = 0.0;
-    for_each_voxel_face(
-        body, face,
-        [&](const Eigen::Vector3i& below, const Eigen::Vector3i& above)
+    for (int j = 0; j < block.width; ++j)
+        for (int i = 0; i < block.width; ++i)
         {
-            const Eigen::Vector3i& held = is_a_held ? below : above;
-            const Eigen::Vector3i& loose = is_a_held ? above : below;
-            int voxels = in_held.run_length(body, held, axis, -outwards, false);
+            below[u] = block.first[u] + i;
+            below[v] = block.first[v] + j;
+            Eigen::Vector3i above = below;
+            ++above[axis];
+            if (!a.has(below) || !b.has(above))
+                continue;
+            int voxels =
+                held.run_length(is_a_held ? below : above, axis, -outwards, false);
             if (voxels == 0)
-                voxels = -in_loose.run_length(body, loose, axis, outwards, true);
-            const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+                voxels =
+                    -loose.run_length(is_a_held ? above : below, axis, outwards, true);
             const double part = grid.extent(u, below[u]) * grid.extent(v, below[v]);
             area += part;
             stiffness +=
                 part / std::max(half + voxels * grid.shape().voxel(), kShortest * half);
-        });
-    return area / stiffness;
+        }
+    // Where nothing but crumbs touches, which count to the other leaf.
+    return area > 0.0 ? area / stiffness : half;
 }
 
 /// See prescribing_regions(); a region may be left without a cell. \p component: of each

@@ -15,9 +15,6 @@ namespace cellwarp
 namespace
 {
 
-/// Voxels along x that are tested against a region's shape together.
-constexpr int kSideBySide = 8;
-
 /// Share of the cells that stand for samples without a voxel: below any real one.
 constexpr double kTokenShare = 1e-3;
 
@@ -100,60 +97,137 @@ std::vector<std::uint32_t> voxels_on_bone(const Region& region, const VoxelGrid&
     return voxels;
 }
 
-/// Adds those of a row [first, last] of voxels of material whose centres are in a shape.
-void add_row(const RegionShape& shape, bool is_convex, const RestShape& rest,
-             const Eigen::Vector3i& first, int last, VoxelRuns& voxels)
+/// Finds the voxels of material whose centres lie in a shape: blocks of them are asked
+/// for together, of which most lie inside or outside as a whole.
+class ShapeVoxels
 {
-    const VoxelGrid& grid = rest.material.grid;
-    const std::size_t row = grid.index(0, first.y(), first.z());
-    const auto holds = [&](int i) {
-        return shape.holds(rest.frame.to_model(grid.centre({i, first.y(), first.z()})));
-    };
-    int known = -1; // whether it holds this one has been asked
-    bool holds_known = false;
-    for (int begin = first.x(); begin <= last; begin += kSideBySide)
+public:
+    ShapeVoxels(const RegionShape& shape, bool is_convex, const RestShape& rest)
+        : shape_(shape), is_convex_(is_convex), grid_(rest.material.grid),
+          frame_(rest.frame)
     {
-        const int end = std::min(begin + kSideBySide, last);
-        const std::span<const std::uint8_t> material =
-            grid.material().part(row + idx(begin), row + idx(end) + 1);
-        if (std::all_of(material.begin(), material.end(),
-                        [](std::uint8_t of) { return of == 0; }))
-            continue;
-        // All between two that are in a convex shape are.
-        const bool holds_begin = begin == known ? holds_known : holds(begin);
-        known = end;
-        holds_known = holds(end);
-        const bool has_all = is_convex && holds_begin && holds_known;
-        for (int i = begin; i < std::min(begin + kSideBySide, last + 1); ++i)
-            if (material[idx(i - begin)] && (has_all || holds(i)))
-                voxels.add(row + idx(i));
+        voxel_range(shape, grid_, frame_, first_, last_);
+        for (int axis = 0; axis < 3; ++axis)
+            counts_[axis] = std::max(0, (last_[axis] - first_[axis]) / kWidth + 1);
+        if ((last_ - first_).minCoeff() < 0)
+            counts_.setZero();
     }
-}
+
+    /// Of layers of blocks.
+    std::size_t num_layers() const { return idx(counts_.z()); }
+
+    VoxelRuns of_layer(std::size_t layer) const
+    {
+        const int begin = first_.z() + static_cast<int>(layer) * kWidth;
+        const int end = std::min(begin + kWidth - 1, last_.z());
+        std::vector<Lies> blocks;
+        for (int j = 0; j < counts_.y(); ++j)
+            for (int i = 0; i < counts_.x(); ++i)
+            {
+                VoxelRange block{first_ + kWidth * Eigen::Vector3i(i, j, 0), {}};
+                block.first.z() = begin;
+                block.last = (block.first.array() + kWidth - 1).min(last_.array());
+                blocks.push_back(where(block));
+            }
+        VoxelRuns voxels;
+        for (int k = begin; k <= end; ++k)
+            for (int j = first_.y(); j <= last_.y(); ++j)
+                for (int i = 0; i < counts_.x(); ++i)
+                {
+                    const int block = (j - first_.y()) / kWidth * counts_.x() + i;
+                    if (blocks[idx(block)] == Lies::Outside)
+                        continue;
+                    const int x = first_.x() + i * kWidth;
+                    add_row({x, j, k}, std::min(x + kWidth - 1, last_.x()),
+                            blocks[idx(block)] == Lies::Inside, voxels);
+                }
+        return voxels;
+    }
+
+private:
+    static constexpr int kWidth = 8; ///< of a block [voxel]
+
+    enum class Lies : char
+    {
+        Outside,
+        Inside,
+        Across ///< or it is not known
+    };
+
+    Eigen::Vector3d centre(const Eigen::Vector3i& voxel) const
+    {
+        return frame_.to_model(grid_.centre(voxel));
+    }
+    bool holds(const Eigen::Vector3i& voxel) const { return shape_.holds(centre(voxel)); }
+
+    Lies where(const VoxelRange& block) const
+    {
+        if (!has_material(block))
+            return Lies::Outside;
+        if (!is_convex_)
+            return Lies::Across;
+        const Eigen::Vector3d low = centre(block.first), high = centre(block.last);
+        const double radius = (0.5 + kRounding) * (high - low).norm();
+        if (shape_.distance(0.5 * (low + high)) > radius)
+            return Lies::Outside;
+        for (int corner = 0; corner < 8; ++corner)
+        {
+            Eigen::Vector3i voxel = block.first;
+            for (int axis = 0; axis < 3; ++axis)
+                if (corner >> axis & 1)
+                    voxel[axis] = block.last[axis];
+            if (!holds(voxel))
+                return Lies::Across;
+        }
+        return Lies::Inside; // with its corners, as the shape is convex
+    }
+
+    bool has_material(const VoxelRange& block) const
+    {
+        const std::size_t width = idx(block.last.x() - block.first.x() + 1);
+        for (int k = block.first.z(); k <= block.last.z(); ++k)
+            for (int j = block.first.y(); j <= block.last.y(); ++j)
+            {
+                const std::size_t row = grid_.index(block.first.x(), j, k);
+                if (!grid_.material().is_zero(row, row + width))
+                    return true;
+            }
+        return false;
+    }
+
+    /// From \p voxel to \p last along x.
+    void add_row(Eigen::Vector3i voxel, int last, bool is_inside, VoxelRuns& voxels) const
+    {
+        std::size_t index = grid_.index(voxel);
+        for (; voxel.x() <= last; ++voxel.x(), ++index)
+            if (grid_.material()[index] && (is_inside || holds(voxel)))
+                voxels.add(index);
+    }
+
+    static constexpr double kRounding = 1e-6; ///< far more than rounding, relative
+
+    const RegionShape& shape_;
+    bool is_convex_;
+    const VoxelGrid& grid_;
+    const WorkFrame& frame_;
+    Eigen::Vector3i first_, last_, counts_;
+};
 
 /// The voxels whose centres lie in the shapes of a region.
 VoxelRuns voxels_in_shapes(const Region& region, const RestShape& rest)
 {
-    const VoxelGrid& grid = rest.material.grid;
     std::vector<VoxelRuns::Run> runs;
-    const bool is_convex = !region.spline && !region.bone; // each of its shapes
     for (const RegionShape& shape : region.shapes)
     {
-        Eigen::Vector3i first, last;
-        voxel_range(shape, grid, rest.frame, first, last);
-        std::vector<VoxelRuns> of_layer(idx(std::max(0, last.z() - first.z() + 1)));
-        parallel_for(of_layer.size(),
-                     [&](std::size_t layer)
-                     {
-                         const int k = first.z() + static_cast<int>(layer);
-                         for (int j = first.y(); j <= last.y(); ++j)
-                             add_row(shape, is_convex, rest, {first.x(), j, k}, last.x(),
-                                     of_layer[layer]);
-                     });
+        const ShapeVoxels finder(shape, !region.spline && !region.bone, rest);
+        std::vector<VoxelRuns> of_layer(finder.num_layers());
+        parallel_for(of_layer.size(), [&](std::size_t layer)
+                     { of_layer[layer] = finder.of_layer(layer); });
         for (const VoxelRuns& layer : of_layer)
             runs.insert(runs.end(), layer.runs().begin(), layer.runs().end());
     }
     if (region.is_rod())
-        add_voxels_on(region.spline->polyline(), grid, runs);
+        add_voxels_on(region.spline->polyline(), rest.material.grid, runs);
     return VoxelRuns(std::move(runs));
 }
 

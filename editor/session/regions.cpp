@@ -76,10 +76,15 @@ RegionShape shape_of(const Selector& selector, const Units& units)
     case Selector::Kind::Halfspace:
     {
         const Eigen::Vector3d normal(n[0], n[1], n[2]);
-        const double d = n[3], unit = is_relative ? size.norm() : 1.0;
+        const double d = n[3];
+        // How fast it comes nearer along a way of the model.
+        Eigen::Vector3d slope = normal;
+        if (is_relative)
+            for (int k = 0; k < 3; ++k)
+                slope[k] = size[k] > 0 ? normal[k] / size[k] : 0.0;
         return {[=](const Eigen::Vector3d& x) { return normal.dot(relative(x)) >= d; },
                 [=](const Eigen::Vector3d& x)
-                { return unit * (d - normal.dot(relative(x))) / normal.norm(); }};
+                { return (d - normal.dot(relative(x))) / slope.norm(); }};
     }
     default:
         return {[](const Eigen::Vector3d&) { return true; },
