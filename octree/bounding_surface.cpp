@@ -2,6 +2,7 @@
 #include "octree/bounding_surface.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -18,6 +19,8 @@ namespace cellwarp
 
 namespace
 {
+
+constexpr std::size_t kTrianglesAtOnce = 1 << 14; ///< of one thread
 
 /// A triangle with its smallest corner first, the orientation kept.
 Triangle canonical(Triangle t)
@@ -54,6 +57,34 @@ void sort_around(std::span<Triangle> triangles, const Key& key)
             std::swap(triangles[i], triangles[i - 1]);
 }
 
+/// Whether every edge is passed as often in one direction as in the other: then numbers
+/// of the edges that look random, added for passes one way and taken off for those the
+/// other, leave nothing. If some edge is not, they do but in one of 2^64 cases.
+bool surely_closed(const std::vector<Triangle>& triangles)
+{
+    std::vector<std::uint64_t> sums((triangles.size() + kTrianglesAtOnce - 1) /
+                                    kTrianglesAtOnce);
+    parallel_for(sums.size(), 1,
+                 [&](std::size_t part)
+                 {
+                     const std::size_t begin = part * kTrianglesAtOnce;
+                     const std::size_t end =
+                         std::min(triangles.size(), begin + kTrianglesAtOnce);
+                     std::uint64_t sum = 0;
+                     for (std::size_t t = begin; t < end; ++t)
+                         for (std::size_t k = 0; k < 3; ++k)
+                         {
+                             const std::uint32_t a = triangles[t][k];
+                             const std::uint32_t b = triangles[t][(k + 1) % 3];
+                             const std::uint64_t number =
+                                 mixed(key_of(std::min(a, b), std::max(a, b)));
+                             sum += a < b ? number : -number;
+                         }
+                     sums[part] = sum;
+                 });
+    return std::accumulate(sums.begin(), sums.end(), std::uint64_t{0}) == 0;
+}
+
 double open_edge_share(const std::vector<Triangle>& triangles, std::size_t num_samples)
 {
     if (triangles.empty())
@@ -64,6 +95,8 @@ double open_edge_share(const std::vector<Triangle>& triangles, std::size_t num_s
             for (std::size_t k = 0; k < 3; ++k)
                 pass(t[k], t[(k + 1) % 3]);
     };
+    if (surely_closed(triangles))
+        return 0.0;
     std::size_t open = 0, total = 0;
     for_each_edge(num_samples, each_pass,
                   [&](const Edge& edge)
@@ -114,10 +147,22 @@ std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& sa
     std::vector<std::uint32_t> joined(samples.size());
     // Open addressing, at most half full: a place goes behind those that have its slot.
     std::vector<std::uint32_t> first_at(std::bit_ceil(2 * samples.size() + 1), none);
+    // Slots lie anywhere: those of the next samples are fetched meanwhile.
+    constexpr std::size_t kAhead = 16;
+    const std::size_t last_slot = first_at.size() - 1;
+    std::array<std::size_t, kAhead> slots;
+    const auto fetch = [&](std::size_t i)
+    {
+        slots[i % kAhead] = hash_of(samples[i]) & last_slot;
+        __builtin_prefetch(&first_at[slots[i % kAhead]], 1);
+    };
+    for (std::size_t i = 0; i < std::min(kAhead, samples.size()); ++i)
+        fetch(i);
     for (std::uint32_t i = 0; i < samples.size(); ++i)
-        for (std::size_t slot = hash_of(samples[i]);; ++slot)
+    {
+        for (std::size_t slot = slots[i % kAhead];; ++slot)
         {
-            std::uint32_t& first = first_at[slot & (first_at.size() - 1)];
+            std::uint32_t& first = first_at[slot & last_slot];
             if (first == none)
                 first = i;
             if (first == i || samples[first] == samples[i])
@@ -126,6 +171,9 @@ std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& sa
                 break;
             }
         }
+        if (i + kAhead < samples.size())
+            fetch(i + kAhead);
+    }
     return joined;
 }
 
@@ -164,14 +212,31 @@ BoundingSurface bounding_surface(const Shape& shape)
         if (!(surface.open_edges < open))
             surface = {std::move(without), open};
     }
-    for (auto begin = triangles.begin(); begin != triangles.end();)
-    {
-        const auto end =
-            std::find_if(begin, triangles.end(),
-                         [&](const Triangle& t) { return t[0] != (*begin)[0]; });
-        sort_around({begin, end}, [](const Triangle& t) { return key_of(t[1], t[2]); });
-        begin = end;
-    }
+    // Parts that begin with a corner's first triangle, one for each thread at a time.
+    std::vector<std::size_t> parts = {0};
+    const auto is_next = [&](std::size_t t)
+    { return triangles[t][0] != triangles[t - 1][0]; };
+    for (std::size_t t = kTrianglesAtOnce; t < triangles.size(); ++t)
+        if (is_next(t))
+        {
+            parts.push_back(t);
+            t += kTrianglesAtOnce;
+        }
+    parts.push_back(triangles.size());
+    parallel_for(parts.size() - 1, 1,
+                 [&](std::size_t part)
+                 {
+                     for (std::size_t begin = parts[part]; begin < parts[part + 1];)
+                     {
+                         std::size_t end = begin + 1;
+                         while (end < parts[part + 1] && !is_next(end))
+                             ++end;
+                         sort_around(std::span(triangles).subspan(begin, end - begin),
+                                     [](const Triangle& t)
+                                     { return key_of(t[1], t[2]); });
+                         begin = end;
+                     }
+                 });
     return surface;
 }
 

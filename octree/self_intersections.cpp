@@ -20,6 +20,7 @@
 
 #include <Eigen/Geometry>
 
+#include "octree/base/hash.h"
 #include "octree/base/index.h"
 #include "octree/base/morton.h"
 #include "octree/base/parallel.h"
@@ -133,14 +134,6 @@ struct TriangleLeaf
 
 /// Far beyond rounding, relative.
 constexpr double kSure = 1e-6;
-
-/// Of a number, one that looks random.
-std::uint64_t mixed(std::uint64_t x)
-{
-    x = (x ^ x >> 31) * 0x9e3779b97f4a7c15u;
-    x = (x ^ x >> 29) * 0xbf58476d1ce4e5b9u;
-    return x ^ x >> 32;
-}
 
 /// Whether the triangles around a corner, seen along the mean of their normals, have
 /// every direction once. Each is given by the two corners that follow this one in it.

@@ -135,6 +135,13 @@ private:
         return box;
     }
 
+    /// Whether the triangle lies off a box that is grown by so much, along one axis.
+    bool is_off(const Box& box, int axis, double grown) const
+    {
+        return box_low_[axis] > box.high[axis] + grown ||
+               box_high_[axis] < box.low[axis] - grown;
+    }
+
     /// Where boxes touch the triangle and where it reaches into them.
     struct Reaches
     {
@@ -144,12 +151,7 @@ private:
     /// Of a box's section across the row.
     Reaches reaches(const Box& box)
     {
-        const auto is_off = [&](int axis, double grown)
-        {
-            return box_low_[axis] > box.high[axis] + grown ||
-                   box_high_[axis] < box.low[axis] - grown;
-        };
-        if (is_off(u_, kTouch) || is_off(v_, kTouch))
+        if (is_off(box, u_, kTouch) || is_off(box, v_, kTouch))
             return {};
         if (num_axes_ == 0)
             find_axes(); // few triangles of a fine mesh need them
@@ -177,7 +179,7 @@ private:
             if (low > -grown || high < grown)
                 penetrated = {};
         }
-        if (is_off(u_, -kTouch) || is_off(v_, -kTouch))
+        if (is_off(box, u_, -kTouch) || is_off(box, v_, -kTouch))
             penetrated = {};
         return result;
     }
@@ -207,7 +209,10 @@ private:
     /// All marks that a voxel can get from the triangle.
     std::uint8_t possible_marks(const Box& box) const
     {
-        std::uint8_t marks = kInside;
+        std::uint8_t marks = SurfaceMark::kTouched;
+        if (!is_off(box, 0, -kTouch) && !is_off(box, 1, -kTouch) &&
+            !is_off(box, 2, -kTouch))
+            marks |= SurfaceMark::kPenetrated;
         for_each_side(box, [&](int axis, bool is_upper, double)
                       { marks |= SurfaceMark::side(axis, is_upper); });
         return marks;

@@ -20,11 +20,11 @@
 #include <cmath>
 #include <limits>
 #include <set>
-#include <tuple>
 
 #include <unsupported/Eigen/AutoDiff>
 
 #include "octree/base/index.h"
+#include "octree/bounding_surface.h"
 #include "solver/cells/glue_distances.h"
 #include "solver/field/influence_kernel.h"
 
@@ -51,23 +51,23 @@ const Eigen::Vector3d kNoSlope = Eigen::Vector3d::Zero();
 /// Further nodes this near to another node are the same place [edge].
 constexpr double kSamePlace = 1e-6;
 
-/// The first node of every place.
-std::vector<RegionFade::Node> distinct(std::span<const RegionFade::Node> nodes)
-{
-    std::set<std::tuple<double, double, double>> places;
-    std::vector<RegionFade::Node> kept;
-    for (const RegionFade::Node& node : nodes)
-        if (places.emplace(node.place.x(), node.place.y(), node.place.z()).second)
-            kept.push_back(node);
-    return kept;
-}
-
 std::vector<Eigen::Vector3d> places_of(std::span<const RegionFade::Node> nodes)
 {
     std::vector<Eigen::Vector3d> places;
     for (const RegionFade::Node& node : nodes)
         places.push_back(node.place);
     return places;
+}
+
+/// The first node of every place.
+std::vector<RegionFade::Node> distinct(std::span<const RegionFade::Node> nodes)
+{
+    const std::vector<std::uint32_t> first = joined_samples(places_of(nodes));
+    std::vector<RegionFade::Node> kept;
+    for (std::size_t i = 0; i < nodes.size(); ++i)
+        if (first[i] == i)
+            kept.push_back(nodes[i]);
+    return kept;
 }
 
 /// Samples are told apart to the bit, because each must be met; further nodes, which
