@@ -171,63 +171,52 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
     return count == 1;
 }
 
-/// Of each corner (a joined sample) whether its triangles meet in nothing but what they
-/// share, for sure. Those of a boundary are not looked at.
-std::vector<char> simple_corners(std::span<const Triangle> triangles,
-                                 const std::vector<std::uint32_t>& joined,
-                                 const std::vector<Eigen::Vector3d>& places)
+/// The triangles along a curve that fills space, by where their middles are at rest: what
+/// is near then mostly stays so.
+std::vector<std::uint32_t> along_curve(std::span<const Triangle> triangles,
+                                       const std::vector<Eigen::Vector3d>& rest)
 {
-    std::vector<std::uint32_t> end(places.size() + 1, 0); // of each corner's passes
+    constexpr double kBoxes = 1024.0; // of the curve along each axis
+    const auto middle = [&](const Triangle& t) -> Eigen::Vector3d
+    { return (rest[t[0]] + rest[t[1]] + rest[t[2]]) / 3.0; };
+    Eigen::AlignedBox3d box;
     for (const Triangle& t : triangles)
-        for (const std::uint32_t corner : t)
-            ++end[joined[corner] + 1];
-    std::partial_sum(end.begin(), end.end(), end.begin());
-    // Corners whose samples no longer are at one place.
-    std::vector<char> is_parted(places.size(), 0);
-    for (std::size_t i = 0; i < places.size(); ++i)
-        if (places[i] != places[joined[i]])
-            is_parted[joined[i]] = 1;
-    // A pass by a corner: the corner before and the one after.
-    std::vector<std::array<std::uint32_t, 2>> passes(end.back());
-    for (const Triangle& t : triangles)
-        for (std::size_t k = 0; k < 3; ++k)
-            passes[end[joined[t[k]]]++] = {joined[t[(k + 1) % 3]],
-                                           joined[t[(k + 2) % 3]]};
-    std::vector<char> is_simple(places.size(), 0);
-    parallel_for(places.size(), kSmallBodies,
-                 [&](std::size_t corner)
+        box.extend(middle(t));
+    const Eigen::Array3d size = box.sizes().array().max(1e-300);
+    std::vector<std::uint64_t> keys(triangles.size());
+    constexpr std::size_t kTrianglesAtOnce = 4096; // of one thread
+    parallel_for(triangles.size(), kTrianglesAtOnce,
+                 [&](std::size_t t)
                  {
-                     const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
-                     const std::span<const std::array<std::uint32_t, 2>> around =
-                         std::span(passes).subspan(begin, end[corner] - begin);
-                     is_simple[corner] =
-                         !around.empty() && !is_parted[corner] &&
-                         std::none_of(around.begin(), around.end(),
-                                      [&](const auto& pass) {
-                                          return is_parted[pass[0]] || is_parted[pass[1]];
-                                      }) &&
-                         is_fan(around, corner, places);
+                     const Eigen::Array3d share =
+                         (middle(triangles[t]) - box.min()).array() / size;
+                     const Eigen::Vector3i at =
+                         (kBoxes * share).max(0.0).min(kBoxes - 1).cast<int>();
+                     keys[t] = morton(at) << 32 | t;
                  });
-    return is_simple;
+    parallel_sort(keys);
+    std::vector<std::uint32_t> order(keys.size());
+    for (std::size_t k = 0; k < keys.size(); ++k)
+        order[k] = static_cast<std::uint32_t>(keys[k]);
+    return order;
 }
 
-/// Boxes of the curve along each axis.
-constexpr double kBoxes = 1024.0;
+} // namespace
 
-class PairCounter
+/// With the samples at some places.
+class IntersectionCounter::Count
 {
 public:
-    PairCounter(std::span<const Triangle> triangles,
-                const std::vector<Eigen::Vector3d>& places,
-                const std::vector<Eigen::Vector3d>& rest)
-        : triangles_(triangles), places_(places), rest_(rest),
-          joined_(joined_samples(rest)), order_(triangles.size())
+    Count(const IntersectionCounter& of, const std::vector<Eigen::Vector3d>& places)
+        : triangles_(of.triangles_), places_(places), rest_(of.rest_),
+          joined_(of.joined_), order_(of.order_)
     {
-        sort();
-        build_tree(simple_corners(triangles, joined_, places));
+        for (const Triangle& t : triangles_)
+            corner_ = corner_.cwiseMin(places_[t[0]]);
+        build_tree(simple_corners());
     }
 
-    std::optional<SelfIntersections> count()
+    std::optional<SelfIntersections> operator()()
     {
         const std::int64_t most =
             kMostTests * static_cast<std::int64_t>(triangles_.size()) + 1;
@@ -311,32 +300,42 @@ private:
         return pairs;
     }
 
-    Eigen::Vector3d middle(const Triangle& t) const
+    /// Of each corner whether its triangles meet in nothing but what they share, for
+    /// sure. Those of a boundary are not looked at.
+    std::vector<char> simple_corners() const
     {
-        return (places_[t[0]] + places_[t[1]] + places_[t[2]]) / 3.0;
-    }
-
-    void sort()
-    {
-        Eigen::AlignedBox3d box;
+        // Of each corner the passes by it: the corner before and the one after.
+        std::vector<std::uint32_t> end(places_.size() + 1, 0);
         for (const Triangle& t : triangles_)
-            box.extend(middle(t));
-        corner_ = box.min();
-        const Eigen::Array3d size = box.sizes().array().max(1e-300);
-        std::vector<std::uint64_t> keys(triangles_.size());
-        constexpr std::size_t kTrianglesAtOnce = 4096; // of one thread
-        parallel_for(triangles_.size(), kTrianglesAtOnce,
-                     [&](std::size_t t)
+            for (const std::uint32_t corner : t)
+                ++end[joined_[corner] + 1];
+        std::partial_sum(end.begin(), end.end(), end.begin());
+        std::vector<std::array<std::uint32_t, 2>> passes(end.back());
+        for (const Triangle& t : triangles_)
+            for (std::size_t k = 0; k < 3; ++k)
+                passes[end[joined_[t[k]]]++] = {joined_[t[(k + 1) % 3]],
+                                                joined_[t[(k + 2) % 3]]};
+        // Corners whose samples no longer are at one place.
+        std::vector<char> is_parted(places_.size(), 0);
+        for (std::size_t i = 0; i < places_.size(); ++i)
+            if (places_[i] != places_[joined_[i]])
+                is_parted[joined_[i]] = 1;
+        std::vector<char> is_simple(places_.size(), 0);
+        parallel_for(places_.size(), kSmallBodies,
+                     [&](std::size_t corner)
                      {
-                         const Eigen::Array3d share =
-                             (middle(triangles_[t]) - corner_).array() / size;
-                         const Eigen::Vector3i box_of_curve =
-                             (kBoxes * share).max(0.0).min(kBoxes - 1).cast<int>();
-                         keys[t] = morton(box_of_curve) << 32 | t;
+                         const std::size_t begin = corner == 0 ? 0 : end[corner - 1];
+                         const std::span<const std::array<std::uint32_t, 2>> around =
+                             std::span(passes).subspan(begin, end[corner] - begin);
+                         is_simple[corner] = !around.empty() && !is_parted[corner] &&
+                                             std::none_of(around.begin(), around.end(),
+                                                          [&](const auto& pass) {
+                                                              return is_parted[pass[0]] ||
+                                                                     is_parted[pass[1]];
+                                                          }) &&
+                                             is_fan(around, corner, places_);
                      });
-        parallel_sort(keys);
-        for (std::size_t k = 0; k < keys.size(); ++k)
-            order_[k] = static_cast<std::uint32_t>(keys[k]);
+        return is_simple;
     }
 
     FloatBox box_of(std::uint32_t triangle) const
@@ -494,26 +493,33 @@ private:
     std::span<const Triangle> triangles_;
     const std::vector<Eigen::Vector3d>& places_;
     const std::vector<Eigen::Vector3d>& rest_;
-    std::vector<std::uint32_t> joined_; ///< of each sample the first at its place
-    std::vector<std::uint32_t> order_;  ///< of the triangles
-    Eigen::Vector3d corner_ = Eigen::Vector3d::Zero(); ///< near which boxes are counted
-    std::vector<TriangleLeaf> leaves_;                 ///< in that order, from corner_
+    const std::vector<std::uint32_t>& joined_;
+    const std::vector<std::uint32_t>& order_;
+    /// Near which boxes are counted.
+    Eigen::Vector3d corner_ = Eigen::Vector3d::Constant(INFINITY);
+    std::vector<TriangleLeaf> leaves_; ///< in that order, from corner_
     /// Of the leaves, of pairs of them, and so on up to one.
     std::vector<std::vector<FloatBox>> levels_;
 };
 
-} // namespace
+IntersectionCounter::IntersectionCounter(std::span<const Triangle> triangles,
+                                         const std::vector<Eigen::Vector3d>& rest)
+    : triangles_(triangles), rest_(rest)
+{
+    if (!can_tell_triangle_pairs() || triangles.empty())
+        return;
+    joined_ = joined_samples(rest);
+    order_ = along_curve(triangles, rest);
+}
 
 std::optional<SelfIntersections>
-self_intersections(std::span<const Triangle> triangles,
-                   const std::vector<Eigen::Vector3d>& places,
-                   const std::vector<Eigen::Vector3d>& rest)
+IntersectionCounter::count(const std::vector<Eigen::Vector3d>& places) const
 {
     if (!can_tell_triangle_pairs())
         return std::nullopt;
-    if (triangles.empty())
+    if (triangles_.empty())
         return SelfIntersections{};
-    return PairCounter(triangles, places, rest).count();
+    return Count(*this, places)();
 }
 
 } // namespace cellwarp

@@ -19,13 +19,28 @@ struct SelfIntersections
     std::int64_t fresh = 0; ///< of them those that do not at rest
 };
 
-/// Those of a surface whose samples are at \p places now and were at \p rest; samples
-/// that coincide at rest are one corner. Neighbours count where they have more in common
-/// than their corner or edge. Nothing in a build without CGAL, or where the triangles are
-/// so crammed that the boxes of 1,000 others would have to be looked at for each.
-std::optional<SelfIntersections>
-self_intersections(std::span<const Triangle> triangles,
-                   const std::vector<Eigen::Vector3d>& places,
-                   const std::vector<Eigen::Vector3d>& rest);
+/// Counts those of a surface wherever its samples are. Samples that coincide at rest are
+/// one corner. Neighbours count where they have more in common than their corner or edge.
+class IntersectionCounter
+{
+public:
+    /// Both must outlive this.
+    IntersectionCounter(std::span<const Triangle> triangles,
+                        const std::vector<Eigen::Vector3d>& rest);
+
+    /// With the samples at \p places. Nothing in a build without CGAL, or where the
+    /// triangles are so crammed that the boxes of 1,000 others would have to be looked at
+    /// for each.
+    std::optional<SelfIntersections>
+    count(const std::vector<Eigen::Vector3d>& places) const;
+
+private:
+    class Count;
+
+    std::span<const Triangle> triangles_;
+    const std::vector<Eigen::Vector3d>& rest_;
+    std::vector<std::uint32_t> joined_; ///< of each sample the first at its place
+    std::vector<std::uint32_t> order_;  ///< of the triangles
+};
 
 } // namespace cellwarp

@@ -49,7 +49,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
     const std::vector<Triangle> triangles = triangles_of(*geometry);
     std::optional<SelfIntersections> intersections;
     if (!triangles.empty())
-        intersections = self_intersections(triangles, rest, rest);
+        intersections = IntersectionCounter(triangles, rest).count(rest);
     std::optional<Parts> parts;
     if (system && !triangles.empty() && system->rest().parts.count() > 0)
         parts = system->rest().parts;

@@ -208,8 +208,9 @@ Json intersections_json(const Session& session, bool counts_rest,
     const std::vector<Triangle> triangles = triangles_of(geometry);
     if (triangles.empty())
         return nullptr;
+    const IntersectionCounter counter(triangles, geometry.samples);
     const std::optional<SelfIntersections> now =
-        self_intersections(triangles, session.deformed().samples, geometry.samples);
+        counter.count(session.deformed().samples);
     const CellSystem* const system = session.system();
     const bool is_shell = system && system->rest().material.method == InsideMethod::None;
     if (now && now->fresh > 0)
@@ -218,8 +219,7 @@ Json intersections_json(const Session& session, bool counts_rest,
             "through each other{}",
             now->fresh, is_shell ? " (a thicker shell folds less: --thickness)" : ""));
     const std::optional<SelfIntersections> rest =
-        counts_rest ? self_intersections(triangles, geometry.samples, geometry.samples)
-                    : std::nullopt;
+        counts_rest ? counter.count(geometry.samples) : std::nullopt;
     return now && rest ? Json{{"rest", rest->all}, {"new", now->fresh}} : Json(nullptr);
 }
 

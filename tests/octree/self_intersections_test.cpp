@@ -22,7 +22,7 @@ using Corners = std::array<Eigen::Vector3d, 3>;
 
 std::int64_t count_of(const Shape& shape)
 {
-    return self_intersections(shape.triangles, shape.samples, shape.samples)->all;
+    return IntersectionCounter(shape.triangles, shape.samples).count(shape.samples)->all;
 }
 
 /// By looking at every pair.
@@ -151,11 +151,11 @@ TEST(SelfIntersections, tell_those_of_rest_from_new_ones)
     for (std::size_t i = first; i < moved.size(); ++i)
         moved[i] += Eigen::Vector3d(-0.31, 0.33, -4.57);
     const SelfIntersections now =
-        *self_intersections(shape.triangles, moved, shape.samples);
+        *IntersectionCounter(shape.triangles, shape.samples).count(moved);
     EXPECT_GT(now.fresh, 10);
     EXPECT_EQ(now.all, at_rest + now.fresh);
     const SelfIntersections apart =
-        *self_intersections(shape.triangles, shape.samples, moved);
+        *IntersectionCounter(shape.triangles, moved).count(shape.samples);
     EXPECT_EQ(apart.all, at_rest);
     EXPECT_EQ(apart.fresh, 0);
 }
@@ -237,13 +237,14 @@ TEST(SelfIntersections, are_found_where_a_seam_has_come_open)
             corner += 13;
     shape.samples.insert(shape.samples.end(), once.begin(), once.end());
     const std::vector<Eigen::Vector3d> rest = shape.samples;
-    EXPECT_EQ(self_intersections(shape.triangles, rest, rest)->all, 0);
+    EXPECT_EQ(IntersectionCounter(shape.triangles, rest).count(rest)->all, 0);
     const Eigen::AngleAxisd turn(2.0, Eigen::Vector3d(1, 0, 1).normalized());
     for (std::size_t i = 13; i < shape.samples.size(); ++i)
         shape.samples[i] = turn * shape.samples[i];
     const std::int64_t wanted = count_of_neighbours(shape, rest);
     EXPECT_GT(wanted, 0);
-    EXPECT_EQ(self_intersections(shape.triangles, shape.samples, rest)->fresh, wanted);
+    EXPECT_EQ(IntersectionCounter(shape.triangles, rest).count(shape.samples)->fresh,
+              wanted);
 }
 
 TEST(SelfIntersections, leave_out_triangles_without_area)
@@ -267,7 +268,7 @@ TEST(SelfIntersections, are_not_counted_where_all_triangles_lie_in_one_place)
             heap.samples.push_back(support::random_vector(rng, 1.0));
         heap.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
     }
-    EXPECT_FALSE(self_intersections(heap.triangles, heap.samples, heap.samples));
+    EXPECT_FALSE(IntersectionCounter(heap.triangles, heap.samples).count(heap.samples));
 }
 
 } // namespace cellwarp

@@ -48,8 +48,9 @@ Session leaning(bool has_contact, const std::string& move = "rotate 0 0 1 -12 tr
 
 std::int64_t num_new_intersections(const Session& session, const Geometry& geometry)
 {
-    const auto found = self_intersections(triangles_of(geometry),
-                                          session.deformed().samples, geometry.samples);
+    const std::vector<Triangle> triangles = triangles_of(geometry);
+    const auto found = IntersectionCounter(triangles, geometry.samples)
+                           .count(session.deformed().samples);
     return found ? found->fresh : -1;
 }
 
