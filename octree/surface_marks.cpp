@@ -222,12 +222,12 @@ private:
     /// mesh tell nothing new of most.
     bool are_known(const VoxelRange& row) const
     {
-        const bool may_lie_in_sides = is_flat(0) || is_flat(1) || is_flat(2);
+        const std::uint8_t of_all = possible_marks(box_of(row));
         for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
              ++voxel[row_])
             if (!marks_.has(grid_.index(voxel),
-                            may_lie_in_sides ? possible_marks(box_of({voxel, voxel}))
-                                             : kInside))
+                            is_flat(row_) ? possible_marks(box_of({voxel, voxel}))
+                                          : of_all))
                 return false;
         return true;
     }
@@ -272,37 +272,52 @@ private:
     {
         if (are_known(row))
             return;
-        const auto [touched, penetrated] = reaches(box_of(row));
+        const Box all = box_of(row);
+        const auto [touched, penetrated] = reaches(all);
+        // Where it lies in sides along the row.
+        struct Side
+        {
+            std::uint8_t mark;
+            Reach reach;
+        };
+        std::array<Side, 4> sides;
+        std::size_t num_sides = 0;
+        for_each_side(all,
+                      [&](int axis, bool is_upper, double plane)
+                      {
+                          if (axis == row_)
+                              return;
+                          Box slab = all;
+                          slab.low[axis] = plane - 3.0 * kTouch;
+                          slab.high[axis] = plane + 3.0 * kTouch;
+                          sides[num_sides++] = {SurfaceMark::side(axis, is_upper),
+                                                reaches(slab).penetrated};
+                      });
+        const std::vector<double>& lines = lines_[idx(row_)];
         for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
              ++voxel[row_])
         {
-            const Box box = box_of({voxel, voxel});
-            const double low = box.low[row_], high = box.high[row_];
+            const double low = lines[idx(voxel[row_])],
+                         high = lines[idx(voxel[row_]) + 1];
             if (!touched.has(low - kTouch, high + kTouch))
                 continue;
             std::uint8_t mark = SurfaceMark::kTouched;
             if (penetrated.has(low + kTouch, high - kTouch))
                 mark |= SurfaceMark::kPenetrated;
-            for_each_side(box,
-                          [&](int axis, bool is_upper, double plane)
-                          {
-                              if (lies_in_side(box, axis, plane, penetrated))
-                                  mark |= SurfaceMark::side(axis, is_upper);
-                          });
+            for (std::size_t k = 0; k < num_sides; ++k)
+                if (sides[k].reach.has(low + kTouch, high - kTouch))
+                    mark |= sides[k].mark;
+            if (is_flat(row_))
+                for_each_side(
+                    box_of({voxel, voxel}),
+                    [&](int axis, bool is_upper, double plane)
+                    {
+                        if (axis == row_ &&
+                            penetrated.has(plane - 2.0 * kTouch, plane + 2.0 * kTouch))
+                            mark |= SurfaceMark::side(axis, is_upper);
+                    });
             marks_.add(grid_.index(voxel), mark);
         }
-    }
-
-    /// Whether part of the triangle lies in the side of a voxel that is in this plane.
-    bool lies_in_side(const Box& box, int axis, double plane, const Reach& penetrated)
-    {
-        if (axis == row_)
-            return penetrated.has(plane - 2.0 * kTouch, plane + 2.0 * kTouch);
-        Box slab = box;
-        slab.low[axis] = plane - 3.0 * kTouch;
-        slab.high[axis] = plane + 3.0 * kTouch;
-        return reaches(slab).penetrated.has(box.low[row_] + kTouch,
-                                            box.high[row_] - kTouch);
     }
 
     void visit(const VoxelRange& range)
