@@ -2,8 +2,6 @@
 #include "octree/bounding_surface.h"
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <numeric>
@@ -13,6 +11,7 @@
 #include "octree/base/edges.h"
 #include "octree/base/hash.h"
 #include "octree/base/parallel.h"
+#include "octree/joined_samples.h"
 
 namespace cellwarp
 {
@@ -20,7 +19,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kTrianglesAtOnce = 1 << 14; ///< of one thread
+constexpr std::size_t kCanonicalAtOnce = 1 << 14; ///< triangles, of one thread
 
 /// A triangle with its smallest corner first, the orientation kept.
 Triangle canonical(Triangle t)
@@ -57,19 +56,20 @@ void sort_around(std::span<Triangle> triangles, const Key& key)
             std::swap(triangles[i], triangles[i - 1]);
 }
 
-/// Whether every edge is passed as often in one direction as in the other: then numbers
-/// of the edges that look random, added for passes one way and taken off for those the
-/// other, leave nothing. If some edge is not, they do but in one of 2^64 cases.
-bool surely_closed(const std::vector<Triangle>& triangles)
+/// Whether every edge is passed as often in one direction as in the other. Each edge has
+/// a number that looks random; passes in one direction add it, those in the other take it
+/// off. Where all edges are passed alike nothing is left; where some are not, 64 bits
+/// would all have to be zero by chance.
+bool is_closed_by_sum(const std::vector<Triangle>& triangles)
 {
-    std::vector<std::uint64_t> sums((triangles.size() + kTrianglesAtOnce - 1) /
-                                    kTrianglesAtOnce);
+    std::vector<std::uint64_t> sums((triangles.size() + kCanonicalAtOnce - 1) /
+                                    kCanonicalAtOnce);
     parallel_for(sums.size(), 1,
                  [&](std::size_t part)
                  {
-                     const std::size_t begin = part * kTrianglesAtOnce;
+                     const std::size_t begin = part * kCanonicalAtOnce;
                      const std::size_t end =
-                         std::min(triangles.size(), begin + kTrianglesAtOnce);
+                         std::min(triangles.size(), begin + kCanonicalAtOnce);
                      std::uint64_t sum = 0;
                      for (std::size_t t = begin; t < end; ++t)
                          for (std::size_t k = 0; k < 3; ++k)
@@ -77,7 +77,7 @@ bool surely_closed(const std::vector<Triangle>& triangles)
                              const std::uint32_t a = triangles[t][k];
                              const std::uint32_t b = triangles[t][(k + 1) % 3];
                              const std::uint64_t number =
-                                 mixed(key_of(std::min(a, b), std::max(a, b)));
+                                 hash_of(key_of(std::min(a, b), std::max(a, b)));
                              sum += a < b ? number : -number;
                          }
                      sums[part] = sum;
@@ -95,7 +95,7 @@ double open_edge_share(const std::vector<Triangle>& triangles, std::size_t num_s
             for (std::size_t k = 0; k < 3; ++k)
                 pass(t[k], t[(k + 1) % 3]);
     };
-    if (surely_closed(triangles))
+    if (is_closed_by_sum(triangles))
         return 0.0;
     std::size_t open = 0, total = 0;
     for_each_edge(num_samples, each_pass,
@@ -141,42 +141,6 @@ std::vector<Triangle> by_faces(const Shape& shape)
 
 } // namespace
 
-std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples)
-{
-    constexpr std::uint32_t none = ~std::uint32_t{0};
-    std::vector<std::uint32_t> joined(samples.size());
-    // Open addressing, at most half full: a place goes behind those that have its slot.
-    std::vector<std::uint32_t> first_at(std::bit_ceil(2 * samples.size() + 1), none);
-    // Slots lie anywhere: those of the next samples are fetched meanwhile.
-    constexpr std::size_t kAhead = 16;
-    const std::size_t last_slot = first_at.size() - 1;
-    std::array<std::size_t, kAhead> slots;
-    const auto fetch = [&](std::size_t i)
-    {
-        slots[i % kAhead] = hash_of(samples[i]) & last_slot;
-        __builtin_prefetch(&first_at[slots[i % kAhead]], 1);
-    };
-    for (std::size_t i = 0; i < std::min(kAhead, samples.size()); ++i)
-        fetch(i);
-    for (std::uint32_t i = 0; i < samples.size(); ++i)
-    {
-        for (std::size_t slot = slots[i % kAhead];; ++slot)
-        {
-            std::uint32_t& first = first_at[slot & last_slot];
-            if (first == none)
-                first = i;
-            if (first == i || samples[first] == samples[i])
-            {
-                joined[i] = first;
-                break;
-            }
-        }
-        if (i + kAhead < samples.size())
-            fetch(i + kAhead);
-    }
-    return joined;
-}
-
 BoundingSurface bounding_surface(const Shape& shape)
 {
     const std::vector<Triangle> sorted = by_faces(shape);
@@ -216,11 +180,11 @@ BoundingSurface bounding_surface(const Shape& shape)
     std::vector<std::size_t> parts = {0};
     const auto is_next = [&](std::size_t t)
     { return triangles[t][0] != triangles[t - 1][0]; };
-    for (std::size_t t = kTrianglesAtOnce; t < triangles.size(); ++t)
+    for (std::size_t t = kCanonicalAtOnce; t < triangles.size(); ++t)
         if (is_next(t))
         {
             parts.push_back(t);
-            t += kTrianglesAtOnce;
+            t += kCanonicalAtOnce;
         }
     parts.push_back(triangles.size());
     parallel_for(parts.size() - 1, 1,

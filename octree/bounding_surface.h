@@ -20,7 +20,4 @@ struct BoundingSurface
 
 BoundingSurface bounding_surface(const Shape& shape);
 
-/// For every sample the first of those at its very place.
-std::vector<std::uint32_t> joined_samples(const std::vector<Eigen::Vector3d>& samples);
-
 } // namespace cellwarp

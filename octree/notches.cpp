@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -228,7 +227,6 @@ Notches find_notches(const Shape& shape, const BoundingSurface& surface,
     const std::array<std::vector<std::size_t>, 3> free =
         free_sides(grid, sides_met(shape, surface.triangles, grid));
     VoxelFlags open_sides;
-    std::optional<SharedMarks> marks;
     for (int axis = 0; axis < 3; ++axis)
     {
         const std::vector<char> is_inside =
@@ -237,12 +235,9 @@ Notches find_notches(const Shape& shape, const BoundingSurface& surface,
         {
             if (is_inside[k])
                 continue;
-            if (!marks)
-            {
+            if (open_sides.empty())
                 open_sides = VoxelFlags(grid.size());
-                marks.emplace(open_sides);
-            }
-            marks->add(free[idx(axis)][k], static_cast<std::uint8_t>(1 << axis));
+            open_sides[free[idx(axis)][k]] |= static_cast<std::uint8_t>(1 << axis);
         }
     }
     return Notches(grid, std::move(open_sides));

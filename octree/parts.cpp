@@ -27,6 +27,7 @@
 #include "octree/base/point_tree.h"
 #include "octree/base/union_find.h"
 #include "octree/coincident_samples.h"
+#include "octree/joined_samples.h"
 #include "octree/winding.h"
 
 namespace cellwarp
@@ -622,6 +623,19 @@ bool have_contact(const VoxelGrid& grid, const Bounds& a, const Bounds& b,
     return found;
 }
 
+/// The voxels whose middles a surface encloses; of one that is not closed by most of six
+/// rays.
+VoxelFlags middles_inside(const Shape& shape, const BoundingSurface& surface,
+                          const VoxelGrid& grid)
+{
+    if (surface.open_edges == 0.0)
+        return inside_by_winding(shape, surface.triangles, grid);
+    VoxelFlags votes = inside_votes(shape, surface.triangles, grid);
+    parallel_for_each_set(votes,
+                          [&](std::size_t voxel) { votes[voxel] = votes[voxel] > 3; });
+    return votes;
+}
+
 } // namespace
 
 std::size_t Parts::num_touching() const
@@ -697,7 +711,7 @@ Material material_of_parts(const Shape& shape, const BoundingSurface& surface,
         Material own_material = find_material(some, of_some, grid_shape, fill);
         const VoxelFlags inside =
             fill == Fill::Solid && own_material.method != InsideMethod::None
-                ? inside_by_winding(some, of_some.triangles, grid)
+                ? middles_inside(some, of_some, grid)
                 : VoxelFlags(grid.size());
         for_each_set(own_material.grid.material(),
                      [&](std::size_t voxel)

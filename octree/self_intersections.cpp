@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -24,7 +25,7 @@
 #include "octree/base/index.h"
 #include "octree/base/morton.h"
 #include "octree/base/parallel.h"
-#include "octree/bounding_surface.h"
+#include "octree/joined_samples.h"
 #include "octree/wrap/triangle_pair.h"
 
 namespace cellwarp
@@ -146,7 +147,7 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
     for (const auto& [p, q] : around)
     {
         normal += (places[p] - at).cross(places[q] - at);
-        balance += mixed(p) - mixed(q);
+        balance += hash_of(p) - hash_of(q);
     }
     if (balance != 0)
         return false;
@@ -203,7 +204,8 @@ std::vector<std::uint32_t> along_curve(std::span<const Triangle> triangles,
 
 } // namespace
 
-/// With the samples at some places.
+/// One count: the boxes of the triangles where the samples are now, and of which corners
+/// the triangles need not be compared.
 class IntersectionCounter::Count
 {
 public:
@@ -515,6 +517,7 @@ IntersectionCounter::IntersectionCounter(std::span<const Triangle> triangles,
 std::optional<SelfIntersections>
 IntersectionCounter::count(const std::vector<Eigen::Vector3d>& places) const
 {
+    assert(places.size() == rest_.size());
     if (!can_tell_triangle_pairs())
         return std::nullopt;
     if (triangles_.empty())

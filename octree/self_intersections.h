@@ -27,10 +27,12 @@ public:
     /// Both must outlive this.
     IntersectionCounter(std::span<const Triangle> triangles,
                         const std::vector<Eigen::Vector3d>& rest);
+    IntersectionCounter(std::span<const Triangle> triangles,
+                        const std::vector<Eigen::Vector3d>&& rest) = delete;
 
-    /// With the samples at \p places. Nothing in a build without CGAL, or where the
-    /// triangles are so crammed that the boxes of 1,000 others would have to be looked at
-    /// for each.
+    /// With the samples at \p places, as many as at rest. Nothing in a build without
+    /// CGAL, or where the triangles are so crammed that the boxes of 1,000 others would
+    /// have to be looked at for each.
     std::optional<SelfIntersections>
     count(const std::vector<Eigen::Vector3d>& places) const;
 

@@ -41,7 +41,10 @@ public:
             return;
         std::atomic_ref<std::uint8_t>(marks_[voxel])
             .fetch_or(mark, std::memory_order_relaxed);
-        is_written_[page(voxel)].store(true, std::memory_order_relaxed);
+        // Other threads read the flags beside it all the time: it is written once.
+        if (std::atomic<bool>& is_written = is_written_[page(voxel)];
+            !is_written.load(std::memory_order_relaxed))
+            is_written.store(true, std::memory_order_relaxed);
     }
 
 private:

@@ -26,6 +26,7 @@
 
 #include "octree/base/parallel.h"
 #include "octree/base/point_tree.h"
+#include "octree/joined_samples.h"
 #include "octree/winding.h"
 
 namespace cellwarp

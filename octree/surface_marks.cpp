@@ -76,8 +76,9 @@ private:
         Eigen::Vector3d low, high;
     };
 
-    /// Boxes with one section across the row meet the triangle if they begin before \p to
-    /// and end behind \p from, which may be behind it by a rounding.
+    /// A part of a row [voxel]: boxes of one section across the row meet the triangle if
+    /// they begin no later than \p to and end no earlier than \p from. Where the triangle
+    /// is a point along the row, rounding can put \p from behind \p to.
     struct Reach
     {
         double from = INFINITY, to = -INFINITY;
@@ -89,11 +90,11 @@ private:
         }
     };
 
-    /// An axis, and the range of the triangle on it.
+    /// An axis, of any length, and the range of the triangle on it.
     struct Axis
     {
-        double along, u, v; ///< its parts: along the row, across
-        double length_u, length_v;
+        double along, u, v;        ///< its parts along the row (not negative) and across
+        double length_u, length_v; ///< of the parts across
         double low, high;
     };
 
@@ -135,7 +136,8 @@ private:
         return box;
     }
 
-    /// Whether the triangle lies off a box that is grown by so much, along one axis.
+    /// Whether a plane across one of the box's own axes parts it, grown by so much
+    /// (shrunk, if negative), from the triangle.
     bool is_off(const Box& box, int axis, double grown) const
     {
         return box_low_[axis] > box.high[axis] + grown ||
@@ -273,12 +275,12 @@ private:
         if (are_known(row))
             return;
         const Box all = box_of(row);
-        const auto [touched, penetrated] = reaches(all);
+        const Reaches reach = reaches(all);
         // Where it lies in sides along the row.
         struct Side
         {
             std::uint8_t mark;
-            Reach reach;
+            Reach where;
         };
         std::array<Side, 4> sides;
         std::size_t num_sides = 0;
@@ -299,23 +301,23 @@ private:
         {
             const double low = lines[idx(voxel[row_])],
                          high = lines[idx(voxel[row_]) + 1];
-            if (!touched.has(low - kTouch, high + kTouch))
+            if (!reach.touched.has(low - kTouch, high + kTouch))
                 continue;
             std::uint8_t mark = SurfaceMark::kTouched;
-            if (penetrated.has(low + kTouch, high - kTouch))
+            if (reach.penetrated.has(low + kTouch, high - kTouch))
                 mark |= SurfaceMark::kPenetrated;
             for (std::size_t k = 0; k < num_sides; ++k)
-                if (sides[k].reach.has(low + kTouch, high - kTouch))
+                if (sides[k].where.has(low + kTouch, high - kTouch))
                     mark |= sides[k].mark;
             if (is_flat(row_))
-                for_each_side(
-                    box_of({voxel, voxel}),
-                    [&](int axis, bool is_upper, double plane)
-                    {
-                        if (axis == row_ &&
-                            penetrated.has(plane - 2.0 * kTouch, plane + 2.0 * kTouch))
-                            mark |= SurfaceMark::side(axis, is_upper);
-                    });
+                for_each_side(box_of({voxel, voxel}),
+                              [&](int axis, bool is_upper, double plane)
+                              {
+                                  if (axis == row_ &&
+                                      reach.penetrated.has(plane - 2.0 * kTouch,
+                                                           plane + 2.0 * kTouch))
+                                      mark |= SurfaceMark::side(axis, is_upper);
+                              });
             marks_.add(grid_.index(voxel), mark);
         }
     }

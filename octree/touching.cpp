@@ -24,6 +24,9 @@ namespace cellwarp
 namespace
 {
 
+constexpr std::size_t kRowsAtOnce = 64;        ///< of one thread
+constexpr std::size_t kVoxelsAtOnce = 1 << 16; ///< likewise
+
 /// Whether some voxel across a side in which the surface lies is not \p material.
 bool bounds_nothing(const VoxelGrid& grid, const VoxelFlags& material, std::uint8_t mark,
                     const Eigen::Vector3i& voxel)
@@ -106,32 +109,33 @@ void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
     material = VoxelFlags(grid.size());
     const VoxelRange& box = grid.inside_box();
     const std::size_t width = idx(box.last.x() - box.first.x() + 1);
-    std::vector<std::vector<std::size_t>> touched_of(idx(grid.counts().z()));
-    parallel_for(idx(box.last.z() - box.first.z() + 1), 1,
-                 [&](std::size_t layer)
+    const int num_rows = box.last.y() - box.first.y() + 1;
+    parallel_for(idx(num_rows * (box.last.z() - box.first.z() + 1)), kRowsAtOnce,
+                 [&](std::size_t row)
                  {
-                     const int k = box.first.z() + static_cast<int>(layer);
-                     for (int j = box.first.y(); j <= box.last.y(); ++j)
-                         settle_row(grid.index(box.first.x(), j, k), width, marks,
-                                    is_inside, material);
+                     const int j = box.first.y() + static_cast<int>(row) % num_rows;
+                     const int k = box.first.z() + static_cast<int>(row) / num_rows;
+                     settle_row(grid.index(box.first.x(), j, k), width, marks, is_inside,
+                                material);
                  });
     // Adds what \p is_needed, asked for all that is only touched, finds in the material
     // as it is.
-    const std::size_t size_of_layer = grid.size() / touched_of.size();
+    std::vector<std::vector<std::size_t>> touched_of((grid.size() + kVoxelsAtOnce - 1) /
+                                                     kVoxelsAtOnce);
     parallel_for(touched_of.size(), 1,
-                 [&](std::size_t layer)
+                 [&](std::size_t part)
                  {
-                     for_each_set(marks, layer * size_of_layer,
-                                  (layer + 1) * size_of_layer,
+                     for_each_set(marks, part * kVoxelsAtOnce,
+                                  std::min(grid.size(), (part + 1) * kVoxelsAtOnce),
                                   [&](std::size_t voxel)
                                   {
                                       if (!material[voxel])
-                                          touched_of[layer].push_back(voxel);
+                                          touched_of[part].push_back(voxel);
                                   });
                  });
     std::vector<std::size_t> touched;
-    for (const std::vector<std::size_t>& of_layer : touched_of)
-        touched.insert(touched.end(), of_layer.begin(), of_layer.end());
+    for (const std::vector<std::size_t>& of_part : touched_of)
+        touched.insert(touched.end(), of_part.begin(), of_part.end());
     const auto add = [&](auto&& is_needed)
     {
         std::vector<char> is_added(touched.size(), 0);

@@ -12,10 +12,14 @@ VoxelRuns::VoxelRuns(std::vector<Run> runs) : runs_(std::move(runs))
               [](const Run& a, const Run& b) { return a.begin < b.begin; });
     std::size_t count = 0;
     for (const Run& run : runs_)
+    {
+        if (run.begin == run.end)
+            continue;
         if (count > 0 && run.begin <= runs_[count - 1].end)
             runs_[count - 1].end = std::max(runs_[count - 1].end, run.end);
         else
             runs_[count++] = run;
+    }
     runs_.resize(count);
 }
 
@@ -43,6 +47,8 @@ bool VoxelRuns::has(std::size_t voxel) const
 
 VoxelRuns united(const VoxelRuns& a, const VoxelRuns& b)
 {
+    if (b.empty())
+        return a;
     std::vector<VoxelRuns::Run> runs = a.runs();
     runs.insert(runs.end(), b.runs().begin(), b.runs().end());
     return VoxelRuns(std::move(runs));

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A set of voxels, kept as runs that follow each other in memory: a box of a hundred
-// voxels along x takes a hundredth of its list.
+// A set of voxels of a grid (of up to 2^32), kept as runs that follow each other in
+// memory: a box that is a hundred voxels long along x takes a fiftieth of its list, a
+// sheet across x twice as much.
 #pragma once
 
 #include <algorithm>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -21,12 +23,14 @@ public:
     };
 
     VoxelRuns() = default;
-    /// Of runs in any order, which may overlap.
+    /// Of runs in any order, which may overlap or be empty.
     explicit VoxelRuns(std::vector<Run> runs);
 
-    /// Adds the voxels [begin, end), none of which is before the last one there is.
+    /// Adds the voxels [begin, end).
+    /// \pre they are behind all that there are
     void add(std::size_t begin, std::size_t end)
     {
+        assert(begin <= end && (empty() || runs_.back().end <= begin));
         if (begin == end)
             return;
         if (!runs_.empty() && runs_.back().end == begin)

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numeric>
 #include <span>
+#include <tuple>
 #include <utility>
 
 #include "octree/base/index.h"
@@ -21,27 +22,51 @@ namespace cellwarp
 namespace
 {
 
-/// Where the line through the voxel centres of a column crosses a triangle.
+/// Where the line through the voxel centres of a column crosses a triangle. A column
+/// along an axis has a place on each of the two axes that follow it: (u, v).
 struct Crossing
 {
-    double height; ///< [voxel]
+    int u;
     int sign;
+    double height; ///< [voxel]
     bool operator<(const Crossing& other) const
     {
-        return std::pair(height, sign) < std::pair(other.height, other.sign);
+        return std::tuple(u, height, sign) <
+               std::tuple(other.u, other.height, other.sign);
     }
 };
 
-/// Of all columns along an axis.
+/// Of all columns, ascending for each v.
 struct Crossings
 {
-    std::vector<std::uint32_t> first; ///< columns + 1 offsets
-    std::vector<Crossing> all;        ///< of a column ascending
+    std::vector<std::size_t> first; ///< of each v, and the end
+    std::vector<Crossing> all;
 
-    std::size_t num_columns() const { return first.size() - 1; }
-    std::span<const Crossing> of(std::size_t column) const
+    std::size_t num_lines() const { return first.size() - 1; }
+    std::span<const Crossing> of_line(std::size_t v) const
     {
-        return std::span(all).subspan(first[column], first[column + 1] - first[column]);
+        return std::span(all).subspan(first[v], first[v + 1] - first[v]);
+    }
+    /// Calls visit(u, crossings) for the columns of this v that are crossed.
+    template <class Visit>
+    void for_each_column(std::size_t v, Visit&& visit) const
+    {
+        for (std::span<const Crossing> left = of_line(v); !left.empty();)
+        {
+            std::size_t count = 1;
+            while (count < left.size() && left[count].u == left[0].u)
+                ++count;
+            visit(left[0].u, left.first(count));
+            left = left.subspan(count);
+        }
+    }
+    std::span<const Crossing> of_column(int u, int v) const
+    {
+        const std::span<const Crossing> line = of_line(idx(v));
+        const auto [from, to] = std::equal_range(
+            line.begin(), line.end(), Crossing{u, 0, 0.0},
+            [](const Crossing& a, const Crossing& b) { return a.u < b.u; });
+        return {from, to};
     }
 };
 
@@ -90,22 +115,15 @@ double height_at(const double (&p)[3][2], const double (&h)[3], double x, double
     return heights[0] + s * (heights[1] - heights[0]);
 }
 
-constexpr std::size_t kColumnsAtOnce = 256; ///< of one thread
-
-/// Which columns of voxels along an axis are asked for; empty: all.
+/// Which columns along an axis are asked for; empty: all. In the order of column_at().
 using Columns = std::vector<char>;
 
-/// The number of the column at (i, j) on the two axes that follow \p axis.
-std::uint64_t column_at(const VoxelGrid& grid, int axis, int i, int j)
+std::size_t column_at(const VoxelGrid& grid, int axis, int u, int v)
 {
-    return idx(j) * idx(grid.counts()[(axis + 1) % 3]) + idx(i);
-}
-std::uint64_t column_of(const VoxelGrid& grid, int axis, const Eigen::Vector3i& voxel)
-{
-    return column_at(grid, axis, voxel[(axis + 1) % 3], voxel[(axis + 2) % 3]);
+    return idx(v) * idx(grid.counts()[(axis + 1) % 3]) + idx(u);
 }
 
-/// Calls visit(column, crossing) for those of one triangle.
+/// Calls visit(v, crossing) for those of one triangle.
 template <class Visit>
 void for_each_crossing(const Shape& shape, const Triangle& t, const VoxelGrid& grid,
                        int axis, const Columns& columns, Visit&& visit)
@@ -131,14 +149,13 @@ void for_each_crossing(const Shape& shape, const Triangle& t, const VoxelGrid& g
     for (int j = low[1]; j <= high[1]; ++j)
         for (int i = low[0]; i <= high[0]; ++i)
         {
-            const std::uint64_t column = column_at(grid, axis, i, j);
-            if (!columns.empty() && !columns[column])
+            if (!columns.empty() && !columns[column_at(grid, axis, i, j)])
                 continue;
             const double x = i + 0.5, y = j + 0.5;
             const int sign = side(p[0], p[1], x, y);
             if (sign != 0 && side(p[1], p[2], x, y) == sign &&
                 side(p[2], p[0], x, y) == sign)
-                visit(column, Crossing{height_at(p, h, x, y), sign});
+                visit(j, Crossing{i, sign, height_at(p, h, x, y)});
         }
 }
 
@@ -146,43 +163,38 @@ Crossings crossings(const Shape& shape, const std::vector<Triangle>& triangles,
                     const VoxelGrid& grid, int axis, const Columns& columns = {})
 {
     constexpr std::size_t kTriangles = 1024; // of one part
-    struct Part
-    {
-        std::vector<std::uint64_t> columns;
-        std::vector<Crossing> crossings;
-    };
-    std::vector<Part> parts((triangles.size() + kTriangles - 1) / kTriangles);
-    parallel_for(
-        parts.size(), 1,
-        [&](std::size_t part)
-        {
-            const std::size_t begin = part * kTriangles;
-            const std::size_t end = std::min(triangles.size(), begin + kTriangles);
-            for (std::size_t t = begin; t < end; ++t)
-                for_each_crossing(shape, triangles[t], grid, axis, columns,
-                                  [&](std::uint64_t column, const Crossing& crossing)
-                                  {
-                                      parts[part].columns.push_back(column);
-                                      parts[part].crossings.push_back(crossing);
-                                  });
-        });
-    // Two places further on at first, then one: where the next of a column goes.
+    std::vector<std::vector<std::pair<int, Crossing>>> parts(
+        (triangles.size() + kTriangles - 1) / kTriangles);
+    parallel_for(parts.size(), 1,
+                 [&](std::size_t part)
+                 {
+                     const std::size_t begin = part * kTriangles;
+                     const std::size_t end =
+                         std::min(triangles.size(), begin + kTriangles);
+                     for (std::size_t t = begin; t < end; ++t)
+                         for_each_crossing(shape, triangles[t], grid, axis, columns,
+                                           [&](int v, const Crossing& crossing)
+                                           { parts[part].emplace_back(v, crossing); });
+                 });
+    // Sorted by v through a count of each, then each v by itself.
     Crossings found;
-    std::vector<std::uint32_t>& first = found.first;
-    first.resize(grid.size() / idx(grid.counts()[axis]) + 2, 0);
-    for (const Part& part : parts)
-        for (const std::uint64_t column : part.columns)
-            ++first[column + 2];
+    std::vector<std::size_t>& first = found.first;
+    first.resize(idx(grid.counts()[(axis + 2) % 3]) + 1, 0);
+    for (const auto& part : parts)
+        for (const auto& [v, crossing] : part)
+            ++first[idx(v) + 1];
     std::partial_sum(first.begin(), first.end(), first.begin());
     found.all.resize(first.back());
-    for (const Part& part : parts)
-        for (std::size_t k = 0; k < part.columns.size(); ++k)
-            found.all[first[part.columns[k] + 1]++] = part.crossings[k];
-    first.pop_back();
-    parallel_for(found.num_columns(), kColumnsAtOnce,
-                 [&](std::size_t column) {
-                     std::sort(found.all.begin() + first[column],
-                               found.all.begin() + first[column + 1]);
+    std::vector<std::size_t> next = first;
+    for (const auto& part : parts)
+        for (const auto& [v, crossing] : part)
+            found.all[next[idx(v)]++] = crossing;
+    parallel_for(found.num_lines(), 1,
+                 [&](std::size_t v)
+                 {
+                     std::sort(found.all.begin() + static_cast<std::ptrdiff_t>(first[v]),
+                               found.all.begin() +
+                                   static_cast<std::ptrdiff_t>(first[v + 1]));
                  });
     return found;
 }
@@ -203,19 +215,28 @@ VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& tr
     // Along x, where the voxels of a column follow each other in memory.
     const Crossings found = crossings(shape, triangles, grid, 0);
     const int nx = grid.counts().x();
-    parallel_for(found.num_columns(), kColumnsAtOnce,
-                 [&](std::size_t column)
+    const auto fill = [&](std::uint8_t* row, std::span<const Crossing> column)
+    {
+        int below = 0, begin = 0; // the first voxel with this number below
+        for (const Crossing& crossing : column)
+        {
+            const int next = first_above(crossing.height, nx);
+            if (below != 0)
+                std::fill(row + begin, row + next, std::uint8_t{1});
+            begin = next;
+            below += crossing.sign;
+        }
+    };
+    parallel_for(found.num_lines(), 1,
+                 [&](std::size_t v)
                  {
-                     std::uint8_t* const row = is_inside.data() + column * idx(nx);
-                     int below = 0, begin = 0; // the first voxel with this number below
-                     for (const Crossing& crossing : found.of(column))
-                     {
-                         const int next = first_above(crossing.height, nx);
-                         if (below != 0)
-                             std::fill(row + begin, row + next, std::uint8_t{1});
-                         begin = next;
-                         below += crossing.sign;
-                     }
+                     found.for_each_column(
+                         v,
+                         [&](int u, std::span<const Crossing> column) {
+                             fill(is_inside.data() +
+                                      grid.index(0, u, static_cast<int>(v)),
+                                  column);
+                         });
                  });
     return is_inside;
 }
@@ -226,39 +247,44 @@ VoxelFlags inside_votes(const Shape& shape, const std::vector<Triangle>& triangl
     VoxelFlags votes(grid.size());
     for (int axis = 0; axis < 3; ++axis)
     {
-        const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-        const auto across = static_cast<std::uint64_t>(grid.counts()[u]);
-        const int count = grid.counts()[axis];
         const Crossings found = crossings(shape, triangles, grid, axis);
-        parallel_for(found.num_columns(), kColumnsAtOnce,
-                     [&](std::size_t column)
+        const int count = grid.counts()[axis];
+        const auto vote_in = [&](Eigen::Vector3i voxel, std::span<const Crossing> column)
+        {
+            int below = 0, above = 0;
+            for (const Crossing& crossing : column)
+                above += crossing.sign;
+            const auto vote_up_to = [&](int end)
+            {
+                const auto vote = static_cast<std::uint8_t>((below != 0) + (above != 0));
+                if (vote == 0)
+                    voxel[axis] = end;
+                for (; voxel[axis] < end; ++voxel[axis])
+                {
+                    std::uint8_t& of = votes[grid.index(voxel)];
+                    of = static_cast<std::uint8_t>(of + vote);
+                }
+            };
+            for (const Crossing& crossing : column)
+            {
+                vote_up_to(first_above(crossing.height, count));
+                below += crossing.sign;
+                above -= crossing.sign;
+            }
+            vote_up_to(count);
+        };
+        parallel_for(found.num_lines(), 1,
+                     [&](std::size_t v)
                      {
-                         Eigen::Vector3i voxel;
-                         voxel[u] = static_cast<int>(column % across);
-                         voxel[v] = static_cast<int>(column / across);
-                         voxel[axis] = 0;
-                         int below = 0, above = 0;
-                         for (const Crossing& crossing : found.of(column))
-                             above += crossing.sign;
-                         const auto vote_up_to = [&](int end)
-                         {
-                             const auto vote =
-                                 static_cast<std::uint8_t>((below != 0) + (above != 0));
-                             if (vote == 0)
-                                 voxel[axis] = end;
-                             for (; voxel[axis] < end; ++voxel[axis])
+                         found.for_each_column(
+                             v,
+                             [&](int u, std::span<const Crossing> column)
                              {
-                                 std::uint8_t& of = votes[grid.index(voxel)];
-                                 of = static_cast<std::uint8_t>(of + vote);
-                             }
-                         };
-                         for (const Crossing& crossing : found.of(column))
-                         {
-                             vote_up_to(first_above(crossing.height, count));
-                             below += crossing.sign;
-                             above -= crossing.sign;
-                         }
-                         vote_up_to(count);
+                                 Eigen::Vector3i first = Eigen::Vector3i::Zero();
+                                 first[(axis + 1) % 3] = u;
+                                 first[(axis + 2) % 3] = static_cast<int>(v);
+                                 vote_in(first, column);
+                             });
                      });
     }
     return votes;
@@ -274,13 +300,16 @@ std::vector<char> sides_inside(const Shape& shape, const std::vector<Triangle>& 
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
     Columns columns(idx(grid.counts()[u]) * idx(grid.counts()[v]), 0);
     for (const std::size_t voxel : voxels)
-        columns[column_of(grid, axis, grid.coordinates(voxel))] = 1;
+    {
+        const Eigen::Vector3i at = grid.coordinates(voxel);
+        columns[column_at(grid, axis, at[u], at[v])] = 1;
+    }
     const Crossings found = crossings(shape, triangles, grid, axis, columns);
     for (std::size_t k = 0; k < voxels.size(); ++k)
     {
         const Eigen::Vector3i at = grid.coordinates(voxels[k]);
         int below = 0;
-        for (const Crossing& crossing : found.of(column_of(grid, axis, at)))
+        for (const Crossing& crossing : found.of_column(at[u], at[v]))
             if (crossing.height < at[axis] + 1.0)
                 below += crossing.sign;
         is_inside[k] = below != 0;

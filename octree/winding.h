@@ -12,8 +12,8 @@
 namespace cellwarp
 {
 
-/// Of each voxel whether a closed surface winds around its middle. \p triangles: of a
-/// BoundingSurface.
+/// Of each voxel whether a closed surface winds around its middle.
+/// \param triangles of a BoundingSurface without open edges
 VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,
                              const VoxelGrid& grid);
 

@@ -31,7 +31,8 @@ constexpr double kSameShare = 1e-6;
 constexpr double kShortest = 0.1;
 
 /// The voxels of one cell in its leaf, and which of them belong to a region: asked for
-/// often, and dear to look up in all that body and region have.
+/// often, and dear to look up in all that body and region have. Takes a byte for each
+/// voxel of the leaf.
 class CellVoxels
 {
 public:
@@ -94,7 +95,7 @@ private:
 };
 
 /// From the middle of the free cell to where the region ends, averaged over the face the
-/// way springs side by side are.
+/// way springs side by side are [work].
 double border_length(const Body& body, const VoxelRuns& region, const Face& face,
                      bool is_a_held)
 {
@@ -127,7 +128,8 @@ double border_length(const Body& body, const VoxelRuns& region, const Face& face
             stiffness +=
                 part / std::max(half + voxels * grid.shape().voxel(), kShortest * half);
         }
-    // Where nothing but crumbs touches, which count to the other leaf.
+    // A face of crumbs alone, which lie in other leaves than their cells, ends where it
+    // is.
     return area > 0.0 ? area / stiffness : half;
 }
 

@@ -108,9 +108,7 @@ public:
     {
         voxel_range(shape, grid_, frame_, first_, last_);
         for (int axis = 0; axis < 3; ++axis)
-            counts_[axis] = std::max(0, (last_[axis] - first_[axis]) / kWidth + 1);
-        if ((last_ - first_).minCoeff() < 0)
-            counts_.setZero();
+            counts_[axis] = (last_[axis] - first_[axis]) / kWidth + 1;
     }
 
     /// Of layers of blocks.
@@ -145,7 +143,8 @@ public:
     }
 
 private:
-    static constexpr int kWidth = 8; ///< of a block [voxel]
+    static constexpr int kWidth = 8;          ///< of a block [voxel]
+    static constexpr double kRounding = 1e-6; ///< far more than rounding, relative
 
     enum class Lies : char
     {
@@ -204,8 +203,6 @@ private:
                 voxels.add(index);
     }
 
-    static constexpr double kRounding = 1e-6; ///< far more than rounding, relative
-
     const RegionShape& shape_;
     bool is_convex_;
     const VoxelGrid& grid_;
@@ -230,6 +227,9 @@ VoxelRuns voxels_in_shapes(const Region& region, const RestShape& rest)
         add_voxels_on(region.spline->polyline(), rest.material.grid, runs);
     return VoxelRuns(std::move(runs));
 }
+
+/// So many parts of boxes are kept before they are summed up.
+constexpr std::size_t kFewVolumes = 4096;
 
 double volume_of(const VoxelGrid& grid, const Eigen::Vector3i& v)
 {
@@ -267,18 +267,23 @@ std::vector<std::pair<std::size_t, double>> volumes_in_boxes(const VoxelGrid& gr
     const std::size_t nx = idx(grid.counts().x());
     const int width = grid.shape().voxels_per_leaf;
     const std::vector<double>& lines = grid.lines(0);
-    // Of a layer of boxes: those that have any, and all volumes.
-    const std::size_t boxes_of_layer = (nx / idx(width)) * idx(grid.counts().y() / width);
-    std::vector<std::size_t> touched;
-    std::vector<double> of_layer(boxes_of_layer, 0.0);
     std::vector<std::pair<std::size_t, double>> volumes;
-    const auto finish_layer = [&]
+    std::size_t first = 0, count = 0; // of the layer of boxes; what is summed up
+    const auto by_box = [](const auto& a, const auto& b) { return a.first < b.first; };
+    // Adds up, of the layer, what is in one box: rows bring it in parts.
+    const auto sum_up = [&]
     {
-        std::sort(touched.begin(), touched.end());
-        for (const std::size_t box : touched)
-            volumes.emplace_back(box, std::exchange(of_layer[box % boxes_of_layer], 0.0));
-        touched.clear();
+        const auto begin = volumes.begin() + static_cast<std::ptrdiff_t>(first);
+        std::stable_sort(begin, volumes.end(), by_box);
+        count = first;
+        for (std::size_t k = first; k < volumes.size(); ++k)
+            if (count > first && volumes[count - 1].first == volumes[k].first)
+                volumes[count - 1].second += volumes[k].second;
+            else
+                volumes[count++] = volumes[k];
+        volumes.resize(count);
     };
+    int layer = -1;
     for (const VoxelRuns::Run& run : voxels.runs())
         for (std::size_t begin = run.begin; begin < run.end;)
         {
@@ -287,23 +292,25 @@ std::vector<std::pair<std::size_t, double>> volumes_in_boxes(const VoxelGrid& gr
             const std::size_t row = begin - idx(voxel.x());
             const int end =
                 static_cast<int>(std::min<std::size_t>(run.end, row + nx) - row);
-            const double section = grid.extent(1, voxel.y()) * grid.extent(2, voxel.z());
             begin = row + idx(end);
+            if (voxel.z() / width != layer)
+            {
+                sum_up();
+                first = volumes.size();
+                layer = voxel.z() / width;
+            }
+            else if (volumes.size() > 2 * count + kFewVolumes)
+                sum_up();
+            const double section = grid.extent(1, voxel.y()) * grid.extent(2, voxel.z());
             while (voxel.x() < end)
             {
-                const std::size_t box = grid.box(voxel);
-                if (!touched.empty() &&
-                    touched.front() / boxes_of_layer != box / boxes_of_layer)
-                    finish_layer();
                 const int next = std::min(end, (voxel.x() / width + 1) * width);
-                double& volume = of_layer[box % boxes_of_layer];
-                if (volume == 0.0)
-                    touched.push_back(box);
-                volume += (lines[idx(next)] - lines[idx(voxel.x())]) * section;
+                const double length = lines[idx(next)] - lines[idx(voxel.x())];
+                volumes.emplace_back(grid.box(voxel), length * section);
                 voxel.x() = next;
             }
         }
-    finish_layer();
+    sum_up();
     return volumes;
 }
 

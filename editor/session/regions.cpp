@@ -84,7 +84,13 @@ RegionShape shape_of(const Selector& selector, const Units& units)
                 slope[k] = size[k] > 0 ? normal[k] / size[k] : 0.0;
         return {[=](const Eigen::Vector3d& x) { return normal.dot(relative(x)) >= d; },
                 [=](const Eigen::Vector3d& x)
-                { return (d - normal.dot(relative(x))) / slope.norm(); }};
+                {
+                    const double missing = d - normal.dot(relative(x));
+                    // Across a flat axis it holds all or nothing.
+                    if (slope.isZero(0))
+                        return missing > 0 ? INFINITY : 0.0;
+                    return missing / slope.norm();
+                }};
     }
     default:
         return {[](const Eigen::Vector3d&) { return true; },
@@ -189,8 +195,9 @@ std::string nearest_sample_note(const Region& region,
                 least = d;
                 nearest = i;
             }
-    return region.shapes.empty()
-               ? " (it lists no sample)"
+    return region.shapes.empty() ? " (it lists no sample)"
+           : std::isinf(least)
+               ? " (no sample can be in it)"
                : fmt::format(" (the nearest sample, {}, is {:.4g} away)", nearest, least);
 }
 

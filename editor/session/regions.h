@@ -27,8 +27,10 @@ namespace cellwarp
 /// A geometric selector in model coordinates.
 struct RegionShape
 {
-    std::function<bool(const Eigen::Vector3d&)> holds;      ///< closed
-    std::function<double(const Eigen::Vector3d&)> distance; ///< of a point outside
+    std::function<bool(const Eigen::Vector3d&)> holds; ///< closed
+    /// Of a point outside [model unit]; infinite where there is nothing inside. Never
+    /// more than that, and not above 0 inside.
+    std::function<double(const Eigen::Vector3d&)> distance;
     /// Bounds of it; infinite where it has none.
     Eigen::Vector3d low = Eigen::Vector3d::Constant(-INFINITY);
     Eigen::Vector3d high = Eigen::Vector3d::Constant(INFINITY);

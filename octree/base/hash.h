@@ -14,8 +14,8 @@ namespace cellwarp
 /// The same on every machine with this order of bytes. \p seed: what came before.
 std::uint64_t hash_of(const void* bytes, std::size_t count, std::uint64_t seed = 0);
 
-/// Of a number.
-constexpr std::uint64_t mixed(std::uint64_t x)
+/// Of a number; different ones have different hashes, and 0 has 0.
+constexpr std::uint64_t hash_of(std::uint64_t x)
 {
     x = (x ^ x >> 31) * 0x9e3779b97f4a7c15u;
     x = (x ^ x >> 29) * 0xbf58476d1ce4e5b9u;

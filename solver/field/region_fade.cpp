@@ -24,7 +24,7 @@
 #include <unsupported/Eigen/AutoDiff>
 
 #include "octree/base/index.h"
-#include "octree/bounding_surface.h"
+#include "octree/joined_samples.h"
 #include "solver/cells/glue_distances.h"
 #include "solver/field/influence_kernel.h"
 

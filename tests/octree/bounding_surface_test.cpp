@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "octree/base/edges.h"
+#include "octree/joined_samples.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -99,6 +101,49 @@ TEST(BoundingSurface, tells_the_share_of_open_edges)
     EXPECT_DOUBLE_EQ(bounding_surface(one).open_edges, 0.8);
     one.triangles.clear();
     EXPECT_EQ(bounding_surface(one).open_edges, 1.0);
+}
+
+TEST(BoundingSurface, of_many_triangles_tells_each_open_edge)
+{
+    // Several parts for several threads.
+    const Shape whole = support::box_shape({0, 0, 0}, {1, 1, 1}, 70);
+    ASSERT_GT(whole.triangles.size(), 50'000u);
+    const auto share_by_edges = [&](const std::vector<Triangle>& triangles)
+    {
+        int open = 0, all = 0;
+        for_each_edge(
+            whole.samples.size(),
+            [&](const auto& pass)
+            {
+                for (const Triangle& t : triangles)
+                    for (std::size_t k = 0; k < 3; ++k)
+                        pass(t[k], t[(k + 1) % 3]);
+            },
+            [&](const Edge& edge)
+            {
+                open += edge.forward != edge.backward;
+                ++all;
+            });
+        return static_cast<double>(open) / all;
+    };
+    const BoundingSurface closed = bounding_surface(whole);
+    EXPECT_EQ(closed.open_edges, 0.0);
+    EXPECT_TRUE(std::is_sorted(closed.triangles.begin(), closed.triangles.end()));
+    std::mt19937 rng(3);
+    for (int trial = 0; trial < 4; ++trial)
+    {
+        Shape flawed = whole;
+        const std::size_t t = rng() % whole.triangles.size();
+        if (trial % 2 == 0)
+            std::swap(flawed.triangles[t][0], flawed.triangles[t][1]);
+        else
+            flawed.triangles.erase(flawed.triangles.begin() +
+                                   static_cast<std::ptrdiff_t>(t));
+        const BoundingSurface surface = bounding_surface(flawed);
+        EXPECT_GT(surface.open_edges, 0.0);
+        EXPECT_EQ(surface.open_edges, share_by_edges(surface.triangles));
+        EXPECT_TRUE(std::is_sorted(surface.triangles.begin(), surface.triangles.end()));
+    }
 }
 
 } // namespace cellwarp

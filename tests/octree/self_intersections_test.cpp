@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/self_intersections.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -158,6 +159,16 @@ TEST(SelfIntersections, tell_those_of_rest_from_new_ones)
         *IntersectionCounter(shape.triangles, moved).count(shape.samples);
     EXPECT_EQ(apart.all, at_rest);
     EXPECT_EQ(apart.fresh, 0);
+    // One counter tells of one place after another, also of one far from the rest.
+    const IntersectionCounter counter(shape.triangles, shape.samples);
+    std::vector<Eigen::Vector3d> shuffled = shape.samples;
+    std::mt19937 rng(2);
+    std::shuffle(shuffled.begin(), shuffled.end(), rng);
+    const std::int64_t wild = counter.count(shuffled)->all;
+    EXPECT_GT(wild, now.all);
+    EXPECT_EQ(counter.count(moved)->fresh, now.fresh);
+    EXPECT_EQ(counter.count(shape.samples)->all, at_rest);
+    EXPECT_EQ(counter.count(shuffled)->all, wild);
 }
 
 TEST(SelfIntersections, of_neighbours_are_what_they_share_beyond_corner_and_edge)

@@ -19,7 +19,7 @@ struct RestModel
     std::shared_ptr<const RestShape> rest;
     std::shared_ptr<const RegionSet> regions;
 
-    /// \p statements: those of the regions, line by line, in model units.
+    /// \p statements: those of the regions, line by line.
     RestModel(const Shape& shape, const std::string& statements, CellSettings cells)
         : geometry(scan_geometry("model.obj", obj_text(shape)).geometry),
           settings(std::move(cells)),
@@ -27,7 +27,7 @@ struct RestModel
     {
         const HandleFile file =
             parse_handles("h.handles", "cellwarp-handles 1\n" + statements + "frame 1\n");
-        const Units units{rest->frame, false, bounding_box(geometry.samples)};
+        const Units units{rest->frame, file.is_relative, bounding_box(geometry.samples)};
         regions = std::make_shared<const RegionSet>(
             rest,
             resolve_regions(file.stages[0].regions, geometry, geometry.samples, units,

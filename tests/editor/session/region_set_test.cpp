@@ -75,6 +75,46 @@ TEST(RegionSet, holds_the_voxels_whose_centres_lie_in_its_boxes_each_once)
     }
 }
 
+TEST(RegionSet, holds_the_voxels_of_every_selector_one_by_one)
+{
+    // Far from the origin, and with three different sides.
+    const Shape shape = support::box_shape({100, -50, 30}, {101, -48, 34}, 6);
+    CellSettings cells;
+    cells.across = 8;
+    cells.gap = 0.02;
+    for (const std::string selector :
+         {"box 0.1 0.2 0.3 0.7 0.6 0.9", "sphere 0.5 0.4 0.6 0.2",
+          "capsule 0.1 0.1 0.1 0.9 0.9 0.7 0.06", "halfspace 0.3 0.5 0.8 0.9",
+          "halfspace -1 0.2 0 -0.3", "all"})
+        for (const bool is_relative : {true, false})
+        {
+            std::string text = selector;
+            if (!is_relative && selector.starts_with("box"))
+                text = "box 100.2 -49.7 31 100.9 -48.1 33.3";
+            else if (!is_relative && selector.starts_with("sphere"))
+                text = "sphere 100.4 -49 32 0.83";
+            else if (!is_relative && selector.starts_with("half"))
+                text = "halfspace 1 -1 0.5 165.7";
+            else if (!is_relative)
+                continue;
+            const RestModel model(
+                shape,
+                (is_relative ? "units relative\nhandle a " : "handle a ") + text + "\n",
+                cells);
+            const VoxelGrid& grid = model.rest->material.grid;
+            std::size_t num_held = 0;
+            for (std::size_t voxel = 0; voxel < grid.size(); ++voxel)
+            {
+                const bool is_held =
+                    grid.material()[voxel] &&
+                    (*model.regions)[0].holds(centre_in_model(model, voxel));
+                num_held += is_held;
+                ASSERT_EQ(model.regions->voxels(0).has(voxel), is_held) << text;
+            }
+            EXPECT_GT(num_held, 50u) << text;
+        }
+}
+
 TEST(RegionSet, listed_samples_stand_for_the_voxels_that_are_nearest_to_them)
 {
     const RestModel model = bar("handle a indices 0 3 7 11\n", 16, 4, 1);

@@ -16,9 +16,9 @@ namespace cellwarp
 namespace
 {
 
-/// A closed double cone around the upright line through (x, y); its two tips lie beside
+/// A closed double cone around the line along x through (y, z); its two tips lie beside
 /// it, each less than a few roundings away, its ring at random in a box of 0 to 100.
-Shape double_cone(std::mt19937& rng, double x, double y, int around)
+Shape double_cone(std::mt19937& rng, double y, double z, int around)
 {
     const auto beside = [&](double value)
     {
@@ -27,15 +27,16 @@ Shape double_cone(std::mt19937& rng, double x, double y, int around)
         return value;
     };
     Shape shape;
-    shape.samples.emplace_back(beside(x), beside(y), 3.25);
-    shape.samples.emplace_back(beside(x), beside(y), 7.75);
+    shape.samples.emplace_back(3.25, beside(y), beside(z));
+    shape.samples.emplace_back(7.75, beside(y), beside(z));
     for (int i = 0; i < around; ++i)
     {
         const double angle = 2 * 3.14159265358979 * i / around;
         const double r = support::random_number(rng, 0.4, 95.0);
-        shape.samples.emplace_back(std::clamp(x + r * std::cos(angle), 0.0, 100.0),
-                                   std::clamp(y + r * std::sin(angle), 0.0, 100.0),
-                                   support::random_number(rng, 4.0, 7.0));
+        const double height = support::random_number(rng, 4.0, 7.0);
+        shape.samples.emplace_back(height,
+                                   std::clamp(y + r * std::cos(angle), 0.0, 100.0),
+                                   std::clamp(z + r * std::sin(angle), 0.0, 100.0));
     }
     for (int i = 0; i < around; ++i)
     {
@@ -80,20 +81,22 @@ TEST(Side, no_column_beside_a_vertex_leaks)
 {
     std::mt19937 rng(5);
     GridShape unit; // a voxel is 1
-    unit.coarsest = {100, 100, 10};
+    unit.coarsest = {10, 100, 100};
     unit.size = unit.coarsest.cast<double>();
     unit.voxels_per_leaf = 1;
-    int leaks = 0;
+    int leaks = 0, holes = 0;
     for (int trial = 0; trial < 3000; ++trial)
     {
         const Shape shape = double_cone(rng, 1.5, 0.5, 3 + static_cast<int>(rng() % 9));
         const VoxelGrid grid(unit);
         const VoxelFlags is_inside = inside_by_winding(shape, shape.triangles, grid);
-        // Below and above all of it.
-        for (const int k : {0, 1, 2, 8, 9})
-            leaks += is_inside[grid.index(1, 0, k)];
+        // Below and above all of it, and between its tips near the ring's lowest place.
+        for (const int i : {0, 1, 2, 8, 9})
+            leaks += is_inside[grid.index(i, 1, 0)];
+        holes += is_inside[grid.index(5, 1, 0)] == 0;
     }
     EXPECT_EQ(leaks, 0);
+    EXPECT_EQ(holes, 0);
 }
 
 } // namespace cellwarp
