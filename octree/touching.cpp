@@ -24,8 +24,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kRowsAtOnce = 64;        ///< of one thread
-constexpr std::size_t kVoxelsAtOnce = 1 << 16; ///< likewise
+constexpr std::size_t kRowsAtOnce = 64;       ///< of one thread
+constexpr std::size_t kMarksAtOnce = 1 << 16; ///< likewise
 
 /// Whether some voxel across a side in which the surface lies is not \p material.
 bool bounds_nothing(const VoxelGrid& grid, const VoxelFlags& material, std::uint8_t mark,
@@ -120,13 +120,13 @@ void settle_material(VoxelGrid& grid, const VoxelFlags& marks,
                  });
     // Adds what \p is_needed, asked for all that is only touched, finds in the material
     // as it is.
-    std::vector<std::vector<std::size_t>> touched_of((grid.size() + kVoxelsAtOnce - 1) /
-                                                     kVoxelsAtOnce);
+    std::vector<std::vector<std::size_t>> touched_of((grid.size() + kMarksAtOnce - 1) /
+                                                     kMarksAtOnce);
     parallel_for(touched_of.size(), 1,
                  [&](std::size_t part)
                  {
-                     for_each_set(marks, part * kVoxelsAtOnce,
-                                  std::min(grid.size(), (part + 1) * kVoxelsAtOnce),
+                     for_each_set(marks, part * kMarksAtOnce,
+                                  std::min(grid.size(), (part + 1) * kMarksAtOnce),
                                   [&](std::size_t voxel)
                                   {
                                       if (!material[voxel])
