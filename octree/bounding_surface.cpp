@@ -19,7 +19,7 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kCanonicalAtOnce = 1 << 14; ///< triangles, of one thread
+constexpr std::size_t kTrianglesOfPart = 1 << 14; ///< triangles, of one thread
 
 /// A triangle with its smallest corner first, the orientation kept.
 Triangle canonical(Triangle t)
@@ -62,14 +62,14 @@ void sort_around(std::span<Triangle> triangles, const Key& key)
 /// would all have to be zero by chance.
 bool is_closed_by_sum(const std::vector<Triangle>& triangles)
 {
-    std::vector<std::uint64_t> sums((triangles.size() + kCanonicalAtOnce - 1) /
-                                    kCanonicalAtOnce);
+    std::vector<std::uint64_t> sums((triangles.size() + kTrianglesOfPart - 1) /
+                                    kTrianglesOfPart);
     parallel_for(sums.size(), 1,
                  [&](std::size_t part)
                  {
-                     const std::size_t begin = part * kCanonicalAtOnce;
+                     const std::size_t begin = part * kTrianglesOfPart;
                      const std::size_t end =
-                         std::min(triangles.size(), begin + kCanonicalAtOnce);
+                         std::min(triangles.size(), begin + kTrianglesOfPart);
                      std::uint64_t sum = 0;
                      for (std::size_t t = begin; t < end; ++t)
                          for (std::size_t k = 0; k < 3; ++k)
@@ -180,11 +180,11 @@ BoundingSurface bounding_surface(const Shape& shape)
     std::vector<std::size_t> parts = {0};
     const auto is_next = [&](std::size_t t)
     { return triangles[t][0] != triangles[t - 1][0]; };
-    for (std::size_t t = kCanonicalAtOnce; t < triangles.size(); ++t)
+    for (std::size_t t = kTrianglesOfPart; t < triangles.size(); ++t)
         if (is_next(t))
         {
             parts.push_back(t);
-            t += kCanonicalAtOnce;
+            t += kTrianglesOfPart;
         }
     parts.push_back(triangles.size());
     parallel_for(parts.size() - 1, 1,

@@ -66,7 +66,7 @@ public:
         (range.last - range.first).maxCoeff(&row_);
         u_ = (row_ + 1) % 3;
         v_ = (row_ + 2) % 3;
-        if (!mark_row(range))
+        if (!mark_within_row(range))
             visit(range);
     }
 
@@ -151,7 +151,7 @@ private:
     };
 
     /// Of a box's section across the row.
-    Reaches reaches(const Box& box)
+    Reaches find_reaches(const Box& box)
     {
         if (is_off(box, u_, kTouch) || is_off(box, v_, kTouch))
             return {};
@@ -235,7 +235,7 @@ private:
     }
 
     /// Of a triangle that lies in one row of voxels and off its sides; else false.
-    bool mark_row(const VoxelRange& range)
+    bool mark_within_row(const VoxelRange& range)
     {
         for (const int axis : {u_, v_})
         {
@@ -270,12 +270,13 @@ private:
         return true;
     }
 
-    void mark_voxels(const VoxelRange& row)
+    /// The voxels of a row that the triangle meets.
+    void mark_row(const VoxelRange& row)
     {
         if (are_known(row))
             return;
         const Box all = box_of(row);
-        const Reaches reach = reaches(all);
+        const Reaches reach = find_reaches(all);
         // Where it lies in sides along the row.
         struct Side
         {
@@ -293,7 +294,7 @@ private:
                           slab.low[axis] = plane - 3.0 * kTouch;
                           slab.high[axis] = plane + 3.0 * kTouch;
                           sides[num_sides++] = {SurfaceMark::side(axis, is_upper),
-                                                reaches(slab).penetrated};
+                                                find_reaches(slab).penetrated};
                       });
         const std::vector<double>& lines = lines_[idx(row_)];
         for (Eigen::Vector3i voxel = row.first; voxel[row_] <= row.last[row_];
@@ -334,12 +335,13 @@ private:
                 {
                     row.first[u_] = row.last[u_] = i;
                     row.first[v_] = row.last[v_] = j;
-                    mark_voxels(row);
+                    mark_row(row);
                 }
             return;
         }
         const Box box = box_of(range);
-        if (!reaches(box).touched.has(box.low[row_] - kTouch, box.high[row_] + kTouch))
+        if (!find_reaches(box).touched.has(box.low[row_] - kTouch,
+                                           box.high[row_] + kTouch))
             return;
         int axis = 0;
         counts.maxCoeff(&axis);

@@ -83,7 +83,7 @@ int parts_around(const VoxelGrid& grid, const VoxelFlags& material,
 }
 
 /// Material of \p width voxels from \p row on: what is inside, and what the surface
-/// reaches into. Nothing is written where there is none.
+/// reaches into. Where neither is near nothing is written, so that it takes no memory.
 void settle_row(std::size_t row, std::size_t width, const VoxelFlags& marks,
                 const VoxelFlags& is_inside, VoxelFlags& material)
 {

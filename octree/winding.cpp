@@ -36,7 +36,8 @@ struct Crossing
     }
 };
 
-/// Of all columns, ascending for each v.
+/// Of all columns, line by line: a line holds the columns of one v, and what it has is
+/// ascending.
 struct Crossings
 {
     std::vector<std::size_t> first; ///< of each v, and the end
