@@ -2,6 +2,7 @@
 #include "editor/session/cell_system.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <map>
@@ -17,6 +18,7 @@
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
 #include "solver/cells/refinement.h"
+#include "solver/field/region_points.h"
 
 namespace cellwarp
 {
@@ -57,11 +59,10 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
                         "parts keep few digits",
                         *stiffest / *softest));
     const Departures& departures = settings.departures;
-    glue_ = build_glue(cells, factors,
-                       departures.measured_borders
-                           ? border_glue(*body_, *regions_, region_of_cell_)
-                           : std::vector<BorderGlue>(),
-                       departures,
+    const std::vector<BorderGlue> borders =
+        departures.measured_borders ? border_glue(*body_, *regions_, region_of_cell_)
+                                    : std::vector<BorderGlue>();
+    glue_ = build_glue(cells, factors, borders, departures,
                        departures.smooth_borders && departures.glue_in_face
                            ? border_bending(*body_, *regions_, shares_)
                            : std::vector<double>());
@@ -71,6 +72,7 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     last_motions_ = found_motions_ = motions_;
 
     hold_cells();
+    set_insets(borders);
     place_stations();
     place_guided();
     steps_.resize(regions_->size() + stations_.size());
@@ -142,6 +144,31 @@ void CellSystem::hold_cells()
         constraint.held_now = constraint.held_rest;
         constraint.flat_axis = rest().flat_axis;
     }
+}
+
+/// Where the regions end within the cells that they hold: the glue of a border is as long
+/// as from the free cell's middle to there.
+void CellSystem::set_insets(std::span<const BorderGlue> borders)
+{
+    struct Sums
+    {
+        std::array<double, 6> area = {}, inset = {};
+    };
+    std::map<std::size_t, Sums> of_cell;
+    for (const BorderGlue& border : borders)
+    {
+        const Face& face = body_->cells.faces[idx(border.face)];
+        const auto [held, loose] =
+            border.is_a_rigid ? std::pair(face.a, face.b) : std::pair(face.b, face.a);
+        const double inset = border.length - 0.5 * body_->cells.cells[idx(loose)].edge;
+        const std::size_t side = side_of(face.axis, border.is_a_rigid);
+        of_cell[idx(held)].area[side] += face.area;
+        of_cell[idx(held)].inset[side] += face.area * inset;
+    }
+    for (const auto& [cell, sums] : of_cell)
+        for (std::size_t side = 0; side < 6; ++side)
+            if (sums.inset[side] > 0.0)
+                constraints_[cell].insets[side] = sums.inset[side] / sums.area[side];
 }
 
 /// The cells of a pin of several places: one body that turns about their centroid.
@@ -495,7 +522,7 @@ void CellSystem::warn_of_components()
                 part.component.free_rotations));
 }
 
-/// Places of samples that lie so near to cells of another region that they may be corners
+/// Places of samples that lie so near to cells of another region that they may be points
 /// of these, and the regions of the samples.
 std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() const
 {
@@ -531,15 +558,14 @@ std::map<std::array<double, 3>, int> CellSystem::samples_near_other_regions() co
     return places;
 }
 
-/// Around the samples of the regions, and around the borders of their cells, where the
-/// field knows the motion too. Without these what lies just outside would depend on how
-/// near the last sample of the region happens to be.
+/// Around the samples of the regions, and around the points of their cells at their
+/// borders, where the field knows the motion too. Without these what lies just outside
+/// would depend on how near the last sample of the region happens to be.
 void CellSystem::place_fades()
 {
     if (!fades_.empty())
         return;
-    const std::vector<std::vector<Eigen::Vector3d>> borders =
-        border_points(body_->cells, constraints_);
+    const RegionPoints points(body_->cells, constraints_);
     const std::map<std::array<double, 3>, int> taken_places =
         samples_near_other_regions();
     const auto is_sample_of_another = [&](const Eigen::Vector3d& x, std::size_t region)
@@ -571,9 +597,9 @@ void CellSystem::place_fades()
         for (std::size_t c = 0; c < constraints_.size(); ++c)
             if (region_of_cell_[c] == static_cast<int>(r) && region.moves_as_one() &&
                 constraints_[c].is_of_rigid_region())
-                for (const Eigen::Vector3d& point : borders[c])
-                    if (!is_sample_of_another(point, r))
-                        further.push_back({point, static_cast<int>(c)});
+                for (const RegionPoints::Point& point : points.of(c))
+                    if (point.is_at_border && !is_sample_of_another(point.at, r))
+                        further.push_back({point.at, static_cast<int>(c)});
         fades[r].emplace(body_->cells, samples, further);
     }
     fades_ = std::move(fades);

@@ -195,6 +195,7 @@ private:
     };
 
     void hold_cells();
+    void set_insets(std::span<const BorderGlue> borders);
     void hold_group(std::size_t region);
     void settle_groups();
     void place_stations();

@@ -3,6 +3,7 @@
 // that is, or idle in a component that nothing holds.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -42,6 +43,12 @@ public:
     virtual bool is_closed() const = 0;
 };
 
+/// A side of a box among the six.
+constexpr std::size_t side_of(int axis, bool is_high)
+{
+    return 2 * static_cast<std::size_t>(axis) + is_high;
+}
+
 struct Constraint
 {
     Hold hold = Hold::Free;
@@ -54,6 +61,10 @@ struct Constraint
     /// Of a flat cell: across its plane. It turns about this axis alone, and stays in the
     /// plane.
     int flat_axis = -1;
+    /// Of a cell of a rigid region: how far within each side of its box, by side_of(),
+    /// the region ends, on average over the free cells there; 0 where it reaches the
+    /// side, or where it is not measured [work].
+    std::array<double, 6> insets = {};
 
     /// Whether it is a part of something rigid that is larger: a region.
     bool is_of_rigid_region() const

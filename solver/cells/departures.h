@@ -15,8 +15,9 @@ struct Departures
     /// Where cells of different sizes meet, glue is handed over so that constant strain
     /// leaves no force. Else each face has its own.
     bool level_changes = true;
-    /// Glue between a region and a free cell is as long as the free material there. Else
-    /// from centre to centre.
+    /// Glue between a region and a free cell is as long as the free material there, and
+    /// the release field has the region end there. Else glue is from centre to centre,
+    /// and the region ends at the side of its cells.
     bool measured_borders = true;
     /// Sheets resist bending more around small handles; part of the glue in the face.
     /// Else they are alike everywhere.

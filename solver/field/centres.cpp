@@ -11,11 +11,9 @@
 #include "solver/field/centres.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdint>
-#include <limits>
 #include <map>
+#include <numeric>
 
 #include <Eigen/Eigenvalues>
 
@@ -41,15 +39,6 @@ constexpr double kNearestSide = 0.1, kFarthestSide = 0.5;
 
 /// A coordinate axis that lies in the flat directions by less than this is no side.
 constexpr double kLeastAxis = 0.3;
-
-/// A cell whose material fills less of its box than this has no corners: they would lie
-/// off the material, and hold what is beside it as in a vice. A shell's cells are such.
-constexpr double kFull = 0.5;
-
-bool is_full(const Cell& cell)
-{
-    return cell.volume > kFull * cell.edge * cell.edge * cell.edge;
-}
 
 /// The cell, its neighbours and theirs.
 std::vector<int> neighbourhood(const Cells& cells, int cell)
@@ -130,48 +119,10 @@ std::vector<Eigen::Vector3d> sides_of(const Cells& cells, int cell,
 
 } // namespace
 
-std::vector<std::vector<Eigen::Vector3d>>
-border_points(const Cells& cells, std::span<const Constraint> constraints)
-{
-    std::vector<std::array<bool, 6>> sides(cells.size()); // low x, high x, low y, ...
-    std::vector<std::vector<Eigen::Vector3d>> points(cells.size());
-    double largest = 0.0;
-    for (const Cell& cell : cells.cells)
-        largest = std::max(largest, cell.edge);
-    for (const Face& face : cells.faces)
-    {
-        const bool a_is_held = constraints[idx(face.a)].is_of_rigid_region();
-        const bool b_is_held = constraints[idx(face.b)].is_of_rigid_region();
-        if (a_is_held == b_is_held)
-            continue;
-        const std::size_t held = idx(a_is_held ? face.a : face.b);
-        if (is_full(cells.cells[held]))
-            sides[held][idx(2 * face.axis + a_is_held)] = true;
-    }
-    for (std::size_t i = 0; i < cells.size(); ++i)
-        for (int k = 0; k < 27; ++k)
-        {
-            const Eigen::Vector3i place(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-            if (cells.cells[i].edge < largest && (place.array() == 0).any())
-                continue;
-            bool is_on = false;
-            for (int axis = 0; axis < 3; ++axis)
-                is_on = is_on ||
-                        (place[axis] != 0 && sides[i][idx(2 * axis + (place[axis] > 0))]);
-            if (is_on)
-                points[i].push_back(cells.cells[i].box_centre +
-                                    0.5 * cells.cells[i].edge * place.cast<double>());
-        }
-    return points;
-}
-
 CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> constraints)
-    : cells_(cells), constraints_(constraints),
-      finest_(std::numeric_limits<double>::infinity()), sides_(cells.size()),
-      borders_(border_points(cells, constraints))
+    : cells_(cells), constraints_(constraints), sides_(cells.size()),
+      of_regions_(cells, constraints)
 {
-    for (const Cell& cell : cells.cells)
-        finest_ = std::min(finest_, cell.edge);
     // All around a cell the normals of its box add up to nothing: what is not glued is
     // the opposite of what is.
     std::vector<Eigen::Vector3d> open(cells.size(), Eigen::Vector3d::Zero());
@@ -188,14 +139,9 @@ CentreChoice::CentreChoice(const Cells& cells, std::span<const Constraint> const
     parallel_for(cells.size(),
                  [&](std::size_t i)
                  {
-                     if (!has_corners(i))
+                     if (of_regions_.of(i).empty())
                          sides_[i] = sides_of(cells_, static_cast<int>(i), open[i]);
                  });
-}
-
-bool CentreChoice::has_corners(std::size_t cell) const
-{
-    return constraints_[cell].is_of_rigid_region() && is_full(cells_.cells[cell]);
 }
 
 RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
@@ -208,15 +154,12 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
         centres.displacements.push_back(
             displacement(poses[i], cells_.cells[i].centre, point));
     };
-    // They lie on the lattice of half the finest edge.
     struct KnownPoint
     {
-        Eigen::Vector3d point, displacement;
+        Eigen::Vector3d at, displacement;
         bool is_shared_by_different = false;
     };
-    std::map<std::array<std::int64_t, 3>, KnownPoint> known;
-    const Eigen::Vector3d origin =
-        cells_.cells.empty() ? Eigen::Vector3d::Zero() : cells_.cells.front().box_centre;
+    std::map<RegionPoints::LatticePoint, KnownPoint> known;
     for (const int cell_index : some_cells)
     {
         const std::size_t i = idx(cell_index);
@@ -226,36 +169,32 @@ RbfCentres CentreChoice::centres_of(std::span<const int> some_cells,
         add(i, cell.anchor);
         for (const Eigen::Vector3d& side : sides_[i])
             add(i, side);
-        if (!constraints_[i].is_of_rigid_region())
-            continue;
-        // Its corners, and more where free cells meet it: there the strain is largest,
+        // Of a region more points where free cells meet it: there the strain is largest,
         // and what an RBF misses between corners would be left to the fade.
-        std::vector<Eigen::Vector3d> points = borders_[i];
-        for (int k = 0; k < 8 && has_corners(i); ++k)
-            points.push_back(cell.box_centre + 0.5 * cell.edge *
-                                                   Eigen::Vector3d(k & 1 ? 1 : -1,
-                                                                   k & 2 ? 1 : -1,
-                                                                   k & 4 ? 1 : -1));
-        for (const Eigen::Vector3d& point : points)
+        for (const RegionPoints::Point& point : of_regions_.of(i))
         {
-            std::array<std::int64_t, 3> key;
-            for (int axis = 0; axis < 3; ++axis)
-                key[idx(axis)] =
-                    std::llround((point[axis] - origin[axis]) / finest_ * 2.0);
-            const Eigen::Vector3d d = displacement(poses[i], cell.centre, point);
-            const auto [found, is_new] = known.try_emplace(key, KnownPoint{point, d});
+            const Eigen::Vector3d d = displacement(poses[i], cell.centre, point.at);
+            const auto [found, is_new] =
+                known.try_emplace(point.lattice, KnownPoint{point.at, d});
             // Motions that agree here to a millionth of a cell are one.
             if (!is_new && (found->second.displacement - d).norm() > 1e-6 * cell.edge)
                 found->second.is_shared_by_different = true;
         }
     }
-    for (const auto& [key, known_point] : known)
-        if (!known_point.is_shared_by_different)
+    for (const auto& [lattice, point] : known)
+        if (!point.is_shared_by_different)
         {
-            centres.points.push_back(known_point.point);
-            centres.displacements.push_back(known_point.displacement);
+            centres.points.push_back(point.at);
+            centres.displacements.push_back(point.displacement);
         }
     return centres;
+}
+
+RbfCentres CentreChoice::centres_of_all(std::span<const Pose> poses) const
+{
+    std::vector<int> all(cells_.size());
+    std::iota(all.begin(), all.end(), 0);
+    return centres_of(all, poses);
 }
 
 RbfCentres cell_centres(const Cells& cells, std::span<const Constraint> constraints,

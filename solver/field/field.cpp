@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -34,9 +33,7 @@ RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
 {
     if (kind == FieldKind::RbfCentres)
         return cell_centres(cells, constraints, poses);
-    std::vector<int> all(cells.size());
-    std::iota(all.begin(), all.end(), 0);
-    return CentreChoice(cells, constraints).centres_of(all, poses);
+    return CentreChoice(cells, constraints).centres_of_all(poses);
 }
 
 Field::Field(const Cells& cells, FieldParts parts)
@@ -473,21 +470,18 @@ std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
         if (!parts.local)
             return std::nullopt;
         parts.residual = local_->residual();
+        parts.num_centres = local_->num_centres(poses);
     }
-    if (kind_ == FieldKind::Rbf || is_dense(kind_))
+    if (is_dense(kind_))
     {
         const RbfCentres centres = centres_of_all(kind_, cells_, constraints_, poses);
         parts.num_centres = centres.points.size();
-        if (is_dense(kind_))
-        {
-            // Where nothing is held all cells are idle, and there is no centre.
-            RbfSystem::Fit fit =
-                centres.points.empty()
-                    ? RbfSystem::Fit{RbfField(RbfField::Terms()), 0.0}
-                    : RbfSystem(centres.points).fit(centres.displacements);
-            parts.global = std::make_shared<const RbfField>(std::move(fit.field));
-            parts.residual = fit.residual;
-        }
+        // Where nothing is held all cells are idle, and there is no centre.
+        RbfSystem::Fit fit = centres.points.empty()
+                                 ? RbfSystem::Fit{RbfField(RbfField::Terms()), 0.0}
+                                 : RbfSystem(centres.points).fit(centres.displacements);
+        parts.global = std::make_shared<const RbfField>(std::move(fit.field));
+        parts.residual = fit.residual;
     }
     if (regions.empty())
         return Field(cells_, std::move(parts));

@@ -95,6 +95,11 @@ public:
     /// Largest distance between a displacement given and the one reached, of the last
     /// fit.
     double residual() const;
+    /// Of all clusters, each once.
+    std::size_t num_centres(std::span<const Pose> poses) const
+    {
+        return choice_.centres_of_all(poses).points.size();
+    }
     /// Clusters that the last fit solved for, and those it factored.
     std::size_t num_solved() const;
     std::size_t num_factored() const;

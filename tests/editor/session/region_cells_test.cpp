@@ -85,6 +85,34 @@ TEST(RegionCells, glue_at_a_pin_of_several_places_begins_where_it_ends)
             Bar("fixed foot box -1 -1 -1 2 2 0.200001\n").border_lengths());
 }
 
+TEST(RegionCells, a_cell_knows_how_far_within_it_its_region_ends)
+{
+    // Beyond the cell's side it is as if the region ended there.
+    const std::pair<double, double> cases[] = {{0.250, 0.0}, {0.200, 0.2}, {0.325, 0.0}};
+    for (const auto& [end, wanted] : cases)
+        for (const char* role : {"fixed", "pin", "handle"})
+        {
+            SCOPED_TRACE(::testing::Message() << role << " " << end);
+            const Bar bar(std::string(role) + " foot box -1 -1 -1 2 2 " +
+                          std::to_string(end + 1e-6) + "\n");
+            const CellSystem system(bar.body, bar.regions, {});
+            const double edge = bar.body->cells.cells[0].edge;
+            int held = 0;
+            for (const Constraint& constraint : system.constraints())
+            {
+                held += constraint.is_of_rigid_region();
+                for (std::size_t side = 0; side < 6; ++side)
+                {
+                    const bool is_border =
+                        constraint.is_of_rigid_region() && side == side_of(2, true);
+                    EXPECT_NEAR(constraint.insets[side] / edge, is_border ? wanted : 0.0,
+                                1e-9);
+                }
+            }
+            EXPECT_EQ(held, 16);
+        }
+}
+
 TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly_between)
 {
     const double foot = 0.3, head = 3.8;
@@ -108,6 +136,20 @@ TEST(RegionCells, a_bar_pulled_by_regions_that_end_inside_cells_stretches_evenly
             pull.t.z() * (cell.anchor.z() / scale - foot) / (head - foot);
         EXPECT_NEAR(system.poses()[c].p.z() - cell.centre.z(), wanted, 1e-9 * scale);
         EXPECT_LT((system.poses()[c].R - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+    }
+    // The release field stretches up to where the head ends, a fifth of the way into its
+    // cells, but begins smoothly there: it is half as far from the truth as one that is
+    // rigid up to the side of the cells (0.014 of the pull).
+    const Field field = fit_field(FieldKind::Rbf, bar.body->cells, system.poses(),
+                                  system.constraints(), {});
+    const VoxelGrid& grid = system.rest().material.grid;
+    for (const double z : {3.0, 3.4, 3.6, 3.7, 3.76, 3.8})
+    {
+        const Eigen::Vector3d x = system.rest().frame.to_work({0.5, 0.5, z});
+        const Eigen::Vector3d wanted(0, 0, pull.t.z() * (z - foot) / (head - foot));
+        const int own = bar.body->pieces.at(grid, grid.locate(x));
+        EXPECT_LT((field.value(x, own).displacement - wanted).norm(), 0.008 * pull.t.z())
+            << z;
     }
 }
 

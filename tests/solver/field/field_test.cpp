@@ -49,14 +49,6 @@ std::vector<Pose> rigid(const Built& bar, const Motion& motion)
     return poses;
 }
 
-std::size_t num_centres(const Built& built, const std::vector<Pose>& poses,
-                        const std::vector<Constraint>& constraints)
-{
-    return fit_field(FieldKind::RbfGlobal, built.cells, poses, constraints, {})
-        .parts()
-        .num_centres;
-}
-
 Eigen::Vector3d point_in(std::mt19937& rng, double x, double y, double z)
 {
     return {random_number(rng, 0, x), random_number(rng, 0, y), random_number(rng, 0, z)};
@@ -522,30 +514,6 @@ TEST(LocalRbf, keeps_apart_what_the_material_keeps_apart)
     }
     EXPECT_LT(by_local, 1e-9);
     EXPECT_GT(by_global, 0.05);
-}
-
-TEST(Field, prescribed_corners_are_centres_unless_motions_disagree)
-{
-    const Built bar = support::bar(2, 2, 4);
-    std::vector<Constraint> constraints(bar.cells.size());
-    std::vector<Pose> poses = rigid(bar, Motion());
-    const auto at_z = [&](double z)
-    {
-        for (std::size_t i = 0; i < bar.cells.size(); ++i)
-            if (std::abs(bar.cells.cells[i].centre.z() - z) < 0.1)
-                return i;
-        return std::size_t(0);
-    };
-    // Of each cell its centroid; of each free one, all at the surface, a point there,
-    // but not of the three next to a prescribed one, which has its corners and, on the
-    // three sides where free cells meet it, four edges and a middle; three are shared.
-    EXPECT_EQ(num_centres(bar, poses, constraints), 16u + 16u);
-    constraints[at_z(0.5)].hold = Hold::Prescribed;
-    EXPECT_EQ(num_centres(bar, poses, constraints), 16u + 12u + 8u + 15u - 3u);
-    constraints[at_z(1.5)].hold = Hold::Prescribed;
-    const std::size_t of_one_motion = num_centres(bar, poses, constraints);
-    poses[at_z(1.5)].p.x() += 0.1;
-    EXPECT_EQ(num_centres(bar, poses, constraints), of_one_motion - 6u);
 }
 
 namespace
