@@ -49,6 +49,10 @@ constexpr double kTorn = 4.0;
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
 
+/// Cells that are this near to where they were are in one valley with it [their edge]:
+/// the tolerance of the way leaves less.
+constexpr double kSamePlace = 0.1;
+
 /// Where a solve changes the turns from region to region by more, whole turns are lost
 /// [rad]: what bends on its way to a solution stays far below.
 constexpr double kLostTurn = std::numbers::pi;
@@ -387,6 +391,26 @@ bool FrameSolver::may_miss_a_minimum(const Way& way) const
                           system_.poses()) < kFold);
 }
 
+namespace
+{
+
+/// The farthest that a corner of a cell is from where it is in the other state [its
+/// edge]. \pre the cells are the same
+double largest_way_between(const CellSystem& a, const CellSystem& b)
+{
+    const std::vector<Cell>& cells = a.body().cells.cells;
+    double largest = 0.0;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+    {
+        const Pose &one = a.poses()[i], &other = b.poses()[i];
+        largest = std::max(largest, (one.p - other.p).norm() / cells[i].edge +
+                                        (one.R - other.R).norm());
+    }
+    return largest;
+}
+
+} // namespace
+
 /// Goes the way of the frame again, in the cells in which it ended, and stays where that
 /// leads if it is lower.
 void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
@@ -398,7 +422,12 @@ void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
     second.start = way.start;
     second.gradient_scale = way.gradient_scale;
     second.iterations_before = way.total.iterations;
-    travel(second, report.steps, true);
+    // Only where another minimum may be ahead is it worth to get there exactly.
+    travel(second, report.steps, false);
+    if (second.goes_on() &&
+        (way.total.is_saddle || system_.energy() < (1.0 - kSameEnergy) * energy ||
+         largest_way_between(system_, other) > kSamePlace))
+        solve_wound(second, true);
     report.largest_rise = std::max(report.largest_rise, second.largest_rise);
     const bool is_lower = second.total.stop == Stop::Converged &&
                           system_.energy() < (1.0 - kSameEnergy) * energy;
