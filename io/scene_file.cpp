@@ -7,6 +7,7 @@
 #include "io/bytes.h"
 #include "io/error.h"
 #include "io/json_object.h"
+#include "io/near_word.h"
 #include "io/number.h"
 #include "io/relative_name.h"
 
@@ -72,7 +73,15 @@ SceneFile scene_of(const std::string& path, const std::string& text)
     root.read("model", model);
     root.read("handles", handles);
     if (!model || model->empty())
-        root.fail("model", "is missing");
+    {
+        std::vector<std::string> keys;
+        for (const auto& [key, value] : json.items())
+            keys.push_back(key);
+        const std::string near = nearest_word("model", keys);
+        root.fail("model",
+                  "is missing" +
+                      (near.empty() ? "" : " (there is " + in_quotes(near) + ")"));
+    }
     scene.model = resolved_name(path, *model);
     scene.handles = handles ? resolved_name(path, *handles) : "";
     root.read("save", scene.save);

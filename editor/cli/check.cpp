@@ -11,6 +11,7 @@
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
 #include "io/geometry_file.h"
+#include "io/scene_file.h"
 #include "io/time_settings.h"
 #include "octree/self_intersections.h"
 
@@ -20,9 +21,41 @@ namespace cellwarp
 namespace
 {
 
+/// Whether a scene is about rods in time: its model, if it has one, is theirs to move.
+bool is_of_rods_in_time(const std::string& path, TimeScene scene)
+{
+    return scene == TimeScene::Rods &&
+           (!has_model(path) || read_scene(path).has_carriers);
+}
+
+/// What simulate would begin with.
+int check_rods(const std::string& path, const CommonFlags& common)
+{
+    const std::unique_ptr<InTime> in_time = open_in_time(path);
+    const Json rods = rods_in_time(path);
+    const std::int64_t frames = in_time->last_frame() + 1, steps = in_time->num_steps();
+    print_warnings(in_time->warnings(), common);
+    const std::string text =
+        common.is_json
+            ? Json{{"model", in_time->model() ? Json(in_time->model()->path) : Json()},
+                   {"frames", frames},
+                   {"steps", steps},
+                   {"rods_in_time", rods},
+                   {"warnings", in_time->warnings()}}
+                      .dump(2) +
+                  "\n"
+            : fmt::format("{}: {} {} in time, {} frames, {} steps: in order\n", path,
+                          rods.size(), rods.size() == 1 ? "rod" : "rods", frames, steps);
+    write_file("-", text, Overwrite::Yes);
+    return 0;
+}
+
 int run(const SessionFlags& flags, const CommonFlags& common)
 {
-    const bool has_flesh = cellwarp::has_flesh(time_scene_of(flags.model));
+    const TimeScene in_time = time_scene_of(flags.model);
+    if (is_of_rods_in_time(flags.model, in_time))
+        return check_rods(flags.model, common);
+    const bool has_flesh = cellwarp::has_flesh(in_time);
     SessionRequest request = read_request(flags, has_flesh);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);

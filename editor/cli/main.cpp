@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <csignal>
 #include <new>
-#include <numeric>
 #include <optional>
 #include <sstream>
 #include <system_error>
@@ -17,6 +16,7 @@
 #include "editor/cli/command.h"
 #include "editor/session/memory_guard.h"
 #include "io/error.h"
+#include "io/near_word.h"
 #include "io/number.h"
 #include "io/text.h"
 #include "octree/base/parallel.h"
@@ -63,34 +63,26 @@ bool has_subcommand(const CLI::App& app, const std::string& name)
                        { return command->get_name() == name; });
 }
 
-/// By how many letters two words differ: put in, left out or changed.
-std::size_t letters_between(const std::string& a, const std::string& b)
+/// " (did you mean ...?)", where something is near.
+std::string did_you_mean(const std::string& near)
 {
-    std::vector<std::size_t> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), std::size_t(0));
-    for (std::size_t i = 0; i < a.size(); ++i)
-    {
-        std::size_t diagonal = row[0];
-        row[0] = i + 1;
-        for (std::size_t j = 0; j < b.size(); ++j)
-        {
-            const std::size_t changed = diagonal + (a[i] != b[j]);
-            diagonal = row[j + 1];
-            row[j + 1] = std::min({row[j] + 1, row[j + 1] + 1, changed});
-        }
-    }
-    return row.back();
+    return near.empty() ? "" : " (did you mean " + near + "?)";
 }
 
-/// " (did you mean ...?)" for an argument that no command has; empty: nothing is near it.
+std::string near_command(const CLI::App& app, const std::string& given)
+{
+    std::vector<std::string> names;
+    for (const CLI::App* command : app.get_subcommands({}))
+        names.push_back(command->get_name());
+    return did_you_mean(nearest_word(given, names));
+}
+
+/// Of an argument that the command does not have.
 std::string near_argument(const CLI::App& app, const std::string& given)
 {
-    constexpr std::size_t kMostLetters = 3;
     if (extension_of(given) == "handles" && !given.starts_with("-"))
-        return " (did you mean --handles " + given + "?)";
-    const std::string name = given.substr(0, given.find('='));
-    std::size_t least = std::min(kMostLetters, name.size() / 2) + 1;
-    std::string nearest;
+        return did_you_mean("--handles " + given);
+    std::vector<std::string> names;
     for (const CLI::App* of :
          {static_cast<const CLI::App*>(&app),
           static_cast<const CLI::App*>(
@@ -98,13 +90,25 @@ std::string near_argument(const CLI::App& app, const std::string& given)
         for (const CLI::Option* option :
              of ? of->get_options() : std::vector<const CLI::Option*>())
             for (const std::string& word : option->get_lnames())
-                if (const std::size_t letters = letters_between(name, "--" + word);
-                    letters < least)
-                {
-                    least = letters;
-                    nearest = "--" + word;
-                }
-    return nearest.empty() ? "" : " (did you mean " + nearest + "?)";
+                names.push_back("--" + word);
+    return did_you_mean(nearest_word(given.substr(0, given.find('=')), names));
+}
+
+/// What a number that cannot be read should have been: "--across: got 1e9, need an
+/// integer". Empty for all other errors.
+std::string wrong_number(const CLI::App& app, const std::string& message)
+{
+    const std::string begin = "Could not convert: ", between = " = ";
+    const std::size_t end = message.find(between);
+    if (!message.starts_with(begin) || end == std::string::npos)
+        return "";
+    const std::string name = message.substr(begin.size(), end - begin.size());
+    for (const CLI::App* of : app.get_subcommands())
+        if (const CLI::Option* option = of->get_option_no_throw(name))
+            return name + ": got " + message.substr(end + between.size()) + ", need " +
+                   (option->get_type_name().starts_with("INT") ? "an integer"
+                                                               : "a number");
+    return "";
 }
 
 int run(int argc, char** argv)
@@ -137,7 +141,8 @@ int run(int argc, char** argv)
     add_features(app, common, exit_code);
     if (argc > 1 && argv[1][0] != '-' && !has_subcommand(app, argv[1]))
         throw Error(Fault::Usage, "unknown command " + in_quotes(argv[1]) +
-                                      " (cellwarp --help lists the commands)");
+                                      near_command(app, argv[1]) +
+                                      "; cellwarp --help lists the commands");
     try
     {
         app.parse(argc, argv);
@@ -151,11 +156,12 @@ int run(int argc, char** argv)
             write_file("-", text.str(), Overwrite::No);
             return 0;
         }
+        const std::string number = wrong_number(app, error.what());
         std::string near;
         if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError))
             for (const std::string& given : app.remaining(true))
                 near += near_argument(app, given);
-        say(fmt::format("error: {}{}\n", error.what(), near));
+        say(fmt::format("error: {}{}\n", number.empty() ? error.what() : number, near));
         return static_cast<int>(Fault::Usage);
     }
     return exit_code;

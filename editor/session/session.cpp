@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cassert>
+#include <map>
 #include <numbers>
+#include <set>
 
 #include <Eigen/Geometry>
 #include <fmt/format.h>
@@ -52,6 +54,91 @@ std::vector<std::string> holding_warnings(const CellSystem& system,
         return {"the regions hold all cells: nothing between them is left to follow "
                 "(smaller regions, or smaller cells by --across, leave something)"};
     return {};
+}
+
+/// Cells with samples or material of a region that hang together.
+struct RegionPiece
+{
+    int cell = -1; ///< one of them
+    std::size_t num_samples = 0;
+    bool hangs_on_free = false; ///< is glued to a cell without either
+};
+
+std::vector<RegionPiece> pieces_of(const Region& region, const RegionShares& shares,
+                                   const Body& body)
+{
+    std::map<int, std::size_t> samples_in; // of each of these cells
+    for (const std::uint32_t i : region.samples)
+        ++samples_in[body.cell_of_sample[i]];
+    for (const auto& [cell, share] : shares.cells)
+        samples_in.try_emplace(cell, 0);
+    std::vector<RegionPiece> pieces;
+    std::set<int> seen;
+    for (const auto& [first, count] : samples_in)
+    {
+        if (!seen.insert(first).second)
+            continue;
+        RegionPiece piece{first};
+        std::vector<int> cells{first};
+        for (std::size_t k = 0; k < cells.size(); ++k)
+        {
+            piece.num_samples += samples_in.at(cells[k]);
+            for (const int next : body.cells.neighbours_of(cells[k]))
+                if (!samples_in.contains(next))
+                    piece.hangs_on_free = true;
+                else if (seen.insert(next).second)
+                    cells.push_back(next);
+        }
+        pieces.push_back(piece);
+    }
+    return pieces;
+}
+
+/// A box around a limb easily has a bit of the body in it as well, which is pulled out
+/// then: there is a warning of pieces of a handle that hang on free material and have
+/// less of its samples than this share.
+constexpr double kSmallPiece = 0.05;
+
+std::vector<std::string> piece_warnings(const CellSystem& system, const std::string& file)
+{
+    std::vector<std::string> warnings;
+    for (std::size_t r = 0; r < system.regions().size(); ++r)
+    {
+        const Region& region = system.regions()[r];
+        if (region.role != Role::Handle || region.spline)
+            continue;
+        const double most = kSmallPiece * static_cast<double>(region.samples.size());
+        std::vector<RegionPiece> small =
+            pieces_of(region, system.shares()[r], system.body());
+        std::erase_if(small,
+                      [&](const RegionPiece& piece)
+                      {
+                          return piece.num_samples == 0 || !piece.hangs_on_free ||
+                                 static_cast<double>(piece.num_samples) >= most;
+                      });
+        if (small.empty())
+            continue;
+        std::size_t num_samples = 0;
+        for (const RegionPiece& piece : small)
+            num_samples += piece.num_samples;
+        const RegionPiece& largest =
+            *std::max_element(small.begin(), small.end(),
+                              [](const RegionPiece& a, const RegionPiece& b)
+                              { return a.num_samples < b.num_samples; });
+        const Eigen::Vector3d x = system.rest().frame.to_model(
+            system.body().cells.cells[idx(largest.cell)].anchor);
+        warnings.push_back(at(
+            {file, region.line, region.name},
+            fmt::format(
+                "{} of its {} samples are apart from the others, in {} near {:.4g} "
+                "{:.4g} {:.4g}: they are pulled along (a smaller selection leaves them "
+                "out)",
+                num_samples, region.samples.size(),
+                small.size() == 1 ? "a piece"
+                                  : fmt::format("{} pieces, one", small.size()),
+                x.x(), x.y(), x.z())));
+    }
+    return warnings;
 }
 
 std::optional<CellContactReport> contact_report(const CellSystem& system)
@@ -171,7 +258,8 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
                     [](const Stage& stage) { return !stage.frames.empty(); });
     if (!has_frames)
     {
-        warnings_.push_back("no frame: nothing to do, the output is the input");
+        warnings_.push_back(
+            "no frame, or --move: nothing to do, the samples stay as they are");
         stage_ = handles_.stages.size();
         return;
     }
@@ -253,6 +341,8 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
         warnings_.push_back(std::move(warning));
     warnings_.insert(warnings_.end(), system.warnings().begin(), system.warnings().end());
     for (std::string& warning : holding_warnings(system, handles_.path))
+        warnings_.push_back(std::move(warning));
+    for (std::string& warning : piece_warnings(system, handles_.path))
         warnings_.push_back(std::move(warning));
     for (const Region& region : regions->regions())
         parts_.rods += region.spline != nullptr;

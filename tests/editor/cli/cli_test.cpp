@@ -51,6 +51,29 @@ TEST(Cli, arguments_that_are_nearly_right_are_told_what_was_meant)
                          "did you mean --overwrite?"));
     EXPECT_FALSE(contains(run({"deform", files.model, "--xyzzy", "-o", files.out}).err,
                           "did you mean"));
+    const Result command = run({"defrom", files.model});
+    EXPECT_EQ(command.code, 2);
+    EXPECT_TRUE(contains(command.err, "'defrom' (did you mean deform?)")) << command.err;
+    EXPECT_FALSE(contains(run({"xyzzy"}).err, "did you mean"));
+    const Result key =
+        run({"check", files.folder.write("key.json", "{\"cellwarp\": 1, \"modle\": "
+                                                     "\"bar.obj\"}")});
+    EXPECT_EQ(key.code, 3);
+    EXPECT_TRUE(contains(key.err, "key.json: model: is missing (there is 'modle')"))
+        << key.err;
+}
+
+TEST(Cli, a_flag_that_needs_a_number_says_so)
+{
+    const Files files;
+    const auto said = [&](const char* flag, const char* value) {
+        return run({"deform", files.model, flag, value, "-o", files.out});
+    };
+    EXPECT_TRUE(
+        contains(said("--across", "3.5").err, "--across: got 3.5, need an integer"));
+    EXPECT_TRUE(contains(said("--threshold", "little").err,
+                         "--threshold: got little, need a number"));
+    EXPECT_EQ(said("--across", "3.5").code, 2);
 }
 
 TEST(Cli, deform_says_in_one_line_what_it_has_done)
@@ -574,10 +597,13 @@ TEST(Cli, budgets_contradictions_and_limits_have_their_codes)
         "six.handles",
         "cellwarp-handles 1\nfixed foot box -1 -1 -1 1 1 5\nhandle tip indices 0\n"
         "frame 1\n");
-    EXPECT_EQ(run({"deform", files.model, "--handles", files.folder / "six.handles", "-o",
-                   files.out})
-                  .code,
-              6);
+    const Result six = run({"deform", files.model, "--handles",
+                            files.folder / "six.handles", "-o", files.out});
+    EXPECT_EQ(six.code, 6);
+    EXPECT_TRUE(contains(six.err,
+                         "tip: has no cell of its own: fixed region foot (line 2) "
+                         "holds all its samples as well"))
+        << six.err;
     EXPECT_FALSE(std::filesystem::exists(files.out));
     const Result limited = files.deform({"--max-iterations", "1", "--json"});
     EXPECT_EQ(limited.code, 7);

@@ -59,6 +59,30 @@ TEST(SimulateCommand, writes_frames_and_tells_of_them)
     EXPECT_TRUE(contains(support::bytes_of(lines), "l 1 2 3"));
 }
 
+TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
+{
+    const Folder folder;
+    const std::string scene = folder.write("rope.json", kRope);
+    const Result told = run({"check", scene});
+    EXPECT_EQ(told.code, 0) << told.err;
+    EXPECT_EQ(told.out, scene + ": 1 rod in time, 3 frames, 10 steps: in order\n");
+    const Result as_json = run({"check", scene, "--json"});
+    const nlohmann::json json = nlohmann::json::parse(as_json.out);
+    EXPECT_TRUE(json["model"].is_null());
+    EXPECT_EQ(json["frames"], 3);
+    EXPECT_EQ(json["rods_in_time"][0]["name"], "rope");
+    const Result wrong = run({"check", folder.write("wrong.json", R"({"cellwarp": 1,
+        "rods": [{"through": [[0,0,0],[1,0,0]], "radius": -1}], "simulate": {}})")});
+    EXPECT_EQ(wrong.code, 3);
+    EXPECT_TRUE(contains(wrong.err, "rods[0].radius")) << wrong.err;
+    // Rods that carry a model: the scene is theirs.
+    for (const char* name : {"hung", "stitch", "tentacle"})
+        EXPECT_EQ(
+            run({"check", CELLWARP_SAMPLES "/rods/" + std::string(name) + ".json"}).code,
+            0)
+            << name;
+}
+
 TEST(SimulateCommand, says_what_it_cannot_do)
 {
     const Folder folder;

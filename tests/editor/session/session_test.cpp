@@ -576,6 +576,30 @@ TEST(Session, warns_of_a_turn_far_from_where_the_handle_is_attached)
     EXPECT_TRUE(warnings("rotate 0 0 1 40").empty()); // its axis passes the border
 }
 
+TEST(Session, warns_of_a_bit_of_the_body_in_the_box_around_a_limb)
+{
+    // An L: the box around the end of its arm reaches down, beside the post.
+    const Shape body = support::joined(support::box_shape({0, 0, 0}, {1, 1, 4}, 8),
+                                       support::box_shape({1, 0, 3}, {4, 1, 4}, 8));
+    const auto warnings = [&](const std::string& hand)
+    {
+        return played(model(body),
+                      "fixed foot box -1 -1 -1 2 2 0.3\nhandle hand " + hand +
+                          "\nframe 1\nmove hand translate 0 0 0.5\n",
+                      settings(16))
+            .warnings();
+    };
+    const std::string arm = "box 3 -1 2.9 5 2 5";
+    EXPECT_TRUE(warnings(arm).empty());
+    const std::vector<std::string> found =
+        warnings(arm + "\nhandle hand box 0.9 -1 0.99 1.1 0.01 1.2");
+    ASSERT_EQ(found.size(), 1u);
+    EXPECT_TRUE(contains(found[0], "hand")) << found[0];
+    EXPECT_TRUE(contains(found[0], "samples are apart from the others")) << found[0];
+    // Two parts of a size are meant.
+    EXPECT_TRUE(warnings(arm + "\nhandle hand box 0.5 -1 0.8 2 2 1.8").empty());
+}
+
 TEST(Session, frames_start_from_the_last_solution_and_come_back)
 {
     const Session session =
