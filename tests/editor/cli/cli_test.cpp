@@ -33,7 +33,10 @@ TEST(Cli, help_and_version_are_there)
         EXPECT_EQ(result.code, 0);
         EXPECT_TRUE(contains(result.out, std::string("  cellwarp ") + command));
         EXPECT_LT(result.out.find("  cellwarp "), result.out.find("Usage"));
+        EXPECT_TRUE(contains(result.out, "--overwrite")) << command;
     }
+    for (const char* command : {"deform", "check", "sweep"})
+        EXPECT_TRUE(contains(run({command, "--help"}).out, "about border]")) << command;
     EXPECT_EQ(run({"--help"}).code, 0);
     EXPECT_TRUE(contains(run({"--version"}).out, "cellwarp 0."));
 }
