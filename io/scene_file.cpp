@@ -72,7 +72,7 @@ SceneFile scene_of(const std::string& path, const std::string& text)
     std::optional<std::string> model, handles;
     root.read("model", model);
     root.read("handles", handles);
-    if (!model || model->empty())
+    if (!model)
     {
         std::vector<std::string> keys;
         for (const auto& [key, value] : json.items())
@@ -82,6 +82,8 @@ SceneFile scene_of(const std::string& path, const std::string& text)
                   "is missing" +
                       (near.empty() ? "" : " (there is " + in_quotes(near) + ")"));
     }
+    if (model->empty())
+        root.fail("model", "names no file");
     scene.model = resolved_name(path, *model);
     scene.handles = handles ? resolved_name(path, *handles) : "";
     root.read("save", scene.save);

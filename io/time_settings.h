@@ -52,6 +52,11 @@ inline bool has_flesh(TimeScene scene)
     return scene == TimeScene::Flesh || scene == TimeScene::FleshAndRods;
 }
 
+inline bool has_rods(TimeScene scene)
+{
+    return scene == TimeScene::Rods || scene == TimeScene::FleshAndRods;
+}
+
 /// Of the file at \p path; None for what is no scene file. Throws what reading it throws.
 TimeScene time_scene_of(const std::string& path);
 

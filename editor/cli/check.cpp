@@ -21,41 +21,35 @@ namespace cellwarp
 namespace
 {
 
-/// Whether a scene is about rods in time: its model, if it has one, is theirs to move.
-bool is_of_rods_in_time(const std::string& path, TimeScene scene)
+/// A scene of nothing but rods in time: what simulate would begin with.
+int check_rods(const SessionFlags& flags, const RodFacts& rods, const CommonFlags& common)
 {
-    return scene == TimeScene::Rods &&
-           (!has_model(path) || read_scene(path).has_carriers);
-}
-
-/// What simulate would begin with.
-int check_rods(const std::string& path, const CommonFlags& common)
-{
-    const std::unique_ptr<InTime> in_time = open_in_time(path);
-    const Json rods = rods_in_time(path);
-    const std::int64_t frames = in_time->last_frame() + 1, steps = in_time->num_steps();
-    print_warnings(in_time->warnings(), common);
+    if (!flags.handles.empty() || !flags.sel.empty() || !flags.def.empty() ||
+        flags.script.is_given())
+        throw Error(Fault::Usage, flags.model + ": its rods move in time, by no handles "
+                                                "of --handles, --fix, --handle or --sel");
+    print_warnings(rods.warnings, common);
     const std::string text =
         common.is_json
-            ? Json{{"model", in_time->model() ? Json(in_time->model()->path) : Json()},
-                   {"frames", frames},
-                   {"steps", steps},
-                   {"rods_in_time", rods},
-                   {"warnings", in_time->warnings()}}
+            ? Json{{"model", has_model(flags.model) ? Json(read_scene(flags.model).model)
+                                                    : Json()},
+                   {"frames", rods.num_frames},
+                   {"steps", rods.num_steps},
+                   {"rods_in_time", rods.rods},
+                   {"warnings", rods.warnings}}
                       .dump(2) +
                   "\n"
-            : fmt::format("{}: {} {} in time, {} frames, {} steps: in order\n", path,
-                          rods.size(), rods.size() == 1 ? "rod" : "rods", frames, steps);
+            : fmt::format("{}: {}: in order\n", flags.model, rods.text);
     write_file("-", text, Overwrite::Yes);
     return 0;
 }
 
 int run(const SessionFlags& flags, const CommonFlags& common)
 {
-    const TimeScene in_time = time_scene_of(flags.model);
-    if (is_of_rods_in_time(flags.model, in_time))
-        return check_rods(flags.model, common);
-    const bool has_flesh = cellwarp::has_flesh(in_time);
+    const std::optional<RodFacts> rods = facts_of_rods(flags.model);
+    if (rods && rods->are_all)
+        return check_rods(flags, *rods, common);
+    const bool has_flesh = cellwarp::has_flesh(time_scene_of(flags.model));
     SessionRequest request = read_request(flags, has_flesh);
     const auto geometry = std::make_shared<const Geometry>(
         read_geometry(request.model, request.read).geometry);
@@ -97,6 +91,7 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                      intersections ? Json{{"rest", intersections->all}} : Json()},
                     {"parts", parts_json(parts)},
                     {"rods", rods_json(session.rods())},
+                    {"rods_in_time", rods ? rods->rods : Json::array()},
                     {"skeleton", skeleton_json(session)},
                     {"flesh", flesh ? flesh->json : Json()},
                     {"warnings", warnings}}
@@ -109,7 +104,8 @@ int run(const SessionFlags& flags, const CommonFlags& common)
                     ? fmt::format("{} pairs of triangles intersect at rest\n",
                                   intersections->all)
                     : "") +
-               parts_text(parts) + rods_text(session.rods()) + skeleton_text(session) +
+               parts_text(parts) + rods_text(session.rods()) +
+               (rods ? "in time: " + rods->text + "\n" : "") + skeleton_text(session) +
                (flesh ? flesh->text : "");
     write_file("-", text, Overwrite::Yes);
     return 0;

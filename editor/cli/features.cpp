@@ -72,6 +72,15 @@ Json rods_in_time([[maybe_unused]] const std::string& scene)
 #endif
 }
 
+std::optional<RodFacts> facts_of_rods([[maybe_unused]] const std::string& input)
+{
+#ifdef CELLWARP_WITH_RODS
+    if (has_rods(time_scene_of(input)))
+        return facts_of_rod_scene(input);
+#endif
+    return std::nullopt;
+}
+
 std::optional<FleshFacts> flesh_in_time([[maybe_unused]] const std::string& input,
                                         [[maybe_unused]] const Geometry& geometry,
                                         [[maybe_unused]] const CellSettings& cells)

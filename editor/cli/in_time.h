@@ -85,6 +85,21 @@ std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
 std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
                                             const InTimeOptions& options);
 
+/// What check says of rods in time; nothing for scenes without them, or in a build
+/// without rods.
+struct RodFacts
+{
+    Json rods; ///< see rods_in_time()
+    std::int64_t num_frames = 0, num_steps = 0;
+    std::string text; ///< "2 rods, 1 sheet, 61 frames, 600 steps"
+    std::vector<std::string> warnings;
+    bool are_all =
+        false; ///< no edit is beside them: the model, if there is one, is theirs
+};
+std::optional<RodFacts> facts_of_rods(const std::string& input);
+/// Of a scene with rods.
+RodFacts facts_of_rod_scene(const std::string& scene);
+
 /// What check says of flesh; nothing for scenes without it, or in a build without it.
 struct FleshFacts
 {

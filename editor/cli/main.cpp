@@ -140,9 +140,10 @@ int run(int argc, char** argv)
     add_edit(app, common);
     add_features(app, common, exit_code);
     for (CLI::App* command : app.get_subcommands({}))
-        command->footer(command->get_footer() +
-                        "\nOf all commands: --json, --overwrite, --quiet and --threads N "
-                        "(cellwarp --help).");
+        command->footer(
+            command->get_footer() +
+            "Flags of all commands: --json, --overwrite, --quiet and --threads N "
+            "(cellwarp --help).");
     if (argc > 1 && argv[1][0] != '-' && !has_subcommand(app, argv[1]))
         throw Error(Fault::Usage, "unknown command " + in_quotes(argv[1]) +
                                       near_command(app, argv[1]) +

@@ -12,6 +12,7 @@
 #include "io/geometry_file.h"
 #include "io/plain_mesh.h"
 #include "io/rod_scene.h"
+#include "io/scene_file.h"
 #include "io/text.h"
 
 namespace cellwarp
@@ -281,14 +282,40 @@ std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
 Json rods_of_scene(const std::string& scene)
 {
     Json rods = Json::array();
-    if (const TimeScene kind = time_scene_of(scene);
-        kind == TimeScene::Rods || kind == TimeScene::FleshAndRods)
+    if (has_rods(time_scene_of(scene)))
         for (const RodStatement& rod : read_rod_scene(scene).rods)
             rods.push_back({{"name", rod.name},
                             {"points", std::max(rod.points.size(), rod.through.size())},
                             {"closed", rod.is_closed},
                             {"carries", rod.carries}});
     return rods;
+}
+
+RodFacts facts_of_rod_scene(const std::string& path)
+{
+    const RodScene scene = read_rod_scene(path);
+    RodFacts facts;
+    facts.rods = rods_of_scene(path);
+    facts.num_frames = scene.last_frame() + 1;
+    facts.num_steps = scene.num_steps();
+    const auto add = [&](std::size_t count, const char* what)
+    {
+        if (count > 0)
+            facts.text += fmt::format("{} {}{}, ", count, what, count == 1 ? "" : "s");
+    };
+    add(scene.rods.size(), "rod");
+    add(scene.sheets.size(), "sheet");
+    add(scene.nets.size(), "net");
+    add(scene.joints.size(), "joint");
+    facts.text += scene.is_static() ? "an equilibrium"
+                                    : fmt::format("{} frames, {} steps", facts.num_frames,
+                                                  facts.num_steps);
+    facts.warnings = scene.warnings;
+    if (time_scene_of(path) != TimeScene::Rods)
+        return facts;
+    facts.are_all = !has_model(path) || scene.carries();
+    facts.warnings = open_rods_in_time(path, {})->warnings();
+    return facts;
 }
 
 } // namespace cellwarp

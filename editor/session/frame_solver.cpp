@@ -49,8 +49,8 @@ constexpr double kTorn = 4.0;
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
 
-/// Cells that are this near to where they were are in one valley with it [their edge]:
-/// the tolerance of the way leaves less.
+/// Two ways that end this near to each other have come to one minimum [a cell's edge]:
+/// what the tolerance of the way leaves is a few hundredths of it.
 constexpr double kSamePlace = 0.1;
 
 /// Where a solve changes the turns from region to region by more, whole turns are lost
@@ -394,19 +394,20 @@ bool FrameSolver::may_miss_a_minimum(const Way& way) const
 namespace
 {
 
-/// The farthest that a corner of a cell is from where it is in the other state [its
-/// edge]. \pre the cells are the same
-double largest_way_between(const CellSystem& a, const CellSystem& b)
+/// Whether no corner of a cell is farther from its place in the other state than
+/// kSamePlace. \pre the cells are the same
+bool is_same_place(const CellSystem& a, const CellSystem& b)
 {
     const std::vector<Cell>& cells = a.body().cells.cells;
-    double largest = 0.0;
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
         const Pose &one = a.poses()[i], &other = b.poses()[i];
-        largest = std::max(largest, (one.p - other.p).norm() / cells[i].edge +
-                                        (one.R - other.R).norm());
+        const double bound =
+            (one.p - other.p).norm() / cells[i].edge + (one.R - other.R).norm();
+        if (!(bound <= kSamePlace))
+            return false;
     }
-    return largest;
+    return true;
 }
 
 } // namespace
@@ -426,7 +427,7 @@ void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
     travel(second, report.steps, false);
     if (second.goes_on() &&
         (way.total.is_saddle || system_.energy() < (1.0 - kSameEnergy) * energy ||
-         largest_way_between(system_, other) > kSamePlace))
+         !is_same_place(system_, other)))
         solve_wound(second, true);
     report.largest_rise = std::max(report.largest_rise, second.largest_rise);
     const bool is_lower = second.total.stop == Stop::Converged &&

@@ -305,11 +305,11 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
          homeless_regions(regions, shares, owner, component))
     {
         const Region& other = regions[idx(owner[idx(cell)])];
-        // Then no size of cells would part them.
-        const bool are_others =
-            !regions[r].samples.empty() &&
-            std::includes(other.samples.begin(), other.samples.end(),
-                          regions[r].samples.begin(), regions[r].samples.end());
+        // Where the other one holds all of it no size of cells would part them.
+        const VoxelRuns& theirs = regions.voxels(idx(owner[idx(cell)]));
+        bool is_within = true;
+        regions.voxels(r).for_each([&](std::size_t voxel)
+                                   { is_within = is_within && theirs.has(voxel); });
         throw Error(
             Fault::Unsolvable,
             at({regions.file(), regions[r].line, regions[r].name},
@@ -318,11 +318,11 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
                                             "of it"
                                           : "") +
                    ": " + role_name(other.role) + " region " + other.name +
-                   (are_others ? " (line " + std::to_string(other.line) +
-                                     ") holds all its samples as well"
-                               : " holds cell " + std::to_string(cell) +
-                                     " (smaller cells would part them: raise --across or "
-                                     "--max-depth)")));
+                   (is_within ? " (line " + std::to_string(other.line) +
+                                    ") holds all of it as well"
+                              : " holds cell " + std::to_string(cell) +
+                                    " (smaller cells would part them: raise --across or "
+                                    "--max-depth)")));
     }
     return owner;
 }

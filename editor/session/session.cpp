@@ -61,17 +61,17 @@ struct RegionPiece
 {
     int cell = -1; ///< one of them
     std::size_t num_samples = 0;
-    bool hangs_on_free = false; ///< is glued to a cell without either
+    bool hangs_on_others = false; ///< is glued to a cell without either
 };
 
 std::vector<RegionPiece> pieces_of(const Region& region, const RegionShares& shares,
                                    const Body& body)
 {
     std::map<int, std::size_t> samples_in; // of each of these cells
-    for (const std::uint32_t i : region.samples)
-        ++samples_in[body.cell_of_sample[i]];
     for (const auto& [cell, share] : shares.cells)
         samples_in.try_emplace(cell, 0);
+    for (const std::uint32_t i : region.samples)
+        ++samples_in[body.cell_of_sample[i]];
     std::vector<RegionPiece> pieces;
     std::set<int> seen;
     for (const auto& [first, count] : samples_in)
@@ -85,7 +85,7 @@ std::vector<RegionPiece> pieces_of(const Region& region, const RegionShares& sha
             piece.num_samples += samples_in.at(cells[k]);
             for (const int next : body.cells.neighbours_of(cells[k]))
                 if (!samples_in.contains(next))
-                    piece.hangs_on_free = true;
+                    piece.hangs_on_others = true;
                 else if (seen.insert(next).second)
                     cells.push_back(next);
         }
@@ -94,10 +94,34 @@ std::vector<RegionPiece> pieces_of(const Region& region, const RegionShares& sha
     return pieces;
 }
 
-/// A box around a limb easily has a bit of the body in it as well, which is pulled out
-/// then: there is a warning of pieces of a handle that hang on free material and have
-/// less of its samples than this share.
+/// Pieces of a handle that are apart from the rest of it and have less of its samples
+/// than this share are hardly meant: a box around a limb easily has a bit of the body in
+/// it, which is pulled out then. Where such pieces are all that there is, they are.
 constexpr double kSmallPiece = 0.05;
+
+/// Such pieces of a region, the largest first, unless together they are more.
+std::vector<RegionPiece> stray_pieces(const CellSystem& system, std::size_t region)
+{
+    const Region& whole = system.regions()[region];
+    const double most = kSmallPiece * static_cast<double>(whole.samples.size());
+    std::vector<RegionPiece> pieces =
+        pieces_of(whole, system.shares()[region], system.body());
+    std::erase_if(pieces,
+                  [&](const RegionPiece& piece)
+                  {
+                      return piece.num_samples == 0 || !piece.hangs_on_others ||
+                             static_cast<double>(piece.num_samples) >= most;
+                  });
+    std::size_t all = 0;
+    for (const RegionPiece& piece : pieces)
+        all += piece.num_samples;
+    if (static_cast<double>(all) >= most)
+        return {};
+    std::sort(pieces.begin(), pieces.end(),
+              [](const RegionPiece& a, const RegionPiece& b)
+              { return a.num_samples > b.num_samples; });
+    return pieces;
+}
 
 std::vector<std::string> piece_warnings(const CellSystem& system, const std::string& file)
 {
@@ -107,35 +131,23 @@ std::vector<std::string> piece_warnings(const CellSystem& system, const std::str
         const Region& region = system.regions()[r];
         if (region.role != Role::Handle || region.spline)
             continue;
-        const double most = kSmallPiece * static_cast<double>(region.samples.size());
-        std::vector<RegionPiece> small =
-            pieces_of(region, system.shares()[r], system.body());
-        std::erase_if(small,
-                      [&](const RegionPiece& piece)
-                      {
-                          return piece.num_samples == 0 || !piece.hangs_on_free ||
-                                 static_cast<double>(piece.num_samples) >= most;
-                      });
-        if (small.empty())
+        const std::vector<RegionPiece> stray = stray_pieces(system, r);
+        if (stray.empty())
             continue;
         std::size_t num_samples = 0;
-        for (const RegionPiece& piece : small)
+        for (const RegionPiece& piece : stray)
             num_samples += piece.num_samples;
-        const RegionPiece& largest =
-            *std::max_element(small.begin(), small.end(),
-                              [](const RegionPiece& a, const RegionPiece& b)
-                              { return a.num_samples < b.num_samples; });
         const Eigen::Vector3d x = system.rest().frame.to_model(
-            system.body().cells.cells[idx(largest.cell)].anchor);
+            system.body().cells.cells[idx(stray.front().cell)].anchor);
         warnings.push_back(at(
             {file, region.line, region.name},
             fmt::format(
-                "{} of its {} samples are apart from the others, in {} near {:.4g} "
-                "{:.4g} {:.4g}: they are pulled along (a smaller selection leaves them "
+                "{} of its {} samples are apart from the others, in {} near {:.7g} "
+                "{:.7g} {:.7g}: they are pulled along (a smaller selection leaves them "
                 "out)",
                 num_samples, region.samples.size(),
-                small.size() == 1 ? "a piece"
-                                  : fmt::format("{} pieces, one", small.size()),
+                stray.size() == 1 ? "a piece"
+                                  : fmt::format("{} pieces, one", stray.size()),
                 x.x(), x.y(), x.z())));
     }
     return warnings;
@@ -258,8 +270,7 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
                     [](const Stage& stage) { return !stage.frames.empty(); });
     if (!has_frames)
     {
-        warnings_.push_back(
-            "no frame, or --move: nothing to do, the samples stay as they are");
+        warnings_.push_back("no frame: nothing moves, the samples stay where they are");
         stage_ = handles_.stages.size();
         return;
     }

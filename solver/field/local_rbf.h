@@ -95,7 +95,7 @@ public:
     /// Largest distance between a displacement given and the one reached, of the last
     /// fit.
     double residual() const;
-    /// Of all clusters, each once.
+    /// How many centres all clusters have, each counted once.
     std::size_t num_centres(std::span<const Pose> poses) const
     {
         return choice_.centres_of_all(poses).points.size();

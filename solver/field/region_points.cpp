@@ -23,9 +23,9 @@ namespace cellwarp
 namespace
 {
 
-/// A region that ends less than this within its cells counts as ending at their side: a
-/// voxel more or less moves nothing. And its points stay this far from the middle of a
-/// cell, where its anchor is [edge].
+/// A region that ends less than the least within its cells counts as ending at their
+/// side, where points of several cells are one. No point is farther within than the
+/// largest: near the middle is the cell's anchor [edge].
 constexpr double kLeastInset = 0.05, kLargestInset = 0.4;
 
 /// A point of a region this near to an anchor tells nothing new, and makes the system

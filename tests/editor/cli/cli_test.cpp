@@ -64,6 +64,10 @@ TEST(Cli, arguments_that_are_nearly_right_are_told_what_was_meant)
     EXPECT_EQ(key.code, 3);
     EXPECT_TRUE(contains(key.err, "key.json: model: is missing (there is 'modle')"))
         << key.err;
+    EXPECT_TRUE(contains(
+        run({"check", files.folder.write("no.json", R"({"cellwarp": 1, "model": ""})")})
+            .err,
+        "no.json:1: model: names no file"));
 }
 
 TEST(Cli, a_flag_that_needs_a_number_says_so)
@@ -605,7 +609,7 @@ TEST(Cli, budgets_contradictions_and_limits_have_their_codes)
     EXPECT_EQ(six.code, 6);
     EXPECT_TRUE(contains(six.err,
                          "tip: has no cell of its own: fixed region foot (line 2) "
-                         "holds all its samples as well"))
+                         "holds all of it as well"))
         << six.err;
     EXPECT_FALSE(std::filesystem::exists(files.out));
     const Result limited = files.deform({"--max-iterations", "1", "--json"});

@@ -65,7 +65,7 @@ TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
     const std::string scene = folder.write("rope.json", kRope);
     const Result told = run({"check", scene});
     EXPECT_EQ(told.code, 0) << told.err;
-    EXPECT_EQ(told.out, scene + ": 1 rod in time, 3 frames, 10 steps: in order\n");
+    EXPECT_EQ(told.out, scene + ": 1 rod, 3 frames, 10 steps: in order\n");
     const Result as_json = run({"check", scene, "--json"});
     const nlohmann::json json = nlohmann::json::parse(as_json.out);
     EXPECT_TRUE(json["model"].is_null());
@@ -75,6 +75,24 @@ TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
         "rods": [{"through": [[0,0,0],[1,0,0]], "radius": -1}], "simulate": {}})")});
     EXPECT_EQ(wrong.code, 3);
     EXPECT_TRUE(contains(wrong.err, "rods[0].radius")) << wrong.err;
+    const Result by_handles = run({"check", scene, "--handles", folder / "none.handles"});
+    EXPECT_EQ(by_handles.code, 2);
+    EXPECT_TRUE(contains(by_handles.err, "move in time, by no handles"))
+        << by_handles.err;
+    // An edit beside rods in time: both are checked.
+    const auto beside = [&](const std::string& radius)
+    {
+        return run(
+            {"check", folder.write("beside.json",
+                                   R"({"cellwarp": 1, "model": ")" CELLWARP_SAMPLES
+                                   R"(/bar.obj", "rods": [{"through": [[0,0,0],[1,0,0]],
+            "radius": )" + radius + R"(}], "simulate": {"duration": 0.1}})")});
+    };
+    EXPECT_EQ(beside("0.1").code, 0) << beside("0.1").err;
+    EXPECT_TRUE(contains(beside("0.1").out, "cells, ")) << beside("0.1").out;
+    EXPECT_TRUE(contains(beside("0.1").out, "in time: 1 rod, ")) << beside("0.1").out;
+    EXPECT_EQ(beside("-1").code, 3);
+    EXPECT_TRUE(contains(beside("-1").err, "rods[0].radius")) << beside("-1").err;
     // Rods that carry a model: the scene is theirs.
     for (const char* name : {"hung", "stitch", "tentacle"})
         EXPECT_EQ(

@@ -596,7 +596,11 @@ TEST(Session, warns_of_a_bit_of_the_body_in_the_box_around_a_limb)
     ASSERT_EQ(found.size(), 1u);
     EXPECT_TRUE(contains(found[0], "hand")) << found[0];
     EXPECT_TRUE(contains(found[0], "samples are apart from the others")) << found[0];
-    // Two parts of a size are meant.
+    // Scattered samples, and two parts of a size, are meant.
+    EXPECT_TRUE(
+        warnings("indices 300 310 320 330 340 350 360 370 380 390 400 410 420 430 "
+                 "440 450 460 470 480 490 500 510 520 530")
+            .empty());
     EXPECT_TRUE(warnings(arm + "\nhandle hand box 0.5 -1 0.8 2 2 1.8").empty());
 }
 
