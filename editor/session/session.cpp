@@ -129,7 +129,8 @@ std::vector<std::string> piece_warnings(const CellSystem& system, const std::str
     for (std::size_t r = 0; r < system.regions().size(); ++r)
     {
         const Region& region = system.regions()[r];
-        if (region.role != Role::Handle || region.spline)
+        // What is listed one by one is meant.
+        if (region.role != Role::Handle || region.spline || !region.listed.empty())
             continue;
         const std::vector<RegionPiece> stray = stray_pieces(system, r);
         if (stray.empty())

@@ -597,10 +597,12 @@ TEST(Session, warns_of_a_bit_of_the_body_in_the_box_around_a_limb)
     EXPECT_TRUE(contains(found[0], "hand")) << found[0];
     EXPECT_TRUE(contains(found[0], "samples are apart from the others")) << found[0];
     // Scattered samples, and two parts of a size, are meant.
-    EXPECT_TRUE(
-        warnings("indices 300 310 320 330 340 350 360 370 380 390 400 410 420 430 "
-                 "440 450 460 470 480 490 500 510 520 530")
-            .empty());
+    std::string scattered;
+    for (std::size_t i = 0; i < body.samples.size(); i += 17)
+        if (body.samples[i].z() > 1.0)
+            scattered += " " + std::to_string(i);
+    for (const std::string& warning : warnings("indices" + scattered))
+        EXPECT_FALSE(contains(warning, "apart from")) << warning;
     EXPECT_TRUE(warnings(arm + "\nhandle hand box 0.5 -1 0.8 2 2 1.8").empty());
 }
 
