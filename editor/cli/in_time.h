@@ -93,8 +93,8 @@ struct RodFacts
     std::int64_t num_frames = 0, num_steps = 0;
     std::string text; ///< "2 rods, 1 sheet, 61 frames, 600 steps"
     std::vector<std::string> warnings;
-    bool are_all =
-        false; ///< no edit is beside them: the model, if there is one, is theirs
+    /// No edit is beside them: the model, if there is one, is theirs.
+    bool are_all = false;
 };
 std::optional<RodFacts> facts_of_rods(const std::string& input);
 /// Of a scene with rods.
