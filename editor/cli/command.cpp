@@ -86,16 +86,14 @@ void SessionFlags::add_to(CLI::App& app)
     add_columns(app, columns);
     app.add_option("--handles", handles, "handle file: regions and frames");
     script.add_to(app);
-    // clang-format off
     app.footer(
-        "Selectors: box X0 Y0 Z0 X1 Y1 Z1, sphere X Y Z R, capsule X0 Y0 Z0 X1 Y1 Z1 R, "
-        "halfspace NX NY NZ D (n.x >= D), indices I J K-L, labels FILE VALUE, group NAME, all.\n"
-        "Moves, from the rest shape, in the order written: translate X Y Z, "
-        "rotate X Y Z DEGREES [about X Y Z | about border], "
-        "matrix and 16 numbers row by row, to X Y Z (a pin).\n"
-        "A region turns about the middle of its box; 'about X Y Z' names another pivot, "
-        "'about border' is where it is attached.\n");
-    // clang-format on
+        R"(Selectors: box X0 Y0 Z0 X1 Y1 Z1, sphere X Y Z R, capsule X0 Y0 Z0 X1 Y1 Z1 R,
+halfspace NX NY NZ D (n.x >= D), indices I J K-L, labels FILE VALUE, group NAME, all.
+Moves, from the rest shape, in the order written: translate X Y Z,
+rotate X Y Z DEGREES [about X Y Z | about border], matrix and 16 numbers row by row,
+to X Y Z (a pin). A region turns about the middle of its box; 'about X Y Z' names
+another pivot, 'about border' is where it is attached.
+)");
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");
     app.add_flag("--preview", is_preview,

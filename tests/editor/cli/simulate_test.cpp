@@ -77,7 +77,7 @@ TEST(SimulateCommand, scenes_of_rods_are_checked_without_it)
     EXPECT_TRUE(contains(wrong.err, "rods[0].radius")) << wrong.err;
     const Result by_handles = run({"check", scene, "--handles", folder / "none.handles"});
     EXPECT_EQ(by_handles.code, 2);
-    EXPECT_TRUE(contains(by_handles.err, "move in time, by no handles"))
+    EXPECT_TRUE(contains(by_handles.err, "handles and moves are for edits"))
         << by_handles.err;
     // An edit beside rods in time: both are checked.
     const auto beside = [&](const std::string& radius)

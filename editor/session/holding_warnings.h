@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What is odd about the parts of a shape that its regions hold.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "editor/session/cell_system.h"
+
+namespace cellwarp
+{
+
+/// Where nothing but one handle is held, where all is held, and where a handle holds a
+/// small piece apart from the rest of it. \p file: where the regions stand.
+std::vector<std::string> holding_warnings(const CellSystem& system,
+                                          const std::string& file);
+
+} // namespace cellwarp
