@@ -89,10 +89,10 @@ struct Spot
 };
 
 /// Finds what lies around one spot after another.
-class Surroundings
+class AroundSpots
 {
 public:
-    explicit Surroundings(const Body& body)
+    explicit AroundSpots(const Body& body)
         : body_(body), first_(body.cells.size() + 1, 0), seen_(body.cells.size(), kUnseen)
     {
         // The patches of each cell, in a row.
@@ -214,7 +214,7 @@ std::vector<double> border_bending(const Body& body, const RegionSet& regions,
         return bending;
     const double thickness = rest.sheets.thickness;
     const double diagonal = rest.frame.diagonal();
-    std::optional<Surroundings> around; // which takes time where sheets are large
+    std::optional<AroundSpots> around; // which takes time where sheets are large
     for (std::size_t r = 0; r < regions.size(); ++r)
     {
         const Region& region = regions[r];
