@@ -12,11 +12,13 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/point_tree.h"
+#include "octree/winding.h"
 #include "octree/wrap/wrap.h"
 
 namespace cellwarp
@@ -48,6 +50,12 @@ constexpr std::size_t kLeastAround = 48;
 
 /// How far towards the surface the tip goes.
 constexpr double kToTip = 0.75;
+
+/// What reaches as far as this share of what reaches farthest is the end of a limb.
+constexpr double kFarthest = 0.7;
+
+/// Where it leads out of the limb it goes half as far, so often at the most.
+constexpr int kHalvings = 3;
 
 void smooth(std::vector<Eigen::Vector3d>& places, int rounds)
 {
@@ -149,9 +157,33 @@ void unfold_end(std::vector<Eigen::Vector3d>& line)
         line.erase(line.end() - 2);
 }
 
-/// On towards the surface around a tip, in the direction of the line there.
-void extend_to_tip(const std::vector<Eigen::Vector3d>& around, double radius,
-                   std::vector<Eigen::Vector3d>& line)
+bool is_within(const Shape& surface, const Eigen::Vector3d& x)
+{
+    return winding_number(surface, x) > 0.5;
+}
+
+/// From a tip to the middle of what reaches farthest from it along a direction; zero
+/// where nothing does.
+Eigen::Vector3d to_farthest(const std::vector<Eigen::Vector3d>& around,
+                            const Eigen::Vector3d& tip, const Eigen::Vector3d& along)
+{
+    double most = 0.0, total = 0.0;
+    for (const Eigen::Vector3d& x : around)
+        most = std::max(most, (x - tip).dot(along));
+    Eigen::Vector3d farthest = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& x : around)
+        if (const double beyond = (x - tip).dot(along) - kFarthest * most; beyond > 0.0)
+        {
+            farthest += beyond * (x - tip);
+            total += beyond;
+        }
+    return total > 0.0 ? Eigen::Vector3d(farthest / total) : Eigen::Vector3d::Zero();
+}
+
+/// On towards the surface around a tip, in the direction of the line there. Where the
+/// limb bends and that leads out of it, to where it ends.
+void extend_to_tip(const Shape& surface, const std::vector<Eigen::Vector3d>& around,
+                   double radius, std::vector<Eigen::Vector3d>& line)
 {
     const Eigen::Vector3d tip = line.back();
     std::size_t back = line.size() - 1;
@@ -161,14 +193,36 @@ void extend_to_tip(const std::vector<Eigen::Vector3d>& around, double radius,
     double most = 0.0;
     for (const Eigen::Vector3d& x : around)
         most = std::max(most, (x - tip).dot(along));
-    if (most > 0.0)
-        line.push_back(tip + kToTip * most * along);
+    if (!(most > 0.0))
+        return;
+    Eigen::Vector3d on = kToTip * most * along;
+    if (!is_within(surface, tip + on))
+        on = kToTip * to_farthest(around, tip, along);
+    for (int half = 0; half < kHalvings && !is_within(surface, tip + on); ++half)
+        on *= 0.5;
+    line.push_back(tip + on);
+}
+
+/// The same surface with its normals outwards, if it is closed: along them the flow would
+/// go the wrong way.
+Shape turned_outwards(Shape surface)
+{
+    const Eigen::Vector3d& from = surface.samples.front();
+    double volume = 0.0;
+    for (const Triangle& t : surface.triangles)
+        volume +=
+            (surface.samples[t[0]] - from)
+                .dot((surface.samples[t[1]] - from).cross(surface.samples[t[2]] - from));
+    if (volume < 0.0)
+        for (Triangle& t : surface.triangles)
+            std::swap(t[1], t[2]);
+    return surface;
 }
 
 Shape surface_of(const Shape& shape, std::size_t most_triangles)
 {
     if (shape.triangles.size() <= most_triangles && !shape.triangles.empty())
-        return shape;
+        return turned_outwards(shape);
     Eigen::Vector3d low = shape.samples.front(), high = low;
     for (const Eigen::Vector3d& x : shape.samples)
     {
@@ -443,7 +497,7 @@ void CurveGraph::extend(const std::vector<int>& way,
     for (const int end : {way.back(), way.front()})
     {
         if (degree(end) == 1)
-            extend_to_tip(around_[idx(end)], radius(end), places);
+            extend_to_tip(surface_, around_[idx(end)], radius(end), places);
         std::reverse(places.begin(), places.end());
     }
 }

@@ -7,10 +7,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <span>
 #include <tuple>
 #include <utility>
+
+#include <Eigen/Geometry>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -18,6 +21,21 @@
 
 namespace cellwarp
 {
+
+/// [VanOosterom83]
+double winding_number(const Shape& shape, const Eigen::Vector3d& x)
+{
+    double angle = 0.0;
+    for (const Triangle& t : shape.triangles)
+    {
+        const Eigen::Vector3d a = shape.samples[t[0]] - x, b = shape.samples[t[1]] - x,
+                              c = shape.samples[t[2]] - x;
+        const double la = a.norm(), lb = b.norm(), lc = c.norm();
+        angle += 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc +
+                                                         b.dot(c) * la + c.dot(a) * lb);
+    }
+    return angle / (4.0 * std::numbers::pi);
+}
 
 namespace
 {

@@ -12,6 +12,10 @@
 namespace cellwarp
 {
 
+/// How often a surface winds around a place: the solid angles of all triangles there, as
+/// shares of the whole one. Of one place; linear in the triangles.
+double winding_number(const Shape& shape, const Eigen::Vector3d& x);
+
 /// Of each voxel whether a closed surface winds around its middle.
 /// \param triangles of a BoundingSurface without open edges
 VoxelFlags inside_by_winding(const Shape& shape, const std::vector<Triangle>& triangles,

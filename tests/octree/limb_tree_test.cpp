@@ -4,11 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
+#include "io/geometry_file.h"
 #include "octree/base/index.h"
+#include "octree/base/point_tree.h"
+#include "octree/winding.h"
 #include "tests/support/shapes.h"
 
 namespace cellwarp
@@ -128,6 +132,69 @@ TEST(LimbTree, a_limb_has_a_joint_where_it_bends)
     for (const LimbJoint& joint : joints)
         least = std::min(least, (joint.at - Vector3d(4, 0, 0)).norm());
     EXPECT_LT(least, 0.6);
+}
+
+namespace
+{
+
+/// A leg along x from 0, a bend and a foot straight on from it.
+Shape leg_with_foot()
+{
+    constexpr double kAngle = 100.0 * std::numbers::pi / 180.0, kBend = 1.3;
+    std::vector<Vector3d> line;
+    for (int k = 0; k < 15; ++k)
+        line.emplace_back(0.2 * k, 0, 0);
+    const Vector3d knee = line.back();
+    for (int k = 1; k <= 12; ++k)
+    {
+        const double a = kAngle * k / 12;
+        line.push_back(knee + kBend * Vector3d(std::sin(a), 1.0 - std::cos(a), 0));
+    }
+    const Vector3d on = (line.back() - line[line.size() - 2]).normalized();
+    for (int k = 1; k <= 3; ++k)
+        line.push_back(line.back() + 0.15 * on);
+    return tube(line, 0.35, false);
+}
+
+} // namespace
+
+TEST(LimbTree, the_ends_of_limbs_of_real_models_are_inside)
+{
+    const std::string folder = support::data_folder();
+    if (folder.empty())
+        GTEST_SKIP() << "CELLWARP_TEST_DATA is not set";
+    for (const char* const file : {"armadillo.obj", "stanford-bunny.obj", "spot.obj"})
+    {
+        const Geometry model = read_geometry(folder + "/" + file).geometry;
+        Shape shape;
+        shape.samples = model.samples;
+        // All of these have triangles alone.
+        for (std::size_t k = 0; k + 2 < model.corners.size(); k += 3)
+            shape.triangles.push_back(
+                {model.corners[k], model.corners[k + 1], model.corners[k + 2]});
+        const PointTree tree(shape.samples);
+        Eigen::AlignedBox3d box;
+        for (const Vector3d& x : shape.samples)
+            box.extend(x);
+        // As far outside as the wrap is that limbs are looked for in.
+        const double most = 0.004 * box.diagonal().norm();
+        for (const LimbJoint& joint : limb_tree(shape))
+            EXPECT_TRUE(winding_number(shape, joint.at) > 0.5 ||
+                        std::sqrt(tree.nearest(joint.at).distance_squared) < most)
+                << file << ": " << joint.at.transpose();
+    }
+}
+
+TEST(LimbTree, of_a_surface_that_is_inside_out_is_that_of_the_surface)
+{
+    Shape leg = leg_with_foot();
+    const std::vector<LimbJoint> joints = limb_tree(leg);
+    for (Triangle& triangle : leg.triangles)
+        std::swap(triangle[1], triangle[2]);
+    const std::vector<LimbJoint> turned = limb_tree(leg);
+    ASSERT_EQ(turned.size(), joints.size());
+    for (std::size_t j = 0; j < joints.size(); ++j)
+        EXPECT_LT((turned[j].at - joints[j].at).norm(), 0.02) << j;
 }
 
 TEST(LimbTree, a_long_straight_limb_has_as_many_bones_as_asked_for)

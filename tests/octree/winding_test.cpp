@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "octree/winding.h"
 
-#include <cmath>
-#include <numbers>
 #include <random>
 
 #include <Eigen/Geometry>
@@ -16,21 +14,6 @@ namespace cellwarp
 
 namespace
 {
-
-/// By the solid angles of all triangles.
-double winding_number(const Shape& shape, const Eigen::Vector3d& x)
-{
-    double sum = 0.0;
-    for (const Triangle& t : shape.triangles)
-    {
-        const Eigen::Vector3d a = shape.samples[t[0]] - x, b = shape.samples[t[1]] - x,
-                              c = shape.samples[t[2]] - x;
-        const double la = a.norm(), lb = b.norm(), lc = c.norm();
-        sum += 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc +
-                                                       b.dot(c) * la + c.dot(a) * lb);
-    }
-    return sum / (4.0 * std::numbers::pi);
-}
 
 /// A box in the grid's, turned at random.
 Shape turned_box(std::mt19937& rng, const Eigen::Vector3d& size)
