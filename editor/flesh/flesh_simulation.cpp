@@ -637,7 +637,8 @@ DeformedSamples FleshSimulation::deformed()
     if (!fitter_)
     {
         constraints_.assign(cells.size(), {});
-        fitter_ = std::make_unique<FieldFitter>(field_, cells, constraints_, true);
+        fitter_ =
+            std::make_unique<FieldFitter>(field_, cells, constraints_, systems_.get());
         fade_bones();
     }
     std::vector<MovedRegion> regions;

@@ -157,6 +157,7 @@ private:
     std::vector<std::uint32_t> use_samples_; ///< of the direction uses
     FieldChoice field_;
     std::vector<Constraint> constraints_; ///< none: all cells are free
+    std::unique_ptr<RbfSystems> systems_ = std::make_unique<RbfSystems>();
     std::unique_ptr<FieldFitter> fitter_;
     std::unique_ptr<RegionFade> bones_; ///< around the held points; null: there are none
     std::vector<int> motion_of_node_;   ///< of each of its nodes

@@ -336,10 +336,11 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
             !is_contested(siblings))
             leaves.push_back(siblings[0]);
     }
-    if (leaves.empty())
+    // Beside leaves much smaller than they would be siblings stay as they are.
+    Octree octree = leaves.empty() ? body.octree : body.octree.merge(leaves);
+    if (octree.leaves() == body.octree.leaves())
         return std::nullopt;
-    auto merged =
-        std::make_shared<const Body>(cut(rest_, body.octree.merge(leaves), &body));
+    auto merged = std::make_shared<const Body>(cut(rest_, std::move(octree), &body));
     if (!crowded_leaves(*merged, regions_->shares(*merged)).empty())
         return std::nullopt;
     return in_cells(system, std::move(merged));

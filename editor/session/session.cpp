@@ -643,8 +643,12 @@ bool Session::move_samples(FrameReport& report)
     const WorkFrame& frame = s.system.rest().frame;
     Clock::time_point start = Clock::now();
     if (!s.fitter)
+    {
+        const bool has_more_fits =
+            settings_.keeps_checkpoints || frame_ < handles_.stages[stage_].frames.size();
         s.fitter.emplace(settings_.field, s.system.body().cells, s.system.constraints(),
-                         frame_ < handles_.stages[stage_].frames.size());
+                         has_more_fits ? rbf_systems_.get() : nullptr);
+    }
     std::optional<Field> field =
         s.fitter->fit(s.system.poses(), moved_regions(), settings_.stop);
     if (!field)

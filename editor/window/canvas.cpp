@@ -345,6 +345,7 @@ struct Canvas::State
     std::optional<DrawnShape> shape, rest;
     CanvasCells cells;
     std::optional<ColoursOf> colours_of;
+    std::vector<Colour> colours; ///< of the samples, as they are shown
     Selection selection; ///< that the colours show: a brush at work changes only this
     std::optional<CellsOf> cells_of;
 
@@ -407,12 +408,20 @@ double Canvas::upload(const CanvasScene& scene, const ViewOptions& options)
     if (colours_of.layout != nullptr &&
         (state.colours_of != colours_of || state.selection != scene.selection))
     {
-        state.shape->set_colours(sample_colours(scene.document, scene.selection,
-                                                *state.shape->layout(),
-                                                options.shows_regions));
+        std::vector<Colour> colours =
+            sample_colours(scene.document, scene.selection, *state.shape->layout(),
+                           options.shows_regions);
+        const bool has_same_layout =
+            state.colours_of && state.colours_of->layout == colours_of.layout;
+        // Most edits move a region and leave all colours as they are.
+        if (!has_same_layout || colours != state.colours)
+        {
+            state.shape->set_colours(colours);
+            state.colours = std::move(colours);
+            is_new = true;
+        }
         state.colours_of = colours_of;
         state.selection = scene.selection;
-        is_new = true;
     }
     if (options.shows_ghost || !state.rest->is_whole())
         is_new = state.rest->upload(scene.rest) || is_new;

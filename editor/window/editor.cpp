@@ -266,6 +266,7 @@ double Editor::draw_canvas()
         canvas_.clear();
         drawn_ = opened;
         whole_frames_.clear();
+        drawn_version_ = 0;
     }
     is_drawn_ = draws_all_ = draws_less_ = false;
     if (opened == nullptr)
@@ -289,8 +290,11 @@ double Editor::draw_canvas()
     if (canvas_.show_again(scene, options, view_, window_.height()))
         return upload_ms;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
-    // the solver, whose cores the drawing takes, has done its work.
-    draws_less_ = is_at_work() && whole_frames_.median() > kSlowFrame;
+    // the solver, whose cores the drawing takes, has done its work, and a new shape is
+    // seen.
+    const bool is_new = editing.shape().version != drawn_version_;
+    drawn_version_ = editing.shape().version;
+    draws_less_ = (is_at_work() || is_new) && whole_frames_.median() > kSlowFrame;
     if (draws_less_)
     {
         options.detail = Detail::Coarse;

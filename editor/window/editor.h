@@ -69,10 +69,11 @@ private:
     std::string title_;
     std::string words_;                     ///< that were drawn last
     const OpenedDocument* drawn_ = nullptr; ///< whose shape the canvas has
-    bool is_drawn_ = false;   ///< this frame: the view, not its last picture
-    bool draws_all_ = false;  ///< this frame: no coarse triangles
-    bool draws_less_ = false; ///< this frame, for it would be slow
-    LastFrames whole_frames_; ///< of that shape
+    bool is_drawn_ = false;           ///< this frame: the view, not its last picture
+    bool draws_all_ = false;          ///< this frame: no coarse triangles
+    bool draws_less_ = false;         ///< this frame, for it would be slow
+    LastFrames whole_frames_;         ///< of that shape
+    std::uint64_t drawn_version_ = 0; ///< of that shape, the last one seen
 };
 
 } // namespace cellwarp

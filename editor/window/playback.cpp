@@ -457,6 +457,7 @@ void Player::place()
         fail(why);
     editing.drag_to(placement);
     editor_.frame();
+    begun_ = Clock::now(); // the hand lets go here
     editing.end_drag();
     editor_.frame();
 }
@@ -475,6 +476,7 @@ void Player::point()
         fail(why);
     editing.drag_point_to(to);
     editor_.frame();
+    begun_ = Clock::now(); // the hand lets go here
     editing.end_drag();
     editor_.frame();
 }

@@ -447,11 +447,11 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
 }
 
 FieldFitter::FieldFitter(const FieldChoice& choice, const Cells& cells,
-                         std::span<const Constraint> constraints, bool has_more_frames)
+                         std::span<const Constraint> constraints, RbfSystems* systems)
     : kind_(choice.kind), cells_(cells), constraints_(constraints)
 {
     if (kind_ == FieldKind::Rbf)
-        local_.emplace(cells, constraints, choice.clusters, has_more_frames);
+        local_.emplace(cells, constraints, choice.clusters, systems);
 }
 
 std::optional<Field> FieldFitter::fit(std::span<const Pose> poses,
@@ -646,7 +646,8 @@ Field fit_field(const FieldChoice& choice, const Cells& cells,
                 std::span<const Pose> poses, std::span<const Constraint> constraints,
                 std::vector<MovedRegion> regions)
 {
-    return *FieldFitter(choice, cells, constraints, false).fit(poses, std::move(regions));
+    return *FieldFitter(choice, cells, constraints, nullptr)
+                .fit(poses, std::move(regions));
 }
 
 } // namespace cellwarp

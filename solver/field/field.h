@@ -133,10 +133,10 @@ class FieldFitter
 {
 public:
     /// Keeps references to \p cells and \p constraints. Idle cells hold their material at
-    /// rest, whatever the others do. \p has_more_frames: what a second fit can use is
-    /// kept, the factors of FieldKind::Rbf.
+    /// rest, whatever the others do. \p systems: what other fits of FieldKind::Rbf can
+    /// use is found and kept there; null where there is no other.
     FieldFitter(const FieldChoice& choice, const Cells& cells,
-                std::span<const Constraint> constraints, bool has_more_frames);
+                std::span<const Constraint> constraints, RbfSystems* systems);
 
     /// \p regions: their misses are found here. Nothing if it was stopped.
     std::optional<Field> fit(std::span<const Pose> poses,

@@ -172,9 +172,9 @@ void LocalRbf::displacement(const PlaceVectors& places, const Shares& shares,
 
 LocalRbfFitter::LocalRbfFitter(const Cells& cells,
                                std::span<const Constraint> constraints,
-                               const ClusterSize& size, bool keeps_systems)
+                               const ClusterSize& size, RbfSystems* systems)
     : cells_(cells), choice_(cells, constraints), unglued_(unglued_pairs(cells)),
-      keeps_systems_(keeps_systems)
+      systems_(systems)
 {
     std::vector<bool> is_idle;
     for (const Constraint& constraint : constraints)
@@ -241,17 +241,22 @@ void LocalRbfFitter::fit_one(std::size_t cluster, std::span<const Pose> poses)
     const bool is_same_system = fit.field && centres.points == fit.centres.points;
     fit.was_solved =
         !is_same_system || centres.displacements != fit.centres.displacements;
-    fit.was_factored = fit.was_solved && !(is_same_system && fit.system);
+    fit.was_factored = false;
     if (!fit.was_solved)
         return;
-    if (fit.was_factored)
-        fit.system.emplace(centres.points);
-    RbfSystem::Fit found = fit.system->fit(centres.displacements);
+    RbfSystems::Found system{fit.system, false, true};
+    if (!is_same_system || !fit.system)
+        system =
+            systems_
+                ? systems_->system_of(centres.points)
+                : RbfSystems::Found{std::make_shared<const RbfSystem>(centres.points),
+                                    true, false};
+    fit.was_factored = system.is_new;
+    RbfSystem::Fit found = system.system->fit(centres.displacements);
     fit.field = std::make_shared<const RbfField>(std::move(found.field));
     fit.residual = found.residual;
     fit.centres = std::move(centres);
-    if (!keeps_systems_)
-        fit.system.reset();
+    fit.system = system.is_kept ? std::move(system.system) : nullptr;
 }
 
 std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,
@@ -265,6 +270,8 @@ std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,
                  });
     if (stop.stop_requested())
         return std::nullopt;
+    if (systems_)
+        systems_->drop_unused();
     LocalRbf::Fits fields;
     for (const ClusterFit& fit : fits_)
         fields.push_back(fit.field);

@@ -20,6 +20,7 @@
 #include "solver/field/blend.h"
 #include "solver/field/centres.h"
 #include "solver/field/rbf.h"
+#include "solver/field/rbf_systems.h"
 
 namespace cellwarp
 {
@@ -84,10 +85,11 @@ std::vector<std::array<int, 2>> unglued_pairs(const Cells& cells);
 class LocalRbfFitter
 {
 public:
-    /// Keeps references to \p cells and \p constraints. \p keeps_systems: their factors
-    /// too, which is worth it for a second fit.
+    /// Keeps references to \p cells, \p constraints and \p systems: there factors are
+    /// found and kept, which is worth it for a second fit, of these cells or of others.
+    /// Null: none are.
     LocalRbfFitter(const Cells& cells, std::span<const Constraint> constraints,
-                   const ClusterSize& size, bool keeps_systems);
+                   const ClusterSize& size, RbfSystems* systems);
 
     /// In parallel over the clusters. Nothing if it was stopped.
     std::optional<LocalRbf> fit(std::span<const Pose> poses, std::stop_token stop);
@@ -107,8 +109,8 @@ public:
 private:
     struct ClusterFit
     {
-        RbfCentres centres; ///< fitted last
-        std::optional<RbfSystem> system;
+        RbfCentres centres;                      ///< fitted last
+        std::shared_ptr<const RbfSystem> system; ///< null: not kept
         std::shared_ptr<const RbfField> field;
         double residual = 0.0;
         bool was_solved = false, was_factored = false; ///< in the last fit
@@ -121,7 +123,7 @@ private:
     CentreChoice choice_;
     std::vector<std::array<int, 2>> unglued_;
     std::vector<std::vector<int>> clusters_of_; ///< of cells in unglued pairs
-    bool keeps_systems_;
+    RbfSystems* systems_;
     std::shared_ptr<const Clusters> clusters_;
     std::vector<ClusterFit> fits_;
 };

@@ -102,6 +102,13 @@ double RbfSystem::memory_estimate(std::size_t num_centres)
     return 8.0 * n * (n + 40.0);
 }
 
+std::size_t RbfSystem::num_bytes() const
+{
+    const Eigen::Index numbers = centres_.size() + Q_.size() + R_.size() + dense_.size();
+    return sizeof(*this) + sizeof(double) * (idx(numbers) + packed_.size()) +
+           sizeof(std::size_t) * kept_.size() + sizeof(int) * terms_.size();
+}
+
 RbfSystem::RbfSystem(std::span<const Eigen::Vector3d> centres)
 {
     for (const Eigen::Vector3d& c : centres)

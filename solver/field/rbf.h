@@ -65,6 +65,8 @@ public:
     Fit fit(std::span<const Eigen::Vector3d> displacements) const;
 
     std::size_t num_centres() const { return kept_.size(); }
+    /// What it takes of memory.
+    std::size_t num_bytes() const;
 
     /// What building needs, beforehand [byte].
     static double memory_estimate(std::size_t num_centres);

@@ -404,7 +404,8 @@ TEST(LocalRbf, fits_again_only_what_has_moved_and_factors_nothing_twice)
     const Built bar = support::bar(4, 4, 24);
     const std::vector<Constraint> constraints(bar.cells.size());
     std::vector<Pose> poses = twisted(bar, 0.1);
-    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, true);
+    RbfSystems systems;
+    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, &systems);
     const Field first = *fitter.fit(poses, {});
     EXPECT_EQ(fitter.num_solved(), first.num_clusters());
     EXPECT_EQ(fitter.num_factored(), first.num_clusters());
@@ -429,7 +430,7 @@ TEST(LocalRbf, is_not_fitted_once_it_is_stopped)
 {
     const Built bar = support::bar(3, 3, 6);
     const std::vector<Constraint> constraints(bar.cells.size());
-    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, false);
+    FieldFitter fitter(FieldKind::Rbf, bar.cells, constraints, nullptr);
     std::stop_source stop;
     stop.request_stop();
     EXPECT_FALSE(fitter.fit(twisted(bar, 0.1), {}, stop.get_token()));
