@@ -25,6 +25,13 @@ constexpr int kRingsThatCount = 4;
 /// So many points in a box that looking around beforehand always pays.
 constexpr std::size_t kManyPoints = std::size_t(1) << 20;
 
+/// What a motion does to a point.
+FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x)
+{
+    const Eigen::Matrix3d turn = motion.R - Eigen::Matrix3d::Identity();
+    return {turn * x + motion.t, turn};
+}
+
 } // namespace
 
 RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
@@ -374,10 +381,20 @@ void Field::evaluate(std::span<const Eigen::Vector3d> points, std::span<const in
         }
         if (const MovedRegion* const deep = regions_.deep_region(cell))
         {
-            const Eigen::Matrix3d turn = deep->motion.R - Eigen::Matrix3d::Identity();
             for (const std::uint32_t i : task)
-                take(i, FieldValue{turn * points[i] + deep->motion.t, turn});
+                take(i, moved_by(deep->motion, points[i]));
             return;
+        }
+        std::vector<std::uint32_t> no_nodes;
+        if (regions_.touches(cell))
+        {
+            for (const std::uint32_t i : task)
+                if (const MovedRegion* const region =
+                        regions_.region_of_node(points[i], cell))
+                    take(i, moved_by(region->motion, points[i]));
+                else
+                    no_nodes.push_back(i);
+            task = no_nodes;
         }
         const Eigen::Vector3d& centre = closest_.box_centre(cell);
         const double half = 0.5 * closest_.edge(cell);

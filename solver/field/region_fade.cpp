@@ -601,6 +601,18 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
             deep_region_[idx(cell)] = static_cast<int>(r);
     }
     fades_ = RegionFades(std::move(fades), num_cells);
+    std::vector<NodeTable::Node> nodes;
+    for (std::size_t r = 0; r < regions_.size(); ++r)
+    {
+        const RegionFade& fade = *regions_[r].fade;
+        // Those of a rod or of a pin of one place are told apart by their cells alone.
+        const bool is_rigid = !regions_[r].bends && !regions_[r].may_turn;
+        for (std::size_t i = 0; i < fade.nodes().size(); ++i)
+            if (const int cell = fade.node_cells()[i]; deep_region_[idx(cell)] < 0)
+                nodes.push_back(
+                    {fade.nodes()[i], is_rigid ? cell : -1, static_cast<int>(r)});
+    }
+    nodes_ = NodeTable(std::move(nodes));
 }
 
 void MovedRegions::correct(const Eigen::Vector3d& x,

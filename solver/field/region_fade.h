@@ -18,6 +18,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "solver/field/blend.h"
+#include "solver/field/node_table.h"
 
 namespace cellwarp
 {
@@ -269,6 +270,13 @@ public:
     const RegionFades& fades() const { return fades_; }
     /// Whether a correction counts somewhere in the box of a cell.
     bool touches(int cell) const { return is_touched_[idx(cell)]; }
+    /// The region that \p x, in the material of a cell, moves with because it is one of
+    /// its nodes, and turns with; null where only correct() tells.
+    const MovedRegion* region_of_node(const Eigen::Vector3d& x, int cell) const
+    {
+        const int region = nodes_.region_at(x, cell);
+        return region < 0 ? nullptr : &regions_[idx(region)];
+    }
     /// The region in which a cell is deep; null: none.
     const MovedRegion* deep_region(int cell) const
     {
@@ -279,6 +287,7 @@ public:
 private:
     std::vector<MovedRegion> regions_;
     RegionFades fades_;
+    NodeTable nodes_;              ///< of cells that are not deep in a region
     std::vector<char> is_touched_; ///< a cell
     std::vector<int> deep_region_; ///< a cell; -1: none
 };

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/field/node_table.h"
+
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "tests/support/shapes.h"
+
+namespace cellwarp
+{
+
+using support::random_vector;
+
+TEST(NodeTable, finds_each_node_in_its_cell_and_nothing_else)
+{
+    std::mt19937 rng(1);
+    std::vector<NodeTable::Node> nodes;
+    for (int i = 0; i < 2000; ++i)
+        nodes.push_back({random_vector(rng, 1.0), i % 7, i % 3});
+    const NodeTable table(nodes);
+    for (const NodeTable::Node& node : nodes)
+    {
+        EXPECT_EQ(table.region_at(node.place, node.cell), node.region);
+        EXPECT_EQ(table.region_at(node.place, node.cell + 1), -1);
+        EXPECT_EQ(table.region_at(random_vector(rng, 1.0), node.cell), -1);
+    }
+}
+
+TEST(NodeTable, of_nodes_at_one_place_tells_the_first_and_nothing_of_several_cells)
+{
+    const Eigen::Vector3d one(0.1, 0.2, 0.3), other(0.1, 0.2, 0.4);
+    const NodeTable table({{one, 5, 1}, {one, 5, 0}, {other, 5, 0}, {other, 6, 0}});
+    EXPECT_EQ(table.region_at(one, 5), 1);
+    EXPECT_EQ(table.region_at(other, 5), -1);
+    EXPECT_EQ(table.region_at(other, 6), -1);
+}
+
+TEST(NodeTable, without_nodes_finds_none)
+{
+    EXPECT_EQ(NodeTable().region_at(Eigen::Vector3d::Zero(), 0), -1);
+    EXPECT_EQ(
+        NodeTable(std::vector<NodeTable::Node>()).region_at(Eigen::Vector3d::Zero(), 0),
+        -1);
+}
+
+TEST(NodeTable, takes_zeros_of_either_sign_for_one)
+{
+    const NodeTable table({{Eigen::Vector3d(0.0, 1.0, 2.0), 3, 0}});
+    EXPECT_EQ(table.region_at(Eigen::Vector3d(-0.0, 1.0, 2.0), 3), 0);
+}
+
+} // namespace cellwarp
