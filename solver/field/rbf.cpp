@@ -45,7 +45,7 @@ constexpr double kMinSize = 1e-4;
 constexpr std::size_t kLapackFrom = 1000;
 
 /// Solutions that miss by no more than this, relative to the largest displacement, need
-/// no third pass; and how many passes there are at the most.
+/// no other pass; and how many passes there are at the most.
 constexpr double kMended = 1e-12;
 constexpr int kPasses = 4;
 
@@ -259,7 +259,7 @@ RbfSystem::Fit RbfSystem::fit(std::span<const Eigen::Vector3d> displacements) co
     {
         const Rows missing = f - Aw;
         Rows step = missing - (missing * Q_.transpose()) * Q_;
-        if (pass > 1 && step.cwiseAbs().maxCoeff() <= kMended * f.cwiseAbs().maxCoeff())
+        if (pass > 0 && step.cwiseAbs().maxCoeff() <= kMended * f.cwiseAbs().maxCoeff())
             break;
         solve(step);
         w += step - (step * Q_.transpose()) * Q_;
