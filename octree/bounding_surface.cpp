@@ -143,24 +143,23 @@ std::vector<Triangle> by_faces(const Shape& shape)
 
 BoundingSurface bounding_surface(const Shape& shape)
 {
-    const std::vector<Triangle> sorted = by_faces(shape);
+    BoundingSurface surface{by_faces(shape), 1.0};
+    std::vector<Triangle>& triangles = surface.triangles;
     // Of a face that is there in both directions either the second is a flaw, or both
     // are the wall between two bodies that touch: what leaves fewer edges open.
-    std::vector<Triangle> first_kept;
-    std::vector<std::size_t> walls; // in first_kept
-    first_kept.reserve(sorted.size());
-    for (std::size_t i = 0; i < sorted.size();)
+    std::vector<std::size_t> walls;
+    std::size_t num_kept = 0; // the first of each face, from the front
+    for (std::size_t i = 0; i < triangles.size();)
     {
-        const Triangle& first = sorted[i];
+        const Triangle first = triangles[i];
         bool has_both = false;
-        for (; i < sorted.size() && is_one_face(sorted[i], first); ++i)
-            has_both = has_both || sorted[i] != first;
+        for (; i < triangles.size() && is_one_face(triangles[i], first); ++i)
+            has_both = has_both || triangles[i] != first;
         if (has_both)
-            walls.push_back(first_kept.size());
-        first_kept.push_back(first);
+            walls.push_back(num_kept);
+        triangles[num_kept++] = first;
     }
-    BoundingSurface surface{std::move(first_kept), 1.0};
-    std::vector<Triangle>& triangles = surface.triangles;
+    triangles.resize(num_kept);
     surface.open_edges = open_edge_share(triangles, shape.samples.size());
     if (!walls.empty())
     {

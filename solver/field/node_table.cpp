@@ -15,6 +15,9 @@ namespace
 
 constexpr std::uint32_t kEmpty = std::numeric_limits<std::uint32_t>::max();
 
+/// Most places that are looked for have no node: they are to end at an empty slot.
+constexpr std::size_t kSlotsANode = 4;
+
 /// Of a place with nodes of different cells.
 constexpr int kSeveralCells = -1;
 
@@ -24,7 +27,7 @@ NodeTable::NodeTable(std::vector<Node> nodes) : nodes_(std::move(nodes))
 {
     if (nodes_.empty())
         return;
-    slots_.assign(std::bit_ceil(2 * nodes_.size()), kEmpty);
+    slots_.assign(std::bit_ceil(kSlotsANode * nodes_.size()), kEmpty);
     for (std::size_t i = 0; i < nodes_.size(); ++i)
     {
         std::uint32_t& slot = slots_[slot_of(nodes_[i].place)];
