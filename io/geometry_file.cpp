@@ -43,7 +43,8 @@ Error unknown_format(const std::string& path)
         known += (known.empty() ? "" : ", ") + std::string(format);
     return Error(
         Fault::Usage,
-        at({path, 0, ""}, "the extension is no known format (need " + known + ")"));
+        at({path, 0, ""}, "the extension is no known format (need " + known +
+                              "; only to read: dae, fbx, 3ds, blend, x and others)"));
 }
 
 GeometryFile scan_geometry(std::string path, std::string bytes,

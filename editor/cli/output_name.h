@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "io/error.h"
+#include "io/near_word.h"
 #include "io/number.h"
 
 namespace cellwarp
@@ -20,7 +21,10 @@ public:
     {
         const std::size_t open = pattern.find("{frame");
         if (open == std::string::npos)
+        {
+            refuse_mistyped(pattern);
             return;
+        }
         const std::size_t close = pattern.find('}', open);
         const std::string inside =
             close == std::string::npos ? "?" : pattern.substr(open + 6, close - open - 6);
@@ -42,6 +46,19 @@ public:
     }
 
 private:
+    /// Other names with braces are names.
+    static void refuse_mistyped(const std::string& pattern)
+    {
+        const std::size_t open = pattern.find('{'), close = pattern.find('}', open);
+        if (close == std::string::npos)
+            return;
+        const std::string inside = pattern.substr(open + 1, close - open - 1);
+        const std::string known[] = {"frame"};
+        if (!nearest_word(inside.substr(0, inside.find(':')), known).empty())
+            throw Error(Fault::Usage, "-o: got " + in_quotes(pattern) +
+                                          ": did you mean {frame} by {" + inside + "}?");
+    }
+
     std::string pattern_, before_, after_;
     int width_ = 1;
     bool has_frame_ = false;

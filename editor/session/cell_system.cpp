@@ -503,13 +503,23 @@ void CellSystem::warn_of_components()
 {
     if (regions_->size() == 0)
         return; // nothing is asked of any
-    const std::size_t num_idle =
-        idx(std::count_if(parts_.begin(), parts_.end(),
-                          [](const Part& part) { return !part.component.is_held; }));
+    std::size_t num_idle = 0, num_samples = 0;
+    std::vector<char> is_idle(body_->cells.size(), 0);
+    for (const Part& part : parts_)
+        if (!part.component.is_held)
+        {
+            ++num_idle;
+            for (const int cell : part.component.cells)
+                is_idle[idx(cell)] = 1;
+        }
+    for (const int cell : body_->cell_of_sample)
+        num_samples += idx(is_idle[idx(cell)]);
+    // A few samples that no face uses are often all.
     if (num_idle > 0)
-        warnings_.push_back(
-            fmt::format("{} of {} components have no region: they stay at rest", num_idle,
-                        parts_.size()));
+        warnings_.push_back(fmt::format(
+            "{} of {} components have no region: they stay at rest ({} of "
+            "{} samples)",
+            num_idle, parts_.size(), num_samples, body_->cell_of_sample.size()));
     for (const Part& part : parts_)
         if (part.component.free_rotations > 0)
             warnings_.push_back(fmt::format(

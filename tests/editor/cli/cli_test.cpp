@@ -508,6 +508,7 @@ TEST(Cli, usage_errors_exit_with_2)
              {"deform", files.model, "-o", files.out, "--sel", "a"},
              {"deform", files.model, "-o", files.out, "--max-memory", "lots"},
              {"deform", files.model, "-o", files.folder / "x{frame:x}.obj"},
+             {"deform", files.model, "-o", files.folder / "x{frme}.obj"},
              {"deform", files.model, "--handles", files.handles, "-o", files.out,
               "--save-field", files.folder / "field.bin"},
              {"deform", files.model, "-o", files.out, "--save-field",
@@ -522,8 +523,28 @@ TEST(Cli, usage_errors_exit_with_2)
         EXPECT_TRUE(contains(result.err, "error: "));
     }
     EXPECT_FALSE(std::filesystem::exists(files.out));
+    EXPECT_TRUE(
+        contains(run({"deform", files.model, "-o", files.folder / "x{frme:04}.obj"}).err,
+                 "did you mean {frame} by {frme:04}?"));
     EXPECT_TRUE(contains(files.deform({"--sel", "a", "--def", "b"}).err,
                          "--handles and --sel with --def exclude each other"));
+}
+
+TEST(Cli, samples_that_no_region_moves_are_counted)
+{
+    const support::Folder folder;
+    const std::string model = folder.write(
+        "m.obj", support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 4}, 2)) +
+                     "v 3 3 3\nv 4 4 4\n");
+    const Result result =
+        run({"deform", model, "-o", folder / "out{1}.obj", "--fix", "box -1 -1 -1 2 2 1",
+             "--handle", "top box -1 -1 3 2 2 5", "--move", "top translate 0 0 0.1"});
+    EXPECT_EQ(result.code, 0);
+    EXPECT_TRUE(contains(result.err,
+                         "2 of 3 components have no region: they stay at rest "
+                         "(2 of "))
+        << result.err;
+    EXPECT_TRUE(std::filesystem::exists(folder / "out{1}.obj"));
 }
 
 TEST(Cli, malformed_files_exit_with_3_and_leave_nothing)
