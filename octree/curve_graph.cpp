@@ -12,7 +12,6 @@
 #include <cstdint>
 #include <limits>
 #include <numbers>
-#include <utility>
 
 #include <Eigen/Geometry>
 
@@ -52,7 +51,7 @@ constexpr std::size_t kLeastAround = 48;
 constexpr double kToTip = 0.75;
 
 /// What reaches as far as this share of what reaches farthest is the end of a limb.
-constexpr double kFarthest = 0.7;
+constexpr double kEndOfLimb = 0.7;
 
 /// Where it leads out of the limb it goes half as far, so often at the most.
 constexpr int kHalvings = 3;
@@ -157,27 +156,27 @@ void unfold_end(std::vector<Eigen::Vector3d>& line)
         line.erase(line.end() - 2);
 }
 
+/// Of a surface of either orientation.
 bool is_within(const Shape& surface, const Eigen::Vector3d& x)
 {
-    return winding_number(surface, x) > 0.5;
+    return std::abs(winding_number(surface, x)) > 0.5;
 }
 
-/// From a tip to the middle of what reaches farthest from it along a direction; zero
-/// where nothing does.
+/// From a tip to the middle of what reaches farthest from it along a direction, \p most.
+/// \pre most > 0
 Eigen::Vector3d to_farthest(const std::vector<Eigen::Vector3d>& around,
-                            const Eigen::Vector3d& tip, const Eigen::Vector3d& along)
+                            const Eigen::Vector3d& tip, const Eigen::Vector3d& along,
+                            double most)
 {
-    double most = 0.0, total = 0.0;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double total = 0.0;
     for (const Eigen::Vector3d& x : around)
-        most = std::max(most, (x - tip).dot(along));
-    Eigen::Vector3d farthest = Eigen::Vector3d::Zero();
-    for (const Eigen::Vector3d& x : around)
-        if (const double beyond = (x - tip).dot(along) - kFarthest * most; beyond > 0.0)
+        if (const double beyond = (x - tip).dot(along) - kEndOfLimb * most; beyond > 0.0)
         {
-            farthest += beyond * (x - tip);
+            sum += beyond * (x - tip);
             total += beyond;
         }
-    return total > 0.0 ? Eigen::Vector3d(farthest / total) : Eigen::Vector3d::Zero();
+    return sum / total;
 }
 
 /// On towards the surface around a tip, in the direction of the line there. Where the
@@ -196,33 +195,25 @@ void extend_to_tip(const Shape& surface, const std::vector<Eigen::Vector3d>& aro
     if (!(most > 0.0))
         return;
     Eigen::Vector3d on = kToTip * most * along;
-    if (!is_within(surface, tip + on))
-        on = kToTip * to_farthest(around, tip, along);
-    for (int half = 0; half < kHalvings && !is_within(surface, tip + on); ++half)
-        on *= 0.5;
+    // Of a tip that is outside itself (a thin limb) nothing can be told.
+    if (is_within(surface, tip) && !is_within(surface, tip + on))
+    {
+        on = kToTip * to_farthest(around, tip, along, most);
+        int half = 0;
+        while (!is_within(surface, tip + on))
+        {
+            if (++half > kHalvings)
+                return;
+            on *= 0.5;
+        }
+    }
     line.push_back(tip + on);
-}
-
-/// The same surface with its normals outwards, if it is closed: along them the flow would
-/// go the wrong way.
-Shape turned_outwards(Shape surface)
-{
-    const Eigen::Vector3d& from = surface.samples.front();
-    double volume = 0.0;
-    for (const Triangle& t : surface.triangles)
-        volume +=
-            (surface.samples[t[0]] - from)
-                .dot((surface.samples[t[1]] - from).cross(surface.samples[t[2]] - from));
-    if (volume < 0.0)
-        for (Triangle& t : surface.triangles)
-            std::swap(t[1], t[2]);
-    return surface;
 }
 
 Shape surface_of(const Shape& shape, std::size_t most_triangles)
 {
     if (shape.triangles.size() <= most_triangles && !shape.triangles.empty())
-        return turned_outwards(shape);
+        return shape;
     Eigen::Vector3d low = shape.samples.front(), high = low;
     for (const Eigen::Vector3d& x : shape.samples)
     {

@@ -13,7 +13,8 @@ namespace cellwarp
 {
 
 /// How often a surface winds around a place: the solid angles of all triangles there, as
-/// shares of the whole one. Of one place; linear in the triangles.
+/// shares of the whole one [VanOosterom83]. In proportion to the triangles; on the
+/// surface any number between those of its sides.
 double winding_number(const Shape& shape, const Eigen::Vector3d& x);
 
 /// Of each voxel whether a closed surface winds around its middle.

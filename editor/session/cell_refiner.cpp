@@ -336,8 +336,10 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
             !is_contested(siblings))
             leaves.push_back(siblings[0]);
     }
-    // Beside leaves much smaller than they would be siblings stay as they are.
-    Octree octree = leaves.empty() ? body.octree : body.octree.merge(leaves);
+    if (leaves.empty())
+        return std::nullopt;
+    // Beside leaves that are much smaller siblings stay as they are, and all of them may.
+    Octree octree = body.octree.merge(leaves);
     if (octree.leaves() == body.octree.leaves())
         return std::nullopt;
     auto merged = std::make_shared<const Body>(cut(rest_, std::move(octree), &body));

@@ -64,6 +64,17 @@ std::vector<PinReport> pin_reports(const CellSystem& system)
     return pins;
 }
 
+/// What factors of earlier fits may take [byte]: they are made anew where others need
+/// the memory.
+std::size_t most_for_systems(const SessionSettings& settings)
+{
+    constexpr double kShare = 0.2; // of the limit
+    const double limit = settings.cells.max_memory;
+    return limit > 0.0 ? std::min(RbfSystems::kMostBytes,
+                                  static_cast<std::size_t>(kShare * limit))
+                       : RbfSystems::kMostBytes;
+}
+
 } // namespace
 
 /// Everything that belongs to one stage.
@@ -124,7 +135,8 @@ Session::Session(Geometry geometry, HandleFile handles, SessionSettings settings
 
 Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
                  SessionSettings settings)
-    : geometry_(std::move(of)), settings_(std::move(settings))
+    : geometry_(std::move(of)), settings_(std::move(settings)),
+      rbf_systems_(std::make_unique<RbfSystems>(most_for_systems(settings_)))
 {
     assert(!settings_.keeps_checkpoints || !settings_.keeps_fields);
     const Geometry& geometry = *geometry_;
@@ -175,6 +187,8 @@ std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
 void Session::start_stage(std::shared_ptr<const StageRest> rest)
 {
     state_.reset();
+    if (rest != rest_)
+        rbf_systems_->clear(); // of cells that are not made again
     rest_ = std::move(rest);
     stage_ = rest_->stage;
     frame_ = 0;
@@ -487,6 +501,7 @@ bool Session::next_frame(bool wants_samples)
     }
     catch (...)
     {
+        rbf_systems_->clear();
         try
         {
             stand_at(before);
@@ -644,10 +659,11 @@ bool Session::move_samples(FrameReport& report)
     Clock::time_point start = Clock::now();
     if (!s.fitter)
     {
-        const bool has_more_fits =
-            settings_.keeps_checkpoints || frame_ < handles_.stages[stage_].frames.size();
+        // One fit alone has no use for what is kept.
+        const bool has_other_fits =
+            settings_.keeps_checkpoints || handles_.stages[stage_].frames.size() > 1;
         s.fitter.emplace(settings_.field, s.system.body().cells, s.system.constraints(),
-                         has_more_fits ? rbf_systems_.get() : nullptr);
+                         has_other_fits ? rbf_systems_.get() : nullptr);
     }
     std::optional<Field> field =
         s.fitter->fit(s.system.poses(), moved_regions(), settings_.stop);

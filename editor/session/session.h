@@ -164,7 +164,7 @@ private:
     std::vector<std::string> warnings_;
     PartCounts parts_;
     std::vector<StoredField> committed_fields_;
-    std::unique_ptr<RbfSystems> rbf_systems_ = std::make_unique<RbfSystems>();
+    std::unique_ptr<RbfSystems> rbf_systems_; ///< of this stage's fits
     std::unique_ptr<StageState> state_;
 };
 

@@ -384,6 +384,7 @@ void Canvas::clear()
     state_->shape.emplace();
     state_->rest.emplace();
     state_->colours_of.reset();
+    state_->colours = {};
     state_->cells_of.reset();
     ++state_->num_uploads;
 }

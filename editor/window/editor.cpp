@@ -290,11 +290,13 @@ double Editor::draw_canvas()
     if (canvas_.show_again(scene, options, view_, window_.height()))
         return upload_ms;
     // Where drawing is slow, all triangles and smooth edges wait until the hand rests and
-    // the solver, whose cores the drawing takes, has done its work, and a new shape is
-    // seen.
-    const bool is_new = editing.shape().version != drawn_version_;
+    // the solver, whose cores the drawing takes, has done its work. What it has found is
+    // seen at once that way too: the next frame is whole. A film, which has a new shape
+    // in each frame, stays whole.
+    const bool is_found =
+        editing.shape().version != drawn_version_ && opened->film == nullptr;
     drawn_version_ = editing.shape().version;
-    draws_less_ = (is_at_work() || is_new) && whole_frames_.median() > kSlowFrame;
+    draws_less_ = (is_at_work() || is_found) && whole_frames_.median() > kSlowFrame;
     if (draws_less_)
     {
         options.detail = Detail::Coarse;
@@ -366,7 +368,10 @@ void Editor::run()
     while (!app_.wants_to_quit)
     {
         const bool is_idle = app_.is_idle();
-        window_.wait(frames_to_draw > 0 ? 0.0 : is_idle ? kIdleWait : kBusyWait);
+        const bool is_behind = draws_less_ && !is_at_work();
+        window_.wait(frames_to_draw > 0 || is_behind ? 0.0
+                     : is_idle                       ? kIdleWait
+                                                     : kBusyWait);
         if (window_.wants_to_close())
         {
             window_.keep_open();
@@ -380,7 +385,6 @@ void Editor::run()
             const bool is_new = app_.update();
             const bool is_typing = ImGui::GetIO().WantTextInput; // a cursor blinks
             const bool is_late = !is_idle && seconds_now() - last_frame > kProgressStep;
-            const bool is_behind = draws_less_ && !is_at_work();
             if (!is_new && !is_typing && !is_late && !is_behind && words() == words_)
                 continue;
         }

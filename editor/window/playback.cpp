@@ -75,7 +75,8 @@ private:
     const Statement* statement_ = nullptr;
     Eigen::Vector2d pointer_ = Eigen::Vector2d::Zero();
     bool has_quit_ = false;
-    Clock::time_point begun_ = Clock::now(); ///< the last event or statement
+    /// The last event or statement; of one that places a handle, when the hand lets go.
+    Clock::time_point begun_ = Clock::now();
     PlaybackReport report_;
 };
 
@@ -457,7 +458,7 @@ void Player::place()
         fail(why);
     editing.drag_to(placement);
     editor_.frame();
-    begun_ = Clock::now(); // the hand lets go here
+    begun_ = Clock::now();
     editing.end_drag();
     editor_.frame();
 }
@@ -476,7 +477,7 @@ void Player::point()
         fail(why);
     editing.drag_point_to(to);
     editor_.frame();
-    begun_ = Clock::now(); // the hand lets go here
+    begun_ = Clock::now();
     editing.end_drag();
     editor_.frame();
 }

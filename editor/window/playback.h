@@ -36,8 +36,10 @@ struct DragTimes
 struct WaitTime
 {
     std::int64_t line = 0;
-    double shape_ms = 0.0; ///< until the finished shape was drawn
-    double ms = 0.0;       ///< until the next drag could begin
+    /// Until the finished shape was drawn; where drawing is slow, with coarse edges
+    /// still.
+    double shape_ms = 0.0;
+    double ms = 0.0; ///< until the next drag could begin
 };
 
 struct PlaybackReport

@@ -8,7 +8,7 @@
 namespace cellwarp
 {
 
-void* block_of(std::size_t bytes)
+void* allocate_block(std::size_t bytes)
 {
     constexpr std::size_t kPage = std::size_t(2) << 20;
     if (bytes < kLargeBlock)

@@ -8,10 +8,11 @@
 namespace cellwarp
 {
 
-/// As std::malloc(), to be freed by std::free(). Blocks of kLargeBlock bytes and more are
-/// in pages of 2 MB where the system has such.
-void* block_of(std::size_t bytes);
-
+/// From so many bytes on pages of 2 MB are worth what is lost at the ends of a block.
 inline constexpr std::size_t kLargeBlock = std::size_t(16) << 20;
+
+/// As std::malloc(), to be freed by std::free(). Large blocks are in pages of 2 MB where
+/// the system has such.
+void* allocate_block(std::size_t bytes);
 
 } // namespace cellwarp

@@ -10,7 +10,7 @@ void* operator new(std::size_t bytes)
 {
     for (;;)
     {
-        if (void* const block = cellwarp::block_of(bytes))
+        if (void* const block = cellwarp::allocate_block(bytes))
             return block;
         const std::new_handler handler = std::get_new_handler();
         if (handler == nullptr)

@@ -2,6 +2,7 @@
 // cellwarp-skeleton: the curve skeleton of the surface on stdin, onto stdout. A program
 // of its own because the library orders some of its work by the addresses of what it
 // allocates: in a process that does nothing else these are always in the same order.
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -11,6 +12,7 @@
 #include <sys/prctl.h>
 
 #include <CGAL/Polygon_mesh_processing/connected_components.h>
+#include <CGAL/Polygon_mesh_processing/orientation.h>
 #include <CGAL/Polygon_mesh_processing/polygon_mesh_to_polygon_soup.h>
 #include <CGAL/Polygon_mesh_processing/polygon_soup_to_polygon_mesh.h>
 #include <CGAL/Random.h>
@@ -39,15 +41,17 @@ Eigen::Vector3d vector_of(const Point& p)
     return {p.x(), p.y(), p.z()};
 }
 
-/// The largest part of a surface that is closed and of one sheet.
-Mesh closed_part(const Shape& surface)
+/// The largest part of a surface that is closed and of one sheet; \p corners: in which
+/// order those of a triangle are taken.
+Mesh closed_part(const Shape& surface, const std::array<std::size_t, 3>& corners)
 {
     std::vector<Point> points;
     for (const Eigen::Vector3d& x : surface.samples)
         points.emplace_back(x.x(), x.y(), x.z());
     std::vector<std::vector<std::size_t>> faces;
     for (const Triangle& triangle : surface.triangles)
-        faces.push_back({triangle[0], triangle[1], triangle[2]});
+        faces.push_back(
+            {triangle[corners[0]], triangle[corners[1]], triangle[corners[2]]});
     Mesh mesh;
     if (!CGAL::Polygon_mesh_processing::is_polygon_soup_a_polygon_mesh(faces))
         return mesh;
@@ -63,10 +67,20 @@ Mesh closed_part(const Shape& surface)
     return mesh;
 }
 
+/// The same with its normals outwards: the flow goes against them.
+Mesh closed_part_turned_outwards(const Shape& surface)
+{
+    Mesh mesh = closed_part(surface, {0, 1, 2});
+    // Made anew: the flow depends on where faces begin as well.
+    if (!mesh.is_empty() && !CGAL::Polygon_mesh_processing::is_outward_oriented(mesh))
+        mesh = closed_part(surface, {0, 2, 1});
+    return mesh;
+}
+
 CurveSkeleton skeleton_of(const Shape& surface)
 {
     CurveSkeleton skeleton;
-    const Mesh mesh = closed_part(surface);
+    const Mesh mesh = closed_part_turned_outwards(surface);
     if (mesh.is_empty())
         return skeleton;
     // Points are shuffled before they are triangulated: each time the same way.

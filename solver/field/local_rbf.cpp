@@ -238,25 +238,26 @@ void LocalRbfFitter::fit_one(std::size_t cluster, std::span<const Pose> poses)
 {
     ClusterFit& fit = fits_[cluster];
     RbfCentres centres = choice_.centres_of(clusters_->clusters[cluster].cells, poses);
-    const bool is_same_system = fit.field && centres.points == fit.centres.points;
+    const bool has_same_centres =
+        fit.field && RbfSystems::are_same(centres.points, fit.centres.points);
     fit.was_solved =
-        !is_same_system || centres.displacements != fit.centres.displacements;
+        !has_same_centres || centres.displacements != fit.centres.displacements;
     fit.was_factored = false;
     if (!fit.was_solved)
         return;
-    RbfSystems::Found system{fit.system, false, true};
-    if (!is_same_system || !fit.system)
-        system =
-            systems_
-                ? systems_->system_of(centres.points)
-                : RbfSystems::Found{std::make_shared<const RbfSystem>(centres.points),
-                                    true, false};
-    fit.was_factored = system.is_new;
-    RbfSystem::Fit found = system.system->fit(centres.displacements);
-    fit.field = std::make_shared<const RbfField>(std::move(found.field));
-    fit.residual = found.residual;
+    RbfSystems::Found found;
+    if (has_same_centres && fit.system)
+        found = {fit.system, false, true};
+    else if (systems_)
+        found = systems_->system_of(centres.points);
+    else
+        found = {std::make_shared<const RbfSystem>(centres.points), true, false};
+    fit.was_factored = found.is_new;
+    RbfSystem::Fit solved = found.system->fit(centres.displacements);
+    fit.field = std::make_shared<const RbfField>(std::move(solved.field));
+    fit.residual = solved.residual;
     fit.centres = std::move(centres);
-    fit.system = system.is_kept ? std::move(system.system) : nullptr;
+    fit.system = found.is_kept ? std::move(found.system) : nullptr;
 }
 
 std::optional<LocalRbf> LocalRbfFitter::fit(std::span<const Pose> poses,

@@ -3,6 +3,7 @@
 
 #include <bit>
 #include <limits>
+#include <utility>
 
 #include "octree/base/hash.h"
 #include "octree/base/index.h"
@@ -18,9 +19,6 @@ constexpr std::uint32_t kEmpty = std::numeric_limits<std::uint32_t>::max();
 /// Most places that are looked for have no node: they are to end at an empty slot.
 constexpr std::size_t kSlotsANode = 4;
 
-/// Of a place with nodes of different cells.
-constexpr int kSeveralCells = -1;
-
 } // namespace
 
 NodeTable::NodeTable(std::vector<Node> nodes) : nodes_(std::move(nodes))
@@ -30,11 +28,11 @@ NodeTable::NodeTable(std::vector<Node> nodes) : nodes_(std::move(nodes))
     slots_.assign(std::bit_ceil(kSlotsANode * nodes_.size()), kEmpty);
     for (std::size_t i = 0; i < nodes_.size(); ++i)
     {
-        std::uint32_t& slot = slots_[slot_of(nodes_[i].place)];
+        std::uint32_t& slot = slots_[slot_of(*nodes_[i].place)];
         if (slot == kEmpty)
             slot = static_cast<std::uint32_t>(i);
         else if (nodes_[slot].cell != nodes_[i].cell)
-            nodes_[slot].cell = kSeveralCells;
+            nodes_[slot].cell = kNotFound;
     }
 }
 
@@ -43,7 +41,7 @@ std::size_t NodeTable::slot_of(const Eigen::Vector3d& place) const
 {
     const std::size_t mask = slots_.size() - 1;
     std::size_t slot = static_cast<std::size_t>(hash_of(place)) & mask;
-    while (slots_[slot] != kEmpty && nodes_[slots_[slot]].place != place)
+    while (slots_[slot] != kEmpty && *nodes_[slots_[slot]].place != place)
         slot = (slot + 1) & mask;
     return slot;
 }

@@ -11,13 +11,17 @@
 namespace cellwarp
 {
 
+/// Nodes by their places, to the bit. Immutable.
 class NodeTable
 {
 public:
+    /// In place of a cell: a node that is not found, nor any other one at its place.
+    static constexpr int kNotFound = -1;
+
     struct Node
     {
-        Eigen::Vector3d place;
-        int cell = 0; ///< that holds it
+        const Eigen::Vector3d* place; ///< outlives the table
+        int cell = 0;                 ///< that holds it, or kNotFound
         int region = 0;
     };
 
@@ -32,7 +36,8 @@ private:
     std::size_t slot_of(const Eigen::Vector3d& place) const;
 
     std::vector<Node> nodes_;
-    std::vector<std::uint32_t> slots_; ///< a power of two; of a node, or kEmpty
+    /// A power of two of them: the number of a node, or none.
+    std::vector<std::uint32_t> slots_;
 };
 
 } // namespace cellwarp

@@ -2,24 +2,27 @@
 #include "solver/field/rbf_systems.h"
 
 #include <cstring>
+#include <utility>
 
 #include "octree/base/hash.h"
 
 namespace cellwarp
 {
 
+bool RbfSystems::are_same(std::span<const Eigen::Vector3d> a,
+                          std::span<const Eigen::Vector3d> b)
+{
+    return a.size() == b.size() &&
+           (a.empty() || std::memcmp(a.data(), b.data(), a.size_bytes()) == 0);
+}
+
 std::shared_ptr<const RbfSystem>
 RbfSystems::find(std::uint64_t hash, std::span<const Eigen::Vector3d> centres) const
 {
     const auto [begin, end] = systems_.equal_range(hash);
     for (auto it = begin; it != end; ++it)
-    {
-        const Kept& kept = it->second;
-        // Zeros of different signs are different: they might show in a result.
-        if (kept.centres.size() == centres.size() &&
-            std::memcmp(kept.centres.data(), centres.data(), centres.size_bytes()) == 0)
-            return kept.system;
-    }
+        if (are_same(it->second.centres, centres))
+            return it->second.system;
     return nullptr;
 }
 
@@ -31,32 +34,52 @@ RbfSystems::Found RbfSystems::system_of(std::span<const Eigen::Vector3d> centres
         if (std::shared_ptr<const RbfSystem> known = find(hash, centres))
             return {std::move(known), false, true};
     }
-    auto made = std::make_shared<const RbfSystem>(centres);
-    const std::size_t bytes = made->num_bytes() + centres.size_bytes();
+    Kept made{{centres.begin(), centres.end()},
+              std::make_shared<const RbfSystem>(centres)};
+    const std::size_t bytes = made.num_bytes();
     const std::lock_guard lock(mutex_);
     // Another thread may have been first.
     if (std::shared_ptr<const RbfSystem> known = find(hash, centres))
         return {std::move(known), true, true};
     if (num_bytes_ + bytes > max_bytes_)
-        return {std::move(made), true, false};
+        drop_those_not_held();
+    if (num_bytes_ + bytes > max_bytes_)
+        return {std::move(made.system), true, false};
     num_bytes_ += bytes;
-    systems_.emplace(hash, Kept{{centres.begin(), centres.end()}, made});
-    return {std::move(made), true, true};
+    const auto added = systems_.emplace(hash, std::move(made));
+    return {added->second.system, true, true};
 }
 
-void RbfSystems::drop_unused()
+void RbfSystems::drop_those_not_held()
 {
-    const std::lock_guard lock(mutex_);
     std::erase_if(systems_,
                   [&](const auto& entry)
                   {
                       const Kept& kept = entry.second;
                       if (kept.system.use_count() > 1)
                           return false;
-                      num_bytes_ -= kept.system->num_bytes() +
-                                    kept.centres.size() * sizeof(Eigen::Vector3d);
+                      num_bytes_ -= kept.num_bytes();
                       return true;
                   });
+}
+
+void RbfSystems::drop_unused()
+{
+    const std::lock_guard lock(mutex_);
+    drop_those_not_held();
+}
+
+void RbfSystems::clear()
+{
+    const std::lock_guard lock(mutex_);
+    systems_.clear();
+    num_bytes_ = 0;
+}
+
+std::size_t RbfSystems::num_bytes() const
+{
+    const std::lock_guard lock(mutex_);
+    return num_bytes_;
 }
 
 } // namespace cellwarp

@@ -23,6 +23,9 @@ namespace cellwarp
 class RbfSystems
 {
 public:
+    /// Those of some 40,000 cells; of more, fits go on to make some anew.
+    static constexpr std::size_t kMostBytes = std::size_t(1) << 30;
+
     /// No more of them are kept when all take \p max_bytes.
     explicit RbfSystems(std::size_t max_bytes = kMostBytes) : max_bytes_(max_bytes) {}
 
@@ -32,28 +35,39 @@ public:
         bool is_new = false;
         bool is_kept = false; ///< else there was no room
     };
-    /// The one of these centres, made if it is not kept. \pre not empty
+    /// The one of these centres, made if it is not kept. Where the room is short, those
+    /// that nobody holds give way. \pre not empty
     Found system_of(std::span<const Eigen::Vector3d> centres);
 
-    /// Forgets those that nobody else holds.
-    void drop_unused();
+    /// Whether centres are the same to the bit: zeros of different signs might show in a
+    /// result.
+    static bool are_same(std::span<const Eigen::Vector3d> a,
+                         std::span<const Eigen::Vector3d> b);
 
-    std::size_t num_bytes() const { return num_bytes_; }
+    /// Forgets those that nobody holds at that moment.
+    void drop_unused();
+    /// Forgets all; who holds one keeps it.
+    void clear();
+
+    std::size_t num_bytes() const;
 
 private:
-    static constexpr std::size_t kMostBytes = std::size_t(256) << 20;
-
     struct Kept
     {
         std::vector<Eigen::Vector3d> centres;
         std::shared_ptr<const RbfSystem> system;
+        std::size_t num_bytes() const
+        {
+            return system->num_bytes() + centres.size() * sizeof(Eigen::Vector3d);
+        }
     };
-    /// Null: not kept. \pre the mutex is held
+    // \pre the mutex is held
     std::shared_ptr<const RbfSystem> find(std::uint64_t hash,
                                           std::span<const Eigen::Vector3d> centres) const;
+    void drop_those_not_held();
 
     std::size_t max_bytes_, num_bytes_ = 0;
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
     std::unordered_multimap<std::uint64_t, Kept> systems_; ///< by their centres' hash
 };
 

@@ -605,12 +605,12 @@ MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cel
     for (std::size_t r = 0; r < regions_.size(); ++r)
     {
         const RegionFade& fade = *regions_[r].fade;
-        // Those of a rod or of a pin of one place are told apart by their cells alone.
+        // Nodes of a rod, or of a pin of one place, do not turn with one motion.
         const bool is_rigid = !regions_[r].bends && !regions_[r].may_turn;
         for (std::size_t i = 0; i < fade.nodes().size(); ++i)
             if (const int cell = fade.node_cells()[i]; deep_region_[idx(cell)] < 0)
-                nodes.push_back(
-                    {fade.nodes()[i], is_rigid ? cell : -1, static_cast<int>(r)});
+                nodes.push_back({&fade.nodes()[i], is_rigid ? cell : NodeTable::kNotFound,
+                                 static_cast<int>(r)});
     }
     nodes_ = NodeTable(std::move(nodes));
 }

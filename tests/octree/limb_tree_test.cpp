@@ -178,7 +178,9 @@ TEST(LimbTree, the_ends_of_limbs_of_real_models_are_inside)
             box.extend(x);
         // As far outside as the wrap is that limbs are looked for in.
         const double most = 0.004 * box.diagonal().norm();
-        for (const LimbJoint& joint : limb_tree(shape))
+        const std::vector<LimbJoint> joints = limb_tree(shape);
+        ASSERT_GT(joints.size(), 8u) << file;
+        for (const LimbJoint& joint : joints)
             EXPECT_TRUE(winding_number(shape, joint.at) > 0.5 ||
                         std::sqrt(tree.nearest(joint.at).distance_squared) < most)
                 << file << ": " << joint.at.transpose();
@@ -192,9 +194,34 @@ TEST(LimbTree, of_a_surface_that_is_inside_out_is_that_of_the_surface)
     for (Triangle& triangle : leg.triangles)
         std::swap(triangle[1], triangle[2]);
     const std::vector<LimbJoint> turned = limb_tree(leg);
+    ASSERT_GT(joints.size(), 3u);
     ASSERT_EQ(turned.size(), joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j)
         EXPECT_LT((turned[j].at - joints[j].at).norm(), 0.02) << j;
+}
+
+TEST(LimbTree, a_leg_ends_in_its_foot_also_beside_an_open_sheet)
+{
+    Shape leg = leg_with_foot();
+    const double heel = 1.5; // where the foot begins
+    for (const bool has_sheet : {false, true})
+    {
+        const std::vector<LimbJoint> joints = limb_tree(leg);
+        ASSERT_GT(joints.size(), 2u) << has_sheet;
+        EXPECT_EQ(std::count_if(joints.begin(), joints.end(),
+                                [&](const LimbJoint& joint)
+                                { return joint.at.y() > heel; }),
+                  1)
+            << has_sheet;
+        for (const LimbJoint& joint : joints)
+            EXPECT_NEAR(std::abs(winding_number(leg, joint.at)), 1.0, 0.1)
+                << has_sheet << ": " << joint.at.transpose();
+        const auto first = static_cast<std::uint32_t>(leg.samples.size());
+        for (const Vector3d& corner :
+             {Vector3d(9, 9, 0), Vector3d(9, 9, 0.1), Vector3d(9.1, 9, 0)})
+            leg.samples.push_back(corner);
+        leg.triangles.push_back({first, first + 1, first + 2});
+    }
 }
 
 TEST(LimbTree, a_long_straight_limb_has_as_many_bones_as_asked_for)

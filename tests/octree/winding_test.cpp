@@ -43,6 +43,23 @@ Shape without_face(Shape box, int axis, double at)
 
 } // namespace
 
+TEST(Winding, of_a_place_is_one_in_a_box_none_beside_it_and_less_inside_out)
+{
+    Shape box = support::box_shape({0, 0, 0}, {1, 2, 3}, 3);
+    std::mt19937 rng(8);
+    for (int trial = 0; trial < 50; ++trial)
+    {
+        const Eigen::Vector3d in(support::random_number(rng, 0.01, 0.99),
+                                 support::random_number(rng, 0.01, 1.99),
+                                 support::random_number(rng, 0.01, 2.99));
+        EXPECT_NEAR(winding_number(box, in), 1.0, 1e-12);
+        EXPECT_NEAR(winding_number(box, in + Eigen::Vector3d(0, 2, 0)), 0.0, 1e-12);
+    }
+    for (Triangle& triangle : box.triangles)
+        std::swap(triangle[1], triangle[2]);
+    EXPECT_NEAR(winding_number(box, {0.5, 0.5, 0.5}), -1.0, 1e-12);
+}
+
 TEST(Winding, of_closed_shapes_is_that_of_their_solid_angles)
 {
     // Of three different counts, so that no two axes can be mistaken for each other.

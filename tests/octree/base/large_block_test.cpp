@@ -49,7 +49,7 @@ std::string flags_at(const void* address)
 TEST(LargeBlock, of_many_bytes_asks_for_large_pages)
 {
     const std::size_t bytes = 2 * kLargeBlock + 12345;
-    const Block block(block_of(bytes));
+    const Block block(allocate_block(bytes));
     ASSERT_NE(block.get(), nullptr);
     std::memset(block.get(), 1, bytes);
     const std::string flags = flags_at(block.get());
@@ -62,7 +62,7 @@ TEST(LargeBlock, of_few_bytes_is_an_ordinary_one)
 {
     for (const std::size_t bytes : {std::size_t(0), std::size_t(1), kLargeBlock - 1})
     {
-        const Block block(block_of(bytes));
+        const Block block(allocate_block(bytes));
         ASSERT_NE(block.get(), nullptr);
         std::memset(block.get(), 1, bytes);
         EXPECT_EQ(flags_at(block.get()).find(" hg "), std::string::npos);
@@ -73,8 +73,8 @@ TEST(LargeBlock, that_no_memory_is_large_enough_for_is_none)
 {
     // The compiler is not to see that it is too much.
     volatile std::size_t most = std::numeric_limits<std::size_t>::max();
-    EXPECT_EQ(block_of(most), nullptr);
-    EXPECT_EQ(block_of(most / 2), nullptr);
+    EXPECT_EQ(allocate_block(most), nullptr);
+    EXPECT_EQ(allocate_block(most / 2), nullptr);
 }
 
 } // namespace cellwarp

@@ -111,11 +111,37 @@ TEST(RbfSystems, are_not_kept_beyond_their_memory)
     (void)all.system_of(centres);
     RbfSystems systems(all.num_bytes());
     EXPECT_TRUE(systems.system_of(centres).is_kept);
+    const RbfSystems::Found held = systems.system_of(centres);
     const RbfSystems::Found other = systems.system_of(others);
     EXPECT_TRUE(other.is_new && !other.is_kept);
     EXPECT_TRUE(systems.system_of(others).is_new);
     EXPECT_FALSE(systems.system_of(centres).is_new);
     EXPECT_EQ(systems.num_bytes(), all.num_bytes());
+}
+
+TEST(RbfSystems, that_nobody_holds_give_way_where_the_room_is_short)
+{
+    const auto centres = random_centres(8), others = random_centres(9);
+    RbfSystems one;
+    (void)one.system_of(centres);
+    RbfSystems systems(one.num_bytes());
+    EXPECT_TRUE(systems.system_of(centres).is_kept);
+    EXPECT_TRUE(systems.system_of(others).is_kept);
+    EXPECT_EQ(systems.num_bytes(), one.num_bytes());
+    const RbfSystems::Found held = systems.system_of(others);
+    EXPECT_FALSE(held.is_new);
+    EXPECT_FALSE(systems.system_of(centres).is_kept);
+}
+
+TEST(RbfSystems, that_are_forgotten_stay_with_who_holds_them)
+{
+    RbfSystems systems;
+    const auto centres = random_centres(10);
+    const RbfSystems::Found held = systems.system_of(centres);
+    systems.clear();
+    EXPECT_EQ(systems.num_bytes(), 0u);
+    EXPECT_EQ(held.system->num_centres(), centres.size());
+    EXPECT_TRUE(systems.system_of(centres).is_new);
 }
 
 TEST(RbfSystems, are_found_by_many_threads_at_once)
@@ -150,6 +176,34 @@ TEST(RbfSystems, far_from_where_cells_change_are_used_again_to_the_bit)
         const int own = static_cast<int>(&cell - fine.cells.cells.data());
         EXPECT_EQ(field.value(cell.centre, own).displacement,
                   fresh.value(cell.centre, own).displacement);
+    }
+}
+
+TEST(RbfSystems, for_which_there_is_no_room_change_no_bit_of_a_fit)
+{
+    const DividedBar bar(1.0);
+    RbfSystems all;
+    FieldFitter keeping = bar.fitter(&all);
+    const Field first = *keeping.fit(bar.poses, {});
+    RbfSystems none(0), some(all.num_bytes() / 2);
+    std::vector<Pose> moved = bar.poses;
+    for (Pose& pose : moved)
+        pose.p.y() += 0.02 * pose.p.z();
+    const Field kept = *keeping.fit(moved, {});
+    EXPECT_EQ(keeping.num_factored(), 0u);
+    for (RbfSystems* const systems : {&none, &some})
+    {
+        FieldFitter fitter = bar.fitter(systems);
+        (void)fitter.fit(bar.poses, {});
+        const Field field = *fitter.fit(moved, {});
+        EXPECT_EQ(fitter.num_factored() == field.num_clusters(), systems == &none);
+        EXPECT_LE(systems->num_bytes(), all.num_bytes() / 2);
+        for (std::size_t c = 0; c < bar.cells.size(); ++c)
+        {
+            const Eigen::Vector3d& x = bar.cells.cells[c].centre;
+            EXPECT_EQ(field.value(x, static_cast<int>(c)).displacement,
+                      kept.value(x, static_cast<int>(c)).displacement);
+        }
     }
 }
 
