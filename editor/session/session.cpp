@@ -659,9 +659,11 @@ bool Session::move_samples(FrameReport& report)
     Clock::time_point start = Clock::now();
     if (!s.fitter)
     {
-        // One fit alone has no use for what is kept.
-        const bool has_other_fits =
-            settings_.keeps_checkpoints || handles_.stages[stage_].frames.size() > 1;
+        // What is kept is for fits to come: a fit that is the first and the last keeps
+        // nothing.
+        const bool has_other_fits = settings_.keeps_checkpoints ||
+                                    frame_ < handles_.stages[stage_].frames.size() ||
+                                    rbf_systems_->num_bytes() > 0;
         s.fitter.emplace(settings_.field, s.system.body().cells, s.system.constraints(),
                          has_other_fits ? rbf_systems_.get() : nullptr);
     }

@@ -23,7 +23,7 @@ namespace cellwarp
 class RbfSystems
 {
 public:
-    /// Those of some 40,000 cells; of more, fits go on to make some anew.
+    /// Those of some 100,000 cells; of more, fits go on to make some anew.
     static constexpr std::size_t kMostBytes = std::size_t(1) << 30;
 
     /// No more of them are kept when all take \p max_bytes.
