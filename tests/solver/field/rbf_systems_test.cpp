@@ -2,6 +2,7 @@
 #include "solver/field/rbf_systems.h"
 
 #include <random>
+#include <span>
 
 #include <gtest/gtest.h>
 
@@ -25,6 +26,14 @@ std::vector<Eigen::Vector3d> random_centres(unsigned seed, int count = 30)
     for (int i = 0; i < count; ++i)
         centres.push_back(random_vector(rng, 1.0));
     return centres;
+}
+
+/// What the system of these centres takes where it is kept.
+std::size_t bytes_of(std::span<const Eigen::Vector3d> centres)
+{
+    RbfSystems one;
+    (void)one.system_of(centres);
+    return one.num_bytes();
 }
 
 /// A bar of 4 x 4 x 24 cells; those of the first \p layers are divided.
@@ -107,27 +116,23 @@ TEST(RbfSystems, that_nobody_holds_are_dropped_and_their_memory_with_them)
 TEST(RbfSystems, are_not_kept_beyond_their_memory)
 {
     const auto centres = random_centres(6), others = random_centres(7);
-    RbfSystems all;
-    (void)all.system_of(centres);
-    RbfSystems systems(all.num_bytes());
-    EXPECT_TRUE(systems.system_of(centres).is_kept);
+    RbfSystems systems(bytes_of(centres));
     const RbfSystems::Found held = systems.system_of(centres);
+    EXPECT_TRUE(held.is_kept);
     const RbfSystems::Found other = systems.system_of(others);
     EXPECT_TRUE(other.is_new && !other.is_kept);
     EXPECT_TRUE(systems.system_of(others).is_new);
     EXPECT_FALSE(systems.system_of(centres).is_new);
-    EXPECT_EQ(systems.num_bytes(), all.num_bytes());
+    EXPECT_EQ(systems.num_bytes(), bytes_of(centres));
 }
 
 TEST(RbfSystems, that_nobody_holds_give_way_where_the_room_is_short)
 {
     const auto centres = random_centres(8), others = random_centres(9);
-    RbfSystems one;
-    (void)one.system_of(centres);
-    RbfSystems systems(one.num_bytes());
+    RbfSystems systems(bytes_of(centres));
     EXPECT_TRUE(systems.system_of(centres).is_kept);
     EXPECT_TRUE(systems.system_of(others).is_kept);
-    EXPECT_EQ(systems.num_bytes(), one.num_bytes());
+    EXPECT_EQ(systems.num_bytes(), bytes_of(others));
     const RbfSystems::Found held = systems.system_of(others);
     EXPECT_FALSE(held.is_new);
     EXPECT_FALSE(systems.system_of(centres).is_kept);
