@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Parallel projection, four samples a pixel. Corner normals are averaged over the
-// faces around a corner that meet at less than a crease angle, so that smooth parts
-// look smooth and edges stay sharp.
+// Parallel projection, four samples a pixel. Corner normals are averaged over the faces
+// around a corner, the less the sharper two of them meet, so that smooth parts look
+// smooth, edges stay sharp, and a bend that gets sharper along its way does not jump from
+// one to the other. The sky is sampled about these normals, too: about the faces' own
+// each face would have a brightness of its own. The directions of all samples of a pixel
+// are those of one Fibonacci lattice, moved at random from pixel to pixel: they leave a
+// third of the grain that as many random ones do.
 #include "editor/picture/picture.h"
 
 #include <algorithm>
@@ -18,6 +22,7 @@
 #include "io/lettering.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
+#include "octree/base/smooth_step.h"
 
 namespace cellwarp
 {
@@ -27,11 +32,40 @@ namespace
 
 constexpr int kSamples = 2; ///< an axis of a pixel
 constexpr double kMargin = 1.08;
-constexpr double kCrease = 40.0;     ///< [degree]
+/// Angle between two faces up to where they are seen as smooth, and from where on as an
+/// edge [degree].
+constexpr double kSmoothUpTo = 30.0, kSharpFrom = 50.0;
 constexpr double kGlass = 0.45;      ///< opacity of boxes
 constexpr double kSeenThrough = 0.7; ///< opacity of beads behind something
 constexpr double kEdgeWidth = 0.03;  ///< of the lines on boxes [edge]
 constexpr float kInk = 0.25f;        ///< brightness of those lines
+
+/// The rays to the sky of one of a pixel's samples: every so many-th place of a lattice
+/// on the unit square.
+struct SkyRays
+{
+    int count = 0; ///< of this sample
+    int sample = 0;
+    Eigen::Vector2f shift = Eigen::Vector2f::Zero(); ///< of the pixel's lattice
+
+    Eigen::Vector2f ray(int number) const
+    {
+        constexpr float kGoldenPart = 0.61803399f;
+        const auto place = static_cast<float>(number * kSamples * kSamples + sample);
+        const auto places = static_cast<float>(count * kSamples * kSamples);
+        const Eigen::Vector2f at =
+            Eigen::Vector2f(place / places, kGoldenPart * place) + shift;
+        return at - at.array().floor().matrix();
+    }
+};
+
+/// A number from 0 to 1 that looks random, from any other. PCG: one multiplication.
+float random(std::uint32_t state)
+{
+    state = state * 747796405u + 2891336453u;
+    const std::uint32_t word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return static_cast<float>((word >> 22u ^ word) >> 8) / 16777216.0f;
+}
 
 /// A figure as the ray tracer sees it, in units of the picture's extent.
 class Traced
@@ -102,7 +136,7 @@ public:
 
     /// Colour seen along a ray, and how much of it there is (0: background).
     Eigen::Vector4f look(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction,
-                         std::uint32_t seed, int rays) const
+                         const SkyRays& sky) const
     {
         Eigen::Vector4f seen = Eigen::Vector4f::Zero();
         const std::optional<RayHit> hit = tree_.first_hit(origin, direction);
@@ -117,7 +151,7 @@ public:
                 flat = -flat;
             if (normal.dot(flat) < 0)
                 normal = -normal;
-            const float light = shade(normal, direction) * openness(x, flat, seed, rays);
+            const float light = shade(normal, direction) * openness(x, normal, flat, sky);
             seen = opaque(light * colour);
         }
         const Eigen::Vector4f inside = with_beads(seen, origin, direction, reach);
@@ -180,16 +214,20 @@ private:
             for (const std::uint32_t corner : triangles[t])
                 around[corner].push_back(static_cast<std::uint32_t>(t));
         }
-        const double crease = std::cos(kCrease * std::numbers::pi / 180.0);
+        const double sharp = std::cos(kSharpFrom * std::numbers::pi / 180.0);
+        const double smooth = std::cos(kSmoothUpTo * std::numbers::pi / 180.0);
         normals_.resize(3 * triangles.size());
         for (std::size_t t = 0; t < triangles.size(); ++t)
             for (std::size_t k = 0; k < 3; ++k)
             {
                 Eigen::Vector3d sum = Eigen::Vector3d::Zero();
                 for (const std::uint32_t other : around[triangles[t][k]])
-                    if (faces[other].dot(faces[t]) >=
-                        crease * faces[other].norm() * faces[t].norm())
-                        sum += faces[other];
+                {
+                    const double product = faces[other].norm() * faces[t].norm();
+                    const double cosine =
+                        product > 0 ? faces[other].dot(faces[t]) / product : 1.0;
+                    sum += smooth_step(sharp, smooth, cosine) * faces[other];
+                }
                 normals_[3 * t + k] = sum.stableNormalized().cast<float>();
             }
     }
@@ -225,34 +263,28 @@ private:
         return std::min(1.0f, 0.30f + 0.50f * key + 0.32f * front);
     }
 
-    /// Share of the sky that a point sees, softened.
+    /// Share of the sky that a point sees, softened. Rays that would begin into the face
+    /// are turned over to its other side.
     float openness(const Eigen::Vector3f& x, const Eigen::Vector3f& normal,
-                   std::uint32_t seed, int rays) const
+                   const Eigen::Vector3f& flat, const SkyRays& sky) const
     {
-        if (rays <= 0)
+        if (sky.count <= 0)
             return 1.0f;
-        Eigen::Vector3f side = normal.unitOrthogonal(), other = normal.cross(side);
+        const Eigen::Vector3f side = normal.unitOrthogonal(), other = normal.cross(side);
         int open = 0;
-        for (int r = 0; r < rays; ++r)
+        for (int r = 0; r < sky.count; ++r)
         {
-            const float a = random(seed), b = random(seed);
-            const float radius = std::sqrt(a);
-            const float phi = 2.0f * std::numbers::pi_v<float> * b;
-            const Eigen::Vector3f d = radius * std::cos(phi) * side +
-                                      radius * std::sin(phi) * other +
-                                      std::sqrt(1.0f - a) * normal;
-            open += !tree_.is_blocked(x + 1e-4f * normal, d, 1e-4f, 0.25f);
+            const Eigen::Vector2f at = sky.ray(r);
+            const float radius = std::sqrt(at.x());
+            const float phi = 2.0f * std::numbers::pi_v<float> * at.y();
+            Eigen::Vector3f d = radius * std::cos(phi) * side +
+                                radius * std::sin(phi) * other +
+                                std::sqrt(1.0f - at.x()) * normal;
+            if (const float into = d.dot(flat); into < 0.0f)
+                d -= 2.0f * into * flat;
+            open += !tree_.is_blocked(x + 1e-4f * flat, d, 1e-4f, 0.25f);
         }
-        return 0.35f + 0.65f * static_cast<float>(open) / static_cast<float>(rays);
-    }
-
-    static float random(std::uint32_t& state)
-    {
-        // PCG: one multiplication, good enough for 16 rays.
-        state = state * 747796405u + 2891336453u;
-        const std::uint32_t word =
-            ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-        return static_cast<float>((word >> 22u ^ word) >> 8) / 16777216.0f;
+        return 0.35f + 0.65f * static_cast<float>(open) / static_cast<float>(sky.count);
     }
 
     const Figure& figure_;
@@ -415,6 +447,10 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
             {
                 for (int column = 0; column < options.width; ++column)
                 {
+                    const auto pixel =
+                        static_cast<std::uint32_t>(row * options.width + column);
+                    SkyRays sky{.count = rays,
+                                .shift = {random(2 * pixel), random(2 * pixel + 1)}};
                     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
                     for (int s = 0; s < kSamples * kSamples; ++s)
                     {
@@ -424,19 +460,16 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                             0.5 * options.height - row - (s / kSamples + 0.5) / kSamples;
                         const Eigen::Vector3d origin =
                             unit * (x * view.right + y * view.up) + reach * view.back;
-                        const std::uint32_t seed =
-                            static_cast<std::uint32_t>(
-                                (row * options.width + column) * 4 + s) *
-                            2654435761u;
+                        sky.sample = s;
                         const Eigen::Vector4f seen =
-                            traced.look(origin.cast<float>(), direction, seed, rays);
+                            traced.look(origin.cast<float>(), direction, sky);
                         sum +=
                             seen.head<3>() + (1.0f - seen.w()) * Eigen::Vector3f::Ones();
                     }
-                    const std::size_t pixel = 3 * (idx(row) * idx(image.width) +
+                    const std::size_t first = 3 * (idx(row) * idx(image.width) +
                                                    f * idx(options.width) + idx(column));
                     for (int k = 0; k < 3; ++k)
-                        image.rgb[pixel + idx(k)] = static_cast<std::uint8_t>(std::lround(
+                        image.rgb[first + idx(k)] = static_cast<std::uint8_t>(std::lround(
                             255.0f *
                             std::clamp(sum[k] / (kSamples * kSamples), 0.0f, 1.0f)));
                 }

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/picture/picture.h"
 
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+
 #include <gtest/gtest.h>
 
 #include "editor/picture/figures.h"
@@ -57,6 +62,54 @@ TEST(Picture, stands_figures_side_by_side)
     EXPECT_EQ(image.width, 160);
     EXPECT_LT(pixel(image, 40, 30)[1], 100);
     EXPECT_LT(pixel(image, 120, 30)[1], 100);
+}
+
+TEST(Picture, of_a_hollow_has_neither_grain_nor_patches)
+{
+    // A bowl of coarse faces, seen from above: each of them lies in the shade of others.
+    constexpr int kRings = 12, kAround = 36;
+    Figure bowl;
+    bowl.points.push_back({0, -1, 0});
+    for (int ring = 1; ring <= kRings; ++ring)
+        for (int k = 0; k < kAround; ++k)
+        {
+            const double down = 0.5 * std::numbers::pi * ring / kRings;
+            const double about = 2.0 * std::numbers::pi * k / kAround;
+            bowl.points.push_back({std::sin(down) * std::cos(about), -std::cos(down),
+                                   std::sin(down) * std::sin(about)});
+        }
+    const auto at = [](int ring, int k)
+    {
+        return ring == 0
+                   ? 0u
+                   : static_cast<std::uint32_t>(1 + (ring - 1) * kAround + k % kAround);
+    };
+    for (int ring = 0; ring < kRings; ++ring)
+        for (int k = 0; k < kAround; ++k)
+        {
+            bowl.triangles.push_back({at(ring, k), at(ring + 1, k), at(ring + 1, k + 1)});
+            if (ring > 0)
+                bowl.triangles.push_back(
+                    {at(ring, k), at(ring + 1, k + 1), at(ring, k + 1)});
+        }
+    bowl.colours.assign(bowl.points.size(), {200, 200, 200});
+    PictureOptions from_above;
+    from_above.width = from_above.height = 200;
+    from_above.elevation = 89.0;
+    const Image image = draw({bowl}, from_above);
+    int largest = 0;
+    double sum = 0.0;
+    for (int y = 50; y < 150; ++y)
+        for (int x = 50; x < 150; ++x)
+        {
+            const int around = pixel(image, x - 1, y)[0] + pixel(image, x + 1, y)[0] +
+                               pixel(image, x, y - 1)[0] + pixel(image, x, y + 1)[0];
+            const int off = std::abs(4 * pixel(image, x, y)[0] - around);
+            largest = std::max(largest, off);
+            sum += off;
+        }
+    EXPECT_LT(largest, 24);
+    EXPECT_LT(sum / 1e4, 4.0);
 }
 
 TEST(Picture, is_the_same_every_time)
