@@ -40,7 +40,6 @@ cat >"$work/rod" <<END
 size 1400 900
 key 3 alt
 key home
-key z alt
 tool box
 drag 0.05vw 0.02vh 0.51vw 0.98vh 8
 key j

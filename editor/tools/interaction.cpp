@@ -189,12 +189,12 @@ void Interaction::set_navigation(Navigation navigation)
 
 bool Interaction::selects_through() const
 {
-    return state_->is_through;
+    return state_->goes_through();
 }
 
 void Interaction::set_selects_through(bool through)
 {
-    state_->is_through = through;
+    state_->goes_through() = through;
 }
 
 double Interaction::brush_radius() const
@@ -356,7 +356,7 @@ std::string Interaction::hint() const
         s.document(), {s.current<State::HandleDrag>() != nullptr, s.has_dragged});
     if (s.num_left_out == 0 || s.left_out_at != s.document().revision())
         return next;
-    return fmt::format("{} hidden behind {} left out (Alt+Z: select also what is hidden)",
+    return fmt::format("{} hidden behind {} left out (Alt+Z: take what is hidden, too)",
                        s.num_left_out, s.num_left_out == 1 ? "it was" : "them were") +
            (next.empty() ? "" : ". " + next);
 }

@@ -100,7 +100,9 @@ public:
     void set_turning(Camera::Turning turning);
     /// As Camera::text() told it; what tells no view changes nothing.
     void look_as(const std::string& view);
-    bool selects_through() const; ///< also what is hidden
+    /// Whether the active tool selects also what is hidden: at first all but the brush
+    /// do.
+    bool selects_through() const;
     void set_selects_through(bool through);
     double brush_radius() const; ///< [pixel]
     void set_brush_radius(double pixels);

@@ -115,7 +115,7 @@ void Interaction::State::run(Command command)
             spread = Spread{command, picked->sample};
         return;
     case Command::ToggleThrough:
-        is_through = !is_through;
+        goes_through() = !goes_through();
         return;
     case Command::BrushSmaller:
         brush_radius = std::max(kBrushSmallest, brush_radius / kBrushStep);

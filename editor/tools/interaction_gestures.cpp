@@ -180,7 +180,7 @@ void Interaction::State::start_choice(SelectGesture::Kind kind, const Press& pre
 {
     complaint.clear();
     preview.reset();
-    gesture = Choice{SelectGesture({kind, is_through, brush_radius}, camera,
+    gesture = Choice{SelectGesture({kind, goes_through(), brush_radius}, camera,
                                    editing.shape(), press.pixel),
                      mode_of(press.modifiers)};
 }

@@ -124,7 +124,10 @@ struct Interaction::State
 
     Tool tool = Tool::Box;
     Navigation navigation = Navigation::Blender;
-    bool is_through = false, has_framed = false, has_dragged = false;
+    /// Whether what is hidden is selected, too: a brush paints a surface, but a box is
+    /// drawn around a part of the body, which has a far side.
+    bool boxes_go_through = true, brush_goes_through = false;
+    bool has_framed = false, has_dragged = false;
     double brush_radius = 30.0; ///< [pixel]
     std::string active;
     std::optional<std::size_t> active_point; ///< of the active region
@@ -239,6 +242,11 @@ struct Interaction::State
 
     // Choosing.
     void start_choice(SelectGesture::Kind kind, const Press& press);
+    /// Of the active tool.
+    bool& goes_through()
+    {
+        return tool == Tool::Brush ? brush_goes_through : boxes_go_through;
+    }
     void update_choice();
     void end_choice();
     void click(const Press& press);

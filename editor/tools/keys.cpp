@@ -82,7 +82,7 @@ constexpr auto kBindings = std::to_array<Binding>({
     {Command::ExtendConnected, kChar, 'l', kControl, Pad::Off, kSelect, "Ctrl+L",
      "all that hangs together with the selection"},
     {Command::ToggleThrough, kChar, 'z', kAlt, Pad::Off, kSelect, "Alt+Z",
-     "also what is hidden"},
+     "what is hidden too, or only what is seen"},
 
     {Command::MakeFixed, kChar, 'j', kPlain, Pad::Off, kRegions, "J",
      "fix what is selected"},

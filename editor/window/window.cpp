@@ -8,6 +8,8 @@
 #include <cctype>
 #include <cmath>
 
+#include <Eigen/Core>
+
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_opengl3.h>
@@ -297,6 +299,29 @@ std::optional<InputEvent> key_press(const std::string& name, const Modifiers& mo
     return std::nullopt;
 }
 
+namespace
+{
+
+/// Of the window at first [pixel of the screen].
+Eigen::Vector2i first_size(const WindowOptions& options)
+{
+    const Eigen::Vector2i wanted(options.width, options.height);
+    GLFWmonitor* const monitor = glfwGetPrimaryMonitor();
+    if (options.is_played || monitor == nullptr)
+        return wanted;
+    float across = 1.0f, down = 1.0f;
+    glfwGetMonitorContentScale(monitor, &across, &down);
+    const double scale = options.scale > 0.0 ? options.scale : std::max(1.0f, across);
+    int x = 0, y = 0;
+    Eigen::Vector2i room;
+    glfwGetMonitorWorkarea(monitor, &x, &y, &room.x(), &room.y());
+    constexpr double kTitle = 32.0; // the bar above the window, in the editor's pixels
+    room.y() -= static_cast<int>(kTitle * scale);
+    return (scale * wanted.cast<double>()).cast<int>().cwiseMin(room).cwiseMax(1);
+}
+
+} // namespace
+
 Window::Window(const WindowOptions& options) : is_played_(options.is_played)
 {
     last_words.clear();
@@ -308,8 +333,8 @@ Window::Window(const WindowOptions& options) : is_played_(options.is_played)
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
     glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
     glfwWindowHint(GLFW_FOCUS_ON_SHOW, GLFW_TRUE);
-    window_ =
-        glfwCreateWindow(options.width, options.height, "cellwarp", nullptr, nullptr);
+    const Eigen::Vector2i size = first_size(options);
+    window_ = glfwCreateWindow(size.x(), size.y(), "cellwarp", nullptr, nullptr);
     if (window_ == nullptr)
         no_display();
     glfwMakeContextCurrent(window_);

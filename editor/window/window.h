@@ -20,7 +20,9 @@ namespace cellwarp
 
 struct WindowOptions
 {
-    int width = 1400, height = 900; ///< [pixel of the screen]
+    /// In the editor's pixels, or as many as the display has room for; of a played one
+    /// [pixel of the screen].
+    int width = 1400, height = 900;
     double scale = 0.0; ///< pixels of the screen for one of ours; 0: the display's
     bool is_dark = true;
     /// Events are posted, those of the display are left out, and frames are shown without

@@ -122,7 +122,6 @@ struct Desk
     void select(double low, double high, const Modifiers& modifiers = {})
     {
         hand.set_tool(Tool::Box);
-        hand.set_selects_through(true);
         drag(pixel({low, -0.2, 0.5}), pixel({high, 1.2, 0.5}), modifiers);
     }
     /// The left end fixed, the right one a handle.

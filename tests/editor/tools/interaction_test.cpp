@@ -94,24 +94,28 @@ TEST(Interaction, takes_what_is_seen_or_goes_through)
 {
     Desk desk;
     desk.hand.set_tool(Tool::Box);
-    EXPECT_FALSE(desk.hand.selects_through());
-    desk.key('5', kAlt); // in perspective the front is all that is seen
-    desk.drag({0, 0}, {900, 600});
-    EXPECT_EQ(desk.document().selection().count(), 133u); // 19 x 7
-    EXPECT_EQ(
-        desk.hand.hint(),
-        std::to_string(desk.document().selection().num_samples() - 133) +
-            " hidden behind them were left out (Alt+Z: select also what is hidden). "
-            "Press J to fix what is selected");
-    desk.key('z', kControl); // another selection is there
-    EXPECT_EQ(desk.hand.hint(),
-              "Paint or box-select the part that stays; press J to fix it");
-    desk.key('z', kAlt);
     EXPECT_TRUE(desk.hand.selects_through());
     desk.drag({0, 0}, {900, 600});
     EXPECT_EQ(desk.document().selection().count(),
               desk.document().selection().num_samples());
     EXPECT_EQ(desk.hand.hint(), "Press J to fix what is selected");
+    desk.key('z', kAlt);
+    EXPECT_FALSE(desk.hand.selects_through());
+    desk.key('5', kAlt); // in perspective the front is all that is seen
+    desk.drag({0, 0}, {900, 600});
+    EXPECT_EQ(desk.document().selection().count(), 133u); // 19 x 7
+    EXPECT_EQ(desk.hand.hint(),
+              std::to_string(desk.document().selection().num_samples() - 133) +
+                  " hidden behind them were left out (Alt+Z: take what is hidden, too). "
+                  "Press J to fix what is selected");
+    desk.key('z', kControl); // another selection is there
+    EXPECT_EQ(desk.hand.hint(), "Press J to fix what is selected");
+    desk.hand.set_tool(Tool::Brush);
+    EXPECT_FALSE(desk.hand.selects_through());
+    desk.key('z', kAlt);
+    EXPECT_TRUE(desk.hand.selects_through());
+    desk.hand.set_tool(Tool::Lasso); // which has its own
+    EXPECT_FALSE(desk.hand.selects_through());
 }
 
 TEST(Interaction, clicks_lassos_and_brushes_select_too)
@@ -128,7 +132,6 @@ TEST(Interaction, clicks_lassos_and_brushes_select_too)
     EXPECT_EQ(desk.last_edit(), "Select by click");
     desk.click({5, 5}); // beside it: nothing
     EXPECT_TRUE(desk.document().selection().empty());
-    desk.hand.set_selects_through(true);
     desk.drag(desk.pixel({-0.1, -0.1, 1}), desk.pixel({0.1, 1.1, 1})); // as a box
     EXPECT_EQ(desk.document().selection().count(), 49u);
 
@@ -143,6 +146,7 @@ TEST(Interaction, clicks_lassos_and_brushes_select_too)
     EXPECT_EQ(desk.depth(), 3u); // which changed nothing
 
     desk.hand.set_tool(Tool::Brush);
+    desk.hand.set_selects_through(true);
     desk.hand.set_brush_radius(0.1 * desk.pixels_per_unit());
     EXPECT_FALSE(desk.hand.outline().empty());
     desk.press(desk.pixel({3, 0, 0}));

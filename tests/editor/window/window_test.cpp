@@ -154,7 +154,6 @@ std::string bending(const std::string& folder)
 {
     return "size 1200 800\n"
            "key 1 alt\nkey home\nwait\n"
-           "key z alt   # also what is hidden\n"
            "shot " +
            folder +
            "/rest.ppm\n"
