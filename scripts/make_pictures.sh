@@ -22,10 +22,10 @@ pair() {  # sample, extension, more flags of render
 }
 
 pair bar obj --view 60 15
-pair plate ply --up z --view 60 25
+pair plate ply --up z --view -30 25
 pair creature obj --view 25 15
 "$cellwarp" render "$here/samples/block.json" --frame last --cells --up z --size 720x560 \
-    --view 40 25 -o "$folder/block.png" --overwrite
+    --view -50 25 -o "$folder/block.png" --overwrite
 pair vase obj
 pair cloud ply --view 35 30
 pair hand ply --view 20 10

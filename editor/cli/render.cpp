@@ -23,7 +23,7 @@ struct RenderFlags
 {
     SessionFlags session;
     std::string output, compare, frame = "rest", size = "1000x800", up = "y", focus;
-    std::vector<double> view = {35.0, 20.0};
+    std::vector<double> view = {PictureOptions().azimuth, PictureOptions().elevation};
     bool shows_cells = false, shows_axes = false;
     std::int64_t strip = 0; ///< frames side by side; 0: one picture
 };
@@ -277,7 +277,9 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
         ->check(CLI::Range(1, 64));
     command
         ->add_option("--view", flags->view,
-                     "azimuth and elevation of the viewer [degree]")
+                     "azimuth and elevation of the viewer [degree]: 0 0 from the front, "
+                     "90 0 from the left, -90 0 from the right, 180 0 from behind, 0 90 "
+                     "from above (default -35 20)")
         ->expected(2);
     command->add_option("--up", flags->up, "axis that points up (default y)")
         ->check(CLI::IsMember({"x", "y", "z"}));

@@ -304,7 +304,10 @@ Projection direction_of(const PictureOptions& options)
     const double degree = std::numbers::pi / 180.0;
     const double a = options.azimuth * degree, e = options.elevation * degree;
     const Eigen::Vector3d up = Eigen::Vector3d::Unit(options.up);
-    const Eigen::Vector3d front = Eigen::Vector3d::Unit((options.up + 1) % 3);
+    // Towards the viewer, as in the editor: where z is up that is -y.
+    const Eigen::Vector3d front = options.up == 2
+                                      ? Eigen::Vector3d(-Eigen::Vector3d::UnitY())
+                                      : Eigen::Vector3d::Unit((options.up + 1) % 3);
     const Eigen::Vector3d side = up.cross(front);
     Projection view;
     view.back =

@@ -45,9 +45,10 @@ struct PictureOptions
 {
     int width = 1000; ///< [pixel] of one figure
     int height = 800;
-    double azimuth = 35.0;   ///< [degree] of the viewer about the up axis
-    double elevation = 20.0; ///< [degree] of the viewer above the ground
-    int up = 1;              ///< axis that points up: 0, 1 or 2
+    /// [degree] of the viewer about the up axis, and above the ground: as the editor
+    /// shows a model at first.
+    double azimuth = -35.0, elevation = 20.0;
+    int up = 1; ///< axis that points up: 0, 1 or 2
     /// A sample of a pixel; fewer, down to four, in a picture of more than a million
     /// pixels, where each of them matters less.
     int occlusion_rays = 16;
