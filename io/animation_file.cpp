@@ -6,7 +6,9 @@
 // GLB: the mesh at rest, about the middle of its box (floats keep their digits there; the
 // node stands where that is), and for each frame a morph target, the ways from rest. Keys
 // of their weights show one target at each frame's time; between two frames the weights,
-// and so the places, go straight from one to the next. [glTF2]
+// and so the places, go straight from one to the next. A single frame does not move: the
+// mesh is as it has it, for viewers that show a file at its first time or know no
+// targets. [glTF2]
 #include "io/animation_file.h"
 
 #include <algorithm>
@@ -158,6 +160,11 @@ public:
 
     void add(const std::vector<Vector3d>& samples) override
     {
+        if (is_still())
+        {
+            only_ = samples;
+            return;
+        }
         Bytes bytes(false);
         Bounds& bounds = bounds_.emplace_back();
         for (std::size_t i = 0; i < samples.size(); ++i)
@@ -169,12 +176,18 @@ public:
     void commit() override
     {
         Bytes head(false);
-        Bounds rest;
-        for (const Vector3d& x : geometry_.samples)
-            add_vector(x - middle_, head, rest);
-        add_view(head, geometry_.samples.size(), "VEC3", 5126, rest.text());
+        Bounds mesh;
+        for (const Vector3d& x : is_still() ? only_ : geometry_.samples)
+            add_vector(x - middle_, head, mesh);
+        add_view(head, geometry_.samples.size(), "VEC3", 5126, mesh.text());
         const std::size_t colours = add_colours(head);
         const std::size_t indices = add_faces(head);
+        if (is_still())
+        {
+            const std::uint64_t length = head.size();
+            return write(json(colours, indices, std::nullopt, length), head.take(),
+                         length);
+        }
         const std::size_t times = accessors_count_;
         for (const double time : times_)
             head.add(stored(time, path_));
@@ -193,7 +206,8 @@ public:
                         "VEC3", 5126, bounds.text());
             end += 12 * geometry_.samples.size();
         }
-        write(json(colours, indices, times, first_target, end), head.take(), end);
+        write(json(colours, indices, Movement{times, first_target}, end), head.take(),
+              end);
     }
 
 private:
@@ -210,7 +224,13 @@ private:
         }
     };
     static constexpr std::size_t kNone = std::size_t(-1);
+    /// Numbers of accessors; of the weights the one after the times.
+    struct Movement
+    {
+        std::size_t times, first_target;
+    };
 
+    bool is_still() const { return times_.size() == 1; }
     static std::string short_of(double value) { return shortest(double(float(value))); }
 
     void add_vector(const Vector3d& x, Bytes& bytes, Bounds& bounds) const
@@ -272,15 +292,27 @@ private:
         return accessors_count_ - 1;
     }
 
-    std::string json(std::size_t colours, std::size_t indices, std::size_t times,
-                     std::size_t first_target, std::uint64_t length) const
+    std::string json(std::size_t colours, std::size_t indices,
+                     const std::optional<Movement>& movement, std::uint64_t length) const
     {
-        std::string targets, weights;
-        for (std::size_t k = 0; k < times_.size(); ++k)
+        std::string targets, weights, animations;
+        if (movement)
         {
-            targets += std::string(k ? "," : "") +
-                       "{\"POSITION\":" + std::to_string(first_target + k) + "}";
-            weights += k ? ",0" : "0";
+            for (std::size_t k = 0; k < times_.size(); ++k)
+            {
+                targets += std::string(k ? "," : ",\"targets\":[") +
+                           "{\"POSITION\":" + std::to_string(movement->first_target + k) +
+                           "}";
+                weights += k ? ",0" : ",\"weights\":[0";
+            }
+            targets += "]";
+            weights += "]";
+            animations =
+                "\"animations\":[{\"name\":\"frames\",\"samplers\":[{\"input\":" +
+                std::to_string(movement->times) +
+                ",\"output\":" + std::to_string(movement->times + 1) +
+                ",\"interpolation\":\"LINEAR\"}],\"channels\":[{\"sampler\":0,"
+                "\"target\":{\"node\":0,\"path\":\"weights\"}}]}],";
         }
         std::string primitive = "{\"attributes\":{\"POSITION\":0";
         if (colours != kNone)
@@ -288,19 +320,15 @@ private:
         primitive += "}";
         primitive +=
             indices == kNone ? ",\"mode\":0" : ",\"indices\":" + std::to_string(indices);
-        primitive += ",\"targets\":[" + targets + "]}";
+        primitive += targets + "}";
         const std::string at = shortest(middle_.x()) + "," + shortest(middle_.y()) + "," +
                                shortest(middle_.z());
         return "{\"asset\":{\"version\":\"2.0\",\"generator\":\"cellwarp\"},"
                "\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
                "\"nodes\":[{\"name\":\"shape\",\"mesh\":0,\"translation\":[" +
-               at + "]}],\"meshes\":[{\"primitives\":[" + primitive + "],\"weights\":[" +
-               weights +
-               "]}],\"animations\":[{\"name\":\"frames\",\"samplers\":[{\"input\":" +
-               std::to_string(times) + ",\"output\":" + std::to_string(times + 1) +
-               ",\"interpolation\":\"LINEAR\"}],\"channels\":[{\"sampler\":0,\"target\":"
-               "{\"node\":0,\"path\":\"weights\"}}]}],\"accessors\":[" +
-               accessors_ + "],\"bufferViews\":[" + views_ +
+               at + "]}],\"meshes\":[{\"primitives\":[" + primitive + "]" + weights +
+               "}]," + animations + "\"accessors\":[" + accessors_ +
+               "],\"bufferViews\":[" + views_ +
                "],\"buffers\":[{\"byteLength\":" + std::to_string(length) + "}]}";
     }
 
@@ -337,6 +365,7 @@ private:
     const std::vector<double> times_;
     Vector3d middle_ = Vector3d::Zero();
     SpillFile targets_;
+    std::vector<Vector3d> only_; ///< samples of the one frame of a mesh that is still
     std::vector<Bounds> bounds_; ///< of the targets
     std::string views_, accessors_;
     std::size_t accessors_count_ = 0, viewed_ = 0;

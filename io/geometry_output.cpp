@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/geometry_output.h"
 
+#include <algorithm>
 #include <filesystem>
+#include <functional>
+#include <iterator>
 
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -75,6 +78,26 @@ bool is_written_plain(const std::string& output, const std::string& format)
 {
     return !is_geometry_format(format) ||
            (output != "-" && extension_of(output) != format);
+}
+
+std::vector<std::string> left_out(const std::string& output, const Geometry& geometry)
+{
+    const std::string extension = extension_of(output);
+    if (extension == "pc2" || extension == "mdd")
+        return {};
+    const auto is_kept = [&](const std::string& attribute)
+    {
+        if (attribute == "colours")
+            return extension == "glb";
+        if (attribute == "groups")
+            return extension == "obj";
+        return attribute == "normals" && is_converted_format(extension) &&
+               extension != "off" && extension != "stl";
+    };
+    std::vector<std::string> out;
+    std::copy_if(geometry.attributes.begin(), geometry.attributes.end(),
+                 std::back_inserter(out), std::not_fn(is_kept));
+    return out;
 }
 
 void check_geometry_output(const std::string& output, const GeometryFile& model,

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 #include "io/bytes.h"
 #include "io/geometry.h"
@@ -27,6 +28,11 @@ void check_output_format(const std::string& output, const std::string& format,
 /// Whether write_geometry() writes it anew: it can only be read, or the name asks for
 /// another format.
 bool is_written_plain(const std::string& output, const std::string& format);
+
+/// What samples and faces carry in the model, and do not in a file of this name that is
+/// written anew: plain geometry, or a mesh that moves (.glb). A cache of points (.pc2,
+/// .mdd) belongs to the model, and leaves nothing out.
+std::vector<std::string> left_out(const std::string& output, const Geometry& geometry);
 
 /// Throws what write_geometry() would throw, before any work is done for it; also for
 /// files that it writes beside \p output.

@@ -34,7 +34,8 @@ namespace cellwarp
 namespace
 {
 
-constexpr std::size_t kLeaf = 4;          ///< triangles
+constexpr std::size_t kLeaf = 4; ///< triangles
+constexpr std::uint32_t kNoTriangle = 0xffffffff;
 constexpr std::int64_t kMostTests = 1000; ///< of boxes, a triangle
 
 /// The signs of four numbers: of two in the highest bits of each half of a word.
@@ -223,6 +224,7 @@ public:
         const std::int64_t most =
             kMostTests * static_cast<std::int64_t>(triangles_.size()) + 1;
         std::atomic<std::int64_t> tests = 0, all = 0, fresh = 0;
+        std::atomic<std::uint32_t> first = kNoTriangle;
         const std::vector<NodePair> tasks = pairs_of_nodes();
         parallel_for(tasks.size(),
                      [&](std::size_t k)
@@ -232,10 +234,18 @@ public:
                          tests += tally.tests;
                          all += tally.all;
                          fresh += tally.fresh;
+                         std::uint32_t known = first;
+                         while (tally.first < known &&
+                                !first.compare_exchange_weak(known, tally.first))
+                         {
+                         }
                      });
         if (tests > most)
             return std::nullopt;
-        return SelfIntersections{all, fresh};
+        SelfIntersections found{all, fresh};
+        if (first != kNoTriangle)
+            found.first_fresh = first;
+        return found;
     }
 
 private:
@@ -245,6 +255,7 @@ private:
         std::atomic<std::int64_t>& of_all; ///< tests, of all threads
         std::int64_t most;
         std::int64_t tests = 0, all = 0, fresh = 0;
+        std::uint32_t first = kNoTriangle; ///< of a fresh pair
 
         /// Whether all threads together have tested too many.
         bool is_over()
@@ -421,14 +432,15 @@ private:
                     [&](std::size_t k)
                     {
                         if ((a != b || k > i) && !one.shares(i, other, k))
-                            test_pair(triangles_[order_[a * kLeaf + i]],
-                                      triangles_[order_[b * kLeaf + k]], tally);
+                            test_pair(order_[a * kLeaf + i], order_[b * kLeaf + k],
+                                      tally);
                     });
             });
     }
 
-    void test_pair(Triangle a, Triangle b, Tally& tally) const
+    void test_pair(std::uint32_t one, std::uint32_t other, Tally& tally) const
     {
+        Triangle a = triangles_[one], b = triangles_[other];
         int shared = 0;
         for (std::size_t i = 0; i < 3; ++i)
             for (std::size_t j = idx(shared); j < 3; ++j)
@@ -442,7 +454,10 @@ private:
         if (surely_apart(a, b, shared, places_) || !meet(a, b, shared, places_))
             return;
         ++tally.all;
-        tally.fresh += !meet(a, b, shared, rest_);
+        if (meet(a, b, shared, rest_))
+            return;
+        ++tally.fresh;
+        tally.first = std::min({tally.first, one, other});
     }
 
     /// Whether a plane parts two triangles, but for the corners that they share, so

@@ -17,6 +17,8 @@ struct SelfIntersections
 {
     std::int64_t all = 0;   ///< that intersect
     std::int64_t fresh = 0; ///< of them those that do not at rest
+    /// The first triangle of those, by its number; nothing: there is none.
+    std::optional<std::size_t> first_fresh = std::nullopt;
 };
 
 /// Counts those of a surface wherever its samples are. Samples that coincide at rest are

@@ -201,7 +201,7 @@ struct RunTimes
 
 /// Where the surface passes through itself after the last frame, beside the model at
 /// rest; with a warning of what is new.
-Json intersections_json(const Session& session, bool counts_rest,
+Json intersections_json(const Session& session, bool counts_rest, bool has_contact,
                         std::vector<std::string>& warnings)
 {
     const Geometry& geometry = session.geometry();
@@ -213,11 +213,21 @@ Json intersections_json(const Session& session, bool counts_rest,
         counter.count(session.deformed().samples);
     const CellSystem* const system = session.system();
     const bool is_shell = system && system->rest().material.method == InsideMethod::None;
-    if (now && now->fresh > 0)
+    if (now && now->first_fresh)
+    {
+        Eigen::Vector3d first = Eigen::Vector3d::Zero();
+        for (const std::uint32_t corner : triangles[*now->first_fresh])
+            first += session.deformed().samples[corner] / 3.0;
         warnings.push_back(fmt::format(
-            "{} pairs of triangles intersect that do not at rest: parts pass "
-            "through each other{}",
-            now->fresh, is_shell ? " (a thicker shell folds less: --thickness)" : ""));
+            "{} pairs of triangles intersect that do not at rest, the first at "
+            "{:.4g} {:.4g} {:.4g}: {}{}",
+            now->fresh, first.x(), first.y(), first.z(),
+            has_contact
+                ? "the surface folds there (contact keeps parts out of each other, "
+                  "not what is near along the material)"
+                : "parts pass through each other",
+            is_shell ? " (a thicker shell folds less: --thickness)" : ""));
+    }
     const std::optional<SelfIntersections> rest =
         counts_rest ? counter.count(geometry.samples) : std::nullopt;
     return now && rest ? Json{{"rest", rest->all}, {"new", now->fresh}} : Json(nullptr);
@@ -254,10 +264,16 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
 }
 
 /// What has been done, for people.
-std::string closing_line(const std::string& output, const Session& session,
-                         double seconds, bool is_converged, std::size_t num_warnings)
+std::string closing_line(const OutputName& output, const Session& session, double seconds,
+                         bool is_converged, std::size_t num_warnings)
 {
-    std::string line = output == "-" ? "done" : output;
+    std::string line = output.of(0) == "-" ? "done" : output.of(0);
+    const std::vector<FrameReport>& frames = session.frames();
+    if (output.has_frame() && !frames.empty())
+        line = frames.size() == 1
+                   ? output.of(frames.front().frame)
+                   : fmt::format("{} to {} ({} files)", output.of(frames.front().frame),
+                                 output.of(frames.back().frame), frames.size());
     if (session.system())
         line += fmt::format(": {} cells", session.system()->body().cells.size());
     line += fmt::format(", {:.2f} s", seconds);
@@ -305,13 +321,17 @@ int run(const DeformFlags& flags, const CommonFlags& common)
                           frame_times(*request.handles));
     else
         check_model_outputs(name, *model, frames, flags.conversion(), common);
+    std::vector<std::string> warnings = request.warnings;
+    if (const std::vector<std::string> left = left_out(name.of(0), model->geometry);
+        !left.empty() && (moves || is_written_plain(name.of(0), model->geometry.format)))
+        warnings.push_back(fmt::format("{} is written anew, without the model's {}",
+                                       flags.output, fmt::join(left, ", ")));
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
     const Clock::time_point build_start = Clock::now();
     Session session(geometry_of(model), std::move(*request.handles), request.settings);
     ms.cells = ms_since(build_start);
-    std::vector<std::string> warnings = request.warnings;
     const auto write = [&](const std::string& path)
     {
         const Clock::time_point write_start = Clock::now();
@@ -352,7 +372,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     warnings.insert(warnings.begin(), session.warnings().begin(),
                     session.warnings().end());
     const Clock::time_point intersections_start = Clock::now();
-    const Json intersections = intersections_json(session, common.is_json, warnings);
+    const Json intersections = intersections_json(
+        session, common.is_json, request.settings.cells.has_contact, warnings);
     ms.intersections = ms_since(intersections_start);
     print_warnings(warnings, common);
     if (common.is_json)
@@ -380,7 +401,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }
     else if (!common.is_quiet)
-        say(closing_line(flags.output, session, 1e-3 * ms_since(start), is_converged,
+        say(closing_line(name, session, 1e-3 * ms_since(start), is_converged,
                          warnings.size()));
     return is_converged ? 0 : 7;
 }

@@ -29,6 +29,9 @@ public:
     HandleFile handles() const;
 
 private:
+    /// Throws Fault::Usage where a name is missing, or stands where there is none.
+    void check_names() const;
+
     std::vector<std::string> fixes_, handles_, moves_;
     bool is_relative_ = false;
 };

@@ -304,13 +304,17 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             std::max(material.joins_below, kVoxelsPerGap * grid.voxel());
     if (settings.fill == Fill::Solid && flat_axis < 0)
         material.notches = find_notches(shape, surface, material.grid);
+    const auto lids_would_enclose = [&]
+    {
+        Shape closed = shape;
+        return !settings.has_lids && flat_axis < 0 && !shape.is_cloud() &&
+               put_lids_on(closed, std::pow(frame.diagonal(), 3));
+    };
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None &&
         flat_axis < 0)
         warnings.push_back(
             std::string("nothing is enclosed: the shape is treated as a shell") +
-            (is_nearly_closed(surface) && !settings.has_lids
-                 ? " (--fill closed puts lids on its openings)"
-                 : ""));
+            (lids_would_enclose() ? " (--fill closed puts lids on its openings)" : ""));
     const double opening = 2.0 * material.seal_radius / frame.diagonal();
     if (opening > kWideOpening)
         warnings.push_back(
@@ -321,8 +325,9 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
     if (joined > settings.gap)
         warnings.push_back(fmt::format(
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
-            "joined (gap raised from {:.4g})",
-            joined, settings.gap));
+            "joined (gap raised from {:.4g}{})",
+            joined, settings.gap,
+            lids_would_enclose() ? "; --fill closed puts lids on them instead" : ""));
     if (!parts.touching.empty())
         warnings.push_back(fmt::format(
             "{} of {} parts of the mesh touch another one and are not glued to it "

@@ -45,21 +45,21 @@ void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions
             if (regions[pin].turns_freely())
                 throw malformed(
                     {file, regions[pin].line, regions[pin].name},
-                    fmt::format("turns as it likes, but {} (line {}) holds its sample {}",
+                    fmt::format("turns as it likes, but {}{} holds its sample {}",
                                 regions[overlap.a + overlap.b - pin].name,
-                                regions[overlap.a + overlap.b - pin].line,
+                                line_note(regions[overlap.a + overlap.b - pin]),
                                 overlap.sample));
         const Eigen::Vector3d& x = rest.samples[overlap.sample];
         const double apart = (motions[overlap.a](x) - motions[overlap.b](x)).norm();
         const double scale =
             std::max(rest.frame.diagonal(), motions[overlap.a](x).norm());
         if (!(apart <= kSameMotion * scale))
-            throw malformed(
-                {file, line, regions[overlap.a].name},
-                fmt::format("and {} (line {}) both hold sample {} and move it "
-                            "differently ({:.3g} of the diagonal apart)",
-                            regions[overlap.b].name, regions[overlap.b].line,
-                            overlap.sample, apart / rest.frame.diagonal()));
+            throw malformed({file, line, regions[overlap.a].name},
+                            fmt::format("and {}{} both hold sample {} and move it "
+                                        "differently ({:.3g} of the diagonal apart)",
+                                        regions[overlap.b].name,
+                                        line_note(regions[overlap.b]), overlap.sample,
+                                        apart / rest.frame.diagonal()));
     }
 }
 
@@ -394,7 +394,8 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                            frame.number, regions[r].name, kExtremeMove));
     }
     check_overlaps(motions, regions, rest, file, frame.line);
-    if (frame.moves.empty() && !skeleton && !has_led && plan.stands())
+    // A frame without a line was not asked for: to see the shape at rest, say.
+    if (frame.line > 0 && frame.moves.empty() && !skeleton && !has_led && plan.stands())
         warnings.push_back(at({file, frame.line, ""},
                               fmt::format("frame {}: moves nothing", frame.number)));
     return plan;

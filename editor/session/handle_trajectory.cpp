@@ -147,6 +147,13 @@ std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGroun
         switch (operation.kind)
         {
         case Operation::Kind::Translate:
+            for (int axis = 0; axis < 3 && units.is_relative; ++axis)
+                if (operation.vector[axis] != 0.0 && units.box.size()[axis] == 0.0)
+                    warnings.push_back(at(
+                        {file, move.line, move.region},
+                        fmt::format("moves nothing along {}: the model's box has no size "
+                                    "there, which relative units are of",
+                                    "xyz"[axis])));
             step.vector = units.vector(operation.vector);
             break;
         case Operation::Kind::To:

@@ -318,8 +318,7 @@ std::vector<int> prescribing_regions(const RegionSet& regions,
                                             "of it"
                                           : "") +
                    ": " + role_name(other.role) + " region " + other.name +
-                   (is_within ? " (line " + std::to_string(other.line) +
-                                    ") holds all of it as well"
+                   (is_within ? line_note(other) + " holds all of it as well"
                               : " holds cell " + std::to_string(cell) +
                                     " (smaller cells would part them: raise --across or "
                                     "--max-depth)")));

@@ -169,6 +169,20 @@ Eigen::Vector3d centre_of(const Region& region,
     return box.low.allFinite() ? box.centre() : model.centre();
 }
 
+std::string numbers_of(const Eigen::Vector3d& x)
+{
+    return fmt::format("{:.4g} {:.4g} {:.4g}", x.x(), x.y(), x.z());
+}
+
+/// From 0 to 1 along each side of the samples' box.
+Eigen::Vector3d place_in_box(const Eigen::Vector3d& x,
+                             const std::vector<Eigen::Vector3d>& samples)
+{
+    const ModelBox box = bounding_box(samples);
+    return (box.size().array() > 0.0)
+        .select((x - box.low).array() / box.size().array(), 0.0);
+}
+
 bool is_geometric(Selector::Kind kind)
 {
     return kind != Selector::Kind::Indices && kind != Selector::Kind::Labels &&
@@ -198,7 +212,15 @@ std::string nearest_sample_note(const Region& region,
     return region.shapes.empty() ? " (it lists no sample)"
            : std::isinf(least)
                ? " (no sample can be in it)"
-               : fmt::format(" (the nearest sample, {}, is {:.4g} away)", nearest, least);
+               : fmt::format(
+                     " (the nearest sample, {}, is {:.4g} away, at {}, relative {})",
+                     nearest, least, numbers_of(samples[nearest]),
+                     numbers_of(place_in_box(samples[nearest], samples)));
+}
+
+std::string line_note(const Region& region)
+{
+    return region.line > 0 ? fmt::format(" (line {})", region.line) : "";
 }
 
 namespace

@@ -104,7 +104,11 @@ std::vector<Region> resolve_regions(const std::vector<RegionStatement>& statemen
 void put_on_guides(std::span<const OnStatement> statements, const std::string& file,
                    std::vector<Region>& regions);
 
-/// " (the nearest sample, 17, is 0.3 away)": by how much a region missed the model.
+/// " (line 12)": where a region stands; empty where it stands in no file.
+std::string line_note(const Region& region);
+
+/// " (the nearest sample, 17, is 0.3 away, at 1 2 3, relative 0.5 1 0.2)": by how much a
+/// region missed the model.
 std::string nearest_sample_note(const Region& region,
                                 const std::vector<Eigen::Vector3d>& samples);
 

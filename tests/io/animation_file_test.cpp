@@ -124,6 +124,25 @@ TEST_F(AnimationFileTest, a_glb_has_a_morph_target_a_frame)
     EXPECT_EQ(again.geometry.num_faces(), 2u);
 }
 
+TEST_F(AnimationFileTest, a_glb_of_one_frame_is_the_mesh_as_that_has_it)
+{
+    const GeometryFile file =
+        scan_geometry("a.obj", "v 0 0 0\nv 2 0 0\nv 2 2 0\nf 1 2 3\n");
+    const std::string path = folder_ + "/still.glb";
+    AnimationFile out(path, Overwrite::No, file.geometry, {3.0});
+    out.add({{0, 0, 5}, {2, 0, 5}, {2, 2, 7}});
+    out.commit();
+    const std::string bytes = read_file(path);
+    const Json json = Json::parse(bytes.substr(20, word_at(bytes, 12, false)));
+    EXPECT_FALSE(json.contains("animations"));
+    EXPECT_FALSE(json["meshes"][0].contains("weights"));
+    EXPECT_FALSE(json["meshes"][0]["primitives"][0].contains("targets"));
+    const GeometryFile again = scan_geometry("still.glb", bytes);
+    EXPECT_EQ(again.geometry.samples[2], Vector3d(2, 2, 7));
+    EXPECT_EQ(again.geometry.num_faces(), 1u);
+    EXPECT_TRUE(again.geometry.not_writable.empty());
+}
+
 TEST_F(AnimationFileTest, what_is_not_committed_leaves_nothing)
 {
     const GeometryFile file = scan_geometry("a.obj", "v 0 0 0\nv 1 0 0\n");

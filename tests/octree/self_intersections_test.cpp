@@ -155,10 +155,23 @@ TEST(SelfIntersections, tell_those_of_rest_from_new_ones)
         *IntersectionCounter(shape.triangles, shape.samples).count(moved);
     EXPECT_GT(now.fresh, 10);
     EXPECT_EQ(now.all, at_rest + now.fresh);
+    // All new ones are among the first of their triangles and those behind it; without
+    // it there are fewer.
+    ASSERT_TRUE(now.first_fresh);
+    const auto fresh_from = [&](std::size_t triangle)
+    {
+        return IntersectionCounter(std::span(shape.triangles).subspan(triangle),
+                                   shape.samples)
+            .count(moved)
+            ->fresh;
+    };
+    EXPECT_EQ(fresh_from(*now.first_fresh), now.fresh);
+    EXPECT_LT(fresh_from(*now.first_fresh + 1), now.fresh);
     const SelfIntersections apart =
         *IntersectionCounter(shape.triangles, moved).count(shape.samples);
     EXPECT_EQ(apart.all, at_rest);
     EXPECT_EQ(apart.fresh, 0);
+    EXPECT_FALSE(apart.first_fresh);
     // One counter tells of one place after another, also of one far from the rest.
     const IntersectionCounter counter(shape.triangles, shape.samples);
     std::vector<Eigen::Vector3d> shuffled = shape.samples;

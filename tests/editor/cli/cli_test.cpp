@@ -251,6 +251,45 @@ TEST(Cli, regions_and_moves_may_be_flags)
                          "--move: "));
     EXPECT_TRUE(contains(refused({"--handles", handles, "--relative"}), "--relative"));
     EXPECT_TRUE(contains(refused({"--fix", "all\nframe 1"}), "--fix: "));
+    EXPECT_TRUE(contains(refused({"--fix", "all", "--handle", "box 0 0 0 1 1 1"}),
+                         "--handle: needs a name before 'box', like 'hand box 0 0 0"));
+    EXPECT_TRUE(contains(refused({"--fix", "foot box 0 0 0 1 1 1"}),
+                         "--fix: takes no name (got 'foot', need 'box')"));
+    // There is no file with lines to look into.
+    const std::string twice =
+        refused({"--fix", "all", "--handle", "b all", "--move", "b translate 0 0 1",
+                 "--move", "b translate 0 1 0"});
+    EXPECT_TRUE(contains(twice, "--move: b: is moved twice in this frame\n")) << twice;
+    const Result missed = deform(
+        {"--fix", "all", "--handle", "b sphere 0 0 99 1", "--move", "b translate 0 0 1"});
+    EXPECT_EQ(missed.code, 3);
+    EXPECT_TRUE(missed.err.starts_with("error: b: selects nothing")) << missed.err;
+    const Result apart =
+        deform({"--fix", "all", "--handle", "b all", "--move", "b translate 0 0 1"});
+    EXPECT_EQ(apart.code, 6);
+    EXPECT_TRUE(contains(apart.err, "fixed region --fix holds all of it")) << apart.err;
+    EXPECT_FALSE(contains(apart.err, "line")) << apart.err;
+}
+
+TEST(Cli, relative_units_of_a_side_without_a_size_move_nothing_and_say_so)
+{
+    const support::Folder folder;
+    std::string sheet;
+    for (int i = 0; i < 9; ++i)
+        sheet += fmt::format("v {} 0 {}\n", i % 3, i / 3);
+    sheet += "f 1 2 5 4\nf 2 3 6 5\nf 4 5 8 7\nf 5 6 9 8\n";
+    const std::string model = folder.write("sheet.obj", sheet);
+    const auto warned = [&](const std::string& move)
+    {
+        const Result result =
+            run({"deform", model, "--relative", "--fix", "box 0 0 0 0.2 1 1", "--handle",
+                 "e box 0.8 0 0 1 1 1", "--move", "e translate " + move, "-o",
+                 folder / "o.obj", "--overwrite"});
+        EXPECT_EQ(result.code, 0) << result.err;
+        return contains(result.err, "e: moves nothing along y");
+    };
+    EXPECT_TRUE(warned("0 0.3 0"));
+    EXPECT_FALSE(warned("0.3 0 0"));
 }
 
 TEST(Cli, self_intersections_are_counted_at_rest_and_afterwards)
@@ -289,6 +328,7 @@ TEST(Cli, self_intersections_are_counted_at_rest_and_afterwards)
     {
         EXPECT_EQ(moved["rest"].get<int>(), 0);
         EXPECT_EQ(moved["new"].get<int>(), overlap["rest"].get<int>());
+        EXPECT_TRUE(contains(warning, "the first at ")) << warning;
     }
 }
 
@@ -325,7 +365,9 @@ TEST(Cli, converts_where_that_is_asked_for)
     EXPECT_EQ(unknown.code, 2);
     EXPECT_TRUE(contains(unknown.err, ".stl"));
     // Its own format is patched as ever.
-    EXPECT_EQ(to("y.obj", "--convert").code, 0);
+    const Result patched = to("y.obj", "--convert");
+    EXPECT_EQ(patched.code, 0);
+    EXPECT_FALSE(contains(patched.err, "written anew")) << patched.err;
     EXPECT_EQ(bytes_of(files.folder / "y.obj"), bytes_of(files.out));
 }
 

@@ -185,7 +185,7 @@ TEST(Picture, shows_what_is_in_focus_alone)
     PictureOptions options = small();
     options.elevation = 0.0;
     // The upper corner that is nearest to the viewer.
-    options.focus.emplace(Eigen::Vector3d(0, 0.9, 0.9), Eigen::Vector3d(0.1, 1, 1));
+    options.focus.emplace(Eigen::Vector3d(0.9, 0.9, 0.9), Eigen::Vector3d(1, 1, 1));
     const Image near = draw({cube()}, options);
     // The corner is in the middle; the cube goes on beyond the lower edge.
     EXPECT_LT(pixel(near, 40, 59)[1], 200);
@@ -225,9 +225,53 @@ TEST(Picture, leaves_room_for_axes_and_labels)
     EXPECT_GT(height_of_cube(with_axes), 60);
 }
 
+TEST(Picture, is_seen_from_the_front_and_its_right)
+{
+    // From the right the front is to the left of what is behind.
+    const auto column = [](const Eigen::Vector3d& front, int up)
+    {
+        Figure two;
+        two.points = {front, -front};
+        two.colours = {{200, 0, 0}, {0, 0, 200}};
+        two.point_radius = 0.2;
+        PictureOptions options = small();
+        options.up = up;
+        const Image image = draw({two}, options);
+        int sum = 0, count = 0;
+        for (int y = 0; y < image.height; ++y)
+            for (int x = 0; x < image.width; ++x)
+                if (const auto seen = pixel(image, x, y); seen[0] > seen[2] + 60)
+                {
+                    sum += x;
+                    ++count;
+                }
+        return count > 0 ? double(sum) / count : 1e9;
+    };
+    EXPECT_LT(column({0, 0, 1}, 1), 35.0);
+    EXPECT_LT(column({0, -1, 0}, 2), 35.0);
+    EXPECT_LT(column({0, 1, 0}, 0), 35.0);
+}
+
 TEST(Picture, is_a_png)
 {
     EXPECT_EQ(png_bytes(draw({cube()}, small())).substr(0, 8), "\x89PNG\r\n\x1a\n");
+}
+
+TEST(Figures, faces_of_four_corners_fold_along_the_shorter_diagonal)
+{
+    Geometry geometry;
+    geometry.samples = {{0, 0, 1}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
+    geometry.corners = {0, 1, 2, 3};
+    geometry.face_ends = {4};
+    // One corner is raised: what stays flat is one triangle.
+    const Figure raised = figure_of(geometry);
+    ASSERT_EQ(raised.triangles.size(), 2u);
+    EXPECT_EQ(raised.triangles[1], (Triangle{1, 2, 3}));
+    // A square is the fan that it was, and so is a face whose corner 0 points inwards.
+    geometry.samples[0] = {0, 0, 0};
+    EXPECT_EQ(figure_of(geometry).triangles[1], (Triangle{0, 2, 3}));
+    geometry.samples = {{0.7, 0.7, 0}, {1.2, -0.2, 0}, {3, 3, 0}, {-0.2, 1.2, 0}};
+    EXPECT_EQ(figure_of(geometry).triangles[1], (Triangle{0, 2, 3}));
 }
 
 TEST(Figures, show_regions_in_colour_and_cells_where_they_are)
