@@ -106,6 +106,8 @@ std::optional<Film> film_of(const std::string& input);
 /// What a scene says of rods in time, an object each; none in a build without rods:
 /// editor/cli/features.cpp.
 Json rods_in_time(const std::string& scene);
+/// What else a scene of rods in time holds, and how long it goes on; null likewise.
+Json scene_in_time(const std::string& scene);
 
 /// What a scene and flags together ask for.
 struct SessionRequest

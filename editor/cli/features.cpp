@@ -72,6 +72,15 @@ Json rods_in_time([[maybe_unused]] const std::string& scene)
 #endif
 }
 
+Json scene_in_time([[maybe_unused]] const std::string& scene)
+{
+#ifdef CELLWARP_WITH_RODS
+    return time_of_scene(scene);
+#else
+    return nullptr;
+#endif
+}
+
 std::optional<RodFacts> facts_of_rods([[maybe_unused]] const std::string& input)
 {
 #ifdef CELLWARP_WITH_RODS

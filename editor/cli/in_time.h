@@ -78,6 +78,8 @@ std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
                                           const InTimeOptions& options);
 /// See rods_in_time().
 Json rods_of_scene(const std::string& scene);
+/// See scene_in_time().
+Json time_of_scene(const std::string& scene);
 /// Flesh: editor/cli/flesh_in_time.cpp.
 std::unique_ptr<InTime> open_flesh_in_time(const std::string& scene,
                                            const InTimeOptions& options);

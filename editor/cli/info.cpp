@@ -184,6 +184,7 @@ SceneContents contents_of(const std::string& path)
     out.json["joints"] = std::move(joints);
     out.json["frames"] = frames;
     out.json["rods_in_time"] = rods_in_time(path);
+    out.json["time"] = scene_in_time(path);
     return out;
 }
 
@@ -217,7 +218,35 @@ std::string text_of(const SceneContents& scene)
             told(rod, ",") + (rod["carries"].get<bool>() ? ", carries the model" : ""));
     if (!scene.json["joints"].empty())
         add("joints", std::to_string(scene.json["joints"].size()));
-    add("frames", std::to_string(scene.json["frames"].get<std::size_t>()));
+    const Json& time = scene.json["time"];
+    if (time.is_null())
+    {
+        add("frames", std::to_string(scene.json["frames"].get<std::size_t>()));
+        return text;
+    }
+    for (const Json& sheet : time["sheets"])
+    {
+        const std::vector<int> counts = sheet["counts"].get<std::vector<int>>();
+        add(counts.size() == 3 ? "block" : "sheet",
+            fmt::format("{}, {} control points", sheet["name"].get<std::string>(),
+                        fmt::join(counts, " x ")));
+    }
+    for (const Json& net : time["nets"])
+        add("net",
+            fmt::format("{}, {} points, {} springs", net["name"].get<std::string>(),
+                        net["points"].get<std::size_t>(),
+                        net["springs"].get<std::size_t>()));
+    for (const Json& body : time["bodies"])
+        add("body", fmt::format("{}, {} kg", body["name"].get<std::string>(),
+                                shortest(body["mass"].get<double>())));
+    for (const char* what : {"joints", "obstacles"})
+        if (const auto count = time[what].get<std::size_t>(); count > 0)
+            add(what, std::to_string(count));
+    add("frames",
+        time["seconds"].is_null()
+            ? std::string("an equilibrium")
+            : fmt::format("{} of simulate, {} s", time["frames"].get<std::size_t>(),
+                          shortest(time["seconds"].get<double>())));
     return text;
 }
 

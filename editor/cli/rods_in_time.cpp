@@ -291,6 +291,29 @@ Json rods_of_scene(const std::string& scene)
     return rods;
 }
 
+Json time_of_scene(const std::string& path)
+{
+    if (!has_rods(time_scene_of(path)))
+        return nullptr;
+    const RodScene scene = read_rod_scene(path);
+    Json json = {{"sheets", Json::array()},
+                 {"nets", Json::array()},
+                 {"bodies", Json::array()},
+                 {"joints", scene.joints.size()},
+                 {"obstacles", scene.obstacles.size()},
+                 {"frames", scene.last_frame() + 1},
+                 {"seconds", scene.is_static() ? Json(nullptr) : Json(scene.duration)}};
+    for (const SheetStatement& sheet : scene.sheets)
+        json["sheets"].push_back({{"name", sheet.name}, {"counts", sheet.counts}});
+    for (const NetStatement& net : scene.nets)
+        json["nets"].push_back({{"name", net.name},
+                                {"points", net.points.size()},
+                                {"springs", net.springs.size()}});
+    for (const BodyStatement& body : scene.bodies)
+        json["bodies"].push_back({{"name", body.name}, {"mass", body.mass}});
+    return json;
+}
+
 RodFacts facts_of_rod_scene(const std::string& path)
 {
     const RodScene scene = read_rod_scene(path);

@@ -214,12 +214,32 @@ TEST(SimulateCommand, writes_the_model_that_rods_carry)
     EXPECT_EQ(run({"simulate", scene, "-o", folder / "bar.stl"}).code, 2);
 }
 
-TEST(SimulateCommand, info_tells_of_its_rods)
+TEST(SimulateCommand, info_tells_of_what_moves_and_for_how_long)
 {
     const Folder folder;
     const std::string scene = folder.write("rope.json", kRope);
-    EXPECT_TRUE(contains(run({"info", scene}).out, "  rod in time rope, 2 points\n"))
-        << run({"info", scene}).out;
+    const std::string told = run({"info", scene}).out;
+    EXPECT_TRUE(contains(told, "  rod in time rope, 2 points\n")) << told;
+    EXPECT_TRUE(contains(told, "  frames      3 of simulate, 0.1 s\n")) << told;
+    const std::string cloth = folder.write("cloth.json", R"({"cellwarp": 1, "rods": [],
+        "sheets": [{"name": "flag", "corner": [0,0,0], "sides": [[1,0,0],[0,0,1]],
+                    "fixed": [[0,0]], "counts": [5,6], "E": 1e5, "thickness": 0.002}],
+        "nets": [{"name": "web", "points": [[0,0,0],[1,0,0]], "mass": 2,
+                  "springs": [[0,1,100]]}],
+        "simulate": {"dt": 0.01, "duration": 0.1, "every": 0.05}})");
+    const Result result = run({"info", cloth});
+    EXPECT_EQ(result.code, 0) << result.err;
+    EXPECT_TRUE(contains(result.out, "  sheet       flag, 5 x 6 control points\n"))
+        << result.out;
+    EXPECT_TRUE(contains(result.out, "  net         web, 2 points, 1 springs\n"))
+        << result.out;
+    const nlohmann::json json = nlohmann::json::parse(run({"info", cloth, "--json"}).out);
+    EXPECT_EQ(json["time"]["frames"], 3);
+    const std::string still = folder.write("still.json", R"({"cellwarp": 1,
+        "model": "still.obj"})");
+    folder.write("still.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    EXPECT_TRUE(
+        nlohmann::json::parse(run({"info", still, "--json"}).out)["time"].is_null());
 }
 
 TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
