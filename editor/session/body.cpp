@@ -304,11 +304,12 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             std::max(material.joins_below, kVoxelsPerGap * grid.voxel());
     if (settings.fill == Fill::Solid && flat_axis < 0)
         material.notches = find_notches(shape, surface, material.grid);
+    const bool can_have_lids = !settings.has_lids && flat_axis < 0 && !shape.is_cloud() &&
+                               is_nearly_closed(surface);
     const auto lids_would_enclose = [&]
     {
         Shape closed = shape;
-        return !settings.has_lids && flat_axis < 0 && !shape.is_cloud() &&
-               put_lids_on(closed, std::pow(frame.diagonal(), 3));
+        return can_have_lids && put_lids_on(closed, std::pow(frame.diagonal(), 3));
     };
     if (settings.fill == Fill::Solid && material.method == InsideMethod::None &&
         flat_axis < 0)
@@ -327,7 +328,9 @@ build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& s
             "the samples leave openings: parts nearer than {:.4g} of the diagonal may be "
             "joined (gap raised from {:.4g}{})",
             joined, settings.gap,
-            lids_would_enclose() ? "; --fill closed puts lids on them instead" : ""));
+            can_have_lids && material.method != InsideMethod::None
+                ? "; --fill closed puts lids on them instead"
+                : ""));
     if (!parts.touching.empty())
         warnings.push_back(fmt::format(
             "{} of {} parts of the mesh touch another one and are not glued to it "
