@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// An edit from another program: `bend MODEL RESULT` turns the upper end of a model over,
+// its lower end held. docs/library.md explains it.
+#include <cstdio>
+
+#include "editor/session/scene_settings.h"
+#include "io/geometry_file.h"
+#include "io/geometry_output.h"
+
+using namespace cellwarp;
+
+int main(int count, char** names)
+try
+{
+    if (count != 3)
+        return static_cast<int>(Fault::Usage);
+    const auto model = std::make_shared<const GeometryFile>(read_geometry(names[1]));
+    const HandleFile handles = parse_handles("", R"(cellwarp-handles 1
+units relative
+fixed foot box 0 0 0  1 1 0.1
+handle head box 0 0 0.9  1 1 1
+frame 1
+move head rotate 1 0 0 45 about border
+)");
+    Session session(geometry_of(model), handles, settings_of(SceneFile()));
+    session.next_frame(true);
+    write_geometry(names[2], *model, session.deformed(), Overwrite::Yes);
+}
+catch (const Error& error)
+{
+    std::fputs((std::string(error.what()) + "\n").c_str(), stderr);
+    return static_cast<int>(error.fault());
+}
