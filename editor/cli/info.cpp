@@ -130,6 +130,9 @@ std::string text_of_extremities(const Json& ends)
         text +=
             fmt::format("  extremity   box {}  {}\n", corner_text(end["relative_box"][0]),
                         corner_text(end["relative_box"][1]));
+    if (text.empty())
+        return "  extremity   none: no part of a quarter of the samples or less has an "
+               "end\n";
     return text + "              (selectors for --fix and --handle with --relative)\n";
 }
 

@@ -10,6 +10,14 @@
 namespace cellwarp
 {
 
+namespace
+{
+
+/// What holds more of the samples is no limb: half of a tube, a body without a head.
+constexpr double kMostOfAll = 0.25;
+
+} // namespace
+
 std::vector<LimbJoint> limbs_of(const std::string& path, const Geometry& geometry,
                                 const LimbOptions& options)
 {
@@ -60,7 +68,9 @@ std::vector<LimbEnd> limb_ends(const std::vector<LimbJoint>& joints,
     for (std::size_t k = 0; k < joints.size(); ++k)
     {
         LimbEnd& end = of_joints[k];
-        if (!is_end[k] || end.num_samples == 0)
+        if (!is_end[k] || end.num_samples == 0 ||
+            static_cast<double>(end.num_samples) >
+                kMostOfAll * static_cast<double>(geometry.samples.size()))
             continue;
         const auto hundredths = [&](const Eigen::Vector3d& x) -> Eigen::Array3d
         { return 100.0 * ((x - model.low).array() / size); };

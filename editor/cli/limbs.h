@@ -27,7 +27,8 @@ struct LimbEnd
                                  ///< whole hundredths
 };
 
-/// The ends of limbs that have samples, in the order of their joints. \pre some joints
+/// The ends of limbs that have samples, a quarter of all at the most, in the order of
+/// their joints. \pre some joints
 std::vector<LimbEnd> limb_ends(const std::vector<LimbJoint>& joints,
                                const Geometry& geometry);
 

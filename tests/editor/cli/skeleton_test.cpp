@@ -197,6 +197,11 @@ TEST(SkeletonCli, info_tells_where_limbs_end)
     EXPECT_EQ(tails, 1);
     EXPECT_TRUE(
         contains(run({"info", "--extremities", model}).out, "  extremity   box 0 0."));
+    // Halves of a bar are no limbs.
+    const Result bar =
+        run({"info", "--extremities", std::string(CELLWARP_SAMPLES) + "/bar.obj"});
+    EXPECT_EQ(bar.code, 0) << bar.err;
+    EXPECT_TRUE(contains(bar.out, "  extremity   none")) << bar.out;
     const std::string point = folder.write("point.obj", "v 1 2 3\n");
     EXPECT_EQ(run({"info", "--extremities", point}).code, 6);
 }
