@@ -25,13 +25,6 @@ constexpr int kRingsThatCount = 4;
 /// So many points in a box that looking around beforehand always pays.
 constexpr std::size_t kManyPoints = std::size_t(1) << 20;
 
-/// What a motion does to a point.
-FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x)
-{
-    const Eigen::Matrix3d turn = motion.R - Eigen::Matrix3d::Identity();
-    return {turn * x + motion.t, turn};
-}
-
 } // namespace
 
 RbfCentres centres_of_all(FieldKind kind, const Cells& cells,
@@ -569,10 +562,10 @@ void FieldFitter::find_misses(const Field& field,
         FieldValue& miss = region.misses[missed[k].node];
         const Motion& motion =
             region.bends ? region.node_motions[missed[k].node] : region.motion;
-        const Eigen::Matrix3d turn = motion.R - Eigen::Matrix3d::Identity();
-        miss.displacement = turn * places[k] + motion.t - found[k].displacement;
+        const FieldValue moved = moved_by(motion, places[k]);
+        miss.displacement = moved.displacement - found[k].displacement;
         if (!region.bends && !region.may_turn)
-            miss.gradient = turn - found[k].gradient;
+            miss.gradient = moved.gradient - found[k].gradient;
     }
 }
 

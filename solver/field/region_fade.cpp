@@ -587,6 +587,12 @@ void RegionFades::reach(const Eigen::Vector3d& x, std::span<const Influence> inf
     share_out(out.shares);
 }
 
+FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x)
+{
+    const Eigen::Matrix3d turn = motion.R - Eigen::Matrix3d::Identity();
+    return {turn * x + motion.t, turn};
+}
+
 MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
     : regions_(std::move(regions)), is_touched_(num_cells, false),
       deep_region_(num_cells, -1)
@@ -631,8 +637,10 @@ void MovedRegions::correct(const Eigen::Vector3d& x,
                 x, reach.nearest[reach.nearest_of_node], region.misses);
             return;
         }
-        const Eigen::Matrix3d turn = region.motion.R - Eigen::Matrix3d::Identity();
-        value = {turn * x + region.motion.t, region.may_turn ? value.gradient : turn};
+        const Eigen::Matrix3d turning = value.gradient;
+        value = moved_by(region.motion, x);
+        if (region.may_turn)
+            value.gradient = turning;
         return;
     }
     for (const RegionFades::Share& share : reach.shares)

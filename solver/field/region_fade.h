@@ -181,6 +181,9 @@ private:
     std::vector<std::pair<int, NearNodes>> of_region_;
 };
 
+/// What a motion does to a point, as the value of a field.
+FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x);
+
 /// A region in one frame: its motion, and by how much the field misses it.
 struct MovedRegion
 {
