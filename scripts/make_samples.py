@@ -1379,7 +1379,7 @@ def rods(folder):
     rod_scene(folder, "stick", [
         {"name": "edge", "points": edge, "radius": 0.01, "E": 1e6,
          "on": [{"at": at, "axis": [0, 0, 0, 1, 0, 0]} for at in (0, 0.5, 1)]}],
-        {"dt": 0.002, "duration": 1.0, "every": 0.1})
+        {"dt": 0.002, "duration": 1.0, "every": 0.1, "viscosity": 0.5})
     # Thirty points, six scalar constraints.
     rod_scene(folder, "six", [
         {"name": "rope", "points": [[k / 29, 0.05 * math.sin(k), 0] for k in range(30)],

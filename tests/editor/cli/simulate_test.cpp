@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp simulate, from the outside.
 #include <filesystem>
+#include <set>
+#include <string>
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -9,6 +11,7 @@
 #include "tests/support/extremes.h"
 #include "tests/support/program.h"
 #include "tests/support/scripts.h"
+#include "tests/support/shapes.h"
 #include "tests/support/throws.h"
 
 namespace cellwarp
@@ -240,6 +243,23 @@ TEST(SimulateCommand, info_tells_of_what_moves_and_for_how_long)
     folder.write("still.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     EXPECT_TRUE(
         nlohmann::json::parse(run({"info", still, "--json"}).out)["time"].is_null());
+}
+
+TEST(SimulateCommand, the_samples_converge)
+{
+    const std::filesystem::path folder = support::samples_folder() + "/rods";
+    const std::set<std::string> slow = {"pile.json", "intestine.json"};
+    int count = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder))
+    {
+        const std::string name = entry.path().filename();
+        if (entry.path().extension() != ".json" || slow.contains(name))
+            continue;
+        const Result result = run({"simulate", entry.path(), "--json"});
+        EXPECT_EQ(result.code, 0) << name << ": " << result.err;
+        ++count;
+    }
+    EXPECT_GT(count, 20);
 }
 
 TEST(SimulateCommand, its_scenes_are_drawn_frame_by_frame)
