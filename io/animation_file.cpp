@@ -135,9 +135,10 @@ class AnimationFile::Glb final : public Writer
 {
 public:
     Glb(const std::string& path, Overwrite overwrite, const Geometry& geometry,
-        std::vector<double> times)
+        std::vector<double> times, NormalsOf normals)
         : path_(path), overwrite_(overwrite), geometry_(geometry),
-          times_(std::move(times)), targets_(folder_of(path == "-" ? "." : path))
+          times_(std::move(times)), normals_of_(std::move(normals)),
+          targets_(folder_of(path == "-" ? "." : path))
     {
         check_output(path, overwrite);
         count_of(geometry.samples.size(), path, "points");
@@ -152,7 +153,8 @@ public:
         middle_ = 0.5 * (low + high);
         const double points = static_cast<double>(geometry.samples.size()),
                      frames = static_cast<double>(times_.size());
-        if (12.0 * points * (frames + 1.0) + 4.0 * frames * frames > 4.0e9)
+        const double bytes_of_a_point = normals_of_ ? 24.0 : 12.0;
+        if (bytes_of_a_point * points * (frames + 1.0) + 4.0 * frames * frames > 4.0e9)
             throw Error(Fault::Usage,
                         at({path, 0, ""}, "a .glb ends at 4 GB: use .pc2 or .mdd, or "
                                           "fewer frames"));
@@ -169,6 +171,15 @@ public:
         Bounds& bounds = bounds_.emplace_back();
         for (std::size_t i = 0; i < samples.size(); ++i)
             add_vector(samples[i] - geometry_.samples[i], bytes, bounds);
+        if (normals_of_)
+        {
+            if (rest_normals_.empty())
+                rest_normals_ = normals_of_(geometry_.samples);
+            Bounds unused;
+            const std::vector<Vector3d> normals = normals_of_(samples);
+            for (std::size_t i = 0; i < normals.size(); ++i)
+                add_vector(normals[i] - rest_normals_[i], bytes, unused);
+        }
         const std::string text = bytes.take();
         targets_.append(text.data(), text.size());
     }
@@ -176,10 +187,17 @@ public:
     void commit() override
     {
         Bytes head(false);
-        Bounds mesh;
-        for (const Vector3d& x : is_still() ? only_ : geometry_.samples)
+        Bounds mesh, unused;
+        const std::vector<Vector3d>& places = is_still() ? only_ : geometry_.samples;
+        for (const Vector3d& x : places)
             add_vector(x - middle_, head, mesh);
-        add_view(head, geometry_.samples.size(), "VEC3", 5126, mesh.text());
+        add_view(head, places.size(), "VEC3", 5126, mesh.text());
+        if (normals_of_)
+        {
+            for (const Vector3d& normal : normals_of_(places))
+                add_vector(normal, head, unused);
+            add_view(head, places.size(), "VEC3", 5126, "");
+        }
         const std::size_t colours = add_colours(head);
         const std::size_t indices = add_faces(head);
         if (is_still())
@@ -200,11 +218,15 @@ public:
         add_view(head, times_.size() * times_.size(), "SCALAR", 5126, "");
         const std::size_t first_target = accessors_count_;
         std::uint64_t end = head.size();
+        const std::size_t count = geometry_.samples.size();
         for (const Bounds& bounds : bounds_)
         {
-            add_view_at(end, 12 * geometry_.samples.size(), geometry_.samples.size(),
-                        "VEC3", 5126, bounds.text());
-            end += 12 * geometry_.samples.size();
+            add_view_at(end, 12 * count, count, "VEC3", 5126, bounds.text());
+            end += 12 * count;
+            if (!normals_of_)
+                continue;
+            add_view_at(end, 12 * count, count, "VEC3", 5126, "");
+            end += 12 * count;
         }
         write(json(colours, indices, Movement{times, first_target}, end), head.take(),
               end);
@@ -292,6 +314,15 @@ private:
         return accessors_count_ - 1;
     }
 
+    /// Places, and normals behind them, from an accessor on.
+    std::string vectors_at(std::size_t accessor) const
+    {
+        std::string text = "{\"POSITION\":" + std::to_string(accessor);
+        if (normals_of_)
+            text += ",\"NORMAL\":" + std::to_string(accessor + 1);
+        return text + "}";
+    }
+
     std::string json(std::size_t colours, std::size_t indices,
                      const std::optional<Movement>& movement, std::uint64_t length) const
     {
@@ -300,9 +331,8 @@ private:
         {
             for (std::size_t k = 0; k < times_.size(); ++k)
             {
-                targets += std::string(k ? "," : ",\"targets\":[") +
-                           "{\"POSITION\":" + std::to_string(movement->first_target + k) +
-                           "}";
+                targets += (k ? "," : ",\"targets\":[") +
+                           vectors_at(movement->first_target + (normals_of_ ? 2 * k : k));
                 weights += k ? ",0" : ",\"weights\":[0";
             }
             targets += "]";
@@ -314,7 +344,8 @@ private:
                 ",\"interpolation\":\"LINEAR\"}],\"channels\":[{\"sampler\":0,"
                 "\"target\":{\"node\":0,\"path\":\"weights\"}}]}],";
         }
-        std::string primitive = "{\"attributes\":{\"POSITION\":0";
+        std::string primitive = "{\"attributes\":" + vectors_at(0);
+        primitive.pop_back();
         if (colours != kNone)
             primitive += ",\"COLOR_0\":" + std::to_string(colours);
         primitive += "}";
@@ -363,6 +394,8 @@ private:
     Overwrite overwrite_;
     const Geometry& geometry_;
     const std::vector<double> times_;
+    const NormalsOf normals_of_;
+    std::vector<Vector3d> rest_normals_; ///< where it moves
     Vector3d middle_ = Vector3d::Zero();
     SpillFile targets_;
     std::vector<Vector3d> only_; ///< samples of the one frame of a mesh that is still
@@ -381,11 +414,13 @@ bool is_animation_format(std::string_view extension, std::string_view format,
 }
 
 AnimationFile::AnimationFile(const std::string& path, Overwrite overwrite,
-                             const Geometry& geometry, std::vector<double> times)
+                             const Geometry& geometry, std::vector<double> times,
+                             NormalsOf normals)
 {
     const std::string extension = extension_of(path);
     if (extension == "glb")
-        writer_ = std::make_unique<Glb>(path, overwrite, geometry, std::move(times));
+        writer_ = std::make_unique<Glb>(path, overwrite, geometry, std::move(times),
+                                        std::move(normals));
     else
         writer_ = std::make_unique<PointCache>(path, overwrite, geometry.samples.size(),
                                                times, extension == "mdd");

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,10 +29,15 @@ bool is_animation_format(std::string_view extension, std::string_view format,
 class AnimationFile
 {
 public:
-    /// \p times of the frames [s], ascending. \p geometry must outlive it. Throws
-    /// Fault::Usage for what the format cannot hold, Fault::File.
+    /// Unit normals of samples, wherever these are.
+    using NormalsOf = std::function<std::vector<Eigen::Vector3d>(
+        std::span<const Eigen::Vector3d> samples)>;
+
+    /// \p times of the frames [s], ascending. \p normals: what a .glb is shown with;
+    /// none: its faces look flat. \p geometry must outlive it. Throws Fault::Usage for
+    /// what the format cannot hold, Fault::File.
     AnimationFile(const std::string& path, Overwrite overwrite, const Geometry& geometry,
-                  std::vector<double> times);
+                  std::vector<double> times, NormalsOf normals = {});
     ~AnimationFile();
 
     /// The next frame: as many samples as the geometry has. Throws Fault::Malformed for

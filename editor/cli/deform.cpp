@@ -12,6 +12,7 @@
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
 #include "editor/session/peak_memory.h"
+#include "editor/session/sample_normals.h"
 #include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -318,7 +319,8 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     std::optional<AnimationFile> animation;
     if (moves)
         animation.emplace(flags.output, common.overwrite(), model->geometry,
-                          frame_times(*request.handles));
+                          frame_times(*request.handles),
+                          normals_of_smooth(model->geometry));
     else
         check_model_outputs(name, *model, frames, flags.conversion(), common);
     std::vector<std::string> warnings = request.warnings;

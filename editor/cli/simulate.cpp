@@ -8,6 +8,7 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/output_name.h"
 #include "editor/session/peak_memory.h"
+#include "editor/session/sample_normals.h"
 #include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -166,8 +167,9 @@ public:
         std::vector<double> times;
         for (std::int64_t frame = 0; frame <= in_time.last_frame(); ++frame)
             times.push_back(in_time.time_of(frame));
-        animation_.emplace(flags.output, common.overwrite(), in_time.model()->geometry,
-                           std::move(times));
+        const Geometry& geometry = in_time.model()->geometry;
+        animation_.emplace(flags.output, common.overwrite(), geometry, std::move(times),
+                           normals_of_smooth(geometry));
     }
 
     bool want_samples(bool is_last) const

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/document/prepared_drag.h"
 
+#include "editor/session/sample_normals.h"
+
 namespace cellwarp
 {
 

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "editor/session/body.h"
+#include "editor/session/sample_normals.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 
@@ -101,36 +102,6 @@ std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
         for (const std::uint32_t sample : line)
             layout->lines.push_back(layout->place_of[sample]);
     return layout;
-}
-
-std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
-                                            std::span<const Eigen::Vector3d> samples)
-{
-    if (geometry.num_faces() == 0)
-        return {};
-    std::vector<Eigen::Vector3d> normals(samples.size(), Eigen::Vector3d::Zero());
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        const Eigen::Vector3d& first = samples[corners[0]];
-        Eigen::Vector3d area = Eigen::Vector3d::Zero();
-        for (std::size_t k = 2; k < corners.size(); ++k)
-            area += (samples[corners[k - 1]] - first).cross(samples[corners[k]] - first);
-        for (const std::uint32_t corner : corners)
-            normals[corner] += area;
-    }
-    parallel_ranges(normals.size(), kSampleGrain,
-                    [&](std::size_t begin, std::size_t end)
-                    {
-                        for (std::size_t i = begin; i < end; ++i)
-                        {
-                            const double length = normals[i].norm();
-                            normals[i] = std::isnormal(length)
-                                             ? Eigen::Vector3d(normals[i] / length)
-                                             : Eigen::Vector3d::UnitZ();
-                        }
-                    });
-    return normals;
 }
 
 ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> samples,

@@ -79,11 +79,6 @@ struct ShownCells
 std::shared_ptr<const ShapeLayout> layout_of(const Geometry& geometry,
                                              std::span<const std::uint32_t> order = {});
 
-/// Unit normals of the samples, as their faces around have them by area; none for a
-/// cloud.
-std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
-                                            std::span<const Eigen::Vector3d> samples);
-
 /// Samples [model unit] as a view shows them. \p view: the frame of view space.
 ShownShape shown_at(const Geometry& geometry, std::span<const Eigen::Vector3d> samples,
                     std::shared_ptr<const ShapeLayout> layout, const WorkFrame& view);

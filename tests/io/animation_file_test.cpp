@@ -124,6 +124,46 @@ TEST_F(AnimationFileTest, a_glb_has_a_morph_target_a_frame)
     EXPECT_EQ(again.geometry.num_faces(), 2u);
 }
 
+TEST_F(AnimationFileTest, a_glb_is_shown_with_normals_where_there_are_some)
+{
+    const GeometryFile file =
+        scan_geometry("a.obj", "v 0 0 0\nv 2 0 0\nv 2 2 0\nf 1 2 3\n");
+    // Towards z at rest, and towards x where the first sample has moved.
+    const auto normals = [](std::span<const Vector3d> samples)
+    {
+        return std::vector<Vector3d>(
+            samples.size(), samples[0].x() > 0.5 ? Vector3d::UnitX() : Vector3d::UnitZ());
+    };
+    const auto numbers_of =
+        [&](const std::string& name, const std::vector<double>& times, bool is_target)
+    {
+        AnimationFile out(folder_ + "/" + name, Overwrite::No, file.geometry, times,
+                          normals);
+        for (std::size_t k = 0; k < times.size(); ++k)
+            out.add({{1, 0, 0}, {2, 0, 0}, {2, 2, 0}});
+        out.commit();
+        const std::string bytes = read_file(folder_ + "/" + name);
+        const std::size_t length = word_at(bytes, 12, false);
+        const Json json = Json::parse(bytes.substr(20, length));
+        EXPECT_EQ(json["buffers"][0]["byteLength"], bytes.size() - 28 - length);
+        const Json& primitive = json["meshes"][0]["primitives"][0];
+        const std::size_t accessor = is_target ? primitive["targets"][0]["NORMAL"]
+                                               : primitive["attributes"]["NORMAL"];
+        EXPECT_EQ(json["accessors"][accessor]["count"], 3);
+        const std::size_t view = json["accessors"][accessor]["bufferView"];
+        const std::size_t at =
+            28 + length + json["bufferViews"][view]["byteOffset"].get<std::size_t>();
+        return Vector3d(number_at(bytes, at, false), number_at(bytes, at + 4, false),
+                        number_at(bytes, at + 8, false));
+    };
+    EXPECT_EQ(numbers_of("still.glb", {0.0}, false), Vector3d(1, 0, 0));
+    EXPECT_EQ(numbers_of("rest.glb", {0.0, 1.0}, false), Vector3d(0, 0, 1));
+    EXPECT_EQ(numbers_of("moved.glb", {0.0, 1.0}, true), Vector3d(1, 0, -1));
+    EXPECT_EQ(scan_geometry("rest.glb", read_file(folder_ + "/rest.glb"))
+                  .geometry.samples.size(),
+              3u);
+}
+
 TEST_F(AnimationFileTest, a_glb_of_one_frame_is_the_mesh_as_that_has_it)
 {
     const GeometryFile file =

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "editor/session/sample_normals.h"
+
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "octree/base/parallel.h"
+
+namespace cellwarp
+{
+
+namespace
+{
+
+constexpr std::size_t kNormalsAtOnce = 4096; // of one thread
+
+/// A corner of a face whose normal is farther off the sample's than this lies at a sharp
+/// edge: of a box 0.71 or 0.58.
+constexpr double kSharpCosine = 0.85;
+/// Of a surface that is smooth no more of the corners do.
+constexpr double kFewCorners = 0.02;
+
+/// Twice the area, along the normal.
+Eigen::Vector3d area_of(std::span<const std::uint32_t> corners,
+                        std::span<const Eigen::Vector3d> samples)
+{
+    const Eigen::Vector3d& first = samples[corners[0]];
+    Eigen::Vector3d area = Eigen::Vector3d::Zero();
+    for (std::size_t k = 2; k < corners.size(); ++k)
+        area += (samples[corners[k - 1]] - first).cross(samples[corners[k]] - first);
+    return area;
+}
+
+} // namespace
+
+std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
+                                            std::span<const Eigen::Vector3d> samples)
+{
+    if (geometry.num_faces() == 0)
+        return {};
+    std::vector<Eigen::Vector3d> normals(samples.size(), Eigen::Vector3d::Zero());
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        const Eigen::Vector3d area = area_of(corners, samples);
+        for (const std::uint32_t corner : corners)
+            normals[corner] += area;
+    }
+    parallel_ranges(normals.size(), kNormalsAtOnce,
+                    [&](std::size_t begin, std::size_t end)
+                    {
+                        for (std::size_t i = begin; i < end; ++i)
+                        {
+                            const double length = normals[i].norm();
+                            normals[i] = std::isnormal(length)
+                                             ? Eigen::Vector3d(normals[i] / length)
+                                             : Eigen::Vector3d::UnitZ();
+                        }
+                    });
+    return normals;
+}
+
+bool is_smooth(const Geometry& geometry)
+{
+    const std::vector<Eigen::Vector3d> normals =
+        sample_normals(geometry, geometry.samples);
+    std::size_t num_sharp = 0;
+    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
+    {
+        const std::span<const std::uint32_t> corners = geometry.face(f);
+        const Eigen::Vector3d area = area_of(corners, geometry.samples);
+        for (const std::uint32_t corner : corners)
+            num_sharp += normals[corner].dot(area) < kSharpCosine * area.norm();
+    }
+    return geometry.num_faces() > 0 &&
+           static_cast<double>(num_sharp) <=
+               kFewCorners * static_cast<double>(geometry.corners.size());
+}
+
+std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>
+normals_of_smooth(const Geometry& geometry)
+{
+    if (!is_smooth(geometry))
+        return {};
+    return [&geometry](std::span<const Eigen::Vector3d> samples)
+    { return sample_normals(geometry, samples); };
+}
+
+} // namespace cellwarp
