@@ -112,8 +112,8 @@ pair scan xyz --view 25 15
 "$cellwarp" deform "$here/samples/creature.json" -o "$work/field.obj" \
     --save-field "$work/creature.cwf"
 large() {  # sample, extension
-    "$cellwarp" apply "$work/creature.cwf" "$work/large/big-$1.$2" -o "$work/big-$1.$2"
-    "$cellwarp" render "$work/big-$1.$2" --compare "$work/large/big-$1.$2" --size 480x400 \
+    "$cellwarp" apply "$work/creature.cwf" "$work/large/big-$1.$2" -o "$work/bent-big-$1.$2"
+    "$cellwarp" render "$work/bent-big-$1.$2" --compare "$work/large/big-$1.$2" --size 480x400 \
         --view 25 15 -o "$folder/apply-$1.png" --overwrite
 }
 large scan ply
