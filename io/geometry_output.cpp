@@ -91,13 +91,30 @@ std::vector<std::string> left_out(const std::string& output, const Geometry& geo
             return extension == "glb";
         if (attribute == "groups")
             return extension == "obj";
-        return attribute == "normals" && is_converted_format(extension) &&
-               extension != "off" && extension != "stl";
+        if (attribute != "normals")
+            return false;
+        if (geometry.format == "stl")
+            return true; // they follow from the faces
+        return (extension == "obj" || extension == "ply" || extension == "xyz") &&
+               has_all_normals(geometry);
     };
     std::vector<std::string> out;
     std::copy_if(geometry.attributes.begin(), geometry.attributes.end(),
                  std::back_inserter(out), std::not_fn(is_kept));
     return out;
+}
+
+std::string left_out_note(const std::string& output, const Geometry& geometry)
+{
+    constexpr std::size_t kMost = 6; // a splat has dozens
+    const std::vector<std::string> names = left_out(output, geometry);
+    std::string text;
+    for (std::size_t k = 0; k < std::min(kMost, names.size()); ++k)
+        text += (k == 0 ? "" : ", ") + names[k];
+    if (names.size() > kMost)
+        text += " and " + std::to_string(names.size() - kMost) + " more";
+    return text.empty() ? text
+                        : "not in the ." + extension_of(output) + ": the model's " + text;
 }
 
 void check_geometry_output(const std::string& output, const GeometryFile& model,

@@ -29,10 +29,13 @@ void check_output_format(const std::string& output, const std::string& format,
 /// another format.
 bool is_written_plain(const std::string& output, const std::string& format);
 
-/// What samples and faces carry in the model, and do not in a file of this name that is
-/// written anew: plain geometry, or a mesh that moves (.glb). A cache of points (.pc2,
-/// .mdd) belongs to the model, and leaves nothing out.
+/// Of what the model's samples and faces carry, what is not in a file of this name: plain
+/// geometry, or a mesh that moves (.glb). Nothing is missing in a cache of points (.pc2,
+/// .mdd), which belongs to the model.
 std::vector<std::string> left_out(const std::string& output, const Geometry& geometry);
+
+/// The same as a warning; empty: nothing is.
+std::string left_out_note(const std::string& output, const Geometry& geometry);
 
 /// Throws what write_geometry() would throw, before any work is done for it; also for
 /// files that it writes beside \p output.

@@ -4,6 +4,7 @@
 // the session's business.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -60,6 +61,10 @@ struct Selector
     std::string name;
     std::int64_t label = 0;
 };
+
+/// What a selector begins with: the words of its kinds, but for the last.
+inline constexpr std::array kSelectorWords = {"box",     "sphere", "capsule", "halfspace",
+                                              "indices", "labels", "group",   "all"};
 
 /// The line of a rod or a curve at rest. Numbers are in the file's units.
 struct SplineStatement
@@ -168,6 +173,7 @@ struct FrameStatement
     std::vector<Move> moves;
     std::int64_t line = 0;
     std::optional<double> time = {}; ///< of the keys that it stands for [s]
+    bool is_asked = true;            ///< false: made to see the shape at rest
 };
 
 /// Regions and the frames that move them, up to a commit.

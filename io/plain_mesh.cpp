@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "io/plain_mesh.h"
 
+#include <algorithm>
 #include <cassert>
 #include <utility>
 #include <vector>
@@ -166,6 +167,14 @@ std::string xyz_bytes(const DeformedSamples& patch,
 }
 
 } // namespace
+
+bool has_all_normals(const Geometry& geometry)
+{
+    std::vector<char> has_one(geometry.samples.size(), 0);
+    for (const DirectionUse& use : direction_uses(geometry))
+        has_one[use.sample] = !geometry.directions[use.direction].isZero(0);
+    return std::all_of(has_one.begin(), has_one.end(), [](char one) { return one != 0; });
+}
 
 bool is_plain_format(std::string_view extension)
 {

@@ -17,6 +17,9 @@ bool is_plain_format(std::string_view extension);
 /// Whether that is an extension of plain_mesh_bytes(): those, or "off", "stl", "xyz".
 bool is_converted_format(std::string_view extension);
 
+/// Whether every sample has a normal: others are left out.
+bool has_all_normals(const Geometry& geometry);
+
 /// The file's bytes; normals only where every sample has one, groups of faces in OBJ. PLY
 /// is binary with coordinates in doubles. STL is binary: triangles in single precision,
 /// faces as fans. XYZ has no faces.

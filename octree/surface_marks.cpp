@@ -14,6 +14,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -422,13 +423,17 @@ VoxelFlags surface_marks(const Shape& shape, const VoxelGrid& grid)
                            of_all);
         for_each_set(of_lines, [&](std::size_t voxel) { marks[voxel] |= kInside; });
     }
-    std::vector<bool> is_used(shape.samples.size(), false);
-    for (const Triangle& triangle : shape.triangles)
-        for (const std::uint32_t sample : triangle)
-            is_used[sample] = true;
+    std::vector<char> is_used(shape.samples.size(), 0);
+    parallel_for(shape.triangles.size(), kTrianglesAtOnce,
+                 [&](std::size_t t)
+                 {
+                     for (const std::uint32_t sample : shape.triangles[t])
+                         std::atomic_ref<char>(is_used[sample])
+                             .store(1, std::memory_order_relaxed);
+                 });
     for (const LineEnds& line : shape.lines)
         for (const std::uint32_t sample : line)
-            is_used[sample] = true;
+            is_used[sample] = 1;
     for (std::size_t i = 0; i < shape.samples.size(); ++i)
         if (!is_used[i])
             for_each_voxel(grid.touched(shape.samples[i]),

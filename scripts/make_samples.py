@@ -1743,6 +1743,8 @@ move top rotate 0 1 0 120
 def main():
     here = os.path.dirname(os.path.abspath(__file__))
     folder = sys.argv[1] if len(sys.argv) > 1 else os.path.join(here, "..", "samples")
+    if folder.startswith("-"):
+        sys.exit(__doc__)
     os.makedirs(folder, exist_ok=True)
     wanted = sys.argv[2:]
     for make in (bar, plate, block, creature, vase, cloud, hand, coil, chain, figure, drawing,

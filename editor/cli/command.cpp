@@ -11,6 +11,7 @@
 #include <fmt/ranges.h>
 
 #include "editor/session/memory_limit.h"
+#include "editor/session/sample_normals.h"
 #include "editor/session/scene_script.h"
 #include "editor/session/scene_settings.h"
 #include "editor/study/sweep.h"
@@ -314,6 +315,13 @@ void Progress::show(double done, const std::string& what)
     say(fmt::format("\r[{}{}] {}\x1b[K", std::string(full, '#'),
                     std::string(kWidth - full, ' '), what));
     std::fflush(stderr);
+}
+
+AnimationFile::NormalsOf normals_to_write(const std::string& output,
+                                          const Geometry& geometry)
+{
+    return extension_of(output) == "glb" ? normals_of_smooth(geometry)
+                                         : AnimationFile::NormalsOf();
 }
 
 } // namespace cellwarp

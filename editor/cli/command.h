@@ -14,6 +14,7 @@
 
 #include "editor/cli/flag_script.h"
 #include "editor/session/session.h"
+#include "io/animation_file.h"
 #include "io/bytes.h"
 #include "io/scene_file.h"
 #include "octree/base/clock.h"
@@ -103,10 +104,13 @@ struct Film
 /// Nothing for models and for scenes of edits.
 std::optional<Film> film_of(const std::string& input);
 
-/// What a scene says of rods in time, an object each; none in a build without rods:
-/// editor/cli/features.cpp.
-Json rods_in_time(const std::string& scene);
-/// What else a scene of rods in time holds, and how long it goes on; null likewise.
+/// Normals for AnimationFile: of a smooth surface in a .glb, else none. Keeps a reference
+/// to \p geometry.
+AnimationFile::NormalsOf normals_to_write(const std::string& output,
+                                          const Geometry& geometry);
+
+/// What a scene of rods in time holds, lists of its parts, and how long it goes on; null
+/// for others, and in a build without rods: editor/cli/features.cpp.
 Json scene_in_time(const std::string& scene);
 
 /// What a scene and flags together ask for.

@@ -12,7 +12,6 @@
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
 #include "editor/session/peak_memory.h"
-#include "editor/session/sample_normals.h"
 #include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -220,13 +219,16 @@ Json intersections_json(const Session& session, bool counts_rest, bool has_conta
         for (const std::uint32_t corner : triangles[*now->first_fresh])
             first += session.deformed().samples[corner] / 3.0;
         warnings.push_back(fmt::format(
-            "{} pairs of triangles intersect that do not at rest, the first at "
-            "{:.4g} {:.4g} {:.4g}: {}{}",
-            now->fresh, first.x(), first.y(), first.z(),
-            has_contact
-                ? "the surface folds there (contact keeps parts out of each other, "
-                  "not what is near along the material)"
-                : "parts pass through each other",
+            "{} {} that {} not at rest, the first at {}: parts pass through each "
+            "other{}{}",
+            now->fresh,
+            now->fresh == 1 ? "pair of triangles intersects"
+                            : "pairs of triangles intersect",
+            now->fresh == 1 ? "does" : "do",
+            place_text(first, bounding_box(geometry.samples).size().norm()),
+            has_contact ? ", or the surface folds (contact does not act between "
+                          "neighbouring parts of the material)"
+                        : "",
             is_shell ? " (a thicker shell folds less: --thickness)" : ""));
     }
     const std::optional<SelfIntersections> rest =
@@ -268,7 +270,9 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
 std::string closing_line(const OutputName& output, const Session& session, double seconds,
                          bool is_converged, std::size_t num_warnings)
 {
-    std::string line = output.of(0) == "-" ? "done" : output.of(0);
+    std::string line = output.of(0);
+    if (line == "-")
+        line = "done";
     const std::vector<FrameReport>& frames = session.frames();
     if (output.has_frame() && !frames.empty())
         line = frames.size() == 1
@@ -320,14 +324,13 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     if (moves)
         animation.emplace(flags.output, common.overwrite(), model->geometry,
                           frame_times(*request.handles),
-                          normals_of_smooth(model->geometry));
+                          normals_to_write(flags.output, model->geometry));
     else
         check_model_outputs(name, *model, frames, flags.conversion(), common);
     std::vector<std::string> warnings = request.warnings;
-    if (const std::vector<std::string> left = left_out(name.of(0), model->geometry);
-        !left.empty() && (moves || is_written_plain(name.of(0), model->geometry.format)))
-        warnings.push_back(fmt::format("{} is written anew, without the model's {}",
-                                       flags.output, fmt::join(left, ", ")));
+    if (moves || is_written_plain(name.of(0), model->geometry.format))
+        if (std::string note = left_out_note(name.of(0), model->geometry); !note.empty())
+            warnings.push_back(std::move(note));
     ms.load = ms_since(start);
     Progress progress(common, frames.size());
     request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };

@@ -63,15 +63,6 @@ std::unique_ptr<InTime> open_in_time(const std::string& input,
 #endif
 }
 
-Json rods_in_time([[maybe_unused]] const std::string& scene)
-{
-#ifdef CELLWARP_WITH_RODS
-    return rods_of_scene(scene);
-#else
-    return Json::array();
-#endif
-}
-
 Json scene_in_time([[maybe_unused]] const std::string& scene)
 {
 #ifdef CELLWARP_WITH_RODS

@@ -56,9 +56,8 @@ std::array<std::string, 2> first_words(const std::string& text)
 
 bool is_selector_kind(const std::string& word)
 {
-    constexpr std::array kKinds = {"box",     "sphere", "capsule", "halfspace",
-                                   "indices", "labels", "group",   "all"};
-    return std::find(kKinds.begin(), kKinds.end(), word) != kKinds.end();
+    return std::find(kSelectorWords.begin(), kSelectorWords.end(), word) !=
+           kSelectorWords.end();
 }
 
 } // namespace

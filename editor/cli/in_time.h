@@ -76,8 +76,6 @@ std::unique_ptr<InTime> open_in_time(const std::string& input,
 /// Rods: editor/cli/rods_in_time.cpp.
 std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
                                           const InTimeOptions& options);
-/// See rods_in_time().
-Json rods_of_scene(const std::string& scene);
 /// See scene_in_time().
 Json time_of_scene(const std::string& scene);
 /// Flesh: editor/cli/flesh_in_time.cpp.
@@ -91,7 +89,7 @@ std::unique_ptr<InTime> open_joined_in_time(const std::string& scene,
 /// without rods.
 struct RodFacts
 {
-    Json rods; ///< see rods_in_time()
+    Json rods; ///< an object each
     std::int64_t num_frames = 0, num_steps = 0;
     std::string text; ///< "2 rods, 1 sheet, 61 frames, 600 steps"
     std::vector<std::string> warnings;

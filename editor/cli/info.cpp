@@ -131,8 +131,8 @@ std::string text_of_extremities(const Json& ends)
             fmt::format("  extremity   box {}  {}\n", corner_text(end["relative_box"][0]),
                         corner_text(end["relative_box"][1]));
     if (text.empty())
-        return "  extremity   none: no part of a quarter of the samples or less has an "
-               "end\n";
+        return "  extremity   none: every limb holds more than a quarter of the "
+               "samples\n";
     return text + "              (selectors for --fix and --handle with --relative)\n";
 }
 
@@ -186,8 +186,9 @@ SceneContents contents_of(const std::string& path)
     out.json["regions"] = std::move(regions);
     out.json["joints"] = std::move(joints);
     out.json["frames"] = frames;
-    out.json["rods_in_time"] = rods_in_time(path);
-    out.json["time"] = scene_in_time(path);
+    Json time = scene_in_time(path);
+    out.json["rods_in_time"] = time.is_null() ? Json::array() : time["rods"];
+    out.json["time"] = std::move(time);
     return out;
 }
 
@@ -236,7 +237,7 @@ std::string text_of(const SceneContents& scene)
     }
     for (const Json& net : time["nets"])
         add("net",
-            fmt::format("{}, {} points, {} springs", net["name"].get<std::string>(),
+            fmt::format("{}, points: {}, springs: {}", net["name"].get<std::string>(),
                         net["points"].get<std::size_t>(),
                         net["springs"].get<std::size_t>()));
     for (const Json& body : time["bodies"])
@@ -245,11 +246,10 @@ std::string text_of(const SceneContents& scene)
     for (const char* what : {"joints", "obstacles"})
         if (const auto count = time[what].get<std::size_t>(); count > 0)
             add(what, std::to_string(count));
-    add("frames",
-        time["seconds"].is_null()
-            ? std::string("an equilibrium")
-            : fmt::format("{} of simulate, {} s", time["frames"].get<std::size_t>(),
-                          shortest(time["seconds"].get<double>())));
+    add("in time", time["seconds"].is_null()
+                       ? std::string("an equilibrium")
+                       : fmt::format("{} frames, {} s", time["frames"].get<std::size_t>(),
+                                     shortest(time["seconds"].get<double>())));
     return text;
 }
 

@@ -196,7 +196,8 @@ int run(const RenderFlags& flags, const CommonFlags& common)
                 request.handles.emplace();
             if (request.handles->stages.empty())
                 request.handles->stages.emplace_back();
-            request.handles->stages.front().frames.push_back({0, {}, 0});
+            request.handles->stages.front().frames.push_back(
+                {.number = 0, .moves = {}, .is_asked = false});
         }
         std::size_t num_frames = 0;
         for (const Stage& stage : request.handles->stages)
@@ -276,10 +277,11 @@ void add_render(CLI::App& app, CommonFlags& common, int& exit_code)
                    "--strip=N")
         ->check(CLI::Range(1, 64));
     command
-        ->add_option("--view", flags->view,
-                     "azimuth and elevation of the viewer [degree]: 0 0 from the front, "
-                     "90 0 from the left, -90 0 from the right, 180 0 from behind, 0 90 "
-                     "from above (default -35 20)")
+        ->add_option(
+            "--view", flags->view,
+            "azimuth and elevation of the viewer [degree] (default -35 20): 0 0 from "
+            "+z, -90 0 from +x, 180 0 from -z, 90 0 from -x, 0 90 from above; with "
+            "--up z 0 0 from -y, with --up x from +y")
         ->expected(2);
     command->add_option("--up", flags->up, "axis that points up (default y)")
         ->check(CLI::IsMember({"x", "y", "z"}));

@@ -271,6 +271,17 @@ private:
     std::vector<std::string> warnings_;
 };
 
+Json rods_of(const RodScene& scene)
+{
+    Json rods = Json::array();
+    for (const RodStatement& rod : scene.rods)
+        rods.push_back({{"name", rod.name},
+                        {"points", std::max(rod.points.size(), rod.through.size())},
+                        {"closed", rod.is_closed},
+                        {"carries", rod.carries}});
+    return rods;
+}
+
 } // namespace
 
 std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
@@ -279,24 +290,13 @@ std::unique_ptr<InTime> open_rods_in_time(const std::string& scene,
     return std::make_unique<RodsInTime>(scene, options);
 }
 
-Json rods_of_scene(const std::string& scene)
-{
-    Json rods = Json::array();
-    if (has_rods(time_scene_of(scene)))
-        for (const RodStatement& rod : read_rod_scene(scene).rods)
-            rods.push_back({{"name", rod.name},
-                            {"points", std::max(rod.points.size(), rod.through.size())},
-                            {"closed", rod.is_closed},
-                            {"carries", rod.carries}});
-    return rods;
-}
-
 Json time_of_scene(const std::string& path)
 {
     if (!has_rods(time_scene_of(path)))
         return nullptr;
     const RodScene scene = read_rod_scene(path);
-    Json json = {{"sheets", Json::array()},
+    Json json = {{"rods", rods_of(scene)},
+                 {"sheets", Json::array()},
                  {"nets", Json::array()},
                  {"bodies", Json::array()},
                  {"joints", scene.joints.size()},
@@ -318,7 +318,7 @@ RodFacts facts_of_rod_scene(const std::string& path)
 {
     const RodScene scene = read_rod_scene(path);
     RodFacts facts;
-    facts.rods = rods_of_scene(path);
+    facts.rods = rods_of(scene);
     facts.num_frames = scene.last_frame() + 1;
     facts.num_steps = scene.num_steps();
     const auto add = [&](std::size_t count, const char* what)

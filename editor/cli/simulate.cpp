@@ -8,7 +8,6 @@
 #include "editor/cli/in_time.h"
 #include "editor/cli/output_name.h"
 #include "editor/session/peak_memory.h"
-#include "editor/session/sample_normals.h"
 #include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -169,9 +168,12 @@ public:
             times.push_back(in_time.time_of(frame));
         const Geometry& geometry = in_time.model()->geometry;
         animation_.emplace(flags.output, common.overwrite(), geometry, std::move(times),
-                           normals_of_smooth(geometry));
+                           normals_to_write(flags.output, geometry));
+        if (std::string note = left_out_note(flags.output, geometry); !note.empty())
+            warnings_.push_back(std::move(note));
     }
 
+    const std::vector<std::string>& warnings() const { return warnings_; }
     bool want_samples(bool is_last) const
     {
         return animation_ || is_wanted(name_, flags_.output, is_last);
@@ -208,6 +210,7 @@ private:
     const CommonFlags& common_;
     const OutputName name_, rods_;
     std::optional<AnimationFile> animation_;
+    std::vector<std::string> warnings_;
 };
 
 int run(const SimulateFlags& flags, const CommonFlags& common)
@@ -258,8 +261,8 @@ int run(const SimulateFlags& flags, const CommonFlags& common)
     progress.end();
     const double simulate_ms = ms_since(begin) - write_ms;
     std::vector<std::string> warnings = in_time->warnings();
-    const std::vector<std::string> problems = record.warnings();
-    warnings.insert(warnings.end(), problems.begin(), problems.end());
+    for (const std::vector<std::string>& more : {outputs.warnings(), record.warnings()})
+        warnings.insert(warnings.end(), more.begin(), more.end());
     print_warnings(warnings, common);
     if (common.is_json)
     {

@@ -171,7 +171,7 @@ struct SolveWorker::State
         const CellSystem& system = *session->system();
         Solved out;
         out.revision = request.revision;
-        out.patch = std::make_shared<const DeformedSamples>(session->deformed());
+        out.patch = session->shared_deformed();
         out.shape = shown_at(model->geometry, out.patch->samples, request.layout, view);
         out.shape.lines = shown_lines(system, view);
         out.cells = shown_cells(system, system.poses(), view);

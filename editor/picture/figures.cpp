@@ -65,8 +65,8 @@ std::vector<Triangle> drawn_triangles(const Geometry& geometry)
     };
     const auto length = [&](std::uint32_t a, std::uint32_t b)
     { return (geometry.samples[b] - geometry.samples[a]).norm(); };
-    std::vector<Triangle> triangles = triangles_of(geometry);
-    std::size_t first = 0;
+    std::vector<Triangle> triangles;
+    triangles.reserve(geometry.num_triangles());
     for (std::size_t f = 0; f < geometry.num_faces(); ++f)
     {
         const std::span<const std::uint32_t> face = geometry.face(f);
@@ -78,11 +78,12 @@ std::vector<Triangle> drawn_triangles(const Geometry& geometry)
             // Not outside of a face whose outline turns in.
             if (normal(one).dot(normal(other)) > 0.0)
             {
-                triangles[first] = one;
-                triangles[first + 1] = other;
+                triangles.insert(triangles.end(), {one, other});
+                continue;
             }
         }
-        first += face.size() - 2;
+        for (std::size_t k = 2; k < face.size(); ++k)
+            triangles.push_back({face[0], face[k - 1], face[k]});
     }
     return triangles;
 }

@@ -40,6 +40,9 @@ constexpr double kSeenThrough = 0.7; ///< opacity of beads behind something
 constexpr double kEdgeWidth = 0.03;  ///< of the lines on boxes [edge]
 constexpr float kInk = 0.25f;        ///< brightness of those lines
 
+/// Of the golden section: from place to place of a Fibonacci lattice.
+constexpr float kGoldenPart = 0.61803399f;
+
 /// The rays to the sky of one of a pixel's samples: every so many-th place of a lattice
 /// on the unit square.
 struct SkyRays
@@ -50,7 +53,6 @@ struct SkyRays
 
     Eigen::Vector2f ray(int number) const
     {
-        constexpr float kGoldenPart = 0.61803399f;
         const auto place = static_cast<float>(number * kSamples * kSamples + sample);
         const auto places = static_cast<float>(count * kSamples * kSamples);
         const Eigen::Vector2f at =
@@ -59,8 +61,9 @@ struct SkyRays
     }
 };
 
-/// A number from 0 to 1 that looks random, from any other. PCG: one multiplication.
-float random(std::uint32_t state)
+/// A number in [0, 1) that looks random, the same for the same \p state. PCG: one
+/// multiplication.
+float hashed(std::uint32_t state)
 {
     state = state * 747796405u + 2891336453u;
     const std::uint32_t word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
@@ -453,7 +456,7 @@ Image draw(const std::vector<Figure>& figures, const PictureOptions& options)
                     const auto pixel =
                         static_cast<std::uint32_t>(row * options.width + column);
                     SkyRays sky{.count = rays,
-                                .shift = {random(2 * pixel), random(2 * pixel + 1)}};
+                                .shift = {hashed(2 * pixel), hashed(2 * pixel + 1)}};
                     Eigen::Vector3f sum = Eigen::Vector3f::Zero();
                     for (int s = 0; s < kSamples * kSamples; ++s)
                     {

@@ -514,7 +514,7 @@ void CellSystem::warn_of_components()
         }
     for (const int cell : body_->cell_of_sample)
         num_samples += idx(is_idle[idx(cell)]);
-    // A few samples that no face uses are often all.
+    // Bits of material without samples stay unseen.
     if (num_samples > 0)
         warnings_.push_back(fmt::format(
             "{} of {} components have no region: they stay at rest ({} of "

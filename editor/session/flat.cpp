@@ -41,6 +41,40 @@ Eigen::Vector3d across(const Eigen::Vector3d& along)
     return (unit - unit.dot(along) * along).normalized();
 }
 
+/// Whether a few of many samples tell that all of them lie in no plane. Three of them,
+/// apart by a hundredth of the diagonal, span a plane, which roundings of the samples
+/// make lean a hundred times as much; where another one is off it by a thousandth, and by
+/// ten times that lean, they lie in none.
+bool are_surely_solid(const std::vector<Eigen::Vector3d>& samples, double diagonal)
+{
+    constexpr std::size_t kFew = 64;
+    constexpr double kApart = 1e-2, kOff = 1e-3;
+    if (samples.size() < 16 * kFew)
+        return false;
+    const auto off = [&](std::size_t k) -> Eigen::Vector3d
+    { return (samples[k * (samples.size() / kFew)] - samples[0]) / diagonal; };
+    // As if they were floats.
+    const double rounding = 2.0 * std::numeric_limits<float>::epsilon() *
+                            (samples[0].cwiseAbs().maxCoeff() / diagonal + 1.0);
+    const double surely_off = std::max(kOff, 10.0 * rounding / kApart);
+    const Eigen::Vector3d along =
+        off(farthest(kFew, [&](std::size_t k) { return off(k).norm(); }));
+    if (!(along.norm() > kApart))
+        return false;
+    const Eigen::Vector3d direction = along.normalized();
+    const auto beside = [&](std::size_t k) -> Eigen::Vector3d
+    { return off(k) - direction.dot(off(k)) * direction; };
+    const Eigen::Vector3d side =
+        beside(farthest(kFew, [&](std::size_t k) { return beside(k).norm(); }));
+    if (!(side.norm() > kApart))
+        return false;
+    const Eigen::Vector3d normal = direction.cross(side).normalized();
+    for (std::size_t k = 0; k < kFew; ++k)
+        if (std::abs(normal.dot(off(k))) > surely_off)
+            return true;
+    return false;
+}
+
 } // namespace
 
 std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& samples)
@@ -48,6 +82,8 @@ std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& 
     const double diagonal = bounding_box(samples).size().stableNorm();
     if (!(diagonal > 0.0))
         return Eigen::Vector3d::UnitZ();
+    if (are_surely_solid(samples, diagonal))
+        return std::nullopt;
     const auto off = [&](std::size_t i) -> Eigen::Vector3d
     { return (samples[i] - samples[0]) / diagonal; };
     const Eigen::Vector3d far =

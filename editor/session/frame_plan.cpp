@@ -55,7 +55,7 @@ void check_overlaps(const std::vector<Motion>& motions, const RegionSet& regions
             std::max(rest.frame.diagonal(), motions[overlap.a](x).norm());
         if (!(apart <= kSameMotion * scale))
             throw malformed({file, line, regions[overlap.a].name},
-                            fmt::format("and {}{} both hold sample {} and move it "
+                            fmt::format("it and {}{} both hold sample {} and move it "
                                         "differently ({:.3g} of the diagonal apart)",
                                         regions[overlap.b].name,
                                         line_note(regions[overlap.b]), overlap.sample,
@@ -394,8 +394,7 @@ FramePlan plan_frame(const FrameStatement& frame, const RegionSet& regions,
                                            frame.number, regions[r].name, kExtremeMove));
     }
     check_overlaps(motions, regions, rest, file, frame.line);
-    // A frame without a line was not asked for: to see the shape at rest, say.
-    if (frame.line > 0 && frame.moves.empty() && !skeleton && !has_led && plan.stands())
+    if (frame.is_asked && frame.moves.empty() && !skeleton && !has_led && plan.stands())
         warnings.push_back(at({file, frame.line, ""},
                               fmt::format("frame {}: moves nothing", frame.number)));
     return plan;

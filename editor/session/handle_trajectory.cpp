@@ -97,6 +97,23 @@ Step between(const Step& from, const Step& to, double t)
     return step;
 }
 
+/// Once for each region and side: its other moves are as little.
+void warn_of_flat_sides(const Eigen::Vector3d& way, const Units& units,
+                        const Where& where, std::vector<std::string>& warnings)
+{
+    for (int axis = 0; axis < 3 && units.is_relative; ++axis)
+    {
+        if (way[axis] == 0.0 || units.box.size()[axis] != 0.0)
+            continue;
+        std::string warning =
+            at(where, fmt::format("moves nothing along {}: the model's box has no size "
+                                  "there, which relative units are of",
+                                  "xyz"[axis]));
+        if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
+            warnings.push_back(std::move(warning));
+    }
+}
+
 Motion rigid_motion(const Operation& operation, const Units& units, const Where& where,
                     std::vector<std::string>& warnings)
 {
@@ -147,16 +164,11 @@ std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGroun
         switch (operation.kind)
         {
         case Operation::Kind::Translate:
-            for (int axis = 0; axis < 3 && units.is_relative; ++axis)
-                if (operation.vector[axis] != 0.0 && units.box.size()[axis] == 0.0)
-                    warnings.push_back(at(
-                        {file, move.line, move.region},
-                        fmt::format("moves nothing along {}: the model's box has no size "
-                                    "there, which relative units are of",
-                                    "xyz"[axis])));
+            warn_of_flat_sides(operation.vector, units, {file, 0, move.region}, warnings);
             step.vector = units.vector(operation.vector);
             break;
         case Operation::Kind::To:
+            warn_of_flat_sides(operation.vector, units, {file, 0, move.region}, warnings);
             step.vector = units.point(operation.vector) - ground.place;
             break;
         case Operation::Kind::Turn: // of the points of rods: frame_plan.cpp
@@ -176,8 +188,10 @@ std::vector<Step> steps_of(const Move& move, const Units& units, const MoveGroun
         }
         case Operation::Kind::Matrix:
             step.kind = Step::Kind::Screw;
-            step.motion =
-                rigid_motion(operation, units, {file, move.line, "matrix"}, warnings);
+            warn_of_flat_sides(operation.matrix->topRightCorner<3, 1>(), units,
+                               {file, 0, move.region}, warnings);
+            step.motion = rigid_motion(
+                operation, units, {file, move.line, move.region + ": matrix"}, warnings);
             break;
         }
         if (!step.vector.allFinite() || !step.about.allFinite() ||

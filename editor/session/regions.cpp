@@ -169,16 +169,9 @@ Eigen::Vector3d centre_of(const Region& region,
     return box.low.allFinite() ? box.centre() : model.centre();
 }
 
-std::string numbers_of(const Eigen::Vector3d& x)
+/// From 0 to 1 along each side of the box.
+Eigen::Vector3d place_in_box(const Eigen::Vector3d& x, const ModelBox& box)
 {
-    return fmt::format("{:.4g} {:.4g} {:.4g}", x.x(), x.y(), x.z());
-}
-
-/// From 0 to 1 along each side of the samples' box.
-Eigen::Vector3d place_in_box(const Eigen::Vector3d& x,
-                             const std::vector<Eigen::Vector3d>& samples)
-{
-    const ModelBox box = bounding_box(samples);
     return (box.size().array() > 0.0)
         .select((x - box.low).array() / box.size().array(), 0.0);
 }
@@ -209,13 +202,14 @@ std::string nearest_sample_note(const Region& region,
                 least = d;
                 nearest = i;
             }
-    return region.shapes.empty() ? " (it lists no sample)"
-           : std::isinf(least)
-               ? " (no sample can be in it)"
-               : fmt::format(
-                     " (the nearest sample, {}, is {:.4g} away, at {}, relative {})",
-                     nearest, least, numbers_of(samples[nearest]),
-                     numbers_of(place_in_box(samples[nearest], samples)));
+    if (region.shapes.empty())
+        return " (it lists no sample)";
+    if (std::isinf(least))
+        return " (no sample can be in it)";
+    const ModelBox box = bounding_box(samples);
+    return fmt::format(" (the nearest sample, {}, is {:.4g} away, at {}, relative {})",
+                       nearest, least, place_text(samples[nearest], box.size().norm()),
+                       place_text(place_in_box(samples[nearest], box), 1.0));
 }
 
 std::string line_note(const Region& region)

@@ -18,8 +18,9 @@ constexpr std::size_t kNormalsAtOnce = 4096; // of one thread
 /// A corner of a face whose normal is farther off the sample's than this lies at a sharp
 /// edge: of a box 0.71 or 0.58.
 constexpr double kSharpCosine = 0.85;
-/// Of a surface that is smooth no more of the corners do.
-constexpr double kFewCorners = 0.02;
+/// A surface is smooth whose sharp edges are no longer, all together, than this share of
+/// the side of a square as large as it: of a cube they are 4.9 times as long.
+constexpr double kShortEdges = 0.5;
 
 /// Twice the area, along the normal.
 Eigen::Vector3d area_of(std::span<const std::uint32_t> corners,
@@ -63,19 +64,26 @@ std::vector<Eigen::Vector3d> sample_normals(const Geometry& geometry,
 
 bool is_smooth(const Geometry& geometry)
 {
+    if (geometry.num_faces() == 0 || geometry.corners.size() <= geometry.samples.size())
+        return false; // a cloud, or faces that have no sample in common
     const std::vector<Eigen::Vector3d> normals =
         sample_normals(geometry, geometry.samples);
-    std::size_t num_sharp = 0;
+    double length = 0.0, area = 0.0;
     for (std::size_t f = 0; f < geometry.num_faces(); ++f)
     {
         const std::span<const std::uint32_t> corners = geometry.face(f);
-        const Eigen::Vector3d area = area_of(corners, geometry.samples);
-        for (const std::uint32_t corner : corners)
-            num_sharp += normals[corner].dot(area) < kSharpCosine * area.norm();
+        const Eigen::Vector3d twice = area_of(corners, geometry.samples);
+        area += 0.5 * twice.norm();
+        const auto is_sharp = [&](std::uint32_t corner)
+        { return normals[corner].dot(twice) < kSharpCosine * twice.norm(); };
+        for (std::size_t k = 0; k < corners.size(); ++k)
+        {
+            const std::uint32_t a = corners[k], b = corners[(k + 1) % corners.size()];
+            if (is_sharp(a) && is_sharp(b)) // in this face and in the one beside it
+                length += 0.5 * (geometry.samples[b] - geometry.samples[a]).norm();
+        }
     }
-    return geometry.num_faces() > 0 &&
-           static_cast<double>(num_sharp) <=
-               kFewCorners * static_cast<double>(geometry.corners.size());
+    return length <= kShortEdges * std::sqrt(area);
 }
 
 std::function<std::vector<Eigen::Vector3d>(std::span<const Eigen::Vector3d>)>

@@ -140,16 +140,17 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
 {
     assert(!settings_.keeps_checkpoints || !settings_.keeps_fields);
     const Geometry& geometry = *geometry_;
-    deformed_ = {geometry.samples, {}, geometry.tangents, geometry.rotations};
+    DeformedSamples first{geometry.samples, {}, geometry.tangents, geometry.rotations};
     for (const DirectionUse& use : direction_uses(geometry))
     {
-        deformed_.directions.push_back(geometry.directions[use.direction]);
+        first.directions.push_back(geometry.directions[use.direction]);
         use_samples_.push_back(use.sample);
     }
     parts_.faces = geometry.num_faces() > 0;
     warnings_ = geometry.warnings;
     if (settings_.keeps_checkpoints)
     {
+        deformed_ = std::make_shared<const DeformedSamples>(std::move(first));
         set_script(std::move(handles), settings_.stop);
         return;
     }
@@ -160,11 +161,12 @@ Session::Session(std::shared_ptr<const Geometry> of, HandleFile handles,
                     [](const Stage& stage) { return !stage.frames.empty(); });
     if (!has_frames)
     {
+        deformed_ = std::make_shared<const DeformedSamples>(std::move(first));
         warnings_.push_back("no frame: nothing moves, the samples stay where they are");
         stage_ = handles_.stages.size();
         return;
     }
-    start_stage(make_rest(0, deformed_));
+    start_stage(make_rest(0, std::move(first)));
 }
 
 CellSystemSettings Session::system_settings() const
@@ -182,6 +184,11 @@ std::shared_ptr<const StageRest> Session::make_rest(std::size_t stage,
     rest->shape = build_rest_shape(*geometry_, rest->samples.samples, settings_.cells);
     parts_.interior += rest->shape->material.method != InsideMethod::None;
     return rest;
+}
+
+std::shared_ptr<const DeformedSamples> Session::samples_at_rest() const
+{
+    return {rest_, &rest_->samples};
 }
 
 void Session::start_stage(std::shared_ptr<const StageRest> rest)
@@ -251,7 +258,7 @@ void Session::start_stage(std::shared_ptr<const StageRest> rest)
     warn_of_bones();
     check_memory_of(settings_.field);
     check_frames();
-    deformed_ = rest_->samples;
+    deformed_ = samples_at_rest();
     is_deformed_current_ = true;
     add_checkpoint();
 }
@@ -288,7 +295,7 @@ void Session::set_script(HandleFile handles, std::stop_token stop)
 void Session::go_back()
 {
     if (!first_rest_)
-        first_rest_ = make_rest(0, deformed_);
+        first_rest_ = make_rest(0, *deformed_);
     const bool has_last = last_rest_ && last_rest_->stage < script_.num_stages() &&
                           script_.before(last_rest_->stage) == last_rest_->fingerprint;
     const std::shared_ptr<const StageRest>& rest = has_last ? last_rest_ : first_rest_;
@@ -327,7 +334,7 @@ void Session::go_to(const Checkpoint& kept)
     check_frames();
     is_deformed_current_ = frame_ == 0;
     if (is_deformed_current_)
-        deformed_ = rest_->samples;
+        deformed_ = samples_at_rest();
 }
 
 void Session::add_checkpoint()
@@ -682,16 +689,16 @@ bool Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
-    DeformedSamples moved = rest_->samples;
+    auto moved = std::make_shared<DeformedSamples>(rest_->samples);
     const std::vector<Eigen::Vector3d> displacements = apply_field(
         *s.field, frame, s.system.rest().samples, s.system.body().cell_of_sample,
-        {moved.samples,
-         {use_samples_, moved.directions},
-         {geometry_->tangent_samples, moved.tangents},
-         {geometry_->rotation_samples, moved.rotations}});
+        {moved->samples,
+         {use_samples_, moved->directions},
+         {geometry_->tangent_samples, moved->tangents},
+         {geometry_->rotation_samples, moved->rotations}});
     if (s.system.rest().flat_axis >= 0)
         keep_in_plane(frame.axes.row(s.system.rest().flat_axis), rest_->samples.samples,
-                      moved.samples);
+                      moved->samples);
     deformed_ = std::move(moved);
     parts_.normals += !rest_->samples.directions.empty() ||
                       !rest_->samples.tangents.empty() ||
@@ -722,7 +729,7 @@ bool Session::update_samples()
 {
     if (frame_ > 0)
         return move_samples(reports_.back());
-    deformed_ = rest_->samples;
+    deformed_ = samples_at_rest();
     is_deformed_current_ = true;
     return true;
 }
@@ -735,7 +742,7 @@ bool Session::commit()
         return false;
     if (settings_.keeps_fields)
         committed_fields_.push_back(stored_field(state_->system, *state_->field));
-    last_rest_ = make_rest(stage_ + 1, deformed_);
+    last_rest_ = make_rest(stage_ + 1, *deformed_);
     start_stage(last_rest_);
     return true;
 }

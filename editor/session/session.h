@@ -78,7 +78,9 @@ public:
     /// At rest, before the first stage.
     const Geometry& geometry() const { return *geometry_; }
     /// The samples and directions after the last frame that wanted them.
-    const DeformedSamples& deformed() const { return deformed_; }
+    const DeformedSamples& deformed() const { return *deformed_; }
+    /// The same, for whoever keeps them.
+    std::shared_ptr<const DeformedSamples> shared_deformed() const { return deformed_; }
     /// Of the last frame alone where checkpoints are kept.
     const std::vector<FrameReport>& frames() const { return reports_; }
     const std::vector<std::string>& warnings() const { return warnings_; }
@@ -115,7 +117,7 @@ public:
     /// Null unless every edge has exactly two, opposite faces.
     std::optional<Volume> volume() const
     {
-        return enclosed_volumes(*geometry_, deformed_.samples);
+        return enclosed_volumes(*geometry_, deformed_->samples);
     }
 
 private:
@@ -124,6 +126,8 @@ private:
     CellSystemSettings system_settings() const;
     std::shared_ptr<const StageRest> make_rest(std::size_t stage,
                                                DeformedSamples samples);
+    /// Of this stage; they keep its rest.
+    std::shared_ptr<const DeformedSamples> samples_at_rest() const;
     void start_stage(std::shared_ptr<const StageRest> rest);
     void warn_of_bones();
     void go_to(const Checkpoint& state);
@@ -155,7 +159,8 @@ private:
     std::vector<std::uint32_t> use_samples_;                  ///< of the direction uses
     std::shared_ptr<const StageRest> rest_;                   ///< of this stage
     std::shared_ptr<const StageRest> first_rest_, last_rest_; ///< to start stages from
-    DeformedSamples deformed_;
+    /// Where nothing has moved yet, those at rest in this stage.
+    std::shared_ptr<const DeformedSamples> deformed_;
     bool is_deformed_current_ = true; ///< of the last frame
     std::vector<FrameReport> reports_;
     std::size_t frames_done_ = 0;

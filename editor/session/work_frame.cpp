@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -13,6 +14,7 @@
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/base/nearest_rotation.h"
+#include "octree/base/parallel.h"
 
 namespace cellwarp
 {
@@ -86,13 +88,46 @@ Motion WorkFrame::motion_to_model(const Motion& motion) const
 
 ModelBox bounding_box(std::span<const Eigen::Vector3d> samples)
 {
-    ModelBox box{samples.front(), samples.front()};
-    for (const Eigen::Vector3d& x : samples)
+    constexpr std::size_t kSamplesOfPart = std::size_t{1} << 16; // of one thread
+    const std::size_t num_parts = (samples.size() + kSamplesOfPart - 1) / kSamplesOfPart;
+    std::vector<ModelBox> parts(num_parts, {samples.front(), samples.front()});
+    parallel_for(num_parts, 1,
+                 [&](std::size_t part)
+                 {
+                     ModelBox box = parts[part];
+                     const std::size_t begin = part * kSamplesOfPart;
+                     for (const Eigen::Vector3d& x : samples.subspan(
+                              begin, std::min(kSamplesOfPart, samples.size() - begin)))
+                     {
+                         box.low = box.low.cwiseMin(x);
+                         box.high = box.high.cwiseMax(x);
+                     }
+                     parts[part] = box;
+                 });
+    ModelBox box = parts.front();
+    for (const ModelBox& part : parts)
     {
-        box.low = box.low.cwiseMin(x);
-        box.high = box.high.cwiseMax(x);
+        box.low = box.low.cwiseMin(part.low);
+        box.high = box.high.cwiseMax(part.high);
     }
     return box;
+}
+
+std::string place_text(const Eigen::Vector3d& x, double size)
+{
+    int digits_behind = 0;
+    if (size > 0.0 && std::isfinite(size))
+        digits_behind =
+            static_cast<int>(std::clamp(3.0 - std::floor(std::log10(size)), 0.0, 15.0));
+    const auto text = [&](double number)
+    {
+        constexpr double kLastUnit = 1e15; // larger ones are whole numbers
+        if (!(std::abs(number) < kLastUnit))
+            return shortest(number);
+        const std::string fixed = fmt::format("{:.{}f}", number, digits_behind);
+        return fixed.find_first_not_of("-0.") == std::string::npos ? "0" : fixed;
+    };
+    return text(x.x()) + " " + text(x.y()) + " " + text(x.z());
 }
 
 WorkFrame automatic_frame(const ModelBox& box)

@@ -43,6 +43,9 @@ struct ModelBox
 /// \pre not empty
 ModelBox bounding_box(std::span<const Eigen::Vector3d> samples);
 
+/// "1.25 0.5 -3": a place for people, to a thousandth of a size.
+std::string place_text(const Eigen::Vector3d& x, double size);
+
 /// The model's bounding box.
 WorkFrame automatic_frame(const ModelBox& box);
 

@@ -143,6 +143,26 @@ void prepare_panels()
                     "; cellwarp deform, render and apply work without one");
 }
 
+double scale_of(const WindowOptions& options, float of_display)
+{
+    return options.scale > 0.0 ? options.scale : std::max(1.0f, of_display);
+}
+
+/// Of the window at first [pixel of the screen].
+Eigen::Vector2i first_size(const WindowOptions& options)
+{
+    const Eigen::Vector2i wanted(options.width, options.height);
+    GLFWmonitor* const monitor = glfwGetPrimaryMonitor();
+    if (options.is_played || monitor == nullptr)
+        return wanted;
+    float across = 1.0f, down = 1.0f;
+    glfwGetMonitorContentScale(monitor, &across, &down);
+    int x = 0, y = 0;
+    Eigen::Vector2i room = Eigen::Vector2i::Zero();
+    glfwGetMonitorWorkarea(monitor, &x, &y, &room.x(), &room.y());
+    return size_within(wanted, scale_of(options, across), room);
+}
+
 } // namespace
 
 struct Window::Callbacks
@@ -299,28 +319,14 @@ std::optional<InputEvent> key_press(const std::string& name, const Modifiers& mo
     return std::nullopt;
 }
 
-namespace
+Eigen::Vector2i size_within(const Eigen::Vector2i& wanted, double scale,
+                            const Eigen::Vector2i& room)
 {
-
-/// Of the window at first [pixel of the screen].
-Eigen::Vector2i first_size(const WindowOptions& options)
-{
-    const Eigen::Vector2i wanted(options.width, options.height);
-    GLFWmonitor* const monitor = glfwGetPrimaryMonitor();
-    if (options.is_played || monitor == nullptr)
-        return wanted;
-    float across = 1.0f, down = 1.0f;
-    glfwGetMonitorContentScale(monitor, &across, &down);
-    const double scale = options.scale > 0.0 ? options.scale : std::max(1.0f, across);
-    int x = 0, y = 0;
-    Eigen::Vector2i room;
-    glfwGetMonitorWorkarea(monitor, &x, &y, &room.x(), &room.y());
     constexpr double kTitle = 32.0; // the bar above the window, in the editor's pixels
-    room.y() -= static_cast<int>(kTitle * scale);
-    return (scale * wanted.cast<double>()).cast<int>().cwiseMin(room).cwiseMax(1);
+    const Eigen::Vector2i size = (scale * wanted.cast<double>()).cast<int>();
+    const Eigen::Vector2i most(room.x(), room.y() - static_cast<int>(kTitle * scale));
+    return (most.array() > 0).all() ? Eigen::Vector2i(size.cwiseMin(most)) : size;
 }
-
-} // namespace
 
 Window::Window(const WindowOptions& options) : is_played_(options.is_played)
 {
@@ -341,8 +347,7 @@ Window::Window(const WindowOptions& options) : is_played_(options.is_played)
     glfwSwapInterval(options.is_played ? 0 : 1);
     float across = 1.0f, down = 1.0f;
     glfwGetWindowContentScale(window_, &across, &down);
-    scale_ =
-        options.scale > 0.0 ? options.scale : std::max(1.0, static_cast<double>(across));
+    scale_ = scale_of(options, across);
     glfwSetWindowUserPointer(window_, this);
     glfwSetCursorPosCallback(window_, Callbacks::moved);
     glfwSetMouseButtonCallback(window_, Callbacks::button);

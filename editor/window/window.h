@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "editor/window/events.h"
 #include "io/image.h"
 
@@ -32,6 +34,12 @@ struct WindowOptions
 
 /// The event of a key by its name: "g", "?", "enter", "kp7"; none: there is no such key.
 std::optional<InputEvent> key_press(const std::string& name, const Modifiers& modifiers);
+
+/// A window's size, smaller where a screen has no room for it and its title; where its
+/// room is not known (0) as wanted. \p wanted: in the editor's pixels, \p scale of the
+/// screen's each; the others [pixel of the screen].
+Eigen::Vector2i size_within(const Eigen::Vector2i& wanted, double scale,
+                            const Eigen::Vector2i& room);
 
 class Window
 {

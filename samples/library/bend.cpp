@@ -2,10 +2,15 @@
 // An edit from another program: `bend MODEL RESULT` turns the upper end of a model over,
 // its lower end held. docs/library.md explains it.
 #include <cstdio>
+#include <memory>
+#include <string>
 
 #include "editor/session/scene_settings.h"
+#include "editor/session/session.h"
+#include "io/error.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
+#include "io/handle_file.h"
 
 using namespace cellwarp;
 
@@ -13,7 +18,7 @@ int main(int count, char** names)
 try
 {
     if (count != 3)
-        return static_cast<int>(Fault::Usage);
+        throw Error(Fault::Usage, "usage: bend MODEL RESULT");
     const auto model = std::make_shared<const GeometryFile>(read_geometry(names[1]));
     const HandleFile handles = parse_handles("", R"(cellwarp-handles 1
 units relative
@@ -24,7 +29,10 @@ move head rotate 1 0 0 45 about border
 )");
     Session session(geometry_of(model), handles, settings_of(SceneFile()));
     session.next_frame(true);
+    for (const std::string& warning : session.warnings())
+        std::fputs((warning + "\n").c_str(), stderr);
     write_geometry(names[2], *model, session.deformed(), Overwrite::Yes);
+    return session.frames().back().solve.stop == Stop::Converged ? 0 : 7;
 }
 catch (const Error& error)
 {

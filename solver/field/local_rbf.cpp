@@ -2,12 +2,14 @@
 #include "solver/field/local_rbf.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <map>
 #include <tuple>
+#include <unordered_map>
 
+#include "octree/base/hash.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 #include "octree/base/smooth_step.h"
@@ -25,6 +27,18 @@ constexpr double kTornFrom = 0.15, kTornTo = 0.5;
 
 /// A box of the octree: its edge and its place among those of this size.
 using BoxKey = std::tuple<double, std::int64_t, std::int64_t, std::int64_t>;
+
+struct BoxHash
+{
+    std::size_t operator()(const BoxKey& key) const
+    {
+        const auto& [edge, x, y, z] = key;
+        std::uint64_t hash = std::bit_cast<std::uint64_t>(edge);
+        for (const std::int64_t k : {x, y, z})
+            hash = hash_of(hash + static_cast<std::uint64_t>(k));
+        return static_cast<std::size_t>(hash);
+    }
+};
 
 /// The box of \p larger times a cell's size that holds the box beside the cell's by \p
 /// step along the axis.
@@ -56,7 +70,8 @@ double tear_of(const Cells& cells, const std::array<int, 2>& pair,
 
 std::vector<std::array<int, 2>> unglued_pairs(const Cells& cells)
 {
-    std::map<BoxKey, std::vector<int>> in_box;
+    std::unordered_map<BoxKey, std::vector<int>, BoxHash> in_box;
+    in_box.reserve(cells.size());
     for (std::size_t c = 0; c < cells.size(); ++c)
         in_box[key_of(cells, cells.cells[c])].push_back(static_cast<int>(c));
     std::vector<std::array<int, 2>> pairs;
@@ -78,7 +93,10 @@ std::vector<std::array<int, 2>> unglued_pairs(const Cells& cells)
                     if (const auto other =
                             in_box.find(key_of(cells, cell, axis, step, larger));
                         other != in_box.end())
+                    {
                         add(static_cast<int>(c), other->second);
+                        break; // boxes do not overlap
+                    }
     }
     std::sort(pairs.begin(), pairs.end());
     pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());

@@ -283,13 +283,17 @@ TEST(Cli, relative_units_of_a_side_without_a_size_move_nothing_and_say_so)
     {
         const Result result =
             run({"deform", model, "--relative", "--fix", "box 0 0 0 0.2 1 1", "--handle",
-                 "e box 0.8 0 0 1 1 1", "--move", "e translate " + move, "-o",
-                 folder / "o.obj", "--overwrite"});
+                 "e box 0.8 0 0 1 1 1", "--move", "e " + move, "-o", folder / "o.obj",
+                 "--overwrite"});
         EXPECT_EQ(result.code, 0) << result.err;
+        // Lids would enclose nothing of a sheet.
+        EXPECT_TRUE(contains(result.err, "nothing is enclosed")) << result.err;
+        EXPECT_FALSE(contains(result.err, "--fill closed")) << result.err;
         return contains(result.err, "e: moves nothing along y");
     };
-    EXPECT_TRUE(warned("0 0.3 0"));
-    EXPECT_FALSE(warned("0.3 0 0"));
+    EXPECT_TRUE(warned("translate 0 0.3 0"));
+    EXPECT_TRUE(warned("matrix 1 0 0 0 0 1 0 0.2 0 0 1 0 0 0 0 1"));
+    EXPECT_FALSE(warned("translate 0.3 0 0"));
 }
 
 TEST(Cli, self_intersections_are_counted_at_rest_and_afterwards)

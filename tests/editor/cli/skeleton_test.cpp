@@ -201,7 +201,7 @@ TEST(SkeletonCli, info_tells_where_limbs_end)
     const Result bar =
         run({"info", "--extremities", std::string(CELLWARP_SAMPLES) + "/bar.obj"});
     EXPECT_EQ(bar.code, 0) << bar.err;
-    EXPECT_TRUE(contains(bar.out, "  extremity   none")) << bar.out;
+    EXPECT_TRUE(contains(bar.out, "  extremity   none: every limb")) << bar.out;
     const std::string point = folder.write("point.obj", "v 1 2 3\n");
     EXPECT_EQ(run({"info", "--extremities", point}).code, 6);
 }

@@ -121,6 +121,30 @@ TEST(Flat, planes_of_floats_and_planes_that_hardly_lean_are_planes)
     }
 }
 
+TEST(Flat, many_samples_are_as_flat_as_few)
+{
+    std::mt19937 rng(3);
+    const Eigen::Matrix3d R = support::random_rotation(rng);
+    std::vector<Eigen::Vector3d> places;
+    for (int i = 0; i < 60; ++i)
+        for (int k = 0; k < 60; ++k)
+            places.push_back(R * Eigen::Vector3d(0.1 * i, 0.05 * k, 0));
+    EXPECT_TRUE(plane_normal(places));
+    // Roundings to floats far from the origin are no thickness.
+    std::vector<Eigen::Vector3d> floats;
+    for (const Eigen::Vector3d& x : places)
+        floats.push_back(
+            (x + Eigen::Vector3d(3e5, 2e5, 1e5)).cast<float>().cast<double>());
+    EXPECT_TRUE(plane_normal(floats));
+    // One sample off it is enough, and so is a shape.
+    std::vector<Eigen::Vector3d> dented = places;
+    dented[1234] += 1e-6 * R.col(2);
+    EXPECT_FALSE(plane_normal(dented));
+    for (Eigen::Vector3d& x : places)
+        x = support::random_vector(rng, 1.0);
+    EXPECT_FALSE(plane_normal(places));
+}
+
 TEST(Flat, a_model_bends_in_its_plane_as_it_would_in_space)
 {
     // In space the same state has no force across the plane, and as long as the move is

@@ -282,7 +282,7 @@ TEST(RegionSet, a_region_that_selects_nothing_is_told_how_far_it_missed)
     EXPECT_TRUE(contains(message, "far")) << message;
     EXPECT_TRUE(contains(message, "selects nothing of the model")) << message;
     EXPECT_TRUE(contains(message, "is 0.25 away, at ")) << message;
-    EXPECT_TRUE(contains(message, " 4, relative ")) << message;
+    EXPECT_TRUE(contains(message, " 4.000, relative ")) << message;
     EXPECT_TRUE(contains(
         error_of(Fault::Malformed, [] { bar("handle far sphere 0.5 0.5 6 0.5\n"); }),
         "is 1.5 away"));

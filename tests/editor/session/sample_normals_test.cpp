@@ -65,8 +65,16 @@ TEST(SampleNormals, are_for_surfaces_without_sharp_edges)
     EXPECT_TRUE(is_smooth(tube(24)));
     EXPECT_FALSE(is_smooth(tube(4)));
     EXPECT_FALSE(is_smooth(geometry_of_obj("v 0 0 0\n")));
-    EXPECT_FALSE(is_smooth(
-        geometry_of_obj(support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 1}, 4)))));
+    // Sharp edges are as long in small faces.
+    for (const int faces : {4, 40})
+    {
+        EXPECT_FALSE(is_smooth(geometry_of_obj(
+            support::obj_text(support::box_shape({0, 0, 0}, {1, 1, 1}, faces)))))
+            << faces;
+    }
+    // A soup has none in common.
+    EXPECT_FALSE(is_smooth(geometry_of_obj(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf 1 2 3\nf 4 5 6\n")));
     const std::string folder = support::samples_folder();
     EXPECT_TRUE(is_smooth(read_geometry(folder + "/creature.obj").geometry));
     EXPECT_FALSE(is_smooth(read_geometry(folder + "/bar.obj").geometry));

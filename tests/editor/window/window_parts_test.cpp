@@ -14,6 +14,7 @@
 #include "editor/window/frame_times.h"
 #include "editor/window/places.h"
 #include "editor/window/playback.h"
+#include "editor/window/window.h"
 #include "io/error.h"
 #include "tests/support/shapes.h"
 #include "tests/support/throws.h"
@@ -22,6 +23,18 @@ namespace cellwarp
 {
 
 using support::Folder;
+
+TEST(Window, is_no_larger_than_a_screen_and_its_title_leave)
+{
+    using Size = Eigen::Vector2i;
+    const Size wanted(1400, 900);
+    EXPECT_EQ(size_within(wanted, 1.0, {1920, 1080}), wanted);
+    EXPECT_EQ(size_within(wanted, 1.0, {1280, 720}), Size(1280, 688));
+    EXPECT_EQ(size_within(wanted, 2.0, {3840, 2160}), Size(2800, 1800));
+    EXPECT_EQ(size_within(wanted, 2.0, {2560, 1440}), Size(2560, 1376));
+    // Where nobody knows.
+    EXPECT_EQ(size_within(wanted, 1.0, {0, 0}), wanted);
+}
 
 TEST(FrameTimes, of_the_last_whole_frames_last_until_there_are_others)
 {
