@@ -212,7 +212,8 @@ Json intersections_json(const Session& session, bool counts_rest, bool has_conta
     const std::optional<SelfIntersections> now =
         counter.count(session.deformed().samples);
     const CellSystem* const system = session.system();
-    const bool is_shell = system && system->rest().material.method == InsideMethod::None;
+    const bool is_shell = system && system->rest().flat_axis < 0 &&
+                          system->rest().material.method == InsideMethod::None;
     if (now && now->first_fresh)
     {
         Eigen::Vector3d first = Eigen::Vector3d::Zero();

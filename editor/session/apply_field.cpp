@@ -80,4 +80,15 @@ std::vector<Eigen::Vector3d> apply_field(const Field& field, const WorkFrame& fr
     return displacements;
 }
 
+std::vector<Eigen::Vector3d> moved_places(const WorkFrame& frame,
+                                          std::span<const Eigen::Vector3d> rest,
+                                          std::vector<Eigen::Vector3d> displacements)
+{
+    parallel_for(displacements.size(), kGrain,
+                 [&](std::size_t i) {
+                     displacements[i] = rest[i] + frame.vector_to_model(displacements[i]);
+                 });
+    return displacements;
+}
+
 } // namespace cellwarp

@@ -48,4 +48,9 @@ std::vector<Eigen::Vector3d> apply_field(const Field& field, const WorkFrame& fr
                                          std::span<const int> own,
                                          const Carried& carried);
 
+/// Places at rest [model unit] moved by displacements [work], in the memory of these.
+std::vector<Eigen::Vector3d> moved_places(const WorkFrame& frame,
+                                          std::span<const Eigen::Vector3d> rest,
+                                          std::vector<Eigen::Vector3d> displacements);
+
 } // namespace cellwarp

@@ -689,23 +689,15 @@ bool Session::move_samples(FrameReport& report)
     report.fit_ms = ms_since(start);
 
     start = Clock::now();
-    auto moved = std::make_shared<DeformedSamples>(rest_->samples);
-    const std::vector<Eigen::Vector3d> displacements = apply_field(
+    const DeformedSamples& rest = rest_->samples;
+    auto moved = std::make_shared<DeformedSamples>(
+        DeformedSamples{{}, rest.directions, rest.tangents, rest.rotations});
+    std::vector<Eigen::Vector3d> displacements = apply_field(
         *s.field, frame, s.system.rest().samples, s.system.body().cell_of_sample,
-        {moved->samples,
+        {{},
          {use_samples_, moved->directions},
          {geometry_->tangent_samples, moved->tangents},
          {geometry_->rotation_samples, moved->rotations}});
-    if (s.system.rest().flat_axis >= 0)
-        keep_in_plane(frame.axes.row(s.system.rest().flat_axis), rest_->samples.samples,
-                      moved->samples);
-    deformed_ = std::move(moved);
-    parts_.normals += !rest_->samples.directions.empty() ||
-                      !rest_->samples.tangents.empty() ||
-                      !rest_->samples.rotations.empty();
-    report.apply_ms = ms_since(start);
-    is_deformed_current_ = true;
-
     const double diagonal = frame.diagonal();
     for (std::size_t r = 0; r < s.system.regions().size(); ++r)
     {
@@ -721,6 +713,15 @@ bool Session::move_samples(FrameReport& report)
                 report.handle_residual, (displacements[i] - wanted).norm() / diagonal);
         }
     }
+    moved->samples = moved_places(frame, rest.samples, std::move(displacements));
+    if (s.system.rest().flat_axis >= 0)
+        keep_in_plane(frame.axes.row(s.system.rest().flat_axis), rest.samples,
+                      moved->samples);
+    deformed_ = std::move(moved);
+    parts_.normals +=
+        !rest.directions.empty() || !rest.tangents.empty() || !rest.rotations.empty();
+    report.apply_ms = ms_since(start);
+    is_deformed_current_ = true;
     return true;
 }
 
