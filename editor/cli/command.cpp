@@ -94,7 +94,7 @@ Moves, from the rest shape, in the order written: translate X Y Z,
 rotate X Y Z DEGREES [about X Y Z | about border], matrix and 16 numbers row by row,
 to X Y Z (a pin). A region turns about the middle of its box; 'about X Y Z' names
 another pivot, 'about border' is where it is attached. Positive degrees turn
-counterclockwise for who sees the axis point at them.
+counterclockwise, seen with the axis pointing at you.
 )");
     app.add_option("--sel", sel, "region labels of the deformation survey (with --def)");
     app.add_option("--def", def, "handle matrix of the deformation survey (with --sel)");

@@ -25,7 +25,7 @@ struct AtPlaces
 /// Places and what hangs on them [model unit]: at rest before, carried afterwards.
 struct Carried
 {
-    std::span<Eigen::Vector3d> places;
+    std::span<Eigen::Vector3d> places; ///< none: moved_places() does it
     AtPlaces<Eigen::Vector3d> normals = {}, tangents = {};
     AtPlaces<Eigen::Vector4d> rotations = {}; ///< quaternions w x y z
 

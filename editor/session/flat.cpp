@@ -41,6 +41,26 @@ Eigen::Vector3d across(const Eigen::Vector3d& along)
     return (unit - unit.dot(along) * along).normalized();
 }
 
+/// Three places of many that span a plane well: from the first one the way to the
+/// farthest, and across it that to the one farthest off the line between them.
+struct Span
+{
+    Eigen::Vector3d along, side;
+};
+
+/// \p off(i): the way to place i from the first.
+template <class Off>
+Span span_of(std::size_t count, const Off& off)
+{
+    const Eigen::Vector3d along =
+        off(farthest(count, [&](std::size_t i) { return off(i).norm(); }));
+    const Eigen::Vector3d direction = along.normalized();
+    const auto beside = [&](std::size_t i) -> Eigen::Vector3d
+    { return off(i) - direction.dot(off(i)) * direction; };
+    return {along,
+            beside(farthest(count, [&](std::size_t i) { return beside(i).norm(); }))};
+}
+
 /// Whether a few of many samples tell that all of them lie in no plane. Three of them,
 /// apart by a hundredth of the diagonal, span a plane, which roundings of the samples
 /// make lean a hundred times as much; where another one is off it by a thousandth, and by
@@ -53,22 +73,14 @@ bool are_surely_solid(const std::vector<Eigen::Vector3d>& samples, double diagon
         return false;
     const auto off = [&](std::size_t k) -> Eigen::Vector3d
     { return (samples[k * (samples.size() / kFew)] - samples[0]) / diagonal; };
+    const Span span = span_of(kFew, off);
+    if (!(span.along.norm() > kApart && span.side.norm() > kApart))
+        return false;
     // As if they were floats.
     const double rounding = 2.0 * std::numeric_limits<float>::epsilon() *
                             (samples[0].cwiseAbs().maxCoeff() / diagonal + 1.0);
     const double surely_off = std::max(kOff, 10.0 * rounding / kApart);
-    const Eigen::Vector3d along =
-        off(farthest(kFew, [&](std::size_t k) { return off(k).norm(); }));
-    if (!(along.norm() > kApart))
-        return false;
-    const Eigen::Vector3d direction = along.normalized();
-    const auto beside = [&](std::size_t k) -> Eigen::Vector3d
-    { return off(k) - direction.dot(off(k)) * direction; };
-    const Eigen::Vector3d side =
-        beside(farthest(kFew, [&](std::size_t k) { return beside(k).norm(); }));
-    if (!(side.norm() > kApart))
-        return false;
-    const Eigen::Vector3d normal = direction.cross(side).normalized();
+    const Eigen::Vector3d normal = span.along.cross(span.side).normalized();
     for (std::size_t k = 0; k < kFew; ++k)
         if (std::abs(normal.dot(off(k))) > surely_off)
             return true;
@@ -86,13 +98,8 @@ std::optional<Eigen::Vector3d> plane_normal(const std::vector<Eigen::Vector3d>& 
         return std::nullopt;
     const auto off = [&](std::size_t i) -> Eigen::Vector3d
     { return (samples[i] - samples[0]) / diagonal; };
-    const Eigen::Vector3d far =
-        off(farthest(samples.size(), [&](std::size_t i) { return off(i).norm(); }));
-    const Eigen::Vector3d along = far.normalized();
-    const auto beside = [&](std::size_t i) -> Eigen::Vector3d
-    { return off(i) - along.dot(off(i)) * along; };
-    const Eigen::Vector3d side =
-        beside(farthest(samples.size(), [&](std::size_t i) { return beside(i).norm(); }));
+    const Span span = span_of(samples.size(), off);
+    const Eigen::Vector3d along = span.along.normalized(), side = span.side;
     // Half a unit of each coordinate's last place, if files hold them so.
     const bool are_floats = std::all_of(samples.begin(), samples.end(),
                                         [](const Eigen::Vector3d& x)

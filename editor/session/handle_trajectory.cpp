@@ -107,7 +107,7 @@ void warn_of_flat_sides(const Eigen::Vector3d& way, const Units& units,
             continue;
         std::string warning =
             at(where, fmt::format("moves nothing along {}: the model's box has no size "
-                                  "there, which relative units are of",
+                                  "there, and relative units are shares of it",
                                   "xyz"[axis]));
         if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
             warnings.push_back(std::move(warning));
