@@ -13,7 +13,7 @@ namespace cellwarp
 struct Progress
 {
     bool is_dragging = false;
-    bool has_dragged = false; ///< once, in this session
+    int num_drags = 0; ///< that changed something, in this session
 };
 
 /// Empty for who has bent a shape before, or opened one that is bent.

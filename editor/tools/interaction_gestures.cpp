@@ -173,7 +173,7 @@ void Interaction::State::let_go()
     gesture = {};
     const std::uint64_t before = document().result_revision();
     attempt([&] { editing.end_drag(); });
-    has_dragged |= document().result_revision() != before;
+    num_drags += document().result_revision() != before;
 }
 
 void Interaction::State::start_choice(SelectGesture::Kind kind, const Press& press)

@@ -127,7 +127,8 @@ struct Interaction::State
     /// Whether what is hidden is selected, too: a brush paints a surface, but a box is
     /// drawn around a part of the body, which has a far side.
     bool boxes_go_through = true, brush_goes_through = false;
-    bool has_framed = false, has_dragged = false;
+    bool has_framed = false;
+    int num_drags = 0;          ///< that changed something
     double brush_radius = 30.0; ///< [pixel]
     std::string active;
     std::optional<std::size_t> active_point; ///< of the active region

@@ -398,15 +398,21 @@ TEST(Interaction, hints_lead_to_the_first_bend_and_then_end)
     EXPECT_EQ(desk.hand.hint(), "Select the part to grab; press H");
     desk.select(2.9, 3.1);
     desk.key('h');
-    EXPECT_EQ(desk.hand.hint(), "Drag the arrows, or press G");
+    EXPECT_EQ(desk.hand.hint(),
+              "Drag the arrows, or press G to move it and R to turn it");
     desk.click(desk.on(GizmoPart::Kind::Axis, 1)); // that was no drag
-    EXPECT_EQ(desk.hand.hint(), "Drag the arrows, or press G");
+    EXPECT_EQ(desk.hand.hint(),
+              "Drag the arrows, or press G to move it and R to turn it");
     desk.keys("gy");
     EXPECT_EQ(desk.hand.hint(), "Let go where it should be; Ctrl+Z undoes");
     desk.keys("0.2");
     desk.key(Key::Enter);
+    EXPECT_EQ(desk.hand.hint(),
+              "R turns the handle, too: a hand that only moves kinks its wrist");
+    desk.key('z', kControl); // nothing has moved
     EXPECT_EQ(desk.hand.hint(), "");
-    desk.key('z', kControl);
+    desk.keys("rx20");
+    desk.key(Key::Enter);
     EXPECT_EQ(desk.hand.hint(), "");
 }
 
