@@ -179,7 +179,7 @@ void ColumnsScanner::point(Geometry& out)
         starts[role] = field.start;
     }
     out.samples.emplace_back(values[0], values[1], values[2]);
-    out.sample_places.starts.insert(out.sample_places.starts.end(), starts, starts + 3);
+    out.sample_places.starts.append(starts, starts + 3);
     if (role_column_[3] >= 0)
     {
         const Eigen::Vector3d normal(values[3], values[4], values[5]);
@@ -188,8 +188,7 @@ void ColumnsScanner::point(Geometry& out)
             out.directions.push_back(normal);
             out.direction_samples.push_back(
                 static_cast<std::uint32_t>(out.samples.size() - 1));
-            out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                               starts + 3, starts + 6);
+            out.direction_places.starts.append(starts + 3, starts + 6);
         }
     }
     if (role_column_[6] >= 0)

@@ -41,7 +41,7 @@ std::vector<DirectionUse> direction_uses(const Geometry& geometry)
 
 void check_magnitude(const std::string& path, const Geometry& geometry)
 {
-    const std::vector<std::uint64_t>& starts = geometry.sample_places.starts;
+    const Offsets& starts = geometry.sample_places.starts;
     for (std::size_t i = 0; i < geometry.samples.size(); ++i)
         if (!(geometry.samples[i].cwiseAbs().maxCoeff() <= kMaxCoordinate))
             throw malformed({path, 0,

@@ -16,6 +16,7 @@
 
 #include "io/bytes.h"
 #include "io/error.h"
+#include "io/offsets.h"
 
 namespace cellwarp
 {
@@ -43,7 +44,7 @@ struct ByteOffsets
     std::array<Scalar, 4> scalars = {Scalar::Text, Scalar::Text, Scalar::Text,
                                      Scalar::Text};
     bool big_endian = false;
-    std::vector<std::uint64_t> starts = {}; ///< [byte]
+    Offsets starts = {}; ///< [byte]
 };
 
 /// Faces of one OBJ group or object; a name may come back.
@@ -62,8 +63,7 @@ struct Geometry
     std::string format;                   ///< "obj", "ply", ...
     std::vector<Eigen::Vector3d> samples; ///< [model unit]
     std::vector<std::uint32_t> corners;   ///< sample index of every face corner
-    std::vector<std::uint64_t>
-        face_ends; ///< face f: corners [face_ends[f-1], face_ends[f])
+    Offsets face_ends; ///< face f: corners [face_ends[f-1], face_ends[f])
     /// OBJ: what is drawn from sample to sample.
     std::vector<std::array<std::uint32_t, 2>> lines;
 
@@ -72,7 +72,7 @@ struct Geometry
     std::vector<Eigen::Vector3d> directions;
     std::vector<std::uint32_t> direction_samples;
     std::vector<std::uint32_t> corner_directions; ///< OBJ: direction or kNone, a corner
-    std::vector<std::uint64_t> corner_direction_starts; ///< [byte] of that index's token
+    Offsets corner_direction_starts;              ///< [byte] of that index's token
     /// OBJ: how many decimals the directions are written with, at most kMostDecimals.
     int direction_decimals = 0;
     static constexpr int kMostDecimals = 6;

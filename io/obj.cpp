@@ -226,8 +226,7 @@ void ObjScanner::vertex(Tokens& tokens, std::int64_t line, Geometry& out)
     out.samples.push_back(numbers.vector());
     if (static_cast<std::int64_t>(out.num_samples()) > kMaxSamples)
         throw malformed({file_, line, "vertex"}, "more than 2147483647 of them");
-    out.sample_places.starts.insert(out.sample_places.starts.end(),
-                                    numbers.starts.begin(), numbers.starts.begin() + 3);
+    out.sample_places.starts.append(numbers.starts.begin(), numbers.starts.begin() + 3);
     if (numbers.count < 6)
         return;
     out.colours.resize(out.samples.size(), {200, 200, 200});
@@ -251,8 +250,7 @@ void ObjScanner::normal(Tokens& tokens, std::int64_t line, Geometry& out)
         out.direction_decimals =
             std::min(Geometry::kMostDecimals,
                      std::max(out.direction_decimals, decimals_of(numbers.texts[k])));
-    out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                       numbers.starts.begin(),
+    out.direction_places.starts.append(numbers.starts.begin(),
                                        numbers.starts.begin() + 3);
 }
 
@@ -275,7 +273,7 @@ void ObjScanner::face(Tokens& tokens, std::int64_t line, Geometry& out)
         if (corner.normal != 0)
         {
             out.corner_directions.resize(out.corners.size() - 1, kNone);
-            out.corner_direction_starts.resize(out.corners.size() - 1, 0);
+            out.corner_direction_starts.pad(out.corners.size() - 1);
             out.corner_directions.push_back(
                 resolve(corner.normal, static_cast<std::int64_t>(out.num_directions()),
                         line, field, forward_normal_));
@@ -362,7 +360,7 @@ void ObjScanner::finish(Geometry& out)
     if (!out.corner_directions.empty())
     {
         out.corner_directions.resize(out.corners.size(), kNone);
-        out.corner_direction_starts.resize(out.corners.size(), 0);
+        out.corner_direction_starts.pad(out.corners.size());
     }
     if (num_texture_ > 0)
         out.attributes.push_back("texture coordinates");

@@ -108,15 +108,13 @@ bool OffScanner::vertex_token(const Token& token, Geometry& out)
     if (values_.size() < (has_normals_ ? 6u : 3u))
         return false;
     out.samples.emplace_back(values_[0], values_[1], values_[2]);
-    out.sample_places.starts.insert(out.sample_places.starts.end(), starts_.begin(),
-                                    starts_.begin() + 3);
+    out.sample_places.starts.append(starts_.begin(), starts_.begin() + 3);
     if (has_normals_ && Eigen::Vector3d(values_[3], values_[4], values_[5]).norm() > 0)
     {
         out.directions.emplace_back(values_[3], values_[4], values_[5]);
         out.direction_samples.push_back(
             static_cast<std::uint32_t>(out.samples.size() - 1));
-        out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                           starts_.begin() + 3, starts_.end());
+        out.direction_places.starts.append(starts_.begin() + 3, starts_.end());
     }
     values_.clear();
     starts_.clear();

@@ -44,7 +44,7 @@ public:
         return std::all_of(places_.scalars.begin(), end,
                            [](Scalar scalar) { return stored_size(scalar) > 0; });
     }
-    std::uint64_t start() const { return places_.starts[first_ + order_[next_]]; }
+    std::uint64_t start() const { return starts_[order_[next_]]; }
     bool changes() const
     {
         return before_[first_ + order_[next_]] != after_[first_ + order_[next_]];
@@ -96,27 +96,29 @@ private:
     /// Of all numbers the one that stands last in a vector.
     std::size_t last_number(std::size_t vector) const
     {
-        const auto first =
-            places_.starts.begin() + static_cast<std::ptrdiff_t>(vector * places_.length);
-        const auto end = first + static_cast<std::ptrdiff_t>(places_.length);
-        return static_cast<std::size_t>(std::max_element(first, end) -
-                                        places_.starts.begin());
+        const std::size_t first = vector * places_.length;
+        std::size_t last = first;
+        for (std::size_t number = first; number < first + places_.length; ++number)
+            if (places_.starts[number] > places_.starts[last])
+                last = number;
+        return last;
     }
     void load()
     {
         if (is_done())
             return;
-        const std::uint64_t* starts = &places_.starts[first_];
-        if (std::is_sorted(
-                order_.begin(), order_.begin() + static_cast<long>(places_.length),
-                [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; }))
-            return; // as in the last vector
-        std::sort(order_.begin(), order_.begin() + static_cast<long>(places_.length),
-                  [&](std::size_t a, std::size_t b) { return starts[a] < starts[b]; });
+        for (std::size_t k = 0; k < places_.length; ++k)
+            starts_[k] = places_.starts[first_ + k];
+        const auto end = order_.begin() + static_cast<long>(places_.length);
+        const auto is_before = [&](std::size_t a, std::size_t b)
+        { return starts_[a] < starts_[b]; };
+        if (!std::is_sorted(order_.begin(), end, is_before)) // unless as the last vector
+            std::sort(order_.begin(), end, is_before);
     }
 
     const ByteOffsets& places_;
     std::span<const double> before_, after_;
+    std::array<std::uint64_t, 4> starts_ = {}; ///< of the vector
     std::array<std::size_t, 4> order_ = {0, 1, 2, 3};
     std::size_t first_ = 0; ///< number of the vector
     std::size_t next_ = 0;  ///< in order_

@@ -331,8 +331,7 @@ void PcdScanner::keep(const Point& point, Geometry& out)
             throw malformed(here(point.starts[k], std::string(kRoles[k])),
                             "is not finite (got " + shortest(v[k]) + ")");
     out.samples.emplace_back(v[0], v[1], v[2]);
-    out.sample_places.starts.insert(out.sample_places.starts.end(), point.starts,
-                                    point.starts + 3);
+    out.sample_places.starts.append(point.starts, point.starts + 3);
     if (has_colours_)
         out.colours.push_back({static_cast<std::uint8_t>(point.colour >> 16),
                                static_cast<std::uint8_t>(point.colour >> 8),
@@ -348,8 +347,7 @@ void PcdScanner::keep(const Point& point, Geometry& out)
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                       point.starts + 3, point.starts + 6);
+    out.direction_places.starts.append(point.starts + 3, point.starts + 6);
 }
 
 void PcdScanner::text_point(std::string_view line, std::uint64_t start, Geometry& out)

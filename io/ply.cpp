@@ -375,8 +375,7 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
             throw malformed(here(record.starts[k], std::string(1, "xyz"[k])),
                             "is not finite (got " + shortest(v[k]) + ")");
     out.samples.emplace_back(v[0], v[1], v[2]);
-    out.sample_places.starts.insert(out.sample_places.starts.end(), record.starts,
-                                    record.starts + 3);
+    out.sample_places.starts.append(record.starts, record.starts + 3);
     if (has_colour)
         out.colours.push_back({static_cast<std::uint8_t>(v[kColour]),
                                static_cast<std::uint8_t>(v[kColour + 1]),
@@ -394,8 +393,7 @@ void PlyScanner::keep(const Element& element, const Record& record, Geometry& ou
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.direction_places.starts.insert(out.direction_places.starts.end(),
-                                       record.starts + 3, record.starts + 6);
+    out.direction_places.starts.append(record.starts + 3, record.starts + 6);
 }
 
 void PlyScanner::keep_rotation(const Record& record, Geometry& out)
@@ -409,8 +407,7 @@ void PlyScanner::keep_rotation(const Record& record, Geometry& out)
     }
     out.rotations.push_back(rotation);
     out.rotation_samples.push_back(static_cast<std::uint32_t>(out.samples.size() - 1));
-    out.rotation_places.starts.insert(out.rotation_places.starts.end(),
-                                      record.starts + kRotation, record.starts + kColour);
+    out.rotation_places.starts.append(record.starts + kRotation, record.starts + kColour);
 }
 
 bool PlyScanner::ascii_record(const Element& element, std::string_view line,
@@ -593,7 +590,7 @@ std::size_t PlyScanner::scan(std::string_view part, std::uint64_t start, bool is
         {
             // Read again when there is more of it.
             out.corners.resize(corners);
-            out.face_ends.resize(faces);
+            out.face_ends.truncate(faces);
             return done;
         }
         done += length;

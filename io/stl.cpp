@@ -69,8 +69,7 @@ void StlScanner::add_normal(const Eigen::Vector3d& normal, const std::uint64_t* 
     }
     out.directions.push_back(normal);
     out.direction_samples.push_back(static_cast<std::uint32_t>(out.samples.size()));
-    out.direction_places.starts.insert(out.direction_places.starts.end(), starts,
-                                       starts + 3);
+    out.direction_places.starts.append(starts, starts + 3);
 }
 
 void StlScanner::facet(std::string_view record, std::uint64_t start, Geometry& out)
@@ -95,8 +94,7 @@ void StlScanner::facet(std::string_view record, std::uint64_t start, Geometry& o
         out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
         out.samples.push_back(x);
     }
-    out.sample_places.starts.insert(out.sample_places.starts.end(), starts + 3,
-                                    starts + 12);
+    out.sample_places.starts.append(starts + 3, starts + 12);
     out.face_ends.push_back(out.corners.size());
     ++facet_;
 }
@@ -129,7 +127,7 @@ void StlScanner::numbers(Tokens& tokens, bool is_normal, Geometry& out)
     }
     out.corners.push_back(static_cast<std::uint32_t>(out.samples.size()));
     out.samples.push_back(v);
-    out.sample_places.starts.insert(out.sample_places.starts.end(), starts, starts + 3);
+    out.sample_places.starts.append(starts, starts + 3);
 }
 
 void StlScanner::statement(std::string_view line, std::uint64_t start, Geometry& out)
@@ -224,11 +222,11 @@ std::size_t StlScanner::scan(std::string_view part, std::uint64_t start, bool is
         {
             // Its normal follows from its corners: only whole facets are handed out.
             out.samples.resize(samples);
-            out.sample_places.starts.resize(3 * samples);
+            out.sample_places.starts.truncate(3 * samples);
             out.corners.resize(corners);
             out.directions.resize(directions);
             out.direction_samples.resize(directions);
-            out.direction_places.starts.resize(3 * directions);
+            out.direction_places.starts.truncate(3 * directions);
             out.num_bad_normals = bad_normals;
         }
         if (in_facet_ && !is_last)

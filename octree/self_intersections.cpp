@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <cstring>
@@ -105,32 +106,27 @@ struct TriangleLeaf
             corners[axis][k] = of_corners[axis];
         }
     }
-    /// Calls visit(k) for the triangles whose boxes meet that from \p from to \p to.
-    template <class Visit>
-    void for_each_met(const std::array<float, 3>& from, const std::array<float, 3>& to,
-                      Visit&& visit) const
+    /// Bit k: the box of triangle k meets that from \p from to \p to.
+    unsigned met(const std::array<float, 3>& from, const std::array<float, 3>& to) const
     {
         Eigen::Array4f least = Eigen::Array4f::Constant(FloatBox::kFar);
         for (std::size_t axis = 0; axis < 3; ++axis)
             least = least.min(to[axis] - low[axis]).min(high[axis] - from[axis]);
         const auto [first, second] = signs(least);
-        if ((first & 0x80000000) == 0)
-            visit(std::size_t{0});
-        if (first >> 63 == 0)
-            visit(std::size_t{1});
-        if ((second & 0x80000000) == 0)
-            visit(std::size_t{2});
-        if (second >> 63 == 0)
-            visit(std::size_t{3});
+        const std::uint64_t apart = (first >> 31 & 1) | (first >> 62 & 2) |
+                                    (second >> 29 & 4) | (second >> 60 & 8);
+        return static_cast<unsigned>(~apart & 0xf);
     }
-    /// Whether two triangles have such a corner in common.
-    bool shares(std::size_t k, const TriangleLeaf& other, std::size_t l) const
+    /// Bit k: triangle k has such a corner in common with triangle \p l of another leaf.
+    unsigned sharing(const TriangleLeaf& other, std::size_t l) const
     {
-        bool any = false;
-        for (const auto& one : corners)
-            for (const auto& own : other.corners)
-                any |= one[k] != 0 && one[k] == own[l];
-        return any;
+        std::array<std::uint32_t, kLeaf> any = {};
+        for (const auto& theirs : other.corners)
+            for (const auto& own : corners)
+                for (std::size_t k = 0; k < kLeaf; ++k)
+                    any[k] |= static_cast<std::uint32_t>(theirs[l] != 0) &
+                              static_cast<std::uint32_t>(own[k] == theirs[l]);
+        return any[0] | any[1] << 1 | any[2] << 2 | any[3] << 3;
     }
 };
 
@@ -163,10 +159,11 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
         if (!(normal.dot(a.cross(b)) > kSure * size_a * size_b))
             return false;
         // Where the start is in this triangle, its edges included, that of its upper one.
+        // An edge may point the opposite way, as in a regular grid, but not the same way.
         const double in_a = p == first ? 0.0 : normal.dot(a.cross(start));
         const double in_b = q == first ? 0.0 : normal.dot(start.cross(b));
-        if ((p != first && std::abs(in_a) <= kSure * size_a) ||
-            (q != first && std::abs(in_b) <= kSure * size_b))
+        if ((p != first && std::abs(in_a) <= kSure * size_a && a.dot(start) > 0.0) ||
+            (q != first && std::abs(in_b) <= kSure * size_b && b.dot(start) > 0.0))
             return false;
         count += in_a >= 0.0 && in_b > 0.0;
     }
@@ -353,16 +350,17 @@ private:
 
     FloatBox box_of(std::uint32_t triangle) const
     {
+        // What touches still touches: rounding keeps the order of numbers.
+        const auto& [a, b, c] = triangles_[triangle];
+        const Eigen::Vector3d low =
+            places_[a].cwiseMin(places_[b]).cwiseMin(places_[c]) - corner_;
+        const Eigen::Vector3d high =
+            places_[a].cwiseMax(places_[b]).cwiseMax(places_[c]) - corner_;
         FloatBox box;
-        for (const std::uint32_t corner : triangles_[triangle])
+        for (int axis = 0; axis < 3; ++axis)
         {
-            // What touches still touches: rounding keeps the order of numbers.
-            const Eigen::Vector3d place = places_[corner] - corner_;
-            for (int axis = 0; axis < 3; ++axis)
-            {
-                box.low[axis] = std::min(box.low[axis], rounded_down(place[axis]));
-                box.high[axis] = std::max(box.high[axis], rounded_up(place[axis]));
-            }
+            box.low[axis] = rounded_down(low[axis]);
+            box.high[axis] = rounded_up(high[axis]);
         }
         return box;
     }
@@ -420,22 +418,26 @@ private:
             return;
         const TriangleLeaf &one = leaves_[a], &other = leaves_[b];
         const FloatBox& box = levels_[0][b];
-        one.for_each_met(
-            {box.low[0], box.low[1], box.low[2]}, {box.high[0], box.high[1], box.high[2]},
-            [&](std::size_t i)
-            {
-                const auto lane = static_cast<Eigen::Index>(i);
-                tally.tests += static_cast<std::int64_t>(kLeaf);
-                other.for_each_met(
-                    {one.low[0][lane], one.low[1][lane], one.low[2][lane]},
-                    {one.high[0][lane], one.high[1][lane], one.high[2][lane]},
-                    [&](std::size_t k)
-                    {
-                        if ((a != b || k > i) && !one.shares(i, other, k))
-                            test_pair(order_[a * kLeaf + i], order_[b * kLeaf + k],
-                                      tally);
-                    });
-            });
+        unsigned of_one = one.met({box.low[0], box.low[1], box.low[2]},
+                                  {box.high[0], box.high[1], box.high[2]});
+        for (; of_one != 0; of_one &= of_one - 1)
+        {
+            const auto i = static_cast<std::size_t>(std::countr_zero(of_one));
+            const auto lane = static_cast<Eigen::Index>(i);
+            tally.tests += static_cast<std::int64_t>(kLeaf);
+            unsigned met =
+                other.met({one.low[0][lane], one.low[1][lane], one.low[2][lane]},
+                          {one.high[0][lane], one.high[1][lane], one.high[2][lane]});
+            if (a == b)
+                met &= 0xeu << i; // each pair once
+            if (met != 0)
+                met &= ~other.sharing(one, i);
+            for (; met != 0; met &= met - 1)
+                test_pair(
+                    order_[a * kLeaf + i],
+                    order_[b * kLeaf + static_cast<std::size_t>(std::countr_zero(met))],
+                    tally);
+        }
     }
 
     void test_pair(std::uint32_t one, std::uint32_t other, Tally& tally) const

@@ -12,6 +12,7 @@
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
 #include "editor/session/peak_memory.h"
+#include "editor/session/volume.h"
 #include "io/animation_file.h"
 #include "io/error.h"
 #include "io/geometry_file.h"
@@ -199,26 +200,33 @@ struct RunTimes
            intersections = 0.0;
 };
 
+/// What a session that is over leaves to be told. Its own memory is free by then.
+struct Outcome
+{
+    Json json;
+    std::string made, pins; ///< for people
+    std::shared_ptr<const DeformedSamples> deformed;
+    bool is_converged = true;
+    bool is_shell = false; ///< a sheet was bent as a shell
+};
+
 /// Where the surface passes through itself after the last frame, beside the model at
 /// rest; with a warning of what is new.
-Json intersections_json(const Session& session, bool counts_rest, bool has_contact,
+Json intersections_json(const Geometry& geometry, const Outcome& outcome,
+                        bool counts_rest, bool has_contact,
                         std::vector<std::string>& warnings)
 {
-    const Geometry& geometry = session.geometry();
     const std::vector<Triangle> triangles = triangles_of(geometry);
     if (triangles.empty())
         return nullptr;
+    const std::vector<Eigen::Vector3d>& deformed = outcome.deformed->samples;
     const IntersectionCounter counter(triangles, geometry.samples);
-    const std::optional<SelfIntersections> now =
-        counter.count(session.deformed().samples);
-    const CellSystem* const system = session.system();
-    const bool is_shell = system && system->rest().flat_axis < 0 &&
-                          system->rest().material.method == InsideMethod::None;
+    const std::optional<SelfIntersections> now = counter.count(deformed);
     if (now && now->first_fresh)
     {
         Eigen::Vector3d first = Eigen::Vector3d::Zero();
         for (const std::uint32_t corner : triangles[*now->first_fresh])
-            first += session.deformed().samples[corner] / 3.0;
+            first += deformed[corner] / 3.0;
         warnings.push_back(fmt::format(
             "{} {} that {} not at rest, the first at {}: parts pass through each "
             "other{}{}",
@@ -230,7 +238,7 @@ Json intersections_json(const Session& session, bool counts_rest, bool has_conta
             has_contact ? ", or the surface folds (contact does not act between "
                           "neighbouring parts of the material)"
                         : "",
-            is_shell ? " (a thicker shell folds less: --thickness)" : ""));
+            outcome.is_shell ? " (a thicker shell folds less: --thickness)" : ""));
     }
     const std::optional<SelfIntersections> rest =
         counts_rest ? counter.count(geometry.samples) : std::nullopt;
@@ -267,9 +275,8 @@ bool sum_frames(const Session& session, RunTimes& ms, std::vector<std::string>& 
     return is_converged;
 }
 
-/// What has been done, for people.
-std::string closing_line(const OutputName& output, const Session& session, double seconds,
-                         bool is_converged, std::size_t num_warnings)
+/// What has been made, for people.
+std::string made_line(const OutputName& output, const Session& session)
 {
     std::string line = output.of(0);
     if (line == "-")
@@ -282,19 +289,121 @@ std::string closing_line(const OutputName& output, const Session& session, doubl
                                  output.of(frames.back().frame), frames.size());
     if (session.system())
         line += fmt::format(": {} cells", session.system()->body().cells.size());
-    line += fmt::format(", {:.2f} s", seconds);
-    if (const std::optional<Volume> volume = session.volume();
-        volume && volume->before != 0.0)
-        line += fmt::format(", volume {:+.2f} %",
-                            100.0 * (volume->after / volume->before - 1.0));
+    return line;
+}
+
+/// What pins did in the last frame, for people.
+std::string pins_line(const Session& session)
+{
+    std::string line;
     if (!session.frames().empty())
         for (const PinReport& pin : session.frames().back().pins)
             line += fmt::format(", {} turned by {:.1f}°", pin.name, pin.degrees);
-    if (!is_converged)
+    return line;
+}
+
+/// How it all ended, for people.
+std::string closing_line(const Outcome& outcome, const std::optional<Volume>& volume,
+                         double seconds, std::size_t num_warnings)
+{
+    std::string line = fmt::format("{}, {:.2f} s", outcome.made, seconds);
+    if (volume && volume->before != 0.0)
+        line += fmt::format(", volume {:+.2f} %",
+                            100.0 * (volume->after / volume->before - 1.0));
+    line += outcome.pins;
+    if (!outcome.is_converged)
         line += ", not converged";
     if (num_warnings > 0)
         line += fmt::format(", {} warning{}", num_warnings, num_warnings > 1 ? "s" : "");
     return line + "\n";
+}
+
+/// All that the session tells, in the order of the documentation.
+Json session_json(const Session& session, const SessionRequest& request)
+{
+    Json json = Json::object();
+    json["model"] = request.model;
+    json["samples"] = session.geometry().samples.size();
+    json["faces"] = session.geometry().num_faces();
+    add_cells(json, session);
+    json["frames"] = Json::array();
+    for (const FrameReport& report : session.frames())
+        json["frames"].push_back(frame_json(report));
+    json["field"] = field_json(session, request.release);
+    json["rods"] = rods_json(session.rods());
+    json["skeleton"] = skeleton_json(session);
+    json["unused"] = unused_parts(session.parts());
+    return json;
+}
+
+/// The edit itself, its results written: those of all frames to \p animation, unless
+/// it is null. Adds to \p ms and to \p warnings.
+Outcome edit(const DeformFlags& flags, const CommonFlags& common, const OutputName& name,
+             SessionRequest& request, const std::shared_ptr<const GeometryFile>& model,
+             AnimationFile* animation, RunTimes& ms, std::vector<std::string>& warnings)
+{
+    const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
+    Progress progress(common, frames.size());
+    request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
+    const Clock::time_point build_start = Clock::now();
+    Session session(geometry_of(model), std::move(*request.handles), request.settings);
+    ms.cells = ms_since(build_start);
+    const auto timed_write = [&](const auto& write)
+    {
+        const Clock::time_point write_start = Clock::now();
+        write();
+        ms.write += ms_since(write_start);
+    };
+    const auto write = [&](const std::string& path)
+    {
+        timed_write(
+            [&]
+            {
+                const std::size_t num_split =
+                    write_geometry(path, *model, session.deformed(), common.overwrite());
+                if (num_split > 0)
+                    warnings.push_back(
+                        fmt::format("{}: {} normals were split: their corners need "
+                                    "different directions now",
+                                    path, num_split));
+            });
+    };
+    for (std::size_t i = 0; i < frames.size(); ++i)
+    {
+        session.next_frame(name.has_frame() || animation || i + 1 == frames.size());
+        if (animation)
+            animation->add(session.deformed().samples);
+        else if (name.has_frame())
+            write(name.of(frames[i]));
+    }
+    if (animation)
+        timed_write([&] { animation->commit(); });
+    else if (!name.has_frame())
+        write(flags.output);
+    if (!flags.field.empty())
+        timed_write(
+            [&] {
+                write_file(flags.field, field_bytes(session.field_file()),
+                           common.overwrite());
+            });
+    progress.end();
+
+    Outcome outcome;
+    outcome.is_converged = sum_frames(session, ms, warnings);
+    warnings.insert(warnings.begin(), session.warnings().begin(),
+                    session.warnings().end());
+    if (common.is_json)
+        outcome.json = session_json(session, request);
+    else
+    {
+        outcome.made = made_line(name, session);
+        outcome.pins = pins_line(session);
+    }
+    outcome.deformed = session.shared_deformed();
+    const CellSystem* const system = session.system();
+    outcome.is_shell = system && system->rest().flat_axis < 0 &&
+                       system->rest().material.method == InsideMethod::None;
+    return outcome;
 }
 
 int run(const DeformFlags& flags, const CommonFlags& common)
@@ -333,83 +442,33 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         if (std::string note = left_out_note(name.of(0), model->geometry); !note.empty())
             warnings.push_back(std::move(note));
     ms.load = ms_since(start);
-    Progress progress(common, frames.size());
-    request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
-    const Clock::time_point build_start = Clock::now();
-    Session session(geometry_of(model), std::move(*request.handles), request.settings);
-    ms.cells = ms_since(build_start);
-    const auto write = [&](const std::string& path)
-    {
-        const Clock::time_point write_start = Clock::now();
-        const std::size_t num_split =
-            write_geometry(path, *model, session.deformed(), common.overwrite());
-        ms.write += ms_since(write_start);
-        if (num_split > 0)
-            warnings.push_back(
-                fmt::format("{}: {} normals were split: their corners need "
-                            "different directions now",
-                            path, num_split));
-    };
-    for (std::size_t i = 0; i < frames.size(); ++i)
-    {
-        session.next_frame(name.has_frame() || moves || i + 1 == frames.size());
-        if (moves)
-            animation->add(session.deformed().samples);
-        else if (name.has_frame())
-            write(name.of(frames[i]));
-    }
-    if (moves)
-    {
-        const Clock::time_point write_start = Clock::now();
-        animation->commit();
-        ms.write += ms_since(write_start);
-    }
-    else if (!name.has_frame())
-        write(flags.output);
-    if (!flags.field.empty())
-    {
-        const Clock::time_point write_start = Clock::now();
-        write_file(flags.field, field_bytes(session.field_file()), common.overwrite());
-        ms.write += ms_since(write_start);
-    }
-    progress.end();
+    Outcome outcome = edit(flags, common, name, request, model,
+                           animation ? &*animation : nullptr, ms, warnings);
 
-    const bool is_converged = sum_frames(session, ms, warnings);
-    warnings.insert(warnings.begin(), session.warnings().begin(),
-                    session.warnings().end());
+    const std::optional<Volume> volume =
+        enclosed_volumes(model->geometry, outcome.deformed->samples);
     const Clock::time_point intersections_start = Clock::now();
-    const Json intersections = intersections_json(
-        session, common.is_json, request.settings.cells.has_contact, warnings);
+    const Json intersections =
+        intersections_json(model->geometry, outcome, common.is_json,
+                           request.settings.cells.has_contact, warnings);
     ms.intersections = ms_since(intersections_start);
     print_warnings(warnings, common);
     if (common.is_json)
     {
-        Json json = Json::object();
-        json["model"] = request.model;
-        json["samples"] = session.geometry().samples.size();
-        json["faces"] = session.geometry().num_faces();
-        add_cells(json, session);
-        json["frames"] = Json::array();
-        for (const FrameReport& report : session.frames())
-            json["frames"].push_back(frame_json(report));
-        json["field"] = field_json(session, request.release);
-        json["rods"] = rods_json(session.rods());
-        json["skeleton"] = skeleton_json(session);
-        json["volume"] = volume_json(session.volume());
+        Json& json = outcome.json;
+        json["volume"] = volume_json(volume);
         json["self_intersections"] = intersections;
         json["ms"] = {{"load", ms.load},         {"cells", ms.cells},
                       {"solve", ms.solve},       {"field", ms.field},
                       {"write", ms.write},       {"intersections", ms.intersections},
                       {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
-        json["unused"] = unused_parts(session.parts());
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }
     else if (!common.is_quiet)
-        say(closing_line(name, session, 1e-3 * ms_since(start), is_converged,
-                         warnings.size()));
-    return is_converged ? 0 : 7;
+        say(closing_line(outcome, volume, 1e-3 * ms_since(start), warnings.size()));
+    return outcome.is_converged ? 0 : 7;
 }
 
 } // namespace

@@ -104,8 +104,8 @@ void add_mesh(const Geometry& mesh, Geometry& out)
     out.colours.resize(out.samples.size(), kObstacle);
     for (const std::uint32_t corner : mesh.corners)
         out.corners.push_back(first + corner);
-    for (const std::uint64_t end : mesh.face_ends)
-        out.face_ends.push_back(corners + end);
+    for (std::size_t f = 0; f < mesh.num_faces(); ++f)
+        out.face_ends.push_back(corners + mesh.face_ends[f]);
     out.groups.back().end_face = out.num_faces();
 }
 

@@ -23,7 +23,6 @@
 #include "editor/session/rod_report.h"
 #include "editor/session/script_fingerprint.h"
 #include "editor/session/session_settings.h"
-#include "editor/session/volume.h"
 #include "io/field_file.h"
 #include "io/geometry.h"
 #include "io/handle_file.h"
@@ -114,11 +113,6 @@ public:
     /// What the session works on now: null before its first stage, and valid until the
     /// next one begins.
     const CellSystem* system() const;
-    /// Null unless every edge has exactly two, opposite faces.
-    std::optional<Volume> volume() const
-    {
-        return enclosed_volumes(*geometry_, deformed_->samples);
-    }
 
 private:
     struct StageState;

@@ -149,7 +149,7 @@ Geometry import_geometry(const std::string& path, const std::string& bytes)
     out.directions = std::move(found.directions);
     out.direction_samples = std::move(found.direction_samples);
     out.corners = std::move(found.corners);
-    out.face_ends = std::move(found.face_ends);
+    out.face_ends.append(found.face_ends.begin(), found.face_ends.end());
     if (!out.directions.empty())
         out.attributes.push_back("normals");
     out.not_writable = "a ." + out.format + " can only be read";

@@ -593,9 +593,8 @@ FieldValue moved_by(const Motion& motion, const Eigen::Vector3d& x)
     return {turn * x + motion.t, turn};
 }
 
-MovedRegions::MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells)
-    : regions_(std::move(regions)), is_touched_(num_cells, false),
-      deep_region_(num_cells, -1)
+MovedRegions::MovedRegions(std::span<const MovedRegion> regions, std::size_t num_cells)
+    : regions_(regions), is_touched_(num_cells, false), deep_region_(num_cells, -1)
 {
     std::vector<const RegionFade*> fades;
     for (std::size_t r = 0; r < regions_.size(); ++r)

@@ -257,7 +257,8 @@ class MovedRegions
 {
 public:
     MovedRegions() = default;
-    MovedRegions(std::vector<MovedRegion> regions, std::size_t num_cells);
+    /// \p regions must outlive this.
+    MovedRegions(std::span<const MovedRegion> regions, std::size_t num_cells);
 
     struct Scratch
     {
@@ -288,7 +289,7 @@ public:
     }
 
 private:
-    std::vector<MovedRegion> regions_;
+    std::span<const MovedRegion> regions_;
     RegionFades fades_;
     NodeTable nodes_;              ///< of cells that are not deep in a region
     std::vector<char> is_touched_; ///< a cell

@@ -18,7 +18,8 @@ Geometry model()
     geometry.format = "fbx";
     geometry.samples = {{0, 0, 0}, {1, 0, 0}, {1, 0.1, 0}, {0, 1, 0}, {0, 0, 1}};
     geometry.corners = {0, 1, 2, 3, 0, 4, 1};
-    geometry.face_ends = {4, 7};
+    for (const std::uint64_t end : {4, 7})
+        geometry.face_ends.push_back(end);
     for (std::uint32_t i = 0; i < 5; ++i)
     {
         geometry.directions.emplace_back(0, 0.5, 1);

@@ -262,7 +262,7 @@ TEST(Figures, faces_of_four_corners_fold_along_the_shorter_diagonal)
     Geometry geometry;
     geometry.samples = {{0, 0, 1}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
     geometry.corners = {0, 1, 2, 3};
-    geometry.face_ends = {4};
+    geometry.face_ends.push_back(4);
     // One corner is raised: what stays flat is one triangle.
     const Figure raised = figure_of(geometry);
     ASSERT_EQ(raised.triangles.size(), 2u);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/session.h"
+#include "editor/session/volume.h"
 
 #include <array>
 #include <cmath>
@@ -101,7 +102,8 @@ std::string matrix_text(const Eigen::Matrix3d& R, const Eigen::Vector3d& t)
 
 double volume_change(const Session& session)
 {
-    const std::optional<Volume> volume = session.volume();
+    const std::optional<Volume> volume =
+        enclosed_volumes(session.geometry(), session.deformed().samples);
     return volume ? volume->after / volume->before - 1.0 : 1e9;
 }
 
