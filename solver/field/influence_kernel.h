@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 #include "octree/base/instruction_set.h"
 #include "solver/field/rbf_kernel.h"
@@ -71,6 +72,9 @@ struct InfluenceKernels
     void (*blend)(const PlaceBlend&);
     /// Returns the least of the squares.
     double (*squares)(const NodeSquares&);
+    /// Of each number how many are less, into \p ranks; both have room for a multiple of
+    /// kPlaceLanes.
+    void (*ranks)(const double* numbers, std::size_t count, std::int64_t* ranks);
 };
 
 /// \pre \p set is one of instruction_sets()

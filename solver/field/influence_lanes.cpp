@@ -145,13 +145,26 @@ double squares(const NodeSquares& p)
     return result;
 }
 
+void ranks(const double* numbers, std::size_t count, std::int64_t* out)
+{
+    using Counts = std::int64_t __attribute__((vector_size(sizeof(Lanes))));
+    for (std::size_t i = 0; i < count; i += CELLWARP_WIDTH)
+    {
+        const Lanes own = load(numbers + i);
+        Counts less = {};
+        for (std::size_t k = 0; k < count; ++k)
+            less -= (Lanes{} + numbers[k]) < own; // -1 where it is
+        __builtin_memcpy(out + i, &less, sizeof less);
+    }
+}
+
 } // namespace
 
 InfluenceKernels influence_kernels();
 
 InfluenceKernels influence_kernels()
 {
-    return {weights, blend, squares};
+    return {weights, blend, squares, ranks};
 }
 
 } // namespace cellwarp::CELLWARP_LANES_FOR

@@ -20,6 +20,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <tuple>
 
 #include <unsupported/Eigen/AutoDiff>
 
@@ -328,6 +329,9 @@ constexpr std::size_t kMostNearNodes = 1000, kNodesAPoint = 16;
 /// Fewer points in a box than this are not worth a list of the nodes near it.
 constexpr std::size_t kLeastPoints = 24;
 
+/// More nodes than this are fewer first, before each is compared with all.
+constexpr std::size_t kMostRanked = 64;
+
 /// Beyond the reach of a box by rounding [of the distance].
 constexpr double kReachSlack = 1e-9;
 
@@ -410,41 +414,64 @@ bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
         out.count = 1;
         return true;
     }
-    // Squared distances: the largest of those that are taken so far, and the least that
-    // was as large as that and is not taken.
-    double farthest = INFINITY, left_out = INFINITY;
-    std::size_t found = 0;
-    for (std::size_t k = 0; k < std::min(count, nodes_.size()); ++k)
+    const std::size_t there = std::min(count, nodes_.size());
+    out.count = std::min(there, RegionFade::kNearest);
+    out.few.resize(std::max(out.few.size(), there + kPlaceLanes));
+    out.few_nodes.resize(out.few.size());
+    const auto up_to = [there, squares = out.squares.data(), nodes = nodes_.data(),
+                        few = out.few.data(),
+                        few_nodes = out.few_nodes.data()](double farthest)
     {
-        const PointTree::Neighbour node{nodes_[k], out.squares[k]};
-        if (!(node.distance_squared < farthest))
+        std::size_t found = 0;
+        for (std::size_t k = 0; k < there; ++k)
         {
-            if (node.distance_squared == farthest)
-                left_out = farthest;
-            continue;
+            few[found] = squares[k];
+            few_nodes[found] = nodes[k];
+            found += squares[k] <= farthest;
         }
-        if (found == RegionFade::kNearest)
-            left_out = farthest;
-        else
-            ++found;
-        std::size_t place = found - 1;
-        for (; place > 0; --place)
-        {
-            const PointTree::Neighbour& before = out.nodes[place - 1];
-            if (before.distance_squared <= node.distance_squared &&
-                (before.distance_squared < node.distance_squared ||
-                 before.index < node.index))
-                break;
-            out.nodes[place] = before;
-        }
-        out.nodes[place] = node;
-        if (found == RegionFade::kNearest)
-            farthest = out.nodes.back().distance_squared;
+        return found;
+    };
+    // The nearest are no farther than the farthest of any as many.
+    const auto nth = static_cast<std::ptrdiff_t>(out.count);
+    std::size_t found =
+        up_to(*std::max_element(out.squares.begin(), out.squares.begin() + nth));
+    if (found > kMostRanked)
+    {
+        const auto last = out.few.begin() + nth - 1;
+        std::nth_element(out.few.begin(), last,
+                         out.few.begin() + static_cast<std::ptrdiff_t>(found));
+        found = up_to(*last);
     }
-    out.count = found;
+    return out.take_nearest(found);
+}
+
+bool RegionFade::Nearest::take_nearest(std::size_t num_few)
+{
+    ranks.resize(few.size());
+    widest_influence_kernels().ranks(few.data(), num_few, ranks.data());
+    std::array<std::size_t, kNearest> num_of_rank = {};
+    std::size_t num_taken = 0;
+    bool has_equal = false;
+    for (std::size_t k = 0; k < num_few; ++k)
+    {
+        const std::size_t rank = idx(ranks[k]);
+        if (rank >= count)
+            continue;
+        ++num_taken;
+        has_equal = has_equal || num_of_rank[rank] > 0;
+        if (const std::size_t place = rank + num_of_rank[rank]++; place < count)
+            nodes[place] = {few_nodes[k], few[k]};
+    }
+    if (has_equal)
+        std::sort(nodes.begin(), nodes.begin() + static_cast<std::ptrdiff_t>(count),
+                  [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
+                  {
+                      return std::tie(a.distance_squared, a.index) <
+                             std::tie(b.distance_squared, b.index);
+                  });
     // Of several that are equally far the tree takes some, and the slope of the shares is
     // that from the one that is last.
-    return out.nodes[found - 1].distance_squared < left_out;
+    return num_taken == count;
 }
 
 std::size_t NearNodes::num_bytes() const

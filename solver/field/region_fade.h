@@ -60,7 +60,15 @@ public:
         std::size_t count = 0;
         std::vector<PointTree::Neighbour> found; ///< scratch
         std::vector<double> squares;             ///< likewise
+        /// Likewise: nodes that may be among the nearest, their squared distances, and
+        /// how many are nearer than each.
+        std::vector<double> few;
+        std::vector<std::uint32_t> few_nodes;
+        std::vector<std::int64_t> ranks;
 
+        /// Takes \p count of the first \p num_few. False: which of equally far
+        /// ones is left open.
+        bool take_nearest(std::size_t num_few);
         std::span<const PointTree::Neighbour> all() const
         {
             return std::span(nodes).first(count);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/field/influence_kernel.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <random>
 #include <vector>
 
 #include <Eigen/Core>
@@ -174,6 +177,28 @@ TEST(InfluenceKernel, squares_of_distances_and_their_least_are_the_same_in_every
                       i < kNodes ? d[0] * d[0] + d[1] * d[1] + d[2] * d[2] : -1.0);
         }
         EXPECT_EQ(least, squares.head<kNodes>().minCoeff());
+    }
+}
+
+TEST(InfluenceKernel, ranks_are_how_many_numbers_are_less)
+{
+    std::mt19937 rng(3);
+    std::vector<double> numbers(24);
+    std::vector<std::int64_t> ranks(numbers.size());
+    for (const std::size_t count : {1u, 7u, 16u, 21u})
+    {
+        for (double& number : numbers)
+            number = std::uniform_int_distribution(0, 12)(rng) * 0.25;
+        for (const InstructionSet set : instruction_sets())
+        {
+            influence_kernels(set).ranks(numbers.data(), count, ranks.data());
+            for (std::size_t i = 0; i < count; ++i)
+                EXPECT_EQ(ranks[i],
+                          std::count_if(numbers.begin(),
+                                        numbers.begin() + static_cast<long>(count),
+                                        [&](double other) { return other < numbers[i]; }))
+                    << i << " of " << count;
+        }
     }
 }
 
