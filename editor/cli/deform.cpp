@@ -423,7 +423,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
 
     RunTimes ms;
     const auto model =
-        std::make_shared<const GeometryFile>(read_geometry(request.model, request.read));
+        std::make_shared<GeometryFile>(read_geometry(request.model, request.read));
     // The mesh of a skinned glTF, posed by joints, is written as one that moves.
     const bool is_patched =
         model->geometry.not_writable.empty() || !has_joints(*request.handles);
@@ -445,6 +445,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     Outcome outcome = edit(flags, common, name, request, model,
                            animation ? &*animation : nullptr, ms, warnings);
 
+    std::string().swap(model->bytes); // of no use after all is written
     const std::optional<Volume> volume =
         enclosed_volumes(model->geometry, outcome.deformed->samples);
     const Clock::time_point intersections_start = Clock::now();
