@@ -123,7 +123,7 @@ struct Geometry
 
 struct GltfLayout;
 
-/// A geometry file in memory. Immutable.
+/// A geometry file in memory. Immutable while it is shared.
 struct GeometryFile
 {
     std::string path;

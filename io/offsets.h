@@ -10,8 +10,9 @@
 namespace cellwarp
 {
 
-/// Numbers of 64 bits of which neighbours seldom differ by much, as places in a file:
-/// four bytes each, and what they have above 32 bits where that changes.
+/// Numbers of 64 bits whose upper halves seldom change from one to the next, as places in
+/// a file: four bytes each, and the upper half where it changes. One is read at once
+/// where all are below 2^32, else in the logarithm of the changes.
 class Offsets
 {
 public:

@@ -112,7 +112,7 @@ private:
         const auto end = order_.begin() + static_cast<long>(places_.length);
         const auto is_before = [&](std::size_t a, std::size_t b)
         { return starts_[a] < starts_[b]; };
-        if (!std::is_sorted(order_.begin(), end, is_before)) // unless as the last vector
+        if (!std::is_sorted(order_.begin(), end, is_before)) // mostly it stays
             std::sort(order_.begin(), end, is_before);
     }
 

@@ -117,7 +117,7 @@ struct TriangleLeaf
                                     (second >> 29 & 4) | (second >> 60 & 8);
         return static_cast<unsigned>(~apart & 0xf);
     }
-    /// Bit k: triangle k has such a corner in common with triangle \p l of another leaf.
+    /// Bit k: triangle k has such a corner in common with triangle \p l of a leaf.
     unsigned sharing(const TriangleLeaf& other, std::size_t l) const
     {
         std::array<std::uint32_t, kLeaf> any = {};
@@ -151,6 +151,10 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
     normal.normalize();
     const std::uint32_t first = around[0][0];
     const Eigen::Vector3d start = (places[first] - at).normalized();
+    const double rise = normal.dot(start);
+    // Whether an edge goes the way of the start as both are seen, not the opposite way.
+    const auto goes_along = [&](const Eigen::Vector3d& edge)
+    { return edge.dot(start) - normal.dot(edge) * rise > 0.0; };
     int count = 0; // of the triangles that have this direction
     for (const auto& [p, q] : around)
     {
@@ -162,8 +166,8 @@ bool is_fan(std::span<const std::array<std::uint32_t, 2>> around, std::size_t co
         // An edge may point the opposite way, as in a regular grid, but not the same way.
         const double in_a = p == first ? 0.0 : normal.dot(a.cross(start));
         const double in_b = q == first ? 0.0 : normal.dot(start.cross(b));
-        if ((p != first && std::abs(in_a) <= kSure * size_a && a.dot(start) > 0.0) ||
-            (q != first && std::abs(in_b) <= kSure * size_b && b.dot(start) > 0.0))
+        if ((p != first && std::abs(in_a) <= kSure * size_a && goes_along(a)) ||
+            (q != first && std::abs(in_b) <= kSure * size_b && goes_along(b)))
             return false;
         count += in_a >= 0.0 && in_b > 0.0;
     }

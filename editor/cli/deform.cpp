@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // cellwarp deform: one scripted edit session from files to files.
 #include <algorithm>
+#include <cassert>
 #include <memory>
 #include <optional>
 
@@ -200,10 +201,10 @@ struct RunTimes
            intersections = 0.0;
 };
 
-/// What a session that is over leaves to be told. Its own memory is free by then.
+/// What a session leaves to be told when it is over, and its memory free.
 struct Outcome
 {
-    Json json;
+    Json json, unused;
     std::string made, pins; ///< for people
     std::shared_ptr<const DeformedSamples> deformed;
     bool is_converged = true;
@@ -332,23 +333,25 @@ Json session_json(const Session& session, const SessionRequest& request)
     json["field"] = field_json(session, request.release);
     json["rods"] = rods_json(session.rods());
     json["skeleton"] = skeleton_json(session);
-    json["unused"] = unused_parts(session.parts());
     return json;
 }
 
 /// The edit itself, its results written: those of all frames to \p animation, unless
 /// it is null. Adds to \p ms and to \p warnings.
-Outcome edit(const DeformFlags& flags, const CommonFlags& common, const OutputName& name,
-             SessionRequest& request, const std::shared_ptr<const GeometryFile>& model,
-             AnimationFile* animation, RunTimes& ms, std::vector<std::string>& warnings)
+Outcome run_session(const DeformFlags& flags, const CommonFlags& common,
+                    const OutputName& name, SessionRequest& request,
+                    const std::shared_ptr<const GeometryFile>& model,
+                    AnimationFile* animation, RunTimes& ms,
+                    std::vector<std::string>& warnings)
 {
     const std::vector<std::int64_t> frames = frame_numbers(*request.handles);
     Progress progress(common, frames.size());
-    request.settings.watch = [&](const FrameProgress& now) { progress.show(now); };
+    SessionSettings settings = request.settings;
+    settings.watch = [&](const FrameProgress& now) { progress.show(now); };
     const Clock::time_point build_start = Clock::now();
-    Session session(geometry_of(model), std::move(*request.handles), request.settings);
+    Session session(geometry_of(model), std::move(*request.handles), settings);
     ms.cells = ms_since(build_start);
-    const auto timed_write = [&](const auto& write)
+    const auto timed = [&](const auto& write)
     {
         const Clock::time_point write_start = Clock::now();
         write();
@@ -356,7 +359,7 @@ Outcome edit(const DeformFlags& flags, const CommonFlags& common, const OutputNa
     };
     const auto write = [&](const std::string& path)
     {
-        timed_write(
+        timed(
             [&]
             {
                 const std::size_t num_split =
@@ -377,11 +380,11 @@ Outcome edit(const DeformFlags& flags, const CommonFlags& common, const OutputNa
             write(name.of(frames[i]));
     }
     if (animation)
-        timed_write([&] { animation->commit(); });
+        timed([&] { animation->commit(); });
     else if (!name.has_frame())
         write(flags.output);
     if (!flags.field.empty())
-        timed_write(
+        timed(
             [&] {
                 write_file(flags.field, field_bytes(session.field_file()),
                            common.overwrite());
@@ -393,7 +396,10 @@ Outcome edit(const DeformFlags& flags, const CommonFlags& common, const OutputNa
     warnings.insert(warnings.begin(), session.warnings().begin(),
                     session.warnings().end());
     if (common.is_json)
+    {
         outcome.json = session_json(session, request);
+        outcome.unused = unused_parts(session.parts());
+    }
     else
     {
         outcome.made = made_line(name, session);
@@ -442,12 +448,15 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         if (std::string note = left_out_note(name.of(0), model->geometry); !note.empty())
             warnings.push_back(std::move(note));
     ms.load = ms_since(start);
-    Outcome outcome = edit(flags, common, name, request, model,
-                           animation ? &*animation : nullptr, ms, warnings);
+    Outcome outcome = run_session(flags, common, name, request, model,
+                                  animation ? &*animation : nullptr, ms, warnings);
 
-    std::string().swap(model->bytes); // of no use after all is written
-    const std::optional<Volume> volume =
-        enclosed_volumes(model->geometry, outcome.deformed->samples);
+    // All is written, and nobody else holds the model any more: its text is let go.
+    assert(model.use_count() == 1);
+    std::string().swap(model->bytes);
+    std::optional<Volume> volume;
+    if (common.is_json || !common.is_quiet)
+        volume = enclosed_volumes(model->geometry, outcome.deformed->samples);
     const Clock::time_point intersections_start = Clock::now();
     const Json intersections =
         intersections_json(model->geometry, outcome, common.is_json,
@@ -464,6 +473,7 @@ int run(const DeformFlags& flags, const CommonFlags& common)
                       {"write", ms.write},       {"intersections", ms.intersections},
                       {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
+        json["unused"] = outcome.unused;
         json["warnings"] = warnings;
         write_file("-", json.dump(2) + "\n", Overwrite::Yes);
     }

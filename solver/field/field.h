@@ -91,6 +91,8 @@ class Field
 {
 public:
     Field(const Cells& cells, FieldParts parts);
+    Field(Field&&) = default;
+    Field(const Field&) = delete; // it looks into its own parts
 
     FieldKind kind() const { return parts_.kind; }
     const FieldParts& parts() const { return parts_; }
@@ -124,7 +126,7 @@ private:
     ClosestCells closest_;
     std::vector<CellMap> maps_;
     std::optional<Closest4> closest4_;
-    MovedRegions regions_;
+    MovedRegions regions_; ///< looks into parts_.regions, which a move leaves in place
     std::unique_ptr<KeptSurroundings> kept_; ///< null: nothing is kept
 };
 

@@ -72,8 +72,8 @@ struct InfluenceKernels
     void (*blend)(const PlaceBlend&);
     /// Returns the least of the squares.
     double (*squares)(const NodeSquares&);
-    /// Of each number how many are less, into \p ranks; both have room for a multiple of
-    /// kPlaceLanes.
+    /// Of each number how many are less, into \p ranks. Both have room for \p count
+    /// rounded up to a multiple of kPlaceLanes; what is beyond it does not matter.
     void (*ranks)(const double* numbers, std::size_t count, std::int64_t* ranks);
 };
 

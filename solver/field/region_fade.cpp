@@ -17,6 +17,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -329,7 +330,8 @@ constexpr std::size_t kMostNearNodes = 1000, kNodesAPoint = 16;
 /// Fewer points in a box than this are not worth a list of the nodes near it.
 constexpr std::size_t kLeastPoints = 24;
 
-/// More nodes than this are fewer first, before each is compared with all.
+/// Of more nodes than this those that are too far go first, before each is compared with
+/// all.
 constexpr std::size_t kMostRanked = 64;
 
 /// Beyond the reach of a box by rounding [of the distance].
@@ -390,6 +392,45 @@ NearNodes::NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box,
         away_.push_back(std::sqrt(found[k].distance_squared));
 }
 
+namespace
+{
+
+/// The nearest of the first \p num_few of the few, as many as \p out counts. False: which
+/// of equally far ones is left open. \pre out.count <= num_few, and the few have room for
+/// num_few rounded up to a multiple of kPlaceLanes
+bool take_nearest(std::size_t num_few, RegionFade::Nearest& out)
+{
+    assert(out.count <= num_few && num_few <= out.few.size());
+    out.ranks.resize(out.few.size());
+    widest_influence_kernels().ranks(out.few.data(), num_few, out.ranks.data());
+    std::array<std::size_t, RegionFade::kNearest> num_of_rank = {};
+    std::size_t num_taken = 0;
+    bool has_equal = false;
+    for (std::size_t k = 0; k < num_few; ++k)
+    {
+        const std::size_t rank = idx(out.ranks[k]);
+        if (rank >= out.count)
+            continue;
+        ++num_taken;
+        has_equal = has_equal || num_of_rank[rank] > 0;
+        if (const std::size_t place = rank + num_of_rank[rank]++; place < out.count)
+            out.nodes[place] = {out.few_nodes[k], out.few[k]};
+    }
+    if (has_equal)
+        std::sort(out.nodes.begin(),
+                  out.nodes.begin() + static_cast<std::ptrdiff_t>(out.count),
+                  [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
+                  {
+                      return std::tie(a.distance_squared, a.index) <
+                             std::tie(b.distance_squared, b.index);
+                  });
+    // Of several that are equally far the tree takes some, and the slope of the shares is
+    // that from the one that is last.
+    return num_taken == out.count;
+}
+
+} // namespace
+
 bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
                         RegionFade::Nearest& out) const
 {
@@ -441,37 +482,10 @@ bool NearNodes::nearest(const Eigen::Vector3d& x, double radius,
         std::nth_element(out.few.begin(), last,
                          out.few.begin() + static_cast<std::ptrdiff_t>(found));
         found = up_to(*last);
+        if (found > out.count)
+            return false; // several are as far as the last one
     }
-    return out.take_nearest(found);
-}
-
-bool RegionFade::Nearest::take_nearest(std::size_t num_few)
-{
-    ranks.resize(few.size());
-    widest_influence_kernels().ranks(few.data(), num_few, ranks.data());
-    std::array<std::size_t, kNearest> num_of_rank = {};
-    std::size_t num_taken = 0;
-    bool has_equal = false;
-    for (std::size_t k = 0; k < num_few; ++k)
-    {
-        const std::size_t rank = idx(ranks[k]);
-        if (rank >= count)
-            continue;
-        ++num_taken;
-        has_equal = has_equal || num_of_rank[rank] > 0;
-        if (const std::size_t place = rank + num_of_rank[rank]++; place < count)
-            nodes[place] = {few_nodes[k], few[k]};
-    }
-    if (has_equal)
-        std::sort(nodes.begin(), nodes.begin() + static_cast<std::ptrdiff_t>(count),
-                  [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
-                  {
-                      return std::tie(a.distance_squared, a.index) <
-                             std::tie(b.distance_squared, b.index);
-                  });
-    // Of several that are equally far the tree takes some, and the slope of the shares is
-    // that from the one that is last.
-    return num_taken == count;
+    return take_nearest(found, out);
 }
 
 std::size_t NearNodes::num_bytes() const

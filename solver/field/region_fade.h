@@ -65,10 +65,6 @@ public:
         std::vector<double> few;
         std::vector<std::uint32_t> few_nodes;
         std::vector<std::int64_t> ranks;
-
-        /// Takes \p count of the first \p num_few. False: which of equally far
-        /// ones is left open.
-        bool take_nearest(std::size_t num_few);
         std::span<const PointTree::Neighbour> all() const
         {
             return std::span(nodes).first(count);
@@ -267,6 +263,7 @@ public:
     MovedRegions() = default;
     /// \p regions must outlive this.
     MovedRegions(std::span<const MovedRegion> regions, std::size_t num_cells);
+    MovedRegions(std::vector<MovedRegion>&& regions, std::size_t num_cells) = delete;
 
     struct Scratch
     {

@@ -44,7 +44,8 @@ TEST(Offsets, are_equal_to_those_that_took_another_way)
         }
         else
         {
-            places.push_back(rng() % 3 << 32 | rng() % 100);
+            const std::uint64_t high = rng() % 3, low = rng() % 100;
+            places.push_back(high << 32 | low);
             offsets.push_back(places.back());
         }
         Offsets anew;
@@ -52,6 +53,8 @@ TEST(Offsets, are_equal_to_those_that_took_another_way)
         ASSERT_EQ(offsets, anew) << step;
         ASSERT_EQ(offsets.size(), places.size());
         ASSERT_EQ(offsets.empty(), places.empty());
+        for (std::size_t i = 0; i < places.size(); ++i)
+            ASSERT_EQ(offsets[i], places[i]) << step << " " << i;
     }
     offsets.clear();
     EXPECT_EQ(offsets, Offsets());

@@ -255,6 +255,18 @@ TEST(SelfIntersections, around_one_corner_are_those_of_all_its_pairs)
     EXPECT_GT(count, 300);
 }
 
+TEST(SelfIntersections, around_a_corner_are_found_where_steep_edges_lie_above_each_other)
+{
+    // Twice around: the first edge and the one half-way lie above each other, at more
+    // than a right angle.
+    Shape shape = fan(8, 2.0, 0.0);
+    shape.samples[1].z() = 1.0;
+    shape.samples[5].z() = -2.0;
+    const std::int64_t wanted = count_of_neighbours(shape, shape.samples);
+    EXPECT_GT(wanted, 0);
+    EXPECT_EQ(count_of(shape), wanted);
+}
+
 TEST(SelfIntersections, are_found_where_a_seam_has_come_open)
 {
     // Two halves of a fan with samples of their own: one is turned into the other.

@@ -380,12 +380,19 @@ TEST(Cli, json_has_every_key)
     const Files files;
     const Result result = files.deform({"--json"});
     ASSERT_EQ(result.code, 0) << result.err;
-    const nlohmann::json json = nlohmann::json::parse(result.out);
+    const auto json = nlohmann::ordered_json::parse(result.out);
+    // In the order of the documentation.
+    std::ptrdiff_t last = -1;
     for (const char* key :
          {"model", "samples", "faces", "cells", "free_cells", "depth", "cells_per_depth",
           "frames", "field", "volume", "self_intersections", "ms", "peak_rss_mb",
           "unused", "warnings"})
-        EXPECT_TRUE(json.contains(key)) << key;
+    {
+        ASSERT_TRUE(json.contains(key)) << key;
+        const std::ptrdiff_t place = std::distance(json.begin(), json.find(key));
+        EXPECT_GT(place, last) << key;
+        last = place;
+    }
     ASSERT_EQ(json["frames"].size(), 2u);
     for (const char* key : {"frame", "iterations", "energy_before", "energy_after",
                             "gradient", "stop", "handle_residual", "max_pair_gap", "ms"})

@@ -770,6 +770,49 @@ TEST(NearNodes, are_the_nearest_of_all_nodes)
     EXPECT_GT(num_none, 100);
 }
 
+TEST(NearNodes, ask_the_tree_only_where_it_is_open_which_nodes_are_the_nearest)
+{
+    // On a lattice of whole numbers of sixteenths many are equally far.
+    const RegionCase c;
+    std::vector<RegionFade::Node> lattice;
+    for (int i = 0; i < 48; ++i)
+        for (int j = 0; j < 48; ++j)
+            lattice.push_back({{i / 16.0, j / 16.0, 1.0}, 0});
+    const RegionFade fade(c.bar.cells, lattice, {});
+    const Eigen::Vector3d low(1.0, 1.0, 1.0);
+    const NearNodes near(
+        fade, Eigen::AlignedBox3d(low, low + Eigen::Vector3d::Constant(0.25)), 1000);
+    int num_told = 0, num_equal = 0, num_open = 0;
+    RegionFade::Nearest found;
+    for (int i = 0; i < 16; ++i)
+        for (int j = 0; j < 16; ++j)
+            for (int k = 1; k < 8; ++k)
+            {
+                const Eigen::Vector3d x = low + Eigen::Vector3d(i, j, k) / 64.0;
+                ASSERT_TRUE(near.may_tell_of(x));
+                std::vector<std::pair<double, std::size_t>> all;
+                for (std::size_t n = 0; n < fade.nodes().size(); ++n)
+                    all.emplace_back((fade.nodes()[n] - x).squaredNorm(), n);
+                std::sort(all.begin(), all.end());
+                constexpr std::size_t kNearest = RegionFade::kNearest;
+                const bool is_open = all[kNearest - 1].first == all[kNearest].first;
+                ASSERT_EQ(near.nearest(x, fade.radius(), found), !is_open);
+                num_open += is_open;
+                if (is_open)
+                    continue;
+                ++num_told;
+                ASSERT_EQ(found.count, kNearest);
+                for (std::size_t n = 0; n < kNearest; ++n)
+                {
+                    EXPECT_EQ(found.nodes[n].index, all[n].second);
+                    num_equal += n > 0 && all[n - 1].first == all[n].first;
+                }
+            }
+    EXPECT_GT(num_told, 100);
+    EXPECT_GT(num_open, 100);
+    EXPECT_GT(num_equal, 100);
+}
+
 TEST(RegionFade, gradient_matches_finite_differences)
 {
     const RegionCase c;
