@@ -197,7 +197,7 @@ Json volume_json(const std::optional<Volume>& volume)
 /// Milliseconds of the stages of the whole run.
 struct RunTimes
 {
-    double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0,
+    double load = 0.0, cells = 0.0, solve = 0.0, field = 0.0, write = 0.0, volume = 0.0,
            intersections = 0.0;
 };
 
@@ -454,9 +454,11 @@ int run(const DeformFlags& flags, const CommonFlags& common)
     // All is written, and nobody else holds the model any more: its text is let go.
     assert(model.use_count() == 1);
     std::string().swap(model->bytes);
+    const Clock::time_point volume_start = Clock::now();
     std::optional<Volume> volume;
     if (common.is_json || !common.is_quiet)
         volume = enclosed_volumes(model->geometry, outcome.deformed->samples);
+    ms.volume = ms_since(volume_start);
     const Clock::time_point intersections_start = Clock::now();
     const Json intersections =
         intersections_json(model->geometry, outcome, common.is_json,
@@ -468,9 +470,13 @@ int run(const DeformFlags& flags, const CommonFlags& common)
         Json& json = outcome.json;
         json["volume"] = volume_json(volume);
         json["self_intersections"] = intersections;
-        json["ms"] = {{"load", ms.load},         {"cells", ms.cells},
-                      {"solve", ms.solve},       {"field", ms.field},
-                      {"write", ms.write},       {"intersections", ms.intersections},
+        json["ms"] = {{"load", ms.load},
+                      {"cells", ms.cells},
+                      {"solve", ms.solve},
+                      {"field", ms.field},
+                      {"write", ms.write},
+                      {"volume", ms.volume},
+                      {"intersections", ms.intersections},
                       {"total", ms_since(start)}};
         json["peak_rss_mb"] = peak_memory_mb();
         json["unused"] = outcome.unused;

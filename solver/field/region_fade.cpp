@@ -337,6 +337,12 @@ constexpr std::size_t kMostRanked = 64;
 /// Beyond the reach of a box by rounding [of the distance].
 constexpr double kReachSlack = 1e-9;
 
+/// Of equally near ones the first node.
+bool is_nearer(const PointTree::Neighbour& a, const PointTree::Neighbour& b)
+{
+    return std::tie(a.distance_squared, a.index) < std::tie(b.distance_squared, b.index);
+}
+
 } // namespace
 
 /// No point has its nearest nodes farther from the middle than the middle has its own and
@@ -372,12 +378,7 @@ NearNodes::NearNodes(const RegionFade& fade, const Eigen::AlignedBox3d& box,
     if (!is_worth_it_)
         return;
     // Those near the middle first: few of the others are among the nearest then.
-    std::sort(found.begin(), found.end(),
-              [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
-              {
-                  return std::tie(a.distance_squared, a.index) <
-                         std::tie(b.distance_squared, b.index);
-              });
+    std::sort(found.begin(), found.end(), is_nearer);
     nodes_.resize(found.size());
     std::transform(found.begin(), found.end(), nodes_.begin(),
                    [](const PointTree::Neighbour& node)
@@ -418,12 +419,7 @@ bool take_nearest(std::size_t num_few, RegionFade::Nearest& out)
     }
     if (has_equal)
         std::sort(out.nodes.begin(),
-                  out.nodes.begin() + static_cast<std::ptrdiff_t>(out.count),
-                  [](const PointTree::Neighbour& a, const PointTree::Neighbour& b)
-                  {
-                      return std::tie(a.distance_squared, a.index) <
-                             std::tie(b.distance_squared, b.index);
-                  });
+                  out.nodes.begin() + static_cast<std::ptrdiff_t>(out.count), is_nearer);
     // Of several that are equally far the tree takes some, and the slope of the shares is
     // that from the one that is last.
     return num_taken == out.count;

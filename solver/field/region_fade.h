@@ -60,11 +60,12 @@ public:
         std::size_t count = 0;
         std::vector<PointTree::Neighbour> found; ///< scratch
         std::vector<double> squares;             ///< likewise
-        /// Likewise: nodes that may be among the nearest, their squared distances, and
-        /// how many are nearer than each.
+        /// Likewise, of nodes that may be among the nearest: squared distances, which
+        /// nodes they are, and how many are nearer.
         std::vector<double> few;
         std::vector<std::uint32_t> few_nodes;
         std::vector<std::int64_t> ranks;
+
         std::span<const PointTree::Neighbour> all() const
         {
             return std::span(nodes).first(count);

@@ -393,6 +393,9 @@ TEST(Cli, json_has_every_key)
         EXPECT_GT(place, last) << key;
         last = place;
     }
+    for (const char* stage :
+         {"load", "cells", "solve", "field", "write", "volume", "intersections", "total"})
+        EXPECT_TRUE(json["ms"].contains(stage)) << stage;
     ASSERT_EQ(json["frames"].size(), 2u);
     for (const char* key : {"frame", "iterations", "energy_before", "energy_after",
                             "gradient", "stop", "handle_residual", "max_pair_gap", "ms"})

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "editor/session/session.h"
-#include "editor/session/volume.h"
 
 #include <array>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "editor/session/memory_limit.h"
+#include "editor/session/volume.h"
 #include "io/geometry_file.h"
 #include "io/number.h"
 #include "io/stored_number.h"
