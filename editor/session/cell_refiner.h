@@ -44,6 +44,10 @@ public:
     /// \p motions part is parted. Empty where the system has few.
     std::vector<std::shared_ptr<const Body>>
     larger_bodies(const CellSystem& system, std::span<const Motion> motions) const;
+    /// Between the cells of \p system and the smaller ones of \p target: those of
+    /// \p system are split that have the largest errors, a few of all.
+    std::shared_ptr<const Body> partly_split(const CellSystem& system,
+                                             const Body& target) const;
     /// The same system in the cells of \p body, its poses handed on.
     CellSystem handed_to(const std::shared_ptr<const Body>& body,
                          const CellSystem& system) const;
@@ -74,6 +78,7 @@ private:
     void warn_of_budget(const Body& body);
     double threshold_of(const CellSystem& system) const;
     std::vector<double> errors_of(const CellSystem& system) const;
+    std::vector<double> errors_of_leaves(const CellSystem& system) const;
     std::vector<LeafNumber> crowded_leaves(const Body& body,
                                            std::span<const RegionShares> shares) const;
     std::shared_ptr<const Body> with_homes(std::shared_ptr<const Body> body);

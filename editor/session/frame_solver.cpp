@@ -19,6 +19,10 @@ namespace
 /// Tolerance of the steps on the way: good enough to start the next one.
 constexpr double kTravelTolerance = 1e-3;
 
+/// Tolerance where folds form in small cells that are few: what moves there in many costs
+/// the most.
+constexpr double kFoldTolerance = 1e-5;
+
 /// The least part of such a step that a rod goes by itself.
 constexpr double kLeastPart = 1.0 / 64.0;
 
@@ -40,7 +44,7 @@ constexpr std::size_t kManyCells = 4000;
 
 /// Iterations of a step that is hard: where no step of the way is, it is gone as fast in
 /// the cells themselves.
-constexpr int kHardStep = 5;
+constexpr int kHardStep = 4;
 
 /// By what factor the energy may rise when poses are handed on to smaller cells. Where
 /// cells hold several windings of a thin shape it is a thousand.
@@ -88,7 +92,7 @@ struct FrameSolver::Way
     double largest_rise = 0.0; ///< see FrameReport
     int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
     int iterations_before = 0; ///< of an earlier way of the same frame
-    int most_iterations = 0;   ///< of one solve
+    bool is_hard = false;      ///< some solve took many iterations, or would have
     SolveReport total;
 
     bool is_out_of_time() const
@@ -101,10 +105,18 @@ struct FrameSolver::Way
     }
 };
 
-/// Solves from where the system is; \p is_last: to the tolerance asked for, else well
-/// enough to go on from there.
-void FrameSolver::solve_on(Way& way, bool is_last)
+/// How well a step is solved.
+enum class FrameSolver::Accuracy
 {
+    OnTheWay, ///< to go on from there
+    Folds,    ///< so well that folds have formed
+    AsAsked   ///< to the tolerance asked for
+};
+
+/// Solves from where the system is.
+void FrameSolver::solve_on(Way& way, Accuracy accuracy)
+{
+    const bool is_last = accuracy == Accuracy::AsAsked;
     const int done =
         way.iterations_before - way.iterations_lost + std::max(0, way.total.iterations);
     SolveOptions options;
@@ -118,7 +130,10 @@ void FrameSolver::solve_on(Way& way, bool is_last)
     options.checks_stability = is_last;
     options.stays_stable = way.stays_stable;
     options.gradient_tolerance =
-        is_last ? settings_.gradient_tolerance : kTravelTolerance;
+        is_last ? settings_.gradient_tolerance
+        : accuracy == Accuracy::Folds
+            ? std::max(settings_.gradient_tolerance, kFoldTolerance)
+            : kTravelTolerance;
     if (settings_.time_budget > 0)
         options.time_budget =
             std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(way.start));
@@ -137,7 +152,7 @@ void FrameSolver::solve_on(Way& way, bool is_last)
     // On the way the places that hold a rod come nearer to each other than at either end.
     // Soft rods would fold there: only where the way ends do they push back.
     SolveReport solve = system_.solve(options, way.part < way.parts);
-    way.most_iterations = std::max(way.most_iterations, solve.iterations);
+    way.is_hard |= solve.iterations >= kHardStep || solve.downward_models > 0;
     solve.add_earlier(way.total);
     way.total = solve;
 }
@@ -145,13 +160,13 @@ void FrameSolver::solve_on(Way& way, bool is_last)
 /// solve_on() for material that may be wound: twisted too far it is no longer stable,
 /// folds through itself and comes out with less turns. Then it is solved for again, but
 /// no farther than to where it would begin to give way.
-void FrameSolver::solve_wound(Way& way, bool is_last)
+void FrameSolver::solve_wound(Way& way, Accuracy accuracy)
 {
     if (!way.is_wound || way.stays_stable)
-        return solve_on(way, is_last);
+        return solve_on(way, accuracy);
     const CellSystemState before = system_.state();
     const int iterations = way.total.iterations;
-    solve_on(way, is_last);
+    solve_on(way, accuracy);
     const TurnChains chains(system_.body().cells, system_.region_of_cell());
     const Eigen::Matrix3Xd lost = chains.turns(system_.poses()) - way.turns;
     if (!(lost.colwise().norm().array() > kLostTurn).any() || way.is_out_of_time())
@@ -159,7 +174,7 @@ void FrameSolver::solve_wound(Way& way, bool is_last)
     way.stays_stable = true;
     way.iterations_lost += way.total.iterations - std::max(0, iterations);
     system_.set_state(before);
-    solve_on(way, is_last);
+    solve_on(way, accuracy);
 }
 
 /// Where a frame began, and in which cells.
@@ -236,9 +251,8 @@ double FrameSolver::gradient_scale_here() const
     return std::max(first.gradient, kUncancelledShare * first.uncancelled);
 }
 
-/// Takes the regions to where this frame has them, in steps. \p ends_exactly: the last
-/// one is solved to the tolerance asked for.
-void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
+/// Takes the regions to where this frame has them, in steps. \p at_end: of the last one.
+void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
 {
     way.parts = plan_.num_parts;
     from_holds_ = start_of_holds();
@@ -269,7 +283,7 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
         system_.carry_others();
         if (chains)
             way.turns += chains->turns(system_.poses());
-        solve_wound(way, way.part == way.parts && ends_exactly);
+        solve_wound(way, way.part == way.parts ? at_end : Accuracy::OnTheWay);
         ++steps;
         if (way.total.stop == Stop::NotPositiveDefinite)
             break;
@@ -277,12 +291,13 @@ void FrameSolver::travel(Way& way, int& steps, bool ends_exactly)
     way.part = way.parts;
 }
 
-/// travel() in larger cells, from there on solved for in smaller and smaller ones: where
-/// the way is long and hard and the cells are many, most iterations then cost little.
-/// False, with the system as it was, where that is not so. Rods want small cells of their
-/// own, and in larger ones turns of wound material are not told apart.
+/// travel() in larger cells, from there on solved for in smaller and smaller ones, at
+/// last in some that are as small as the system's where errors are largest, to fold
+/// there: where the way is long and hard and the cells are many, most iterations then
+/// cost little. False, with the system as it was, where that is not so. Rods want small
+/// cells of their own, and in larger ones turns of wound material are not told apart.
 bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
-                                         FrameReport& report, bool ends_exactly)
+                                         FrameReport& report, Accuracy at_end)
 {
     const bool has_rods = std::any_of(system_.splines().begin(), system_.splines().end(),
                                       [](const std::shared_ptr<const SplineState>& spline)
@@ -301,19 +316,24 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     Way larger;
     larger.start = way.start;
     int steps = 0;
-    travel(larger, steps, false);
+    travel(larger, steps, Accuracy::OnTheWay);
     // Out of time it is nearer to the end than the own cells would get from the start.
-    bool is_worth_it = larger.most_iterations >= kHardStep || larger.is_out_of_time();
-    for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
+    bool is_worth_it = larger.is_hard || larger.is_out_of_time();
+    const auto go_on_in = [&](const auto& next_body, Accuracy accuracy)
     {
         const Clock::time_point next = Clock::now();
         const double energy = system_.energy();
-        system_ = refiner_.handed_to(bodies[k], system_);
+        system_ = refiner_.handed_to(next_body(), system_);
         report.cells_ms += ms_since(next);
         is_worth_it = system_.energy() <= kTorn * energy;
         if (is_worth_it)
-            solve_on(larger, false);
-    }
+            solve_on(larger, accuracy);
+    };
+    for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
+        go_on_in([&] { return bodies[k]; }, Accuracy::OnTheWay);
+    if (is_worth_it)
+        go_on_in([&] { return refiner_.partly_split(system_, other.body()); },
+                 Accuracy::Folds);
     std::swap(other, system_);
     report.iterations_in_larger_cells = std::max(0, larger.total.iterations);
     is_worth_it = is_worth_it && larger.total.stop != Stop::NotPositiveDefinite;
@@ -337,7 +357,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     }
     way = larger;
     report.steps += steps;
-    solve_on(way, ends_exactly);
+    solve_on(way, at_end);
     return true;
 }
 
@@ -364,19 +384,19 @@ void FrameSolver::fit_cells(Way& way, FrameReport& report)
     // Where it is not stable, errors of the cells tell nothing.
     const auto may_refine = [&] { return way.goes_on() && !way.stays_stable; };
     while (may_refine() && takes(&CellRefiner::coarser, report))
-        solve_wound(way, false);
+        solve_wound(way, Accuracy::OnTheWay);
     for (double before = system_.energy();
          may_refine() && takes(&CellRefiner::finer, report);)
     {
-        solve_wound(way, false);
+        solve_wound(way, Accuracy::OnTheWay);
         const double after = system_.energy();
         way.has_risen |= after > kRise * before;
         before = after;
     }
     if (way.goes_on())
-        solve_wound(way, true);
+        solve_wound(way, Accuracy::AsAsked);
     while (may_refine() && takes(&CellRefiner::coarser, report))
-        solve_wound(way, true);
+        solve_wound(way, Accuracy::AsAsked);
     report.cells_at_limit = refiner_.num_at_limit();
 }
 
@@ -424,11 +444,11 @@ void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
     second.gradient_scale = way.gradient_scale;
     second.iterations_before = way.total.iterations;
     // Only where another minimum may be ahead is it worth to get there exactly.
-    travel(second, report.steps, false);
+    travel(second, report.steps, Accuracy::OnTheWay);
     if (second.goes_on() &&
         (way.total.is_saddle || system_.energy() < (1.0 - kSameEnergy) * energy ||
          !is_same_place(system_, other)))
-        solve_wound(second, true);
+        solve_wound(second, Accuracy::AsAsked);
     report.largest_rise = std::max(report.largest_rise, second.largest_rise);
     const bool is_lower = second.total.stop == Stop::Converged &&
                           system_.energy() < (1.0 - kSameEnergy) * energy;
@@ -466,8 +486,9 @@ void FrameSolver::solve(FrameReport& report)
     const Start start{system_.shared_body(), system_.state()};
     Way way;
     const bool is_adaptive = refiner_.is_adaptive();
-    if (!travel_in_larger_cells(start, way, report, !is_adaptive))
-        travel(way, report.steps, !is_adaptive);
+    const Accuracy at_end = is_adaptive ? Accuracy::OnTheWay : Accuracy::AsAsked;
+    if (!travel_in_larger_cells(start, way, report, at_end))
+        travel(way, report.steps, at_end);
     if (is_adaptive)
     {
         fit_cells(way, report);

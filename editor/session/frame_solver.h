@@ -37,12 +37,13 @@ public:
 private:
     struct Way;
     struct Start;
+    enum class Accuracy;
 
-    void solve_on(Way& way, bool is_last);
-    void solve_wound(Way& way, bool is_last);
-    void travel(Way& way, int& steps, bool ends_exactly);
+    void solve_on(Way& way, Accuracy accuracy);
+    void solve_wound(Way& way, Accuracy accuracy);
+    void travel(Way& way, int& steps, Accuracy at_end);
     bool travel_in_larger_cells(const Start& start, Way& way, FrameReport& report,
-                                bool ends_exactly);
+                                Accuracy at_end);
     double gradient_scale_here() const;
     bool takes(std::optional<CellSystem> (CellRefiner::*change)(const CellSystem&),
                FrameReport& report);

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+// [Steihaug83]: from one direction to the next x gets larger in the norm of M, the
+// preconditioner's matrix, so that the first one to leave the trust region leaves it for
+// good. M is not known, but p^T M p and x^T M p follow from the steps: with the new
+// residual r and z = M^-1 r,
+//   p' = z + beta p,  p'^T M p' = r^T z + beta^2 p^T M p,  x'^T M p' = beta x'^T M p,
+// because r is orthogonal to all directions before it, and x' is made of these.
 // The preconditioner may round in single precision: beta is taken with the change of the
 // residual, which stays right for a preconditioner that is not quite linear.
 #include "solver/linear/conjugate_gradients.h"
@@ -22,6 +28,19 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
     preconditioner.apply(r_, z_);
     direction_ = z_;
     double r_z = r_.dot(z_);
+    const double most = limits.radius * limits.radius;
+    // x^T M x, x^T M p and p^T M p, of the direction p.
+    double x_x = 0.0, x_p = 0.0, p_p = r_z;
+    const auto go = [&](double length, double curvature)
+    {
+        x.noalias() += length * direction_;
+        x_x += length * (2.0 * x_p + length * p_p);
+        x_p += length * p_p;
+        report.change += length * (0.5 * length * curvature - r_z);
+    };
+    // The way along the direction to where the trust region ends.
+    const auto way_left = [&]
+    { return (most - x_x) / (x_p + std::sqrt(x_p * x_p + p_p * (most - x_x))); };
     const auto is_out_of_time = [&]
     {
         return report.steps > 0 &&
@@ -35,12 +54,19 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
         if (!(curvature > 0.0))
         {
             report.has_negative_curvature = true;
-            if (report.steps == 1)
-                x = direction_;
+            if (std::isfinite(most))
+                go(way_left(), curvature);
+            else if (report.steps == 1)
+                go(1.0, curvature);
             break;
         }
         const double length = r_z / curvature;
-        x.noalias() += length * direction_;
+        if (x_x + length * (2.0 * x_p + length * p_p) >= most)
+        {
+            go(way_left(), curvature);
+            break;
+        }
+        go(length, curvature);
         last_r_ = r_;
         r_.noalias() -= length * image_;
         if (!(r_.norm() > limits.tolerance * size))
@@ -53,7 +79,10 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
         if (!(r_z > 0.0))
             break;
         direction_ = z_ + beta * direction_;
+        x_p *= beta;
+        p_p = r_z + beta * beta * p_p;
     }
+    report.size = std::sqrt(x_x);
     report.residual = r_.norm() / size;
     return report;
 }

@@ -2,6 +2,7 @@
 // Conjugate gradients for the step of a Newton method. [Steihaug83]
 #pragma once
 
+#include <cmath>
 #include <stop_token>
 
 #include <Eigen/Core>
@@ -17,6 +18,8 @@ struct LinearReport
     int steps = 0;
     double residual = 0.0; ///< relative to the right-hand side
     bool has_negative_curvature = false;
+    double size = 0.0;   ///< of x, sqrt(x^T M x) with the preconditioner's M
+    double change = 0.0; ///< of 1/2 x^T H x - b^T x, from 0 to x
 };
 
 /// When a solve ends.
@@ -26,6 +29,8 @@ struct LinearLimits
     int max_steps = 100;
     Clock::time_point deadline = Clock::time_point::max();
     std::stop_token stop = {};
+    double radius =
+        INFINITY; ///< of a trust region: x gets no larger (LinearReport::size)
 };
 
 /// Keeps its vectors between calls: nothing is allocated for problems of one size.
@@ -37,9 +42,10 @@ public:
     {
     }
 
-    /// Solves H x = b, from 0. Ends early, with what it has,
-    /// which descends, at a direction of negative curvature (with the first direction
-    /// itself, if it is that one), and at its limits, but not without a step.
+    /// Solves H x = b, from 0. Ends early, with what it has, which descends, at its
+    /// limits, but not without a step. It also ends at a direction of negative curvature:
+    /// goes along that to where the trust region ends; where there is none with what it
+    /// has (with the first direction itself, if it is that one).
     LinearReport solve(const LinearOperator& H, Preconditioner& preconditioner,
                        const Eigen::VectorXd& b, const LinearLimits& limits,
                        Eigen::VectorXd& x);

@@ -2,6 +2,20 @@
 // The linear systems are solved as well as pays: to a tenth of the gradient far from the
 // solution, better as the gradient falls (eta = min(0.1, sqrt |g|_rel), [Nocedal06]),
 // which makes Newton's method converge with order 3/2 at the end.
+//   Far from the solution, where parts fold, the exact second derivatives tell little:
+//   the
+// quadratic model has no minimum, or one far beyond where it holds. Three things help,
+// each measured (docs/benchmarks.md):
+// - A solve whose very first model curves downwards begins with Gauss-Newton's.
+// - Where a step with exact derivatives had to be shortened, the next ones stay within a
+//   trust region as large as what was left of it [Steihaug83]. Shortening a whole step
+//   would shorten what was right in it as well: the stiff directions, which conjugate
+//   gradients find first. Gauss-Newton's steps have no such limit: soft parts want large
+//   ones.
+// - After a shortened step along which the energy curves downwards come two of
+//   Gauss-Newton's.
+// A solve that must not leave what is stable does without the first two: it has to see
+// every direction in which the energy curves downwards.
 #include "solver/minimize/newton.h"
 
 #include <algorithm>
@@ -48,8 +62,16 @@ constexpr int kMaxDampings = 8;
 
 /// So many steps without the curvature of residuals follow one along which the energy
 /// curves downwards and which had to be halved: such steps tell little, and one after
-/// another they lead through the folds of a thin rod or sheet in twice as many.
+/// another they lead through the folds of a thin rod or sheet in twice as many. And with
+/// so many begins a solve whose first model curves downwards.
 constexpr int kPlainSteps = 2;
+
+/// The trust region is halved, doubled or made four times as large where the energy falls
+/// by less, or more, than this share of what the model promised.
+constexpr double kPoor = 0.25, kGood = 0.75, kVeryGood = 0.9;
+
+/// A step of this share of the trust region is one that it may have kept short.
+constexpr double kAtRadius = 0.8;
 
 /// Longer time budgets are none [s].
 constexpr double kLongestBudget = 1e8;
@@ -99,6 +121,7 @@ void SolveReport::add_earlier(const SolveReport& earlier)
     iterations += std::max(0, earlier.iterations);
     linear_steps += earlier.linear_steps;
     refreshes += earlier.refreshes;
+    downward_models += earlier.downward_models;
     damped_factorisations += earlier.damped_factorisations;
     backward_error = std::max(backward_error, earlier.backward_error);
     ms.linearise += earlier.ms.linearise;
@@ -136,16 +159,21 @@ private:
 
     bool is_converged() const;
     bool find_step();
+    void linearise(bool is_exact);
     void find_step_by_gradients();
     bool find_step_by_factor();
     Found search_line();
     void check_stability();
     bool is_accepted(double value, double length, double slope, bool is_hidden);
+    void fit_radius(double length, double change);
 
     NewtonSolver& own_;
     const SolveOptions& options_;
     SolveReport report_;
     double value_ = 0.0, gradient_norm_ = 0.0, scale_ = 0.0;
+    LinearReport linear_;           ///< of the last step
+    bool is_exact_ = false;         ///< whether that knew the exact derivatives
+    double radius_ = INFINITY;      ///< of the trust region of such steps
     bool curves_downwards_ = false; ///< the energy, along the last step
     int plain_steps_ = 0;           ///< Gauss-Newton's, before Newton's go on
     Clock::time_point deadline_ = Clock::time_point::max();
@@ -168,18 +196,30 @@ bool NewtonSolver::Run::is_converged() const
     return true;
 }
 
+void NewtonSolver::Run::linearise(bool is_exact)
+{
+    const Clock::time_point start = Clock::now();
+    is_exact_ = is_exact;
+    own_.energy_.linearise(is_exact ? kExact : kGaussNewton);
+    report_.ms.linearise += ms_since(start);
+}
+
 void NewtonSolver::Run::find_step_by_gradients()
 {
+    const Clock::time_point start = Clock::now();
     const double relative = scale_ > 0 ? gradient_norm_ / scale_ : 1.0;
     own_.right_ = -own_.gradient_;
-    const LinearReport linear =
-        own_.conjugate_gradients_.solve(own_.energy_, own_.preconditioner_, own_.right_,
-                                        {std::min(kForcing, std::sqrt(relative)),
-                                         kMaxLinearSteps, deadline_, options_.stop},
-                                        own_.step_);
-    report_.linear_steps += linear.steps;
-    own_.is_slow_ = linear.steps > kSlowSteps;
-    curves_downwards_ = linear.has_negative_curvature;
+    linear_ = own_.conjugate_gradients_.solve(
+        own_.energy_, own_.preconditioner_, own_.right_,
+        {std::min(kForcing, std::sqrt(relative)), kMaxLinearSteps, deadline_,
+         options_.stop, is_exact_ ? radius_ : INFINITY},
+        own_.step_);
+    report_.linear_steps += linear_.steps;
+    report_.ms.linear += ms_since(start);
+    own_.is_slow_ = linear_.steps > kSlowSteps;
+    curves_downwards_ = linear_.has_negative_curvature;
+    if (is_exact_ && curves_downwards_)
+        ++report_.downward_models;
 }
 
 bool NewtonSolver::Run::find_step_by_factor()
@@ -213,27 +253,35 @@ bool NewtonSolver::Run::find_step_by_factor()
 
 bool NewtonSolver::Run::find_step()
 {
-    Clock::time_point start = Clock::now();
-    if (own_.is_slow_ && options_.may_refresh &&
-        options_.method != Method::GaussNewtonDirect)
+    if (options_.method == Method::GaussNewtonDirect)
     {
-        own_.energy_.linearise(kGaussNewton);
+        linearise(false);
+        const Clock::time_point start = Clock::now();
+        const bool is_found = find_step_by_factor();
+        report_.ms.linear += ms_since(start);
+        return is_found && own_.step_.allFinite();
+    }
+    if (own_.is_slow_ && options_.may_refresh)
+    {
+        linearise(false);
+        const Clock::time_point start = Clock::now();
         own_.preconditioner_.refresh();
+        report_.ms.linearise += ms_since(start);
         ++report_.refreshes;
         own_.is_slow_ = false;
     }
     const bool is_exact = options_.method == Method::Newton && plain_steps_ == 0;
     plain_steps_ = std::max(0, plain_steps_ - 1);
-    own_.energy_.linearise(is_exact ? kExact : kGaussNewton);
-    report_.ms.linearise += ms_since(start);
-    start = Clock::now();
-    bool is_found = true;
-    if (options_.method == Method::GaussNewtonDirect)
-        is_found = find_step_by_factor();
-    else
+    linearise(is_exact);
+    find_step_by_gradients();
+    if (is_exact && curves_downwards_ && report_.iterations == 0 &&
+        !options_.stays_stable)
+    {
+        plain_steps_ = kPlainSteps - 1;
+        linearise(false);
         find_step_by_gradients();
-    report_.ms.linear += ms_since(start);
-    return is_found && own_.step_.allFinite();
+    }
+    return own_.step_.allFinite();
 }
 
 bool NewtonSolver::Run::is_accepted(double value, double length, double slope,
@@ -247,6 +295,18 @@ bool NewtonSolver::Run::is_accepted(double value, double length, double slope,
     own_.energy_.gradient(own_.trial_gradient_);
     return own_.trial_gradient_.norm() < 0.5 * gradient_norm_ &&
            value <= value_ * (1.0 + 1e-13);
+}
+
+/// After a step of which \p length was gone, with that \p change of the energy.
+void NewtonSolver::Run::fit_radius(double length, double change)
+{
+    const double share = change / linear_.change;
+    if (length < 1.0)
+        radius_ = length * linear_.size;
+    else if (share < kPoor)
+        radius_ = 0.5 * linear_.size;
+    else if (share > kGood && linear_.size > kAtRadius * radius_)
+        radius_ *= share > kVeryGood ? 4.0 : 2.0;
 }
 
 /// Halves the step until it lowers the energy; the state is moved if it does.
@@ -263,6 +323,8 @@ NewtonSolver::Run::Found NewtonSolver::Run::search_line()
         const double value = own_.energy_.value();
         if (is_accepted(value, length, slope, is_hidden))
         {
+            if (is_exact_ && !is_hidden && !options_.stays_stable)
+                fit_radius(length, value - value_);
             if (curves_downwards_ && length < 1.0)
                 plain_steps_ = kPlainSteps;
             own_.energy_.settle();

@@ -75,6 +75,9 @@ struct SolveReport
     int iterations = -1;
     int linear_steps = 0; ///< of conjugate gradients, in all iterations
     int refreshes = 0;    ///< of the preconditioner
+    /// Of its iterations those whose exact model curves downwards in some direction:
+    /// there the energy is far from any minimum.
+    int downward_models = 0;
     double energy_before = -1.0;
     double energy_after = -1.0;
     double gradient = -1.0;      ///< norm at the end, relative to the scale

@@ -312,6 +312,39 @@ TEST(CellRefiner, has_larger_bodies_down_to_few_cells)
     }
 }
 
+TEST(CellRefiner, splits_a_few_larger_cells_where_errors_are_largest)
+{
+    CellSettings fine = coarse(0, INFINITY);
+    fine.across = 64; // 16 x 16 x 64
+    fine.errors =
+        marked([](const Eigen::Vector3d& x) { return 5.0 - std::abs(x.z() - 2.0); });
+    const RestModel model = bar(fine);
+    CellRefiner cells = refiner(model);
+    const CellSystem system = cells.first();
+    const CellSystem larger = cells.handed_to(
+        cells.larger_bodies(system, std::vector<Motion>(2)).front(), system);
+    const auto partly = cells.partly_split(larger, system.body());
+    const std::size_t before = larger.body().cells.size(), after = partly->cells.size();
+    EXPECT_EQ((after - before) % 7, 0u);
+    EXPECT_GT(after, before + before / 4); // each becomes eight
+    EXPECT_LT(after, before + before / 2);
+    double farthest = 0.0, nearest = INFINITY; // from the middle, of split and of others
+    for (const Cell& cell : partly->cells.cells)
+    {
+        const Eigen::Vector3d x = model.rest->frame.to_model(cell.centre);
+        const double away = std::abs(x.z() - 2.0);
+        const int level = partly->octree[cell.leaf].level;
+        EXPECT_LE(level, 0);
+        if (level == 0)
+            farthest = std::max(farthest, away);
+        else
+            nearest = std::min(nearest, away);
+    }
+    EXPECT_LT(farthest, nearest + 4.0 / 32.0); // of one layer of cells some may be
+    // Where cells are no larger than the target's there is nothing to split.
+    EXPECT_EQ(cells.partly_split(system, system.body())->octree.leaves(), leaves(system));
+}
+
 TEST(CellRefiner, leaves_no_larger_cell_to_regions_that_move_apart)
 {
     CellSettings fine = coarse(0, INFINITY);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/linear/conjugate_gradients.h"
 
+#include <cmath>
 #include <random>
 
 #include <Eigen/Dense>
@@ -190,6 +191,70 @@ TEST(ConjugateGradients, go_down_the_gradient_where_the_first_direction_curves_d
     EXPECT_EQ(report.steps, 1);
     EXPECT_EQ(s.x, s.b);
     EXPECT_EQ(report.residual, 1.0);
+}
+
+TEST(ConjugateGradients, go_as_far_as_a_trust_region_reaches)
+{
+    for (unsigned seed = 1; seed <= 5; ++seed)
+    {
+        System s(seed);
+        const Eigen::MatrixXd M = random_matrix(s.rng);
+        DensePreconditioner preconditioner(M.inverse());
+        const auto solve = [&](double radius)
+        {
+            return s.conjugate_gradients.solve(s.energy.total, preconditioner, s.b,
+                                               {.tolerance = 1e-12, .radius = radius},
+                                               s.x);
+        };
+        const auto size = [&] { return std::sqrt(s.x.dot(M * s.x)); };
+        const auto change = [&] { return s.x.dot(0.5 * s.A * s.x - s.b); };
+        const LinearReport whole = solve(INFINITY);
+        EXPECT_NEAR(whole.size, size(), 1e-9 * size());
+        EXPECT_NEAR(whole.change, change(), 1e-9 * std::abs(change()));
+        const Eigen::VectorXd solution = s.x;
+        EXPECT_EQ(solve(1.01 * whole.size).size, whole.size);
+        EXPECT_EQ(s.x, solution);
+        double last = 0.0;
+        for (const double share : {1e-3, 0.1, 0.5, 0.9, 0.999})
+        {
+            const LinearReport report = solve(share * whole.size);
+            EXPECT_FALSE(report.has_negative_curvature);
+            EXPECT_NEAR(size(), share * whole.size, 1e-6 * whole.size);
+            EXPECT_NEAR(report.size, size(), 1e-6 * whole.size);
+            EXPECT_NEAR(report.change, change(), 1e-9 * std::abs(whole.change));
+            EXPECT_LT(report.change, last);
+            last = report.change;
+        }
+        // A small one ends on the first direction, the preconditioned gradient.
+        solve(1e-3 * whole.size);
+        const Eigen::VectorXd first = M.inverse() * s.b;
+        EXPECT_NEAR(s.x.dot(first), s.x.norm() * first.norm(), 1e-12);
+    }
+}
+
+TEST(ConjugateGradients, follow_negative_curvature_to_the_end_of_a_trust_region)
+{
+    for (unsigned seed = 1; seed <= 5; ++seed)
+    {
+        System s(seed);
+        const Eigen::VectorXd bent = s.b.normalized() + random_numbers(s.rng, kCount);
+        const Eigen::MatrixXd A = s.A - 30.0 * bent * bent.transpose();
+        Quadratic saddle(kSizes, A, s.b);
+        saddle.linearise(kExact);
+        double last = 0.0;
+        for (const double radius : {0.1, 1.0, 10.0, 100.0})
+        {
+            const LinearReport report =
+                s.conjugate_gradients.solve(saddle.total, s.identity, s.b,
+                                            {.tolerance = 1e-10, .radius = radius}, s.x);
+            EXPECT_NEAR(s.x.norm(), radius, 1e-9 * radius);
+            EXPECT_NEAR(report.size, radius, 1e-9 * radius);
+            EXPECT_LT(report.change, last);
+            last = report.change;
+        }
+        // Without a minimum there is none to stop at: the change grows as the square.
+        EXPECT_LT(last, -1e3);
+    }
 }
 
 TEST(ConjugateGradients, answer_nothing_with_nothing)

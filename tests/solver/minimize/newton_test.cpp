@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -164,6 +165,42 @@ protected:
     Eigen::MatrixXd hessian_at(const Eigen::VectorXd& x, Curvature) const override
     {
         return Eigen::MatrixXd::Constant(1, 1, curvature_(x[0]));
+    }
+
+private:
+    Function value_, slope_, curvature_;
+};
+
+/// A function f(u) that a test gives, with its derivatives, beside a stiff number w:
+/// f(u) + 50 w^2. Tells how it was linearised; without the curvature of residuals f has
+/// that of 1.
+class BesideStiff final : public DenseEnergy
+{
+public:
+    using Function = OneNumber::Function;
+    BesideStiff(double u, double w, Function value, Function slope, Function curvature)
+        : DenseEnergy({1, 1}, Eigen::Vector2d(u, w)), value_(std::move(value)),
+          slope_(std::move(slope)), curvature_(std::move(curvature))
+    {
+    }
+    double value() const override { return value_(x()[0]) + 50.0 * x()[1] * x()[1]; }
+    void linearise(Curvature curvature) override
+    {
+        shares.push_back(curvature.share);
+        DenseEnergy::linearise(curvature);
+    }
+    std::vector<double> shares; ///< of the curvature of residuals
+
+protected:
+    Eigen::VectorXd gradient_at(const Eigen::VectorXd& x) const override
+    {
+        return Eigen::Vector2d(slope_(x[0]), 100.0 * x[1]);
+    }
+    Eigen::MatrixXd hessian_at(const Eigen::VectorXd& x,
+                               Curvature curvature) const override
+    {
+        return Eigen::Vector2d(1.0 + curvature.share * (curvature_(x[0]) - 1.0), 100.0)
+            .asDiagonal();
     }
 
 private:
@@ -413,6 +450,56 @@ TEST(Newton, leaves_a_saddle_or_tells_of_it)
     EXPECT_EQ(report.stop, Stop::Converged);
     EXPECT_TRUE(report.is_saddle);
     EXPECT_FALSE(minimized(middle, {}).is_saddle);
+}
+
+TEST(Newton, begins_without_the_curvature_of_residuals_where_that_is_negative)
+{
+    // 1 - cos u, which would round near 0 if it were written so.
+    const auto wave = [](double at)
+    {
+        return BesideStiff(
+            at, 0.01,
+            [](double u) { return 2.0 * std::sin(0.5 * u) * std::sin(0.5 * u); },
+            [](double u) { return std::sin(u); }, [](double u) { return std::cos(u); });
+    };
+    const SolveOptions options = {.gradient_tolerance = 1e-9};
+    BesideStiff above = wave(2.0);
+    EXPECT_EQ(minimized(above, options).stop, Stop::Converged);
+    ASSERT_GE(above.shares.size(), 4u);
+    above.shares.resize(4);
+    EXPECT_EQ(above.shares, (std::vector<double>{1.0, 0.0, 0.0, 1.0}));
+    EXPECT_NEAR(above.x().norm(), 0.0, 1e-8);
+
+    BesideStiff below = wave(1.0);
+    EXPECT_EQ(minimized(below, options).stop, Stop::Converged);
+    EXPECT_EQ(below.shares, std::vector<double>(below.shares.size(), 1.0));
+
+    // Who may not leave what is stable must see it.
+    SolveOptions stable = options;
+    stable.stays_stable = true;
+    BesideStiff unstable = wave(2.0);
+    EXPECT_EQ(minimized(unstable, stable).stop, Stop::NoDescent);
+    EXPECT_EQ(unstable.x()[0], 2.0);
+}
+
+TEST(Newton, a_step_that_was_too_long_does_not_hold_back_what_is_stiff)
+{
+    // sqrt(1 + u^2) is nearly straight far out: each step is much too long.
+    const auto stiff_part_after = [](int iterations, bool stays_stable)
+    {
+        BesideStiff energy(
+            10.0, 0.01, [](double u) { return std::hypot(1.0, u); },
+            [](double u) { return u / std::hypot(1.0, u); },
+            [](double u) { return std::pow(1.0 + u * u, -1.5); });
+        SolveOptions options{.max_iterations = iterations, .gradient_tolerance = 1e-12};
+        options.stays_stable = stays_stable;
+        minimized(energy, options);
+        return std::abs(energy.x()[1]);
+    };
+    EXPECT_GT(stiff_part_after(1, false), 0.95 * 0.01); // so much was it shortened
+    EXPECT_LT(stiff_part_after(2, false), 0.6 * 0.01);
+    // Without a trust region the second step is shortened as a whole, too.
+    EXPECT_GT(stiff_part_after(2, true), 0.9 * 0.01);
 }
 
 TEST(Newton, a_tolerance_of_zero_ends_where_rounding_does)
