@@ -19,8 +19,7 @@ namespace
 /// Tolerance of the steps on the way: good enough to start the next one.
 constexpr double kTravelTolerance = 1e-3;
 
-/// Tolerance where folds form in small cells that are few: what moves there in many costs
-/// the most.
+/// Tolerance in a few small cells: what folds there only later folds in many.
 constexpr double kFoldTolerance = 1e-5;
 
 /// The least part of such a step that a rod goes by itself.
@@ -42,9 +41,9 @@ constexpr double kRise = 1.02;
 /// So many that a long way is gone in larger ones first.
 constexpr std::size_t kManyCells = 4000;
 
-/// Iterations of a step that is hard: where no step of the way is, it is gone as fast in
-/// the cells themselves.
-constexpr int kHardStep = 4;
+/// Iterations of a step that is hard. Where no step of the way is, and none meets a state
+/// in which the energy curves downwards, it is gone as fast in the cells themselves.
+constexpr int kHardStep = 5;
 
 /// By what factor the energy may rise when poses are handed on to smaller cells. Where
 /// cells hold several windings of a thin shape it is a thousand.
@@ -92,7 +91,7 @@ struct FrameSolver::Way
     double largest_rise = 0.0; ///< see FrameReport
     int iterations_lost = 0;   ///< of solves that were taken back: they have no limit
     int iterations_before = 0; ///< of an earlier way of the same frame
-    bool is_hard = false;      ///< some solve took many iterations, or would have
+    bool is_hard = false;      ///< it has steps as kHardStep says
     SolveReport total;
 
     bool is_out_of_time() const
@@ -291,6 +290,48 @@ void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
     way.part = way.parts;
 }
 
+/// Another system in the place of the frame's, for as long as this lasts.
+class FrameSolver::Instead
+{
+public:
+    Instead(CellSystem& system, CellSystem& other) : system_(system), other_(other)
+    {
+        std::swap(system_, other_);
+    }
+    ~Instead() { std::swap(system_, other_); }
+    Instead(const Instead&) = delete;
+    Instead& operator=(const Instead&) = delete;
+
+private:
+    CellSystem &system_, &other_;
+};
+
+/// Goes on in smaller cells from where the system is; false, with the system as it was,
+/// where these cannot take its motions over.
+bool FrameSolver::go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy accuracy,
+                           FrameReport& report)
+{
+    const Clock::time_point start = Clock::now();
+    CellSystem next = refiner_.handed_to(std::move(body), system_);
+    report.cells_ms += ms_since(start);
+    if (!(next.energy() <= kTorn * system_.energy()))
+        return false;
+    system_ = std::move(next);
+    solve_on(way, accuracy);
+    return true;
+}
+
+/// Goes on in larger cells of which a few are as small as those of \p own, where errors
+/// are largest: there folds form.
+void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& report)
+{
+    const Clock::time_point start = Clock::now();
+    std::shared_ptr<const Body> few = refiner_.partly_split(system_, own);
+    report.cells_ms += ms_since(start);
+    if (2 * few->cells.size() <= own.cells.size())
+        go_on_in(std::move(few), way, Accuracy::Folds, report);
+}
+
 /// travel() in larger cells, from there on solved for in smaller and smaller ones, at
 /// last in some that are as small as the system's where errors are largest, to fold
 /// there: where the way is long and hard and the cells are many, most iterations then
@@ -310,31 +351,24 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
         refiner_.larger_bodies(system_, plan_.motions(1.0));
     if (bodies.empty())
         return false;
-    CellSystem other = refiner_.handed_to(bodies.back(), system_);
-    std::swap(other, system_);
+    CellSystem in_larger = refiner_.handed_to(bodies.back(), system_);
     report.cells_ms += ms_since(begin);
+    const std::shared_ptr<const Body> own = system_.shared_body();
     Way larger;
     larger.start = way.start;
     int steps = 0;
-    travel(larger, steps, Accuracy::OnTheWay);
-    // Out of time it is nearer to the end than the own cells would get from the start.
-    bool is_worth_it = larger.is_hard || larger.is_out_of_time();
-    const auto go_on_in = [&](const auto& next_body, Accuracy accuracy)
+    bool is_worth_it = false;
     {
-        const Clock::time_point next = Clock::now();
-        const double energy = system_.energy();
-        system_ = refiner_.handed_to(next_body(), system_);
-        report.cells_ms += ms_since(next);
-        is_worth_it = system_.energy() <= kTorn * energy;
-        if (is_worth_it)
-            solve_on(larger, accuracy);
-    };
-    for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
-        go_on_in([&] { return bodies[k]; }, Accuracy::OnTheWay);
-    if (is_worth_it)
-        go_on_in([&] { return refiner_.partly_split(system_, other.body()); },
-                 Accuracy::Folds);
-    std::swap(other, system_);
+        const Instead of_own(system_, in_larger);
+        travel(larger, steps, Accuracy::OnTheWay);
+        // Out of time it is nearer to the end than the own cells would get from the
+        // start.
+        is_worth_it = larger.is_hard || larger.is_out_of_time();
+        for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
+            is_worth_it = go_on_in(bodies[k], larger, Accuracy::OnTheWay, report);
+        if (is_worth_it && larger.goes_on())
+            fold_in_few_cells(*own, larger, report);
+    }
     report.iterations_in_larger_cells = std::max(0, larger.total.iterations);
     is_worth_it = is_worth_it && larger.total.stop != Stop::NotPositiveDefinite;
     if (is_worth_it)
@@ -345,8 +379,8 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
                              system_.way_left() * (1.0 - share));
         larger.gradient_scale = gradient_scale_here();
         system_.set_state(start.state);
-        refiner_.hand_on(other, system_);
-        is_worth_it = system_.energy() <= kTorn * other.energy();
+        refiner_.hand_on(in_larger, system_);
+        is_worth_it = system_.energy() <= kTorn * in_larger.energy();
     }
     if (!is_worth_it)
     {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Solves one frame: takes the regions their way in steps, each from the poses of the one
 // before, so that large turns do not tear the glue, and fits the cells to what comes out.
-// Only the last step is solved to the tolerance asked for.
+// Only the last step is solved to the tolerance asked for; where a long way is gone in
+// larger cells first, folds form to a tolerance of their own.
 #pragma once
 
 #include <cstdint>
@@ -37,11 +38,15 @@ public:
 private:
     struct Way;
     struct Start;
+    class Instead;
     enum class Accuracy;
 
     void solve_on(Way& way, Accuracy accuracy);
     void solve_wound(Way& way, Accuracy accuracy);
     void travel(Way& way, int& steps, Accuracy at_end);
+    bool go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy accuracy,
+                  FrameReport& report);
+    void fold_in_few_cells(const Body& own, Way& way, FrameReport& report);
     bool travel_in_larger_cells(const Start& start, Way& way, FrameReport& report,
                                 Accuracy at_end);
     double gradient_scale_here() const;

@@ -9,6 +9,7 @@
 // residual, which stays right for a preconditioner that is not quite linear.
 #include "solver/linear/conjugate_gradients.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace cellwarp
@@ -28,7 +29,9 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
     preconditioner.apply(r_, z_);
     direction_ = z_;
     double r_z = r_.dot(z_);
-    const double most = limits.radius * limits.radius;
+    const double radius_squared = limits.radius * limits.radius;
+    // Where rounding has made the preconditioner indefinite it measures nothing.
+    const bool is_bounded = std::isfinite(radius_squared) && r_z > 0.0;
     // x^T M x, x^T M p and p^T M p, of the direction p.
     double x_x = 0.0, x_p = 0.0, p_p = r_z;
     const auto go = [&](double length, double curvature)
@@ -40,7 +43,11 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
     };
     // The way along the direction to where the trust region ends.
     const auto way_left = [&]
-    { return (most - x_x) / (x_p + std::sqrt(x_p * x_p + p_p * (most - x_x))); };
+    {
+        const double left = radius_squared - x_x;
+        const double root = std::sqrt(x_p * x_p + p_p * left);
+        return x_p > 0.0 ? left / (x_p + root) : (root - x_p) / p_p;
+    };
     const auto is_out_of_time = [&]
     {
         return report.steps > 0 &&
@@ -54,14 +61,14 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
         if (!(curvature > 0.0))
         {
             report.has_negative_curvature = true;
-            if (std::isfinite(most))
+            if (is_bounded)
                 go(way_left(), curvature);
             else if (report.steps == 1)
                 go(1.0, curvature);
             break;
         }
         const double length = r_z / curvature;
-        if (x_x + length * (2.0 * x_p + length * p_p) >= most)
+        if (is_bounded && x_x + length * (2.0 * x_p + length * p_p) >= radius_squared)
         {
             go(way_left(), curvature);
             break;
@@ -82,7 +89,7 @@ LinearReport ConjugateGradients::solve(const LinearOperator& H,
         x_p *= beta;
         p_p = r_z + beta * beta * p_p;
     }
-    report.size = std::sqrt(x_x);
+    report.size = std::sqrt(std::max(0.0, x_x));
     report.residual = r_.norm() / size;
     return report;
 }

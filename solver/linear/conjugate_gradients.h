@@ -16,7 +16,9 @@ namespace cellwarp
 struct LinearReport
 {
     int steps = 0;
-    double residual = 0.0; ///< relative to the right-hand side
+    /// Relative to the right-hand side; of x before it went on to where a trust region
+    /// ends.
+    double residual = 0.0;
     bool has_negative_curvature = false;
     double size = 0.0;   ///< of x, sqrt(x^T M x) with the preconditioner's M
     double change = 0.0; ///< of 1/2 x^T H x - b^T x, from 0 to x

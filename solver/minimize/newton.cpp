@@ -4,18 +4,20 @@
 // which makes Newton's method converge with order 3/2 at the end.
 //   Far from the solution, where parts fold, the exact second derivatives tell little:
 //   the
-// quadratic model has no minimum, or one far beyond where it holds. Three things help,
-// each measured (docs/benchmarks.md):
-// - A solve whose very first model curves downwards begins with Gauss-Newton's.
-// - Where a step with exact derivatives had to be shortened, the next ones stay within a
-//   trust region as large as what was left of it [Steihaug83]. Shortening a whole step
-//   would shorten what was right in it as well: the stiff directions, which conjugate
-//   gradients find first. Gauss-Newton's steps have no such limit: soft parts want large
-//   ones.
-// - After a shortened step along which the energy curves downwards come two of
+// quadratic model has no minimum, or one far beyond where it holds. Three things help
+// (docs/benchmarks.md has what each does):
+// - Where the very first model of a solve curves downwards, its first two iterations take
 //   Gauss-Newton's.
-// A solve that must not leave what is stable does without the first two: it has to see
-// every direction in which the energy curves downwards.
+// - Where a step with exact derivatives was too long, the next ones stay within a trust
+//   region as large as what was left of it [Steihaug83]. Shortening a whole step would
+//   shorten what was right in it as well: the stiff directions, which conjugate gradients
+//   find first. Gauss-Newton's steps have no such limit: soft parts want large ones.
+// - After a shortened step along which the energy curves downwards come two of
+//   Gauss-Newton's: such steps tell little, and one after another they lead through the
+//   folds of a thin rod or sheet in twice as many.
+// A solve that must not leave what is stable does without all three: it has to see every
+// direction in which the energy curves downwards, and ends there. One of very few
+// iterations, as a frame of a drag, begins with the exact derivatives in any case.
 #include "solver/minimize/newton.h"
 
 #include <algorithm>
@@ -60,10 +62,7 @@ constexpr int kStabilitySteps = 8;
 constexpr double kFirstDamping = 1e-12;
 constexpr int kMaxDampings = 8;
 
-/// So many steps without the curvature of residuals follow one along which the energy
-/// curves downwards and which had to be halved: such steps tell little, and one after
-/// another they lead through the folds of a thin rod or sheet in twice as many. And with
-/// so many begins a solve whose first model curves downwards.
+/// So many steps without the curvature of residuals follow where that led astray.
 constexpr int kPlainSteps = 2;
 
 /// The trust region is halved, doubled or made four times as large where the energy falls
@@ -164,6 +163,18 @@ private:
     bool find_step_by_factor();
     Found search_line();
     void check_stability();
+    bool is_out_of_time() const
+    {
+        return options_.stop.stop_requested() || Clock::now() > deadline_;
+    }
+    /// Whether a solve may begin with Gauss-Newton's steps.
+    bool begins_plainly() const
+    {
+        return !options_.stays_stable && options_.max_iterations > kPlainSteps &&
+               !is_out_of_time();
+    }
+    /// Whether the trust region kept the last step short.
+    bool is_at_radius() const { return linear_.size > kAtRadius * radius_; }
     bool is_accepted(double value, double length, double slope, bool is_hidden);
     void fit_radius(double length, double change);
 
@@ -266,6 +277,7 @@ bool NewtonSolver::Run::find_step()
         linearise(false);
         const Clock::time_point start = Clock::now();
         own_.preconditioner_.refresh();
+        radius_ = INFINITY; // it was measured by the old one
         report_.ms.linearise += ms_since(start);
         ++report_.refreshes;
         own_.is_slow_ = false;
@@ -274,8 +286,7 @@ bool NewtonSolver::Run::find_step()
     plain_steps_ = std::max(0, plain_steps_ - 1);
     linearise(is_exact);
     find_step_by_gradients();
-    if (is_exact && curves_downwards_ && report_.iterations == 0 &&
-        !options_.stays_stable)
+    if (is_exact && curves_downwards_ && report_.iterations == 0 && begins_plainly())
     {
         plain_steps_ = kPlainSteps - 1;
         linearise(false);
@@ -305,7 +316,7 @@ void NewtonSolver::Run::fit_radius(double length, double change)
         radius_ = length * linear_.size;
     else if (share < kPoor)
         radius_ = 0.5 * linear_.size;
-    else if (share > kGood && linear_.size > kAtRadius * radius_)
+    else if (share > kGood && is_at_radius())
         radius_ *= share > kVeryGood ? 4.0 : 2.0;
 }
 
@@ -405,6 +416,11 @@ SolveReport NewtonSolver::Run::operator()()
         const Clock::time_point search_start = Clock::now();
         const Found found = search_line();
         report_.ms.line_search += ms_since(search_start);
+        if (found == Found::HiddenByRounding && is_exact_ && is_at_radius())
+        {
+            radius_ = INFINITY; // so short a step tells nothing
+            continue;
+        }
         if (found == Found::HiddenByRounding)
             return finish(Stop::Converged);
         if (found == Found::Nothing)

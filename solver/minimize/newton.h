@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Lowers an energy: Gauss-Newton or Newton steps with a halving line search.
+// Lowers an energy: Gauss-Newton or Newton steps with a halving line search, and a trust
+// region where Newton's were too long.
 #pragma once
 
 #include <functional>
@@ -20,7 +21,9 @@ namespace cellwarp
 
 enum class Method
 {
-    Newton,           ///< the exact Hessian, by truncated conjugate gradients
+    /// The exact Hessian, by truncated conjugate gradients; far from a minimum J^T J now
+    /// and then (newton.cpp).
+    Newton,
     GaussNewton,      ///< J^T J, as in [Botsch07], by conjugate gradients
     GaussNewtonDirect ///< J^T J, factorised in each iteration: the textbook way
 };

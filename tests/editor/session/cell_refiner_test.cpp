@@ -340,7 +340,8 @@ TEST(CellRefiner, splits_a_few_larger_cells_where_errors_are_largest)
         else
             nearest = std::min(nearest, away);
     }
-    EXPECT_LT(farthest, nearest + 4.0 / 32.0); // of one layer of cells some may be
+    // Cells of one layer have one error: there some are split and others are not.
+    EXPECT_LT(farthest, nearest + 4.0 / 32.0);
     // Where cells are no larger than the target's there is nothing to split.
     EXPECT_EQ(cells.partly_split(system, system.body())->octree.leaves(), leaves(system));
 }

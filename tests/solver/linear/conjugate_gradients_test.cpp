@@ -232,6 +232,28 @@ TEST(ConjugateGradients, go_as_far_as_a_trust_region_reaches)
     }
 }
 
+TEST(ConjugateGradients, know_a_size_well_enough_with_a_preconditioner_that_rounds)
+{
+    for (unsigned seed = 1; seed <= 5; ++seed)
+    {
+        System s(seed);
+        const Eigen::MatrixXd M = random_matrix(s.rng);
+        RoundedPreconditioner preconditioner(M.inverse());
+        for (const double tolerance : {0.5, 0.1, 1e-3})
+        {
+            const LinearReport whole = s.conjugate_gradients.solve(
+                s.energy.total, preconditioner, s.b, {.tolerance = tolerance}, s.x);
+            EXPECT_NEAR(whole.size, std::sqrt(s.x.dot(M * s.x)), 1e-3 * whole.size);
+            EXPECT_NEAR(whole.change, s.x.dot(0.5 * s.A * s.x - s.b),
+                        1e-4 * std::abs(whole.change));
+            s.conjugate_gradients.solve(
+                s.energy.total, preconditioner, s.b,
+                {.tolerance = tolerance, .radius = 0.7 * whole.size}, s.x);
+            EXPECT_NEAR(std::sqrt(s.x.dot(M * s.x)), 0.7 * whole.size, 1e-3 * whole.size);
+        }
+    }
+}
+
 TEST(ConjugateGradients, follow_negative_curvature_to_the_end_of_a_trust_region)
 {
     for (unsigned seed = 1; seed <= 5; ++seed)
@@ -247,6 +269,7 @@ TEST(ConjugateGradients, follow_negative_curvature_to_the_end_of_a_trust_region)
             const LinearReport report =
                 s.conjugate_gradients.solve(saddle.total, s.identity, s.b,
                                             {.tolerance = 1e-10, .radius = radius}, s.x);
+            EXPECT_TRUE(report.has_negative_curvature || radius < 10.0);
             EXPECT_NEAR(s.x.norm(), radius, 1e-9 * radius);
             EXPECT_NEAR(report.size, radius, 1e-9 * radius);
             EXPECT_LT(report.change, last);

@@ -502,6 +502,26 @@ TEST(Newton, a_step_that_was_too_long_does_not_hold_back_what_is_stiff)
     EXPECT_GT(stiff_part_after(2, true), 0.9 * 0.01);
 }
 
+TEST(Newton, a_trust_region_so_small_that_rounding_hides_it_ends_nothing)
+{
+    // Beside 1e15 what a step within the second region would bring is rounding.
+    BesideStiff energy(
+        3e3, 0.0, [](double u) { return 1e15 + std::hypot(1.0, u); },
+        [](double u) { return u / std::hypot(1.0, u); },
+        [](double u) { return std::pow(1.0 + u * u, -1.5); });
+    EXPECT_EQ(minimized(energy, {.gradient_tolerance = 1e-6}).stop, Stop::Converged);
+    EXPECT_LT(std::abs(energy.x()[0]), 10.0); // it was 3e3, and is 2e2 in the second
+}
+
+TEST(Newton, a_solve_of_few_iterations_begins_with_all_curvature)
+{
+    BesideStiff energy(
+        2.0, 0.01, [](double u) { return 2.0 * std::sin(0.5 * u) * std::sin(0.5 * u); },
+        [](double u) { return std::sin(u); }, [](double u) { return std::cos(u); });
+    minimized(energy, {.max_iterations = 1, .gradient_tolerance = 1e-9});
+    EXPECT_EQ(energy.shares, std::vector<double>{1.0});
+}
+
 TEST(Newton, a_tolerance_of_zero_ends_where_rounding_does)
 {
     for (const Method method : kMethods)
