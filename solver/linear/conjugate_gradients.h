@@ -31,8 +31,8 @@ struct LinearLimits
     int max_steps = 100;
     Clock::time_point deadline = Clock::time_point::max();
     std::stop_token stop = {};
-    double radius =
-        INFINITY; ///< of a trust region: x gets no larger (LinearReport::size)
+    /// Of a trust region: x gets no larger (LinearReport::size). \pre positive
+    double radius = INFINITY;
 };
 
 /// Keeps its vectors between calls: nothing is allocated for problems of one size.

@@ -2,9 +2,8 @@
 // The linear systems are solved as well as pays: to a tenth of the gradient far from the
 // solution, better as the gradient falls (eta = min(0.1, sqrt |g|_rel), [Nocedal06]),
 // which makes Newton's method converge with order 3/2 at the end.
-//   Far from the solution, where parts fold, the exact second derivatives tell little:
-//   the
-// quadratic model has no minimum, or one far beyond where it holds. Three things help
+//   Far from the solution, where parts fold, the exact second derivatives tell little.
+// The quadratic model has no minimum, or one far beyond where it holds. Three things help
 // (docs/benchmarks.md has what each does):
 // - Where the very first model of a solve curves downwards, its first two iterations take
 //   Gauss-Newton's.
