@@ -61,7 +61,7 @@ constexpr int kStabilitySteps = 8;
 constexpr double kFirstDamping = 1e-12;
 constexpr int kMaxDampings = 8;
 
-/// So many steps without the curvature of residuals follow where that led astray.
+/// So many steps without the curvature of residuals, at a time.
 constexpr int kPlainSteps = 2;
 
 /// The trust region is halved, doubled or made four times as large where the energy falls
