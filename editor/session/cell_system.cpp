@@ -78,7 +78,8 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     steps_.resize(regions_->size() + stations_.size());
     std::vector<Component> components = find_components(cells, constraints_);
     check_memory("equations",
-                 RigidMultigrid::memory_estimate(cells.size(), cells.faces.size()),
+                 RigidMultigrid::memory_estimate(cells.size(), cells.faces.size(),
+                                                 rest().flat_axis >= 0),
                  settings);
     rods_ = pushing_splines(components);
     if (rest().boundary)

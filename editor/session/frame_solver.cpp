@@ -25,8 +25,8 @@ constexpr double kFoldTolerance = 1e-5;
 /// The least part of such a step that a rod goes by itself.
 constexpr double kLeastPart = 1.0 / 64.0;
 
-/// Iterations of a step on the way, at most.
-constexpr int kTravelIterations = 30;
+/// Iterations of a step on the way, at most, and of one in which folds are to form.
+constexpr int kTravelIterations = 30, kFoldIterations = 90;
 
 /// What counts as zero against the forces that cancel; see interface of --json.
 constexpr double kUncancelledShare = 1e-3;
@@ -125,7 +125,9 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     options.max_iterations = std::max(0, settings_.max_iterations - done);
     // What gives way must do so before the next step, to be seen.
     if (!is_last && !way.is_wound)
-        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
+        options.max_iterations =
+            std::min(options.max_iterations,
+                     accuracy == Accuracy::Folds ? kFoldIterations : kTravelIterations);
     options.checks_stability = is_last;
     options.stays_stable = way.stays_stable;
     options.gradient_tolerance =

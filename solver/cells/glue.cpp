@@ -90,9 +90,9 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -135,34 +135,36 @@ Eigen::Matrix3d inertia(const Eigen::Matrix3d& M)
     return M.trace() * Eigen::Matrix3d::Identity() - M;
 }
 
-/// (K K^T)^1/2
+/// What is symmetric but for this share is so but for rounding.
+constexpr double kSymmetric = 1e-12;
+
+/// (K K^T)^1/2: at rest K itself.
 Eigen::Matrix3d left_stretch(const Eigen::Matrix3d& K)
 {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(K, Eigen::ComputeFullU);
-    return svd.matrixU() * svd.singularValues().asDiagonal() * svd.matrixU().transpose();
+    if ((K - K.transpose()).norm() <= kSymmetric * K.norm() &&
+        Eigen::LLT<Eigen::Matrix3d>(K).info() == Eigen::Success)
+        return 0.5 * (K + K.transpose());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(K * K.transpose());
+    return eigen.eigenvectors() *
+           eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal() *
+           eigen.eigenvectors().transpose();
 }
 
 /// The diagonal block of the cell with the one given arm, the gap as seen from it, and
 /// the turned moments with its own side on the left or, transposed, on the right.
-Eigen::Matrix<double, 6, 6> diagonal(double stretch, const Eigen::Vector3d& arm,
-                                     const Eigen::Vector3d& d, const Eigen::Matrix3d& C,
-                                     double share)
+GlueBlock diagonal(double stretch, const Eigen::Vector3d& arm, const Eigen::Vector3d& d,
+                   const Eigen::Matrix3d& C, double share)
 {
     Eigen::Matrix3d turn = inertia(arm * arm.transpose());
-    Eigen::Matrix3d mixed = cross_matrix(arm); // angular, linear
+    Eigen::Vector3d row_arm = arm;
     if (share < 1)
         turn += (1.0 - share) * left_stretch(inertia(C));
     if (share > 0)
     {
         turn += share * (arm_curvature(d, arm) + inertia(0.5 * (C + C.transpose())));
-        mixed -= 0.5 * share * cross_matrix(d);
+        row_arm -= 0.5 * share * d;
     }
-    Eigen::Matrix<double, 6, 6> H;
-    H.topLeftCorner<3, 3>() = turn;
-    H.topRightCorner<3, 3>() = mixed;
-    H.bottomLeftCorner<3, 3>() = mixed.transpose();
-    H.bottomRightCorner<3, 3>().setIdentity();
-    return stretch * H;
+    return {stretch * turn, stretch * row_arm, -stretch * row_arm, stretch};
 }
 
 /// No face turns more easily than a film of this thickness [its glue's length].
@@ -399,40 +401,30 @@ Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
     return gradient;
 }
 
-Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
-                                            const Pose& b, Curvature curvature)
+GlueBlock glue_diagonal_a(const GlueFace& face, const Pose& a, const Pose& b,
+                          Curvature curvature)
 {
     const Gap gap(face, a, b);
     return diagonal(2.0 * face.stiffness, gap.arm_a, gap.open, turned_moment(face, a, b),
                     curvature.share);
 }
 
-Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
-                                            const Pose& b, Curvature curvature)
+GlueBlock glue_diagonal_b(const GlueFace& face, const Pose& a, const Pose& b,
+                          Curvature curvature)
 {
     const Gap gap(face, a, b);
     return diagonal(2.0 * face.stiffness, gap.arm_b, -gap.open,
                     turned_moment(face, a, b).transpose(), curvature.share);
 }
 
-GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
+GlueBlock glue_coupling(const GlueFace& face, const Pose& a, const Pose& b)
 {
     const Gap gap(face, a, b);
     const double stretch = 2.0 * face.stiffness;
     // (omega_a x r_a) . (omega_b x r_b) = omega_a^T (r_a . r_b I - r_b r_a^T) omega_b
     const Eigen::Matrix3d C =
         gap.arm_b * gap.arm_a.transpose() + turned_moment(face, a, b);
-    return {stretch * inertia(C), stretch * gap.arm_a, stretch * gap.arm_b, stretch};
-}
-
-Eigen::Matrix<double, 6, 6> GlueCoupling::matrix() const
-{
-    Eigen::Matrix<double, 6, 6> M;
-    M.topLeftCorner<3, 3>() = -turn;
-    M.topRightCorner<3, 3>() = -cross_matrix(arm_a);
-    M.bottomLeftCorner<3, 3>() = cross_matrix(arm_b);
-    M.bottomRightCorner<3, 3>() = -stretch * Eigen::Matrix3d::Identity();
-    return M;
+    return {-stretch * inertia(C), -stretch * gap.arm_a, stretch * gap.arm_b, -stretch};
 }
 
 double glue_energy(const Glue& glue, std::span<const Pose> poses)

@@ -13,6 +13,7 @@
 #include "octree/base/rigid_motion.h"
 #include "octree/cells.h"
 #include "solver/cells/departures.h"
+#include "solver/cells/glue_block.h"
 #include "solver/minimize/term.h"
 
 namespace cellwarp
@@ -74,37 +75,14 @@ Eigen::Matrix<double, 12, 1> glue_gradient(const GlueFace& face, const Pose& a,
                                            const Pose& b);
 
 /// Second derivative in the twist of one of the face's cells.
-Eigen::Matrix<double, 6, 6> glue_diagonal_a(const GlueFace& face, const Pose& a,
-                                            const Pose& b, Curvature curvature);
-Eigen::Matrix<double, 6, 6> glue_diagonal_b(const GlueFace& face, const Pose& a,
-                                            const Pose& b, Curvature curvature);
+GlueBlock glue_diagonal_a(const GlueFace& face, const Pose& a, const Pose& b,
+                          Curvature curvature);
+GlueBlock glue_diagonal_b(const GlueFace& face, const Pose& a, const Pose& b,
+                          Curvature curvature);
 
-/// Second derivative in the twists of both cells: of its 36 numbers 16 differ, and all
-/// curvature is in the diagonal.
-struct GlueCoupling
-{
-    Eigen::Matrix3d turn;  ///< - angular, angular
-    Eigen::Vector3d arm_a; ///< - angular of a, linear of b: as cross product
-    Eigen::Vector3d arm_b; ///<   linear of a, angular of b: as cross product
-    double stretch;        ///< - linear, linear: times the identity
-
-    /// Rows of a, columns of b.
-    Eigen::Matrix<double, 6, 6> matrix() const;
-    /// y_a += matrix() x_b
-    void add_to_a(const Twist& x_b, Twist& y_a) const
-    {
-        y_a.head<3>() -= turn * x_b.head<3>() + arm_a.cross(x_b.tail<3>());
-        y_a.tail<3>() -= stretch * x_b.tail<3>() + x_b.head<3>().cross(arm_b);
-    }
-    /// y_b += matrix()^T x_a
-    void add_to_b(const Twist& x_a, Twist& y_b) const
-    {
-        y_b.head<3>() -= turn.transpose() * x_a.head<3>() + arm_b.cross(x_a.tail<3>());
-        y_b.tail<3>() -= stretch * x_a.tail<3>() + x_a.head<3>().cross(arm_a);
-    }
-};
-
-GlueCoupling glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
+/// Second derivative in the twists of both cells, rows of a, columns of b: all curvature
+/// is in the diagonal.
+GlueBlock glue_coupling(const GlueFace& face, const Pose& a, const Pose& b);
 
 /// Sum over all faces, in their order.
 double glue_energy(const Glue& glue, std::span<const Pose> poses);

@@ -35,6 +35,16 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
                     (state.is_pinned(unknown) || state.is_sliding(unknown)))
                     turns_freely_[idx(unknown)] = true;
             }
+    sides_.reserve(glue_.faces_of_cell.size());
+    for (int cell = 0; cell < state.num_cells(); ++cell)
+        for (int k = glue_.first_face[idx(cell)]; k < glue_.first_face[idx(cell) + 1];
+             ++k)
+        {
+            const int f = glue_.faces_of_cell[idx(k)];
+            const GlueFace& face = glue_.faces[idx(f)];
+            const bool is_a = face.a == cell;
+            sides_.push_back({f, is_a ? face.b : face.a, is_a});
+        }
     std::vector<std::pair<std::pair<int, int>, int>> faces;
     for (std::size_t f = 0; f < glue_.faces.size(); ++f)
     {
@@ -66,12 +76,12 @@ GlueTerm::GlueTerm(const CellState& state, const Glue& glue,
     twists_.assign(idx(state.num_cells()), Twist::Zero());
 }
 
-std::span<const int> GlueTerm::faces_of(int cell) const
+std::span<const GlueTerm::Side> GlueTerm::sides_of(int cell) const
 {
     const std::size_t c = idx(cell);
     const std::size_t first = idx(glue_.first_face[c]);
     const std::size_t end = idx(glue_.first_face[c + 1]);
-    return std::span(glue_.faces_of_cell).subspan(first, end - first);
+    return std::span(sides_).subspan(first, end - first);
 }
 
 double GlueTerm::value() const
@@ -109,9 +119,9 @@ void GlueTerm::add_gradient(Eigen::VectorXd& out) const
                      const UnknownCell unknown{static_cast<int>(u)};
                      const int cell = state_.cell_of_unknown(unknown);
                      Twist sum = Twist::Zero();
-                     for (const int f : faces_of(cell))
-                         sum += face_gradients_[idx(f)].segment<6>(
-                             glue_.faces[idx(f)].a == cell ? 0 : 6);
+                     for (const Side& side : sides_of(cell))
+                         sum += face_gradients_[idx(side.face)].segment<6>(side.is_a ? 0
+                                                                                     : 6);
                      double* const own = out.data() + state_.first(unknown);
                      const int slide = state_.num_turns(unknown);
                      const double before = state_.is_sliding(unknown) ? own[slide] : 0.0;
@@ -136,10 +146,9 @@ double GlueTerm::uncancelled() const
     {
         const int cell = state_.cell_of_unknown(unknown);
         double forces = 0.0;
-        for (const int f : faces_of(cell))
-            forces += face_gradients_[idx(f)]
-                          .segment<6>(glue_.faces[idx(f)].a == cell ? 0 : 6)
-                          .norm();
+        for (const Side& side : sides_of(cell))
+            forces +=
+                face_gradients_[idx(side.face)].segment<6>(side.is_a ? 0 : 6).norm();
         sum += forces * forces;
     }
     return std::sqrt(sum);
@@ -151,9 +160,9 @@ void GlueTerm::add_rounding(std::span<double> out) const
     for (const UnknownCell unknown : state_.unknown_cells())
     {
         double sizes = 0.0;
-        for (const int f : faces_of(state_.cell_of_unknown(unknown)))
+        for (const Side& side : sides_of(state_.cell_of_unknown(unknown)))
         {
-            const GlueFace& face = glue_.faces[idx(f)];
+            const GlueFace& face = glue_.faces[idx(side.face)];
             sizes += 2.0 * face.stiffness *
                      (state_.pose(face.a).p.norm() + state_.pose(face.b).p.norm());
         }
@@ -175,22 +184,20 @@ void GlueTerm::linearise(Curvature curvature)
                  {
                      const UnknownCell unknown{static_cast<int>(u)};
                      const int cell = state_.cell_of_unknown(unknown);
-                     Eigen::Matrix<double, 6, 6>& sum = diagonals_[u];
-                     sum.setZero();
-                     for (const int f : faces_of(cell))
+                     GlueBlock& sum = diagonals_[u];
+                     sum = GlueBlock::zero();
+                     for (const Side& side : sides_of(cell))
                      {
-                         const GlueFace& face = glue_.faces[idx(f)];
+                         const GlueFace& face = glue_.faces[idx(side.face)];
                          const Pose& a = state_.pose(face.a);
                          const Pose& b = state_.pose(face.b);
-                         sum += face.a == cell ? glue_diagonal_a(face, a, b, curvature)
-                                               : glue_diagonal_b(face, a, b, curvature);
+                         sum += side.is_a ? glue_diagonal_a(face, a, b, curvature)
+                                          : glue_diagonal_b(face, a, b, curvature);
                      }
                      find_sliding(unknown, curvature);
-                     proximal_[u] =
-                         turns_freely_[u]
-                             ? kProximal * std::abs(sum.topLeftCorner<3, 3>().trace()) /
-                                   3.0
-                             : 0.0;
+                     proximal_[u] = turns_freely_[u]
+                                        ? kProximal * std::abs(sum.turn.trace()) / 3.0
+                                        : 0.0;
                  });
 }
 
@@ -201,18 +208,17 @@ void GlueTerm::find_sliding(UnknownCell unknown, Curvature curvature)
         return;
     const int cell = state_.cell_of_unknown(unknown);
     Twist sum = Twist::Zero();
-    for (const int f : faces_of(cell))
+    for (const Side& side : sides_of(cell))
     {
-        const GlueFace& face = glue_.faces[idx(f)];
+        const GlueFace& face = glue_.faces[idx(side.face)];
         sum += glue_gradient(face, state_.pose(face.a), state_.pose(face.b))
-                   .segment<6>(face.a == cell ? 0 : 6);
+                   .segment<6>(side.is_a ? 0 : 6);
     }
     const Eigen::Vector3d force = sum.tail<3>();
     Sliding& own = sliding_[idx(unknown)];
     own.is_stopped = is_stopped(unknown, sum);
-    own.stiffness = own.is_stopped
-                        ? diagonals_[idx(unknown)].bottomRightCorner<3, 3>().trace() / 3.0
-                        : curvature.share * force.dot(state_.bend(unknown));
+    own.stiffness = own.is_stopped ? diagonals_[idx(unknown)].shift
+                                   : curvature.share * force.dot(state_.bend(unknown));
     own.turn = own.is_stopped ? Eigen::Vector3d::Zero().eval()
                               : Eigen::Vector3d(-0.5 * curvature.share *
                                                 (state_.pose(cell).R.transpose() *
@@ -237,15 +243,16 @@ void GlueTerm::add_product(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
                  {
                      const UnknownCell unknown{static_cast<int>(u)};
                      const int cell = state_.cell_of_unknown(unknown);
-                     Twist sum = diagonals_[u] * twists_[idx(cell)];
-                     for (const int f : faces_of(cell))
+                     Twist sum = Twist::Zero();
+                     diagonals_[u].add_product(twists_[idx(cell)], sum);
+                     for (const Side& side : sides_of(cell))
                      {
-                         const GlueFace& face = glue_.faces[idx(f)];
-                         const GlueCoupling& coupling = couplings_[idx(f)];
-                         if (face.a == cell)
-                             coupling.add_to_a(twists_[idx(face.b)], sum);
+                         const GlueBlock& coupling = couplings_[idx(side.face)];
+                         const Twist& other = twists_[idx(side.other)];
+                         if (side.is_a)
+                             coupling.add_product(other, sum);
                          else
-                             coupling.add_to_b(twists_[idx(face.a)], sum);
+                             coupling.add_transposed_product(other, sum);
                      }
                      const double* const x_block = x.data() + state_.first(unknown);
                      double* const y_block = y.data() + state_.first(unknown);
@@ -287,7 +294,7 @@ void GlueTerm::add_diagonal_block(int block, Eigen::Ref<Eigen::MatrixXd> out) co
         return;
     const std::size_t u = idx(unknown);
     const CellState::Basis own = basis(unknown);
-    const CellState::Basis image = diagonals_[u] * own;
+    const CellState::Basis image = diagonals_[u].matrix() * own;
     out.noalias() += own.transpose().lazyProduct(image);
     out.diagonal().array() += proximal_[u];
     if (!state_.is_sliding(unknown))
@@ -306,17 +313,14 @@ void GlueTerm::add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const
     const std::size_t p = idx(pair);
     const UnknownCell row = state_.unknown_of_block(pairs_[p].first);
     const UnknownCell column = state_.unknown_of_block(pairs_[p].second);
-    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    GlueBlock H = GlueBlock::zero();
     for (int k = first_of_pair_[p]; k < first_of_pair_[p + 1]; ++k)
     {
         const std::size_t f = idx(faces_of_pair_[idx(k)]);
-        const Eigen::Matrix<double, 6, 6> of_face = couplings_[f].matrix();
-        if (glue_.faces[f].a == state_.cell_of_unknown(row))
-            H += of_face;
-        else
-            H += of_face.transpose();
+        H += glue_.faces[f].a == state_.cell_of_unknown(row) ? couplings_[f]
+                                                             : couplings_[f].transposed();
     }
-    const CellState::Basis image = H * basis(column);
+    const CellState::Basis image = H.matrix() * basis(column);
     out.noalias() += basis(row).transpose().lazyProduct(image);
 }
 

@@ -42,20 +42,26 @@ public:
     void add_pair_block(int pair, Eigen::Ref<Eigen::MatrixXd> out) const override;
 
 private:
-    std::span<const int> faces_of(int cell) const;
+    /// One of a cell's faces.
+    struct Side
+    {
+        int face = 0, other = 0; ///< the cell beyond it
+        bool is_a = false;       ///< the cell is, of the face
+    };
+    std::span<const Side> sides_of(int cell) const;
     void find_face_gradients() const;
     bool is_stopped(UnknownCell unknown, const Twist& gradient) const;
     void find_sliding(UnknownCell unknown, Curvature curvature);
 
     const CellState& state_;
     Glue glue_;
+    std::vector<Side> sides_;        ///< as glue_.faces_of_cell
     std::vector<bool> turns_freely_; ///< unknown cells that a proximal term holds
     std::vector<std::pair<int, int>> pairs_;
     /// Faces of the k-th pair are those from first_of_pair_[k] on.
     std::vector<int> first_of_pair_, faces_of_pair_;
     // Of the last linearise(): world axes, one an unknown cell and one a face.
-    std::vector<Eigen::Matrix<double, 6, 6>> diagonals_;
-    std::vector<GlueCoupling> couplings_;
+    std::vector<GlueBlock> diagonals_, couplings_;
     std::vector<double> proximal_;
     /// What the curve of a sliding cell adds.
     struct Sliding

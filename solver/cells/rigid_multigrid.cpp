@@ -25,6 +25,12 @@
 // kOvercorrection: at 115,000 cells conjugate gradients take 12 steps with 1.7 and 24
 // with 1.
 //
+// Blocks. Of the 36 numbers of a block of glue 16 differ (glue_block.h), between groups
+// as between cells: T_i^T A_ij T_j leaves the shifts' part a multiple of I and the mixed
+// ones cross products. A cycle takes as long as it takes to read the blocks, so they are
+// kept like that; what contacts, curves, rods and planes make of a block is kept beside
+// it.
+//
 // Scale. Angular and linear rows and rows of stiff and soft parts differ by many orders;
 // every level is scaled to a unit diagonal, so that single precision holds it.
 #include "solver/cells/rigid_multigrid.h"
@@ -84,8 +90,7 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
             bodies.own_limit(i).bottomRightCorner<3, 3>().isZero(kNoShift))
             continue;
         t.shift = static_cast<float>(shift / A.scale[i][3]);
-        for (int k = 0; k < 3; ++k)
-            t.arm[idx(k)] = static_cast<float>(arm[k]);
+        t.arm = four_of(arm);
     }
     return transfers;
 }
@@ -94,6 +99,8 @@ std::vector<LevelTransfer> transfers_of(const RigidRows& A, const RigidBodies& b
 
 struct RigidMultigrid::Levels
 {
+    explicit Levels(std::span<const UnknownBody> of) : bodies(of.begin(), of.end()) {}
+
     std::vector<UnknownBody> bodies;
     std::vector<Eigen::Index> first; ///< unknown of each body
     std::vector<Vector6> scale;      ///< of the finest level
@@ -111,14 +118,36 @@ struct RigidMultigrid::Levels
         for (int k = 0; k < body.shifts; ++k)
             use(first[i] + body.turns + k, body.shift.col(k), 3);
     }
+    /// Of the residuals, as scaled.
+    double largest(const Eigen::VectorXd& r)
+    {
+        parallel_for(
+            largest_.size(),
+            [&](std::size_t part)
+            {
+                double most = 0.0;
+                const std::size_t begin = part * kBodiesAtOnce;
+                const std::size_t end = std::min(begin + kBodiesAtOnce, bodies.size());
+                for (std::size_t i = begin; i < end; ++i)
+                    for_unknowns(
+                        i, [&](Eigen::Index at, const auto&, int half)
+                        { most = std::max(most, std::abs(r[at] * scale[i][half])); });
+                largest_[part] = most;
+            });
+        return *std::max_element(largest_.begin(), largest_.end());
+    }
+
+private:
+    static constexpr std::size_t kBodiesAtOnce = 1024; ///< of one thread
+    std::vector<double> largest_ = std::vector<double>(
+        std::max<std::size_t>(1, (bodies.size() + kBodiesAtOnce - 1) / kBodiesAtOnce));
 };
 
 RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
                                std::span<const UnknownBody> bodies)
-    : levels_(std::make_unique<Levels>())
+    : levels_(std::make_unique<Levels>(bodies))
 {
     Levels& own = *levels_;
-    own.bodies.assign(bodies.begin(), bodies.end());
     if (bodies.empty())
         return;
     std::vector<Eigen::Index> first_of_block = {0};
@@ -143,7 +172,7 @@ RigidMultigrid::RigidMultigrid(const BlockOperator& matrix,
             break;
         const bool is_waiting = blocks.is_mixed();
         level.grouping = blocks.join(A, [&](std::size_t, std::size_t k)
-                                     { return A.block[k].norm() > kWeak; });
+                                     { return A.block(k).norm() > kWeak; });
         const double left = static_cast<double>(level.grouping.members.size());
         if (!is_waiting && left > kStalled * A.count())
             break;
@@ -169,11 +198,7 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
     if (own.levels.empty())
         return;
     // Residuals come in any size: the cycle is given one of about 1.
-    double largest = 0.0;
-    for (std::size_t i = 0; i < own.bodies.size(); ++i)
-        own.for_unknowns(
-            i, [&](Eigen::Index at, const auto&, int half)
-            { largest = std::max(largest, std::abs(r[at] * own.scale[i][half])); });
+    const double largest = own.largest(r);
     if (!(largest > 0.0) || !std::isfinite(largest))
     {
         z = r;
@@ -188,8 +213,7 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
             own.for_unknowns(
                 i, [&](Eigen::Index at, const auto& axis, int half)
                 { sum.segment<3>(half) += r[at] * own.scale[i][half] / largest * axis; });
-            for (int k = 0; k < 6; ++k)
-                finest.right[i][k] = static_cast<float>(sum[k]);
+            finest.right[i] = WideVector::of(sum);
         });
     for (std::size_t l = 0; l + 1 < own.levels.size(); ++l)
         own.levels[l].before(own.levels[l + 1]);
@@ -199,9 +223,7 @@ void RigidMultigrid::apply(const Eigen::VectorXd& r, Eigen::VectorXd& z)
     for_each_body(finest.count(),
                   [&](std::size_t i)
                   {
-                      Vector6 x;
-                      for (int k = 0; k < 6; ++k)
-                          x[k] = finest.x[i][k];
+                      const Vector6 x = finest.x[i].numbers();
                       own.for_unknowns(i,
                                        [&](Eigen::Index at, const auto& axis, int half) {
                                            z[at] = axis.dot(x.template segment<3>(half)) *
@@ -223,23 +245,31 @@ double RigidMultigrid::bytes() const
     double bytes = levels_->coarsest ? 8.0 * levels_->coarsest->factor_numbers() : 0.0;
     for (const SmoothedLevel& level : levels_->levels)
         bytes += static_cast<double>(
-                     kBlockBytes * (level.block.size() + level.inverse.size()) +
-                     sizeof(int) * (level.links.column.size() + level.smoothed.size() +
-                                    4 * level.transfer.size()) +
+                     sizeof(WideGlue) * level.glue.size() +
+                     WideBlocks::kBytes * (level.rest.size() + level.inverse.size()) +
+                     sizeof(int) *
+                         (level.links.column.size() + level.smoothed.size() +
+                          level.rest_links.column.size() + 4 * level.transfer.size()) +
                      sizeof(LevelTransfer) * level.transfer.size() +
-                     5 * sizeof(WideVector) * level.x.size()) +
+                     4 * sizeof(WideVector) * level.x.size()) +
                  (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
     return bytes;
 }
 
-double RigidMultigrid::memory_estimate(std::size_t cells, std::size_t faces)
+double RigidMultigrid::memory_estimate(std::size_t cells, std::size_t faces, bool is_flat)
 {
-    // WideBlocks in single and in double precision. In solids the coarser levels add a
+    // Blocks in single and in double precision. In solids the coarser levels add a
     // seventh, in rods and where cells differ in size as much again; and vectors grow by
-    // doubling.
-    constexpr double kLevels = 2.5;
+    // doubling. What cells that stay in a plane cannot do leaves blocks of another form
+    // than glue's.
+    constexpr double kLevels = 2.0;
     const double blocks = 2.0 * static_cast<double>(faces) + static_cast<double>(cells);
-    return kLevels * (kBlockBytes + sizeof(Matrix6) + sizeof(int)) * blocks;
+    const double of_block = sizeof(WideGlue) + sizeof(GlueBlock) + sizeof(void*) +
+                            2 * sizeof(int) +
+                            (is_flat ? WideBlocks::kBytes + sizeof(Matrix6) : 0);
+    const double of_cell = WideBlocks::kBytes + 4 * sizeof(WideVector) +
+                           sizeof(LevelTransfer) + sizeof(UnknownBody);
+    return kLevels * (of_block * blocks + of_cell * static_cast<double>(cells));
 }
 
 } // namespace cellwarp

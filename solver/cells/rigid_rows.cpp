@@ -17,6 +17,12 @@ namespace cellwarp
 namespace
 {
 
+/// [a]x [b]x
+Eigen::Matrix3d cross_twice(const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+{
+    return b * a.transpose() - a.dot(b) * Eigen::Matrix3d::Identity();
+}
+
 /// Scales rows and columns to a mean diagonal of 1, angular and linear apart.
 void scale_rows(RigidRows& A)
 {
@@ -26,7 +32,7 @@ void scale_rows(RigidRows& A)
     for_each_body(A.count(),
                   [&](std::size_t i)
                   {
-                      const Matrix6& D = A.block[A.diagonal(i)];
+                      const Matrix6 D = A.block(A.diagonal(i));
                       A.scale[i].head<3>().setConstant(
                           scale_of(D.topLeftCorner<3, 3>().trace()));
                       A.scale[i].tail<3>().setConstant(
@@ -36,8 +42,14 @@ void scale_rows(RigidRows& A)
                   [&](std::size_t i)
                   {
                       for (std::size_t k = A.begin(i); k < A.end(i); ++k)
-                          A.block[k] = A.scale[i].asDiagonal() * A.block[k] *
-                                       A.scale[idx(A.column[k])].asDiagonal();
+                      {
+                          const Vector6& of_row = A.scale[i];
+                          const Vector6& of_column = A.scale[idx(A.column[k])];
+                          A.glue[k] = A.glue[k].scaled(of_row, of_column);
+                          if (A.rest[k])
+                              *A.rest[k] = of_row.asDiagonal() * *A.rest[k] *
+                                           of_column.asDiagonal();
+                      }
                   });
 }
 
@@ -107,6 +119,37 @@ Matrix6 held_in_idle_motions(Matrix6& D)
 }
 
 } // namespace
+
+void RigidRows::make_blocks()
+{
+    glue.resize(column.size());
+    rest.resize(column.size());
+}
+
+Matrix6 RigidRows::block(std::size_t at) const
+{
+    Matrix6 sum = glue[at].matrix();
+    if (rest[at])
+        sum += *rest[at];
+    return sum;
+}
+
+void RigidRows::set_block(std::size_t at, const Matrix6& block)
+{
+    glue[at] = GlueBlock::zero();
+    rest[at].reset();
+    add_block(at, block);
+}
+
+void RigidRows::add_block(std::size_t at, const Matrix6& block)
+{
+    if (const std::optional<GlueBlock> as = as_glue(block))
+        glue[at] += *as;
+    else if (rest[at])
+        *rest[at] += block;
+    else
+        rest[at] = std::make_unique<Matrix6>(block);
+}
 
 RigidBodies finest_bodies(std::span<const UnknownBody> bodies)
 {
@@ -201,7 +244,7 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodi
     for (const int n : count)
         A.first.push_back(A.first.back() + n);
     A.column.resize(idx(A.first.back()));
-    A.block.resize(A.column.size());
+    A.make_blocks();
     // Next free place of each row; the diagonal comes first.
     std::vector<int> next(A.first.begin(), A.first.end() - 1);
     for (std::size_t i = 0; i < bodies.size(); ++i)
@@ -219,7 +262,7 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodi
                   [&](std::size_t i)
                   {
                       const UnknownBody& body = bodies[i];
-                      Matrix6& D = A.block[idx(A.first[i])];
+                      Matrix6 D;
                       if (!is_one_body(body.block))
                           D = diagonals[i];
                       else
@@ -230,12 +273,13 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodi
                       }
                       hold_idle(body.turn, body.turns, D.topLeftCorner<3, 3>());
                       hold_idle(body.shift, body.shifts, D.bottomRightCorner<3, 3>());
+                      A.set_block(A.begin(i), D);
                   });
     for_each_body(static_cast<int>(links.size()),
                   [&](std::size_t k)
                   {
                       const Link& link = links[k];
-                      Matrix6& block = A.block[idx(places[k].first)];
+                      Matrix6 block;
                       if (link.source < 0)
                           block = read[idx(-1 - link.source)];
                       else
@@ -246,7 +290,8 @@ RigidRows rows_of(const BlockOperator& matrix, std::span<const UnknownBody> bodi
                           block = in_common_axes(bodies[idx(link.row)],
                                                  bodies[idx(link.column)], own);
                       }
-                      A.block[idx(places[k].second)] = block.transpose();
+                      A.set_block(idx(places[k].first), block);
+                      A.set_block(idx(places[k].second), block.transpose());
                   });
     scale_rows(A);
     return A;
@@ -274,23 +319,33 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
                       const Grouping& grouping, RigidBodies& next_bodies)
 {
     const std::vector<int>& body = grouping.group_of_node;
-    const auto arm = [&](std::size_t i) -> Eigen::Matrix3d
-    { return cross_matrix(bodies.centre[i] - next_bodies.centre[idx(body[i])]); };
+    const auto arm = [&](std::size_t i) -> Eigen::Vector3d
+    { return bodies.centre[i] - next_bodies.centre[idx(body[i])]; };
     // T_i^T A_ij T_j in true unknowns, with T = [I 0; -[arm]x I].
-    const auto carried = [&](std::size_t i, std::size_t j, const Matrix6& scaled)
+    const auto carry_glue =
+        [&](std::size_t i, std::size_t j, const GlueBlock& scaled_glue)
     {
-        Matrix6 B = A.scale[i].cwiseInverse().asDiagonal() * scaled *
+        GlueBlock B =
+            scaled_glue.scaled(A.scale[i].cwiseInverse(), A.scale[j].cwiseInverse());
+        B.turn -= cross_twice(B.row_arm, arm(j));
+        B.column_arm -= B.shift * arm(j);
+        B.turn += cross_twice(arm(i), B.column_arm);
+        B.row_arm += B.shift * arm(i);
+        return B;
+    };
+    const auto carry = [&](std::size_t i, std::size_t j, const Matrix6& scaled_block)
+    {
+        Matrix6 B = A.scale[i].cwiseInverse().asDiagonal() * scaled_block *
                     A.scale[j].cwiseInverse().asDiagonal();
         if (!bodies.is_free(i))
             B = (bodies.own_limit(i) * B).eval();
         if (!bodies.is_free(j))
             B = (B * bodies.own_limit(j)).eval();
-        B.leftCols<3>() -= B.rightCols<3>() * arm(j);
-        B.topRows<3>() += arm(i) * B.bottomRows<3>();
+        B.leftCols<3>() -= B.rightCols<3>() * cross_matrix(arm(j));
+        B.topRows<3>() += cross_matrix(arm(i)) * B.bottomRows<3>();
         return B;
     };
-    // Which blocks there are is found first: they are large, and then lie where they
-    // stay.
+    // Which blocks there are is found first: then they lie where they stay.
     const int count = static_cast<int>(grouping.members.size());
     std::vector<std::vector<int>> columns(idx(count)); // its own first
     for_each_body(count,
@@ -311,25 +366,37 @@ RigidRows joined_rows(const RigidRows& A, const RigidBodies& bodies,
         next.column.insert(next.column.end(), own.begin(), own.end());
         next.first.push_back(static_cast<int>(next.column.size()));
     }
-    next.block.resize(next.column.size());
+    next.make_blocks();
     for_each_body(count,
                   [&](std::size_t b)
                   {
                       const std::size_t first = next.begin(b);
-                      std::fill(next.block.begin() + next.first[b],
-                                next.block.begin() + next.first[b + 1], Matrix6::Zero());
-                      for (const int i : grouping.members.of(b))
-                          for (std::size_t k = A.begin(idx(i)); k < A.end(idx(i)); ++k)
+                      std::fill(next.glue.begin() + next.first[b],
+                                next.glue.begin() + next.first[b + 1], GlueBlock::zero());
+                      for (const int member : grouping.members.of(b))
+                      {
+                          const std::size_t i = idx(member);
+                          for (std::size_t k = A.begin(i); k < A.end(i); ++k)
                           {
                               const std::size_t j = idx(A.column[k]);
                               std::size_t at = first;
                               while (next.column[at] != body[j])
                                   ++at;
-                              next.block[at] += carried(idx(i), j, A.block[k]);
+                              if (!bodies.is_free(i) || !bodies.is_free(j))
+                              {
+                                  next.add_block(at, carry(i, j, A.block(k)));
+                                  continue;
+                              }
+                              next.glue[at] += carry_glue(i, j, A.glue[k]);
+                              if (A.rest[k])
+                                  next.add_block(at, carry(i, j, *A.rest[k]));
                           }
-                      if (!next_bodies.is_free(b))
-                          next_bodies.own_limit(b) =
-                              held_in_idle_motions(next.block[first]);
+                      }
+                      if (next_bodies.is_free(b))
+                          return;
+                      Matrix6 D = next.block(first);
+                      next_bodies.own_limit(b) = held_in_idle_motions(D);
+                      next.set_block(first, D);
                   });
     scale_rows(next);
     return next;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -11,7 +12,7 @@
 
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
-#include "octree/base/rigid_motion.h"
+#include "solver/cells/glue_block.h"
 #include "solver/cells/grouping.h"
 #include "solver/cells/unknown_body.h"
 #include "solver/linear/linear_operator.h"
@@ -19,16 +20,21 @@
 namespace cellwarp
 {
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-
 /// Rows of blocks, diagonal included, scaled to a mean diagonal of 1, angular and linear
 /// apart.
 struct RigidRows : Links
 {
-    std::vector<Matrix6> block;
+    std::vector<GlueBlock> glue;
+    /// What blocks are beside their glue, where something else couples two bodies or one
+    /// of them is held; mostly null.
+    std::vector<std::unique_ptr<Matrix6>> rest;
     std::vector<Vector6> scale; ///< of each row: the true unknowns are scale times these
 
+    /// After the columns are known; blocks are not set.
+    void make_blocks();
+    Matrix6 block(std::size_t at) const;
+    void set_block(std::size_t at, const Matrix6& block);
+    void add_block(std::size_t at, const Matrix6& block);
     std::size_t diagonal(std::size_t row) const
     {
         std::size_t k = begin(row);

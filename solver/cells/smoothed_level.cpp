@@ -52,7 +52,7 @@ void for_lower(const RigidRows& A, const std::vector<int>& bodies,
         for (std::size_t k = A.begin(idx(bodies[i])); k < A.end(idx(bodies[i])); ++k)
             if (const int j = number[idx(A.column[k])];
                 j >= 0 && j <= static_cast<int>(i))
-                body(static_cast<int>(i), j, A.block[k]);
+                body(static_cast<int>(i), j, A.block(k));
 }
 
 BlockMatrix matrix_of(const RigidRows& A, const std::vector<int>& bodies)
@@ -98,14 +98,13 @@ ExactBodies::ExactBodies(const RigidRows& A, std::vector<int> bodies)
 void ExactBodies::solve(const std::vector<WideVector>& right, std::vector<WideVector>& x)
 {
     for (std::size_t i = 0; i < bodies_.size(); ++i)
-        for (int k = 0; k < 6; ++k)
-            right_[6 * static_cast<Eigen::Index>(i) + k] = right[idx(bodies_[i])][k];
+        right_.segment<6>(6 * static_cast<Eigen::Index>(i)) =
+            right[idx(bodies_[i])].numbers();
     if (is_solved_)
         solver_.solve(right_, solution_);
     for (std::size_t i = 0; i < bodies_.size(); ++i)
-        for (int k = 0; k < 6; ++k)
-            x[idx(bodies_[i])][k] =
-                static_cast<float>(solution_[6 * static_cast<Eigen::Index>(i) + k]);
+        x[idx(bodies_[i])] =
+            WideVector::of(solution_.segment<6>(6 * static_cast<Eigen::Index>(i)));
 }
 
 SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod,
@@ -138,17 +137,18 @@ SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod
                                 A.column.begin() + A.first[i + 1]);
         links.first.push_back(static_cast<int>(links.column.size()));
     }
-    block = WideBlocks(links.column.size());
+    glue.resize(links.column.size());
     for_each_body(A.count(),
                   [&](std::size_t i)
                   {
                       for (std::size_t k = links.begin(i); k < links.end(i); ++k)
-                          block.set(k, A.block[A.begin(i) + k - links.begin(i)]);
+                          glue[k] = WideGlue(A.glue[A.begin(i) + k - links.begin(i)]);
                   });
+    list_rests(A);
     inverse = WideBlocks(smoothed.size());
     for_each_smoothed([&](std::size_t k, std::size_t i)
-                      { inverse.set(k, inverse_of(A.block[A.diagonal(i)])); });
-    for (std::vector<WideVector>* v : {&right, &x, &r, &d, &d2})
+                      { inverse.set(k, inverse_of(A.block(A.diagonal(i)))); });
+    for (std::vector<WideVector>* v : {&right, &x, &r, &d})
         v->assign(n, WideVector{});
     std::vector<int> found;
     for (std::size_t i = 0; i < n; ++i)
@@ -158,6 +158,29 @@ SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod
         return;
     rods.emplace(A, std::move(found));
     on_rods.assign(n, WideVector{});
+    without_rods.assign(n, WideVector{});
+}
+
+void SmoothedLevel::list_rests(const RigidRows& A)
+{
+    std::vector<std::size_t> found;
+    rest_links.first.push_back(0);
+    for (std::size_t i = 0; i < idx(A.count()); ++i)
+    {
+        const bool has_row = links.begin(i) < links.end(i);
+        for (std::size_t k = A.begin(i); has_row && k < A.end(i); ++k)
+            if (A.rest[k])
+            {
+                found.push_back(k);
+                rest_links.column.push_back(A.column[k]);
+            }
+        rest_links.first.push_back(static_cast<int>(found.size()));
+    }
+    if (found.empty())
+        rest_links = {{0}, {}};
+    rest = WideBlocks(found.size());
+    for (std::size_t k = 0; k < found.size(); ++k)
+        rest.set(k, *A.rest[found[k]]);
 }
 
 constexpr float kCentre = 0.5f * (kLargest + kSmallest);
@@ -170,43 +193,30 @@ constexpr float kKeep = kRho * kRadius / kCentre, kGain = 2.0f * kRho / kRadius;
 void SmoothedLevel::before(SmoothedLevel& next)
 {
     std::fill(x.begin(), x.end(), WideVector{});
-    for_each_smoothed(
-        [&](std::size_t k, std::size_t i)
-        {
-            WideVector z{};
-            inverse.add_product(k, right[i], z);
-            d[i] = kFirst * z;
-        });
+    for_each_smoothed([&](std::size_t k, std::size_t i)
+                      { d[i] = kFirst * inverse.product(k, right[i]); });
     for_rods(right, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
     for_each_smoothed(
         [&](std::size_t k, std::size_t i)
         {
-            r[i] = right[i];
-            subtract_row(i, d, r[i]);
-            WideVector z{};
-            inverse.add_product(k, r[i], z);
-            x[i] = (1.0f + kKeep) * d[i] + kGain * z;
+            const WideVector left = right[i] - row_product(i, d);
+            x[i] = (1.0f + kKeep) * d[i] + kGain * inverse.product(k, left);
+            if (rods)
+                r[i] = left;
         });
     for_rods(r, [&](std::size_t i, const WideVector& z)
              { x[i] = (1.0f + kKeep) * d[i] + kGain * z; });
     for_each_body(next.count(),
                   [&](std::size_t b)
                   {
-                      WideVector sum{};
+                      WideVector sum;
                       for (const int member : grouping.members.of(b))
                       {
                           const std::size_t i = idx(member);
-                          WideVector left = right[i];
-                          subtract_row(i, x, left);
+                          const WideVector left = right[i] - row_product(i, x);
                           const LevelTransfer& t = transfer[i];
-                          // arm x force
-                          const WideVector turned = {
-                              t.arm[1] * left[5] - t.arm[2] * left[4],
-                              t.arm[2] * left[3] - t.arm[0] * left[5],
-                              t.arm[0] * left[4] - t.arm[1] * left[3]};
-                          const WideVector factor = {t.turn,  t.turn,  t.turn,
-                                                     t.shift, t.shift, t.shift};
-                          sum += factor * left + turned;
+                          sum.turn += t.turn * left.turn + cross(t.arm, left.shift);
+                          sum.shift += t.shift * left.shift;
                       }
                       next.right[b] = sum;
                   });
@@ -219,36 +229,27 @@ void SmoothedLevel::after(const SmoothedLevel& next)
                   {
                       const WideVector& e = next.x[idx(grouping.group_of_node[i])];
                       const LevelTransfer& t = transfer[i];
-                      const WideVector factor = {t.turn,  t.turn,  t.turn,
-                                                 t.shift, t.shift, t.shift};
-                      const WideVector carried = {0.0f,
-                                                  0.0f,
-                                                  0.0f,
-                                                  e[1] * t.arm[2] - e[2] * t.arm[1],
-                                                  e[2] * t.arm[0] - e[0] * t.arm[2],
-                                                  e[0] * t.arm[1] - e[1] * t.arm[0]};
-                      x[i] += factor * e + carried;
+                      x[i].turn += t.turn * e.turn;
+                      x[i].shift += t.shift * e.shift + cross(e.turn, t.arm);
                   });
     for_each_smoothed(
         [&](std::size_t k, std::size_t i)
         {
-            r[i] = right[i];
-            subtract_row(i, x, r[i]);
-            WideVector z{};
-            inverse.add_product(k, r[i], z);
-            d[i] = kFirst * z;
+            r[i] = right[i] - row_product(i, x);
+            d[i] = kFirst * inverse.product(k, r[i]);
         });
     for_rods(r, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
     for_each_smoothed(
         [&](std::size_t k, std::size_t i)
         {
-            WideVector z{};
-            subtract_row(i, d, r[i]);
-            inverse.add_product(k, r[i], z);
-            d2[i] = kGain * z;
-            x[i] += (1.0f + kKeep) * d[i] + d2[i];
+            r[i] -= row_product(i, d);
+            const WideVector d2 = kGain * inverse.product(k, r[i]);
+            x[i] += (1.0f + kKeep) * d[i] + d2;
+            if (rods)
+                without_rods[i] = d2;
         });
-    for_rods(r, [&](std::size_t i, const WideVector& z) { x[i] += kGain * z - d2[i]; });
+    for_rods(r, [&](std::size_t i, const WideVector& z)
+             { x[i] += kGain * z - without_rods[i]; });
 }
 
 } // namespace cellwarp

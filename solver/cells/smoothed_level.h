@@ -3,9 +3,7 @@
 // smoother, and the way to the next level.
 #pragma once
 
-#include <array>
 #include <cstddef>
-#include <cstring>
 #include <functional>
 #include <optional>
 #include <span>
@@ -15,68 +13,18 @@
 
 #include "solver/cells/grouping.h"
 #include "solver/cells/rigid_rows.h"
+#include "solver/cells/wide_blocks.h"
 #include "solver/linear/block_matrix.h"
 #include "solver/linear/cholesky.h"
 
 namespace cellwarp
 {
 
-constexpr std::size_t kBlockBytes = 36 * sizeof(float);
-
-/// Six numbers in one register's width. What stands in the last two lanes means nothing.
-constexpr int kWide = 8;
-using WideVector = float __attribute__((vector_size(kWide * sizeof(float))));
-
-/// 6 x 6 blocks in a row, by columns. A column is loaded in full width: its last lanes
-/// are the next column's first numbers, which are finite and go nowhere.
-class WideBlocks
-{
-public:
-    explicit WideBlocks(std::size_t count = 0) : numbers_(36 * count + (kWide - 6), 0.0f)
-    {
-    }
-
-    std::size_t size() const { return numbers_.size() / 36; }
-    void set(std::size_t at, const Matrix6& A)
-    {
-        Eigen::Map<Eigen::Matrix<float, 6, 6>>(numbers_.data() + 36 * at) =
-            A.cast<float>();
-    }
-    /// y += A x
-    void add_product(std::size_t at, const WideVector& x, WideVector& y) const
-    {
-        for (int k = 0; k < 6; ++k)
-        {
-            WideVector own;
-            std::memcpy(&own, column(at, k), sizeof own);
-            y += own * x[k];
-        }
-    }
-    /// y -= A x
-    void subtract_product(std::size_t at, const WideVector& x, WideVector& y) const
-    {
-        for (int k = 0; k < 6; ++k)
-        {
-            WideVector own;
-            std::memcpy(&own, column(at, k), sizeof own);
-            y -= own * x[k];
-        }
-    }
-
-private:
-    const float* column(std::size_t at, int k) const
-    {
-        return numbers_.data() + 36 * at + 6 * k;
-    }
-
-    std::vector<float> numbers_;
-};
-
 /// How a row follows the body above, in the scaled unknowns of both.
 struct LevelTransfer
 {
+    FourFloats arm = {}; ///< shift += turn of the body x arm
     float turn = 1.0f, shift = 1.0f;
-    std::array<float, 3> arm = {}; ///< shift += turn of the body x arm
 };
 
 /// Some bodies of a level, solved for exactly, in double precision.
@@ -105,7 +53,10 @@ struct SmoothedLevel
     std::vector<int> smoothed;
     // Rows; empty where no smoothed body has a part.
     Links links;
-    WideBlocks block;
+    std::vector<WideGlue> glue;
+    /// What the blocks are beside their glue; no rows where nothing is.
+    Links rest_links;
+    WideBlocks rest;
     WideBlocks inverse; ///< of the diagonal of each smoothed body
     // To the next level.
     Grouping grouping;
@@ -113,8 +64,9 @@ struct SmoothedLevel
     /// Bodies on rods: where others are smoothed, these are solved for.
     std::optional<ExactBodies> rods;
     // Scratch of a cycle.
-    std::vector<WideVector> right, x, r, d, d2;
-    std::vector<WideVector> on_rods; ///< empty: no rods
+    std::vector<WideVector> right, x, r, d;
+    /// Parts of a step, of bodies on rods and of all without them; empty: no rods.
+    std::vector<WideVector> on_rods, without_rods;
 
     /// \p is_waiting(body): neighbours of bodies that do not wait are smoothed as well,
     /// and bodies on rods.
@@ -122,13 +74,19 @@ struct SmoothedLevel
                   const std::function<bool(std::size_t)>& is_waiting);
     int count() const { return links.count(); }
 
-    /// sum -= A x, one row. \pre x is 0 where bodies are not smoothed, if the row is
-    /// empty
-    void subtract_row(std::size_t i, const std::vector<WideVector>& at,
-                      WideVector& sum) const
+    /// A times a vector, one row. \pre that is 0 where bodies are not smoothed, if the
+    /// row is empty
+    WideVector row_product(std::size_t i, const std::vector<WideVector>& of) const
     {
-        for (std::size_t k = links.begin(i); k < links.end(i); ++k)
-            block.subtract_product(k, at[idx(links.column[k])], sum);
+        WideVector sum;
+        const WideVector* const at = of.data();
+        const int* const column = links.column.data();
+        for (std::size_t k = links.begin(i), end = links.end(i); k < end; ++k)
+            glue[k].add_product(at[column[k]], sum);
+        if (rest_links.count() > 0)
+            for (std::size_t k = rest_links.begin(i); k < rest_links.end(i); ++k)
+                sum += rest.product(k, of[idx(rest_links.column[k])]);
+        return sum;
     }
     /// \p body(place in smoothed, body)
     template <class Body>
@@ -151,6 +109,9 @@ struct SmoothedLevel
     void before(SmoothedLevel& next);
     /// Takes the correction of the bodies above, and smooths again.
     void after(const SmoothedLevel& next);
+
+private:
+    void list_rests(const RigidRows& A);
 };
 
 } // namespace cellwarp

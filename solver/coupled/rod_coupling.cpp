@@ -148,9 +148,9 @@ void RodCoupling::linearise(Curvature curvature)
         const Pose &a = cells_.pose(glue.a), &b = cells_.pose(glue.b);
         face.coupling = glue_coupling(glue, a, b).matrix();
         if (face.a >= 0)
-            diagonals_[idx(face.a)] += glue_diagonal_a(glue, a, b, curvature);
+            diagonals_[idx(face.a)] += glue_diagonal_a(glue, a, b, curvature).matrix();
         if (face.b >= 0)
-            diagonals_[idx(face.b)] += glue_diagonal_b(glue, a, b, curvature);
+            diagonals_[idx(face.b)] += glue_diagonal_b(glue, a, b, curvature).matrix();
         if (face.unknown != UnknownCell::None)
             face.basis = glue_.basis(face.unknown);
     }

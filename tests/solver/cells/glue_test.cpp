@@ -70,8 +70,8 @@ Matrix12 glue_hessian(const GlueFace& face, const Pose& a, const Pose& b,
                       Curvature curvature)
 {
     Matrix12 H;
-    H.topLeftCorner<6, 6>() = glue_diagonal_a(face, a, b, curvature);
-    H.bottomRightCorner<6, 6>() = glue_diagonal_b(face, a, b, curvature);
+    H.topLeftCorner<6, 6>() = glue_diagonal_a(face, a, b, curvature).matrix();
+    H.bottomRightCorner<6, 6>() = glue_diagonal_b(face, a, b, curvature).matrix();
     H.topRightCorner<6, 6>() = glue_coupling(face, a, b).matrix();
     H.bottomLeftCorner<6, 6>() = H.topRightCorner<6, 6>().transpose();
     return H;
