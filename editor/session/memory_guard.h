@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The end of a program that has no memory left, also where a library cannot say so.
+// How a program takes its memory, and its end when none is left, also where a library
+// cannot say so.
 #pragma once
 
 namespace cellwarp
@@ -7,7 +8,8 @@ namespace cellwarp
 
 /// To be made before main(), by a static variable of the highest priority: from then on
 /// an allocation that fails ends the process with a message and Fault::Budget as exit
-/// code. Unfinished outputs are removed.
+/// code. Unfinished outputs are removed. What was freed is taken again before the system
+/// is asked for more.
 class MemoryGuard
 {
 public:
