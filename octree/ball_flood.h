@@ -42,14 +42,15 @@ public:
 
     /// Calls visit(reached, free, voxel) for the voxels that it does not reach at every
     /// radius at which they are free: the largest at which it does, -1 if there is none,
-    /// and at which they are. visit_far(reached, count) for all
-    /// blocks that are free at every radius.
+    /// and at which they are. visit_far(reached, first voxel, count) for all blocks that
+    /// are free at every radius.
     template <class Visit, class VisitFar>
     void for_each(Visit&& visit, VisitFar&& visit_far) const
     {
         for (std::size_t block = 0; block < near_of_.size(); ++block)
             if (near_of_[block] < 0)
-                visit_far(reached_block_[block] - 1, std::size_t{kBlockVoxels});
+                visit_far(reached_block_[block] - 1, first_of(block),
+                          std::size_t{kBlockVoxels});
             else
                 for_each_row(block,
                              [&](std::size_t first, std::size_t own)
@@ -88,17 +89,22 @@ private:
     template <class Visit>
     void for_each_row(std::size_t block, Visit&& visit) const
     {
-        const std::size_t nx = idx(blocks_.x()), ny = idx(blocks_.y());
-        const std::size_t i = block % nx, j = block / nx % ny, k = block / nx / ny;
+        const std::size_t first = first_of(block);
         const std::size_t own =
             near_of_[block] < 0 ? 0 : idx(near_of_[block]) * kBlockVoxels;
         const Eigen::Vector3i& counts = lattice_.counts();
         for (std::size_t row = 0; row < kBlock * kBlock; ++row)
-            visit(((k * kBlock + row / kBlock) * idx(counts.y()) + j * kBlock +
-                   row % kBlock) *
-                          idx(counts.x()) +
-                      i * kBlock,
+            visit(first +
+                      (row / kBlock * idx(counts.y()) + row % kBlock) * idx(counts.x()),
                   own + row * kBlock);
+    }
+    /// The voxel at the corner of a block.
+    std::size_t first_of(std::size_t block) const
+    {
+        const std::size_t nx = idx(blocks_.x()), ny = idx(blocks_.y());
+        const std::size_t i = block % nx, j = block / nx % ny, k = block / nx / ny;
+        const Eigen::Vector3i& counts = lattice_.counts();
+        return (k * kBlock * idx(counts.y()) + j * kBlock) * idx(counts.x()) + i * kBlock;
     }
     void find_near_blocks();
     void find_free();

@@ -60,12 +60,16 @@ double room_of(double opening)
     return std::max<double>(kRoom * opening, ball_of(opening));
 }
 
-/// Of each radius whether there is a place with enough room that its ball cannot come to.
-std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& radii)
+/// Of each radius whether there is a place with enough room that its ball cannot come to
+/// and that no hollow has yet. A block that is far from all marks is in one as a whole.
+std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& radii,
+                            const VoxelFlags& hollow)
 {
     std::vector<char> shows(radii.size(), 0);
-    const auto add = [&](int reached, const auto& has_room)
+    const auto add = [&](int reached, std::size_t voxel, const auto& has_room)
     {
+        if (hollow[voxel])
+            return;
         for (std::size_t k = 0; k < radii.size(); ++k)
             if (!shows[k] && reached < ball_of(radii[k]) && has_room(room_of(radii[k])))
                 shows[k] = 1;
@@ -73,10 +77,12 @@ std::vector<char> show_room(const BallFlood& flood, const std::vector<double>& r
     flood.for_each(
         [&](int reached, int, std::size_t voxel)
         {
-            add(reached, [&](double distance)
+            add(reached, voxel,
+                [&](double distance)
                 { return flood.distances().is_beyond(voxel, distance); });
         },
-        [&](int reached, std::size_t) { add(reached, [](double) { return true; }); });
+        [&](int reached, std::size_t voxel, std::size_t)
+        { add(reached, voxel, [](double) { return true; }); });
     return shows;
 }
 
@@ -200,11 +206,15 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
     Hollows found{-1.0, VoxelFlags(grid.size())};
     const std::vector<double> radii = radii_between(openings);
     const BallFlood flood(grid, marks, ball_of(radii.back()), room_of(radii.back()));
-    const std::vector<char> shows = show_room(flood, radii);
     VoxelFlags hollow(flood.lattice().marks().size()); // the number of its radius, from 1
+    std::vector<char> shows = show_room(flood, radii, hollow);
     for (std::size_t k = 0; k < radii.size(); ++k)
         if (shows[k])
+        {
             add_hollows(flood, radii[k], static_cast<std::uint8_t>(k + 1), hollow);
+            // Wider openings lead to the same hollows.
+            shows = show_room(flood, radii, hollow);
+        }
     flood.lattice().for_each_in_grid(hollow,
                                      [&](std::size_t place, std::size_t voxel)
                                      {

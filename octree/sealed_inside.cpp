@@ -78,7 +78,8 @@ SealedInside::SealedInside(const VoxelGrid& grid, const VoxelFlags& marks, int m
             add(reached, free, 1,
                 distances.is_far(voxel) ? INFINITY : distances.squared(voxel));
         },
-        [&](int reached, std::size_t count) { add(reached, most, count, INFINITY); });
+        [&](int reached, std::size_t, std::size_t count)
+        { add(reached, most, count, INFINITY); });
     for (int r = 1; r <= most; ++r)
         if (const double depth = r + kMinDepth; deepest[idx(r)] < depth * depth)
             inside[idx(r)] = 0;

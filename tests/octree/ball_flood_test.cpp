@@ -76,7 +76,8 @@ void expect_as_slow(const VoxelGrid& grid, const VoxelFlags& marks, int most)
         [&](int reached, int free, std::size_t voxel) {
             missed[voxel] = {reached + 1, free};
         },
-        [&](int reached, std::size_t count) { far_from[idx(reached + 1)] += count; });
+        [&](int reached, std::size_t, std::size_t count)
+        { far_from[idx(reached + 1)] += count; });
     std::size_t num_far = 0;
     for (int radius = 0; radius <= most; ++radius)
     {
@@ -133,7 +134,8 @@ TEST(BallFlood, tells_of_whole_blocks_that_are_enclosed)
                    });
     std::size_t num_far = 0;
     BallFlood(grid, marks, 5, 7)
-        .for_each([](int, int, std::size_t) {}, [&](int reached, std::size_t count)
+        .for_each([](int, int, std::size_t) {},
+                  [&](int reached, std::size_t, std::size_t count)
                   { num_far += reached < 5 ? count : 0; });
     EXPECT_GT(num_far, 8u * 8u * 8u);
     expect_as_slow(grid, marks, 5);
