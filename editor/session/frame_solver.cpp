@@ -324,14 +324,21 @@ bool FrameSolver::go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy 
 }
 
 /// Goes on in larger cells of which a few are as small as those of \p own, where errors
-/// are largest: there folds form.
+/// are largest: there folds form. Where some have, errors are largest elsewhere, and
+/// there a few more are split, until no step is hard.
 void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& report)
 {
-    const Clock::time_point start = Clock::now();
-    std::shared_ptr<const Body> few = refiner_.partly_split(system_, own);
-    report.cells_ms += ms_since(start);
-    if (2 * few->cells.size() <= own.cells.size())
-        go_on_in(std::move(few), way, Accuracy::Folds, report);
+    while (way.goes_on())
+    {
+        const Clock::time_point start = Clock::now();
+        std::shared_ptr<const Body> few = refiner_.partly_split(system_, own);
+        report.cells_ms += ms_since(start);
+        const int before = way.total.iterations;
+        if (2 * few->cells.size() > own.cells.size() ||
+            !go_on_in(std::move(few), way, Accuracy::Folds, report) ||
+            way.total.iterations - before < kHardStep)
+            return;
+    }
 }
 
 /// travel() in larger cells, from there on solved for in smaller and smaller ones, at
@@ -368,7 +375,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
         is_worth_it = larger.is_hard || larger.is_out_of_time();
         for (std::size_t k = bodies.size() - 1; k-- > 0 && is_worth_it;)
             is_worth_it = go_on_in(bodies[k], larger, Accuracy::OnTheWay, report);
-        if (is_worth_it && larger.goes_on())
+        if (is_worth_it)
             fold_in_few_cells(*own, larger, report);
     }
     report.iterations_in_larger_cells = std::max(0, larger.total.iterations);

@@ -396,6 +396,26 @@ TEST(AdaptiveSession, a_long_hard_way_in_many_cells_is_gone_in_larger_ones_first
               1e-4);
 }
 
+/// Where some folds have formed in a few small cells, others want a few more.
+TEST(AdaptiveSession, folds_that_follow_from_folds_form_in_few_cells_as_well)
+{
+    SessionSettings s;
+    s.cells.across = 64;
+    s.cells.max_depth = 0;
+    Session session(scan_geometry("bar.obj", support::obj_text(support::box_shape(
+                                                 {0, 0, 0}, {1, 1, 4}, 6)))
+                        .geometry,
+                    handles("fixed foot box -1 -1 -1 2 2 0.2500001\n"
+                            "handle head box -1 -1 3.7499999 2 2 5\n"
+                            "frame 1\nmove head rotate 1 0 0 170 about 0.5 0.5 2\n"),
+                    s);
+    session.next_frame(true);
+    const FrameReport& report = session.frames()[0];
+    EXPECT_EQ(report.cells, 16384u);
+    EXPECT_EQ(report.solve.stop, Stop::Converged);
+    EXPECT_LE(report.solve.iterations - report.iterations_in_larger_cells, 8);
+}
+
 TEST(AdaptiveSession, time_that_runs_out_in_larger_cells_leaves_more_than_a_guess)
 {
     SessionSettings s;
