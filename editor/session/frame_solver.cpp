@@ -400,6 +400,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     }
     way = larger;
     report.steps += steps;
+    system_.precondition_here();
     solve_on(way, at_end);
     return true;
 }
