@@ -212,7 +212,7 @@ Hollows hollow_voxels(const VoxelGrid& grid, const VoxelFlags& marks,
         if (shows[k])
         {
             add_hollows(flood, radii[k], static_cast<std::uint8_t>(k + 1), hollow);
-            // Wider openings lead to the same hollows.
+            // What is filled by now is not filled again through wider openings.
             shows = show_room(flood, radii, hollow);
         }
     flood.lattice().for_each_in_grid(hollow,

@@ -27,8 +27,8 @@ constexpr double kMerge = 0.125;
 /// is more than that at rest.
 constexpr double kStretched = 0.5;
 
-/// How many of the leaves that it may split partly_split() does split. For folds that is
-/// enough: they are narrow. With half or twice as many the armadillo's shoulder takes
+/// How many of the leaves that it may split partly_split() does split at a time. Folds
+/// are narrow. With half or twice as many the armadillo's shoulder takes
 /// more iterations.
 constexpr double kPartlySplit = 0.06;
 

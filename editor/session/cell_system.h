@@ -129,7 +129,8 @@ public:
     /// there.
     void set_state(const CellSystemState& state);
     /// Makes the preconditioner for the state as it is: where that is far from rest, a
-    /// solve takes fewer steps, by more than this costs.
+    /// solve takes fewer steps, by more than this costs. From then on forget_way() makes
+    /// it anew, too.
     void precondition_here() { minimizer_->forget(poses_, true); }
     /// From here on a solve depends on state() alone, not on the way to it.
     void forget_way();

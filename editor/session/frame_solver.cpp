@@ -124,10 +124,12 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     options.gradient_scale = way.gradient_scale;
     options.max_iterations = std::max(0, settings_.max_iterations - done);
     // What gives way must do so before the next step, to be seen.
-    if (!is_last && !way.is_wound)
+    if (accuracy == Accuracy::OnTheWay && !way.is_wound)
+        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
+    // Some are left for the cells themselves.
+    if (accuracy == Accuracy::Folds)
         options.max_iterations =
-            std::min(options.max_iterations,
-                     accuracy == Accuracy::Folds ? kFoldIterations : kTravelIterations);
+            std::clamp(settings_.max_iterations / 2 - done, 0, kFoldIterations);
     options.checks_stability = is_last;
     options.stays_stable = way.stays_stable;
     options.gradient_tolerance =
@@ -324,8 +326,9 @@ bool FrameSolver::go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy 
 }
 
 /// Goes on in larger cells of which a few are as small as those of \p own, where errors
-/// are largest: there folds form. Where some have, errors are largest elsewhere, and
-/// there a few more are split, until no step is hard.
+/// are largest: there folds form. Where that took many iterations some have formed, and
+/// errors are largest elsewhere: there a few more are split, until it takes few, or half
+/// as many cells as the own ones are reached.
 void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& report)
 {
     while (way.goes_on())
@@ -360,7 +363,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
         refiner_.larger_bodies(system_, plan_.motions(1.0));
     if (bodies.empty())
         return false;
-    CellSystem in_larger = refiner_.handed_to(bodies.back(), system_);
+    std::optional<CellSystem> in_larger = refiner_.handed_to(bodies.back(), system_);
     report.cells_ms += ms_since(begin);
     const std::shared_ptr<const Body> own = system_.shared_body();
     Way larger;
@@ -368,7 +371,7 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     int steps = 0;
     bool is_worth_it = false;
     {
-        const Instead of_own(system_, in_larger);
+        const Instead of_own(system_, *in_larger);
         travel(larger, steps, Accuracy::OnTheWay);
         // Out of time it is nearer to the end than the own cells would get from the
         // start.
@@ -388,9 +391,10 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
                              system_.way_left() * (1.0 - share));
         larger.gradient_scale = gradient_scale_here();
         system_.set_state(start.state);
-        refiner_.hand_on(in_larger, system_);
-        is_worth_it = system_.energy() <= kTorn * in_larger.energy();
+        refiner_.hand_on(*in_larger, system_);
+        is_worth_it = system_.energy() <= kTorn * in_larger->energy();
     }
+    in_larger.reset(); // its memory is wanted
     if (!is_worth_it)
     {
         system_.set_state(start.state);
@@ -400,7 +404,8 @@ bool FrameSolver::travel_in_larger_cells(const Start& start, Way& way,
     }
     way = larger;
     report.steps += steps;
-    system_.precondition_here();
+    if (way.goes_on() && settings_.method != Method::GaussNewtonDirect)
+        system_.precondition_here();
     solve_on(way, at_end);
     return true;
 }

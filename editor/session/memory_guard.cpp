@@ -24,10 +24,11 @@ namespace
 {
 
 /// At first the C library takes every block of more than 128 kB from the system and gives
-/// it back at once. Its pages are cleared anew each time, which is a thirtieth of a small
-/// edit. Blocks up to this size come from what was freed before, of which so much is
-/// kept.
-constexpr int kReusedBlock = 8 << 20, kKeptFree = 64 << 20, kTakenAtOnce = 1 << 20;
+/// it back as soon as it is freed. The system clears its pages anew each time, which is a
+/// thirtieth of a small edit.
+constexpr int kReusedBlock = 32 << 20; ///< smaller blocks come from what was freed [byte]
+constexpr int kKeptFree = 64 << 20;    ///< of what is freed at the end of the heap [byte]
+constexpr int kTakenAtOnce = 1 << 20;  ///< more than asked for, when it grows [byte]
 
 void reuse_freed_memory()
 {

@@ -22,6 +22,7 @@ public:
     }
     void refresh() override
     {
+        multigrid_ = RigidMultigrid(energy_.total, {}); // so that there are never two
         multigrid_ = RigidMultigrid(energy_.total, energy_.bodies(places_));
     }
     const RigidMultigrid& multigrid() const { return multigrid_; }

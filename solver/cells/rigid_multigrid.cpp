@@ -262,7 +262,7 @@ double RigidMultigrid::memory_estimate(std::size_t cells, std::size_t faces, boo
     // seventh, in rods and where cells differ in size as much again; and vectors grow by
     // doubling. What cells that stay in a plane cannot do leaves blocks of another form
     // than glue's.
-    constexpr double kLevels = 2.0;
+    constexpr double kLevels = 2.5;
     const double blocks = 2.0 * static_cast<double>(faces) + static_cast<double>(cells);
     const double of_block = sizeof(WideGlue) + sizeof(GlueBlock) + sizeof(void*) +
                             2 * sizeof(int) +

@@ -33,8 +33,8 @@ public:
     /// Cells, then groups of each coarser level.
     std::vector<int> sizes() const;
     double bytes() const;
-    /// Memory for so many cells and faces [byte], at most, while it is built. \p is_flat:
-    /// the cells stay in a plane.
+    /// Memory for so many cells and faces [byte], at most, while it is built; without
+    /// that of rods. \p is_flat: the cells stay in a plane.
     static double memory_estimate(std::size_t cells, std::size_t faces,
                                   bool is_flat = false);
 

@@ -30,10 +30,12 @@ struct RigidRows : Links
     std::vector<std::unique_ptr<Matrix6>> rest;
     std::vector<Vector6> scale; ///< of each row: the true unknowns are scale times these
 
-    /// After the columns are known; blocks are not set.
+    /// For the columns that are known by now: glue is not set, and there is no rest.
     void make_blocks();
+    /// Its glue and its rest.
     Matrix6 block(std::size_t at) const;
     void set_block(std::size_t at, const Matrix6& block);
+    /// \pre the block's glue is set
     void add_block(std::size_t at, const Matrix6& block);
     std::size_t diagonal(std::size_t row) const
     {

@@ -133,10 +133,14 @@ TEST(BallFlood, tells_of_whole_blocks_that_are_enclosed)
                        marks[grid.index(v)] = is_wall && !is_hole;
                    });
     std::size_t num_far = 0;
-    BallFlood(grid, marks, 5, 7)
-        .for_each([](int, int, std::size_t) {},
-                  [&](int reached, std::size_t, std::size_t count)
-                  { num_far += reached < 5 ? count : 0; });
+    const BallFlood flood(grid, marks, 5, 7);
+    flood.for_each([](int, int, std::size_t) {},
+                   [&](int reached, std::size_t first, std::size_t count)
+                   {
+                       num_far += reached < 5 ? count : 0;
+                       EXPECT_TRUE(flood.distances().is_far(first));
+                       EXPECT_EQ(flood.dry(5)[first] != 0, reached < 5);
+                   });
     EXPECT_GT(num_far, 8u * 8u * 8u);
     expect_as_slow(grid, marks, 5);
 }

@@ -88,7 +88,7 @@ std::vector<Eigen::Vector3d> moved(Way way, const Eigen::Matrix3d& turn,
     settings.cells = cells_across(40);
     settings.cells.is_flat = way == Way::InPlane;
     settings.departures.smooth_borders = has_smooth_borders;
-    settings.gradient_tolerance = 1e-10; // symmetric is what has arrived
+    settings.gradient_tolerance = 1e-10; // near a minimum it is not yet symmetric
     Session session(scan_geometry("model.obj", support::obj_text(shape)).geometry,
                     parse_handles("h.handles", text), settings);
     while (session.next_frame(true))

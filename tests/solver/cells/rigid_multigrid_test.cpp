@@ -270,9 +270,9 @@ TEST(RigidMultigrid, is_symmetric_and_positive_definite_where_few_cells_are_smal
     expect_symmetric_and_definite(p);
 }
 
-/// Cells that wait for small ones to grow to their size cost little meanwhile: a level of
-/// them, which is their vectors alone, a quarter of one whose cells are smoothed, and all
-/// together less than the blocks of one did when all their 36 numbers were kept.
+/// Cells that wait for small ones to grow to their size cost little meanwhile: on each
+/// level their vectors alone, a quarter of what smoothed cells cost. A smoothed one has
+/// some seven blocks, of 64 bytes each, 144 bytes of an inverse, and its vectors.
 TEST(RigidMultigrid, costs_hardly_more_where_few_cells_are_small)
 {
     const support::Built built =

@@ -196,4 +196,41 @@ TEST(RigidRows, of_groups_are_those_of_cells_that_move_with_them)
     expect_joined(FinestRows(with_a_sliding_cell()));
 }
 
+/// Cells in a plane make groups that cannot do all motions either: those have a stiffness
+/// of their own, and the others are those of the cells.
+TEST(RigidRows, of_groups_in_a_plane_are_those_of_cells_there)
+{
+    FinestRows of(in_a_plane());
+    EXPECT_GT(of.num_of_other_form(), 0u);
+    const RigidBodies bodies = finest_bodies(of.unknowns);
+    std::vector<GridPlace> places;
+    for (const UnknownBody& body : of.unknowns)
+        places.push_back(body.grid);
+    OctreeBlocks blocks(places);
+    const Grouping grouping =
+        blocks.join(of.rows, [](std::size_t, std::size_t) { return true; });
+    RigidBodies next_bodies = joined_bodies(bodies, grouping.members);
+    const RigidRows next = joined_rows(of.rows, bodies, grouping, next_bodies);
+    // x = (turn about z, shift along x and y) of every group.
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(6 * next.count());
+    std::mt19937 rng(5);
+    for (int b = 0; b < next.count(); ++b)
+        for (const int unknown : {2, 3, 4})
+            x[6 * b + unknown] = support::random_number(rng, -1.0, 1.0);
+    Eigen::VectorXd of_cells = Eigen::VectorXd::Zero(6 * of.rows.count());
+    for (std::size_t i = 0; i < idx(of.rows.count()); ++i)
+    {
+        const int b = grouping.group_of_node[i];
+        const Eigen::Vector3d turn = x.segment<3>(6 * b);
+        const Eigen::Index at = 6 * static_cast<Eigen::Index>(i);
+        of_cells.segment<3>(at) = turn;
+        Eigen::Vector3d shift = x.segment<3>(6 * b + 3) +
+                                turn.cross(bodies.centre[i] - next_bodies.centre[idx(b)]);
+        shift.z() = 0.0;
+        of_cells.segment<3>(at + 3) = shift;
+    }
+    const double energy = x.dot(FinestRows::dense_of(next) * x);
+    EXPECT_NEAR(energy, of_cells.dot(of.dense() * of_cells), 1e-12 * energy);
+}
+
 } // namespace cellwarp
