@@ -92,6 +92,26 @@ HeldBody in_a_plane()
     return body;
 }
 
+/// All cells of each block of 2 x 2 x 2 joined.
+struct Joined
+{
+    RigidBodies bodies;
+    Grouping grouping;
+    RigidBodies next_bodies;
+    RigidRows next;
+
+    explicit Joined(const FinestRows& of) : bodies(finest_bodies(of.unknowns))
+    {
+        std::vector<GridPlace> places;
+        for (const UnknownBody& body : of.unknowns)
+            places.push_back(body.grid);
+        OctreeBlocks blocks(places);
+        grouping = blocks.join(of.rows, [](std::size_t, std::size_t) { return true; });
+        next_bodies = joined_bodies(bodies, grouping.members);
+        next = joined_rows(of.rows, bodies, grouping, next_bodies);
+    }
+};
+
 /// Second derivatives by the unknowns that a body has, in common axes.
 Eigen::MatrixXd expected(const FinestRows& of)
 {
@@ -163,18 +183,11 @@ TEST(RigidRows, have_the_form_of_glue_wherever_free_cells_are)
 /// Bodies that move with their group as T says: A_C = T^T A T.
 TEST(RigidRows, of_groups_are_those_of_cells_that_move_with_them)
 {
-    const auto expect_joined = [](FinestRows of)
+    const auto expect_joined = [](const FinestRows& of)
     {
-        RigidRows& A = of.rows;
-        const RigidBodies bodies = finest_bodies(of.unknowns);
-        std::vector<GridPlace> places;
-        for (const UnknownBody& body : of.unknowns)
-            places.push_back(body.grid);
-        OctreeBlocks blocks(places);
-        const Grouping grouping =
-            blocks.join(A, [](std::size_t, std::size_t) { return true; });
-        RigidBodies next_bodies = joined_bodies(bodies, grouping.members);
-        const RigidRows next = joined_rows(A, bodies, grouping, next_bodies);
+        const RigidRows& A = of.rows;
+        const Joined joined(of);
+        const auto& [bodies, grouping, next_bodies, next] = joined;
         ASSERT_LT(next.count(), A.count() / 3);
         Eigen::MatrixXd T = Eigen::MatrixXd::Zero(6 * A.count(), 6 * next.count());
         for (std::size_t i = 0; i < idx(A.count()); ++i)
@@ -200,17 +213,10 @@ TEST(RigidRows, of_groups_are_those_of_cells_that_move_with_them)
 /// of their own, and the others are those of the cells.
 TEST(RigidRows, of_groups_in_a_plane_are_those_of_cells_there)
 {
-    FinestRows of(in_a_plane());
+    const FinestRows of(in_a_plane());
     EXPECT_GT(of.num_of_other_form(), 0u);
-    const RigidBodies bodies = finest_bodies(of.unknowns);
-    std::vector<GridPlace> places;
-    for (const UnknownBody& body : of.unknowns)
-        places.push_back(body.grid);
-    OctreeBlocks blocks(places);
-    const Grouping grouping =
-        blocks.join(of.rows, [](std::size_t, std::size_t) { return true; });
-    RigidBodies next_bodies = joined_bodies(bodies, grouping.members);
-    const RigidRows next = joined_rows(of.rows, bodies, grouping, next_bodies);
+    const Joined joined(of);
+    const auto& [bodies, grouping, next_bodies, next] = joined;
     // x = (turn about z, shift along x and y) of every group.
     Eigen::VectorXd x = Eigen::VectorXd::Zero(6 * next.count());
     std::mt19937 rng(5);
