@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -14,28 +15,10 @@
 #include <type_traits>
 #include <utility>
 
-#include <sys/mman.h>
-
 #include "octree/base/parallel.h"
 
 namespace cellwarp
 {
-
-/// So many zeros: straight from the system, for in memory that was used before all would
-/// have to be written. Throws std::bad_alloc.
-inline void* take_zeros(std::size_t bytes)
-{
-    void* const zeros = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
-                               MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (zeros == MAP_FAILED)
-        throw std::bad_alloc();
-    return zeros;
-}
-
-inline void give_back(void* zeros, std::size_t bytes)
-{
-    ::munmap(zeros, bytes);
-}
 
 /// All 0 at first.
 template <class Value>
@@ -51,10 +34,9 @@ public:
     {
         if (size == 0)
             return;
-        if (size > SIZE_MAX / sizeof(Value))
+        values_.reset(static_cast<Value*>(std::calloc(size, sizeof(Value))));
+        if (!values_)
             throw std::bad_alloc();
-        values_ = {static_cast<Value*>(take_zeros(size * sizeof(Value))),
-                   Free{size * sizeof(Value)}};
     }
     /// Takes memory only where \p other has.
     VoxelValues(const VoxelValues& other) : VoxelValues(other.size_)
@@ -122,11 +104,10 @@ private:
 
     struct Free
     {
-        std::size_t bytes = 0;
-        void operator()(Value* values) const { give_back(values, bytes); }
+        void operator()(Value* values) const { std::free(values); }
     };
     std::size_t size_ = 0;
-    std::unique_ptr<Value, Free> values_ = {nullptr, Free{}};
+    std::unique_ptr<Value, Free> values_;
 };
 
 /// For every voxel a flag, or a few.

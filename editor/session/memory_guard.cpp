@@ -25,10 +25,11 @@ namespace
 
 /// At first the C library takes every block of more than 128 kB from the system and gives
 /// it back as soon as it is freed. The system clears its pages anew each time, which is a
-/// thirtieth of a small edit.
-constexpr int kReusedBlock = 32 << 20; ///< smaller blocks come from what was freed [byte]
-constexpr int kKeptFree = 64 << 20;    ///< of what is freed at the end of the heap [byte]
-constexpr int kTakenAtOnce = 1 << 20;  ///< more than asked for, when it grows [byte]
+/// thirtieth of a small edit. Larger blocks still begin as pages that nobody has written,
+/// which arrays of voxels count on (voxel_values.h).
+constexpr int kReusedBlock = 8 << 20; ///< smaller blocks come from what was freed [byte]
+constexpr int kKeptFree = 64 << 20;   ///< of what is freed at the end of the heap [byte]
+constexpr int kTakenAtOnce = 1 << 20; ///< more than asked for, when it grows [byte]
 
 void reuse_freed_memory()
 {
