@@ -251,7 +251,8 @@ double RigidMultigrid::bytes() const
                          (level.links.column.size() + level.smoothed.size() +
                           level.rest_links.column.size() + 4 * level.transfer.size()) +
                      sizeof(LevelTransfer) * level.transfer.size() +
-                     4 * sizeof(WideVector) * level.x.size()) +
+                     3 * sizeof(WideVector) * level.x.size() +
+                     2 * sizeof(WideVector) * level.on_rods.size()) +
                  (level.rods ? 8.0 * level.rods->factor_numbers() : 0.0);
     return bytes;
 }
@@ -267,7 +268,7 @@ double RigidMultigrid::memory_estimate(std::size_t cells, std::size_t faces, boo
     const double of_block = sizeof(WideGlue) + sizeof(GlueBlock) + sizeof(void*) +
                             2 * sizeof(int) +
                             (is_flat ? WideBlocks::kBytes + sizeof(Matrix6) : 0);
-    const double of_cell = WideBlocks::kBytes + 4 * sizeof(WideVector) +
+    const double of_cell = WideBlocks::kBytes + 3 * sizeof(WideVector) +
                            sizeof(LevelTransfer) + sizeof(UnknownBody);
     return kLevels * (of_block * blocks + of_cell * static_cast<double>(cells));
 }

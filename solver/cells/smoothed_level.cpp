@@ -148,7 +148,7 @@ SmoothedLevel::SmoothedLevel(const RigidRows& A, std::span<const char> is_on_rod
     inverse = WideBlocks(smoothed.size());
     for_each_smoothed([&](std::size_t k, std::size_t i)
                       { inverse.set(k, inverse_of(A.block(A.diagonal(i)))); });
-    for (std::vector<WideVector>* v : {&right, &x, &r, &d})
+    for (std::vector<WideVector>* v : {&right, &x, &d})
         v->assign(n, WideVector{});
     std::vector<int> found;
     for (std::size_t i = 0; i < n; ++i)
@@ -202,9 +202,9 @@ void SmoothedLevel::before(SmoothedLevel& next)
             const WideVector left = right[i] - row_product(i, d);
             x[i] = (1.0f + kKeep) * d[i] + kGain * inverse.product(k, left);
             if (rods)
-                r[i] = left;
+                without_rods[i] = left;
         });
-    for_rods(r, [&](std::size_t i, const WideVector& z)
+    for_rods(without_rods, [&](std::size_t i, const WideVector& z)
              { x[i] = (1.0f + kKeep) * d[i] + kGain * z; });
     for_each_body(next.count(),
                   [&](std::size_t b)
@@ -235,20 +235,20 @@ void SmoothedLevel::after(const SmoothedLevel& next)
     for_each_smoothed(
         [&](std::size_t k, std::size_t i)
         {
-            r[i] = right[i] - row_product(i, x);
-            d[i] = kFirst * inverse.product(k, r[i]);
+            right[i] -= row_product(i, x);
+            d[i] = kFirst * inverse.product(k, right[i]);
         });
-    for_rods(r, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
+    for_rods(right, [&](std::size_t i, const WideVector& z) { d[i] = kFirst * z; });
     for_each_smoothed(
         [&](std::size_t k, std::size_t i)
         {
-            r[i] -= row_product(i, d);
-            const WideVector d2 = kGain * inverse.product(k, r[i]);
+            right[i] -= row_product(i, d);
+            const WideVector d2 = kGain * inverse.product(k, right[i]);
             x[i] += (1.0f + kKeep) * d[i] + d2;
             if (rods)
                 without_rods[i] = d2;
         });
-    for_rods(r, [&](std::size_t i, const WideVector& z)
+    for_rods(right, [&](std::size_t i, const WideVector& z)
              { x[i] += kGain * z - without_rods[i]; });
 }
 

@@ -64,8 +64,8 @@ struct SmoothedLevel
     /// Bodies on rods: where others are smoothed, these are solved for.
     std::optional<ExactBodies> rods;
     // Scratch of a cycle.
-    std::vector<WideVector> right, x, r, d;
-    /// Parts of a step, of bodies on rods and of all without them; empty: no rods.
+    std::vector<WideVector> right, x, d;
+    /// What rods are solved for with, and what bodies would do without; empty: no rods.
     std::vector<WideVector> on_rods, without_rods;
 
     /// \p is_waiting(body): neighbours of bodies that do not wait are smoothed as well,
@@ -107,7 +107,8 @@ struct SmoothedLevel
     }
     /// From x = 0: smooths, and sends what is left to the bodies above.
     void before(SmoothedLevel& next);
-    /// Takes the correction of the bodies above, and smooths again.
+    /// Takes the correction of the bodies above, and smooths again; of the right-hand
+    /// side is left what that does not reach.
     void after(const SmoothedLevel& next);
 
 private:

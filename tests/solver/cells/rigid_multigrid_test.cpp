@@ -271,8 +271,8 @@ TEST(RigidMultigrid, is_symmetric_and_positive_definite_where_few_cells_are_smal
 }
 
 /// Cells that wait for small ones to grow to their size cost little meanwhile: on each
-/// level their vectors alone, a quarter of what smoothed cells cost. A smoothed one has
-/// some seven blocks, of 64 bytes each, 144 bytes of an inverse, and its vectors.
+/// level their vectors alone, less than a fifth of what smoothed cells cost. A smoothed
+/// one has some seven blocks, of 64 bytes each, 144 bytes of an inverse, and its vectors.
 TEST(RigidMultigrid, costs_hardly_more_where_few_cells_are_small)
 {
     const support::Built built =
@@ -281,10 +281,9 @@ TEST(RigidMultigrid, costs_hardly_more_where_few_cells_are_small)
              mixed = held_at_one_end(smaller_at_a_corner(built, 2));
     Prepared of_alike(alike), of_mixed(mixed);
     ASSERT_EQ(of_mixed.multigrid.sizes().size(), of_alike.multigrid.sizes().size() + 2);
-    const double waiting = of_mixed.multigrid.bytes() - of_alike.multigrid.bytes();
-    EXPECT_LT(waiting, 2 * 0.25 * of_alike.multigrid.bytes());
+    EXPECT_LT(of_mixed.multigrid.bytes(), 1.35 * of_alike.multigrid.bytes());
     EXPECT_LT(of_mixed.multigrid.bytes(),
-              1300.0 * static_cast<double>(mixed.cells.size()));
+              1150.0 * static_cast<double>(mixed.cells.size()));
     EXPECT_LE(of_mixed.steps(), of_alike.steps() + 3);
 }
 
