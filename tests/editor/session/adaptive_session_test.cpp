@@ -396,12 +396,16 @@ TEST(AdaptiveSession, a_long_hard_way_in_many_cells_is_gone_in_larger_ones_first
               1e-4);
 }
 
-/// Where some folds have formed in a few small cells, others want a few more.
-TEST(AdaptiveSession, folds_that_follow_from_folds_form_in_few_cells_as_well)
+namespace
+{
+
+/// Of a bar of 16,384 cells that is turned over in one frame.
+FrameReport turned_over(int max_iterations)
 {
     SessionSettings s;
     s.cells.across = 64;
     s.cells.max_depth = 0;
+    s.max_iterations = max_iterations;
     Session session(scan_geometry("bar.obj", support::obj_text(support::box_shape(
                                                  {0, 0, 0}, {1, 1, 4}, 6)))
                         .geometry,
@@ -410,11 +414,28 @@ TEST(AdaptiveSession, folds_that_follow_from_folds_form_in_few_cells_as_well)
                             "frame 1\nmove head rotate 1 0 0 170 about 0.5 0.5 2\n"),
                     s);
     session.next_frame(true);
-    const FrameReport& report = session.frames()[0];
-    EXPECT_EQ(report.cells, 16384u);
+    EXPECT_EQ(session.frames()[0].cells, 16384u);
+    return session.frames()[0];
+}
+
+} // namespace
+
+/// Where some folds have formed in a few small cells, others want a few more.
+TEST(AdaptiveSession, folds_that_follow_from_folds_form_in_few_cells_as_well)
+{
+    const FrameReport report = turned_over(200);
     EXPECT_EQ(report.solve.stop, Stop::Converged);
     EXPECT_GT(report.iterations_in_larger_cells, 15);
     EXPECT_LE(report.solve.iterations - report.iterations_in_larger_cells, 8);
+}
+
+TEST(AdaptiveSession, folds_in_few_cells_leave_iterations_for_the_cells_themselves)
+{
+    const FrameReport report = turned_over(60);
+    EXPECT_GT(report.iterations_in_larger_cells, 10);
+    EXPECT_LE(report.iterations_in_larger_cells, 30);
+    EXPECT_LE(report.solve.iterations, 60);
+    EXPECT_GT(report.solve.iterations, report.iterations_in_larger_cells);
 }
 
 TEST(AdaptiveSession, time_that_runs_out_in_larger_cells_leaves_more_than_a_guess)
