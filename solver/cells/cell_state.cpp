@@ -20,6 +20,7 @@
 #include "solver/cells/cell_state.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <Eigen/Geometry>
@@ -52,6 +53,7 @@ CellState::CellState(const Cells& cells, std::span<const Constraint> constraints
     for (std::size_t i = 0; i < cells.size(); ++i)
     {
         centres_.push_back(cells.cells[i].centre);
+        edges_.push_back(cells.cells[i].edge);
         poses_.push_back({Eigen::Matrix3d::Identity(), centres_[i]});
         const Hold hold = constraints_[i].hold;
         const bool is_unknown =
@@ -207,6 +209,26 @@ void CellState::settle()
         base_s_[u] = constraints_[idx(cell_of_unknown_[u])].s;
         base_speed_[u] = speed_[u];
     }
+}
+
+/// A corner of a cell is sqrt(3)/2 edges away from its centre, and a turn by a moves it
+/// by 2 sin(a/2) times that at most; |R - R'| is sqrt(8) sin(a/2).
+double CellState::largest_move() const
+{
+    constexpr double kCorner = 0.61237243569579447; // sqrt(3) / sqrt(8)
+    constexpr std::size_t kParts = 64;
+    std::array<double, kParts> largest{};
+    parallel_for(kParts,
+                 [&](std::size_t part)
+                 {
+                     const std::size_t end = poses_.size() * (part + 1) / kParts;
+                     for (std::size_t c = poses_.size() * part / kParts; c < end; ++c)
+                         largest[part] = std::max(
+                             largest[part],
+                             (poses_[c].p - base_[c].p).norm() +
+                                 kCorner * edges_[c] * (poses_[c].R - base_[c].R).norm());
+                 });
+    return *std::max_element(largest.begin(), largest.end());
 }
 
 std::vector<UnknownBody> unknown_bodies(const CellState& state,

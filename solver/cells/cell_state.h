@@ -109,6 +109,7 @@ public:
     std::span<const int> block_sizes() const override { return sizes_; }
     void move(const Eigen::VectorXd& step, double length) override;
     void settle() override;
+    double largest_move() const override;
 
 private:
     Hold hold_of(UnknownCell unknown) const
@@ -126,6 +127,7 @@ private:
 
     bool has_rigid_steps_;
     std::vector<Eigen::Vector3d> centres_;
+    std::vector<double> edges_; ///< of the cells
     std::vector<Constraint> constraints_;
     std::vector<UnknownCell> unknown_of_cell_;
     std::vector<int> cell_of_unknown_;

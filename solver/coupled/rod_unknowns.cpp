@@ -331,4 +331,15 @@ void RodUnknowns::settle()
     has_steps_ = false;
 }
 
+/// The cells that the rods carry are bodies of the cells' state.
+double RodUnknowns::largest_move() const
+{
+    double largest = 0.0;
+    for (std::size_t r = 0; r < now_.size(); ++r)
+        for (int k = 0; k < now_[r].rod().basis().num_controls(); ++k)
+            largest =
+                std::max(largest, (now_[r].control(k) - base_[r].control(k)).norm());
+    return largest;
+}
+
 } // namespace cellwarp

@@ -94,6 +94,7 @@ public:
     std::span<const int> block_sizes() const override { return sizes_; }
     void move(const Eigen::VectorXd& step, double length) override;
     void settle() override;
+    double largest_move() const override;
 
 private:
     Eigen::MatrixXd axes(std::size_t rod) const;

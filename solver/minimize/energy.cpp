@@ -85,6 +85,14 @@ void Energy::settle()
         state->settle();
 }
 
+double Energy::largest_move() const
+{
+    double largest = 0.0;
+    for (const State* state : states_)
+        largest = std::max(largest, state->largest_move());
+    return largest;
+}
+
 void Energy::multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const
 {
     y.setZero(num_unknowns_);

@@ -37,6 +37,7 @@ public:
     /// All states at once; see State.
     void move(const Eigen::VectorXd& step, double length);
     void settle();
+    double largest_move() const;
 
     void multiply(const Eigen::VectorXd& x, Eigen::VectorXd& y) const override;
     std::span<const int> block_sizes() const override { return sizes_; }

@@ -156,6 +156,10 @@ private:
     };
 
     bool is_converged() const;
+    bool has_small_gradient() const
+    {
+        return gradient_norm_ <= options_.gradient_tolerance * scale_;
+    }
     bool find_step();
     void linearise(bool is_exact);
     void find_step_by_gradients();
@@ -176,6 +180,7 @@ private:
     bool is_at_radius() const { return linear_.size > kAtRadius * radius_; }
     bool is_accepted(double value, double length, double slope, bool is_hidden);
     void fit_radius(double length, double change);
+    void note_move(double length);
 
     NewtonSolver& own_;
     const SolveOptions& options_;
@@ -186,6 +191,7 @@ private:
     double radius_ = INFINITY;      ///< of the trust region of such steps
     bool curves_downwards_ = false; ///< the energy, along the last step
     int plain_steps_ = 0;           ///< Gauss-Newton's, before Newton's go on
+    double last_move_ = INFINITY;   ///< of a whole step just before; see note_move()
     Clock::time_point deadline_ = Clock::time_point::max();
 };
 
@@ -193,7 +199,7 @@ private:
 /// what soft ones still ask for.
 bool NewtonSolver::Run::is_converged() const
 {
-    if (gradient_norm_ <= options_.gradient_tolerance * scale_)
+    if (has_small_gradient() && report_.distance_left <= options_.place_tolerance)
         return true;
     Eigen::Index first = 0;
     for (std::size_t b = 0; b < own_.rounding_.size(); ++b)
@@ -319,6 +325,24 @@ void NewtonSolver::Run::fit_radius(double length, double change)
         radius_ *= share > kVeryGood ? 4.0 : 2.0;
 }
 
+/// A step that was cut short, or was found without the curvature that counts, is no
+/// measure of the distance that is left. A whole one is an upper bound. Where it follows
+/// another one and is r times as long, the next ones are at most as long as r, r^2, ...
+/// of it, because Newton's method converges faster than linearly.
+void NewtonSolver::Run::note_move(double length)
+{
+    const bool is_whole =
+        length == 1.0 && !curves_downwards_ &&
+        (is_exact_ ? !is_at_radius() : options_.method != Method::Newton);
+    const double move = is_whole ? own_.energy_.largest_move() : INFINITY;
+    const double ratio = move / last_move_;
+    report_.distance_left =
+        options_.method == Method::Newton && std::isfinite(last_move_) && ratio < 0.5
+            ? move * ratio / (1.0 - ratio)
+            : move;
+    last_move_ = move;
+}
+
 /// Halves the step until it lowers the energy; the state is moved if it does.
 NewtonSolver::Run::Found NewtonSolver::Run::search_line()
 {
@@ -333,6 +357,7 @@ NewtonSolver::Run::Found NewtonSolver::Run::search_line()
         const double value = own_.energy_.value();
         if (is_accepted(value, length, slope, is_hidden))
         {
+            note_move(length);
             if (is_exact_ && !is_hidden && !options_.stays_stable)
                 fit_radius(length, value - value_);
             if (curves_downwards_ && length < 1.0)
@@ -423,7 +448,7 @@ SolveReport NewtonSolver::Run::operator()()
         if (found == Found::HiddenByRounding)
             return finish(Stop::Converged);
         if (found == Found::Nothing)
-            return finish(Stop::NoDescent);
+            return finish(has_small_gradient() ? Stop::Converged : Stop::NoDescent);
         ++report_.iterations;
     }
 }

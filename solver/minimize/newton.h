@@ -3,6 +3,7 @@
 // region where Newton's were too long.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <optional>
 #include <stop_token>
@@ -50,7 +51,11 @@ struct SolveOptions
     /// descent is left at the level of rounding.
     double gradient_tolerance = 1e-6;
     double gradient_scale = 0.0; ///< 0: the first gradient
-    double time_budget = 0.0;    ///< [s], 0: no limit; looked at in every step too
+    /// Converged only where whole steps show that no point of a body is farther from its
+    /// end than this [length of the state]; infinite: the gradient alone decides. A
+    /// gradient is a force: in soft parts a small one still means a long way.
+    double place_tolerance = INFINITY;
+    double time_budget = 0.0; ///< [s], 0: no limit; looked at in every step too
     /// Looks for directions of descent where the gradient has vanished: a state that is
     /// symmetric in a way that the minimum is not would pass for a minimum.
     bool checks_stability = false;
@@ -86,6 +91,9 @@ struct SolveReport
     double gradient = -1.0;      ///< norm at the end, relative to the scale
     double backward_error = 0.0; ///< worst |b - Ax| / (|A| |x| + |b|) of a direct solve
     int damped_factorisations = 0;
+    /// How far a point of a body may still be from its end, judged by the last whole
+    /// steps [length of the state]; infinite: the last step was not whole.
+    double distance_left = INFINITY;
     bool is_saddle =
         false; ///< from where it converged, the energy falls in some direction
     SolveTimes ms;

@@ -37,6 +37,9 @@ public:
     virtual void move(const Eigen::VectorXd& step, double length) = 0;
     /// Makes the current state the base of the next steps.
     virtual void settle() = 0;
+    /// The largest distance between a point of a body in the base and in the current
+    /// state [length of the state].
+    virtual double largest_move() const = 0;
 
 protected:
     State(const State&) = default;

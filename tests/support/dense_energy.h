@@ -44,6 +44,10 @@ public:
         x_ = base_ + length * step;
     }
     void settle() override { base_ = x_; }
+    double largest_move() const override
+    {
+        return (x_ - base_).lpNorm<Eigen::Infinity>();
+    }
 
 protected:
     virtual Eigen::VectorXd gradient_at(const Eigen::VectorXd& x) const = 0;

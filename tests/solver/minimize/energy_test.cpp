@@ -40,6 +40,13 @@ public:
             x_[idx(i)] = base_[idx(i)] + length * step.segment<3>(first(i));
     }
     void settle() override { base_ = x_; }
+    double largest_move() const override
+    {
+        double largest = 0.0;
+        for (std::size_t i = 0; i < x_.size(); ++i)
+            largest = std::max(largest, (x_[i] - base_[i]).norm());
+        return largest;
+    }
 
 private:
     std::vector<Eigen::Vector3d> x_, base_;

@@ -273,6 +273,26 @@ TEST(Newton, the_last_digits_cost_few_iterations_with_all_curvature)
               iterations(Method::GaussNewtonDirect, 1e-4) + 3);
 }
 
+TEST(Newton, goes_on_where_a_small_force_is_a_long_way_from_the_end)
+{
+    // The second number is soft: its force hardly counts.
+    const Eigen::MatrixXd A = Eigen::Vector2d(1e4, 1e-4).asDiagonal();
+    const Eigen::Vector2d end(1.0, 100.0);
+    const auto distance_left = [&](double place_tolerance)
+    {
+        support::Quadratic energy({1, 1}, A, A * end);
+        DensePreconditioner plain(Eigen::MatrixXd::Identity(2, 2));
+        NewtonSolver solver(energy.total, plain);
+        const SolveReport report = solver.minimize(
+            {.gradient_tolerance = 1e-3, .place_tolerance = place_tolerance});
+        EXPECT_EQ(report.stop, Stop::Converged);
+        return (energy.x() - end).norm();
+    };
+    EXPECT_GT(distance_left(INFINITY), 1.0);
+    EXPECT_LT(distance_left(1e-3), 1e-3);
+    EXPECT_LT(distance_left(1e-9), 1e-9);
+}
+
 TEST(Newton, gradients_fall_faster_and_faster)
 {
     Chain chain(8);
