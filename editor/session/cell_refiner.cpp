@@ -23,6 +23,21 @@ namespace
 /// of it: it will not be split again for the same reason.
 constexpr double kMerge = 0.125;
 
+/// An error falls to about a quarter from level to level: a leaf whose error is larger
+/// than this many thresholds is split twice at once.
+constexpr double kSplitTwice = 4.0;
+
+/// A round that splits no more than this share of the leaves also splits those whose
+/// error is nearly the threshold: each round shifts the strain a little, and they would
+/// follow in rounds of their own, each of which makes all equations anew.
+constexpr double kFewSplit = 0.1, kNearlyOver = 0.8;
+
+/// A round is not worth it where it would add no more than this share of the leaves that
+/// earlier rounds have added, and no error is larger than this many thresholds: beside
+/// smaller cells errors are somewhat larger, and such rounds follow one another through
+/// the whole body.
+constexpr double kHardlyAny = 0.02, kHardlyOver = 2.5;
+
 /// Errors are relative to this share of the diagonal of what a shape has become, once it
 /// is more than that at rest.
 constexpr double kStretched = 0.5;
@@ -104,15 +119,36 @@ std::shared_ptr<const Body> CellRefiner::with_homes(std::shared_ptr<const Body> 
     }
 }
 
-/// Of a worst-first list splits as many as leave no more than \p most leaves.
+/// Splits leaves of an octree, and of the first \p num_twice the parts as well.
+Octree CellRefiner::split_twice(const Octree& octree, std::span<const LeafNumber> leaves,
+                                std::size_t num_twice) const
+{
+    Octree once = octree.split(leaves, has_material_);
+    if (num_twice == 0)
+        return once;
+    std::vector<bool> is_twice(octree.leaves().size(), false);
+    for (const LeafNumber leaf : leaves.first(num_twice))
+        is_twice[idx(leaf)] = octree[leaf].level + 1 < settings_.max_depth;
+    std::vector<LeafNumber> parts;
+    for (const LeafNumber part : once.numbers())
+    {
+        const LeafNumber whole = octree.find(once[part].corner);
+        if (is_twice[idx(whole)] && once[part].level == octree[whole].level + 1)
+            parts.push_back(part);
+    }
+    return once.split(parts, has_material_);
+}
+
+/// Splits a worst-first list of leaves, the first \p num_twice of them twice; where that
+/// makes more than \p most leaves, as many as leave no more, once.
 Octree CellRefiner::split(const Octree& octree, std::span<const LeafNumber> worst_first,
-                          std::int64_t most) const
+                          std::size_t num_twice, std::int64_t most) const
 {
     const auto first_of = [&](std::size_t count)
     { return octree.split(worst_first.first(count), has_material_); };
     const auto fits = [&](const Octree& tree)
     { return static_cast<std::int64_t>(tree.leaves().size()) <= most; };
-    Octree all = first_of(worst_first.size());
+    Octree all = split_twice(octree, worst_first, num_twice);
     if (fits(all))
         return all;
     std::size_t few = 0, many = worst_first.size();
@@ -132,17 +168,18 @@ Octree CellRefiner::split(const Octree& octree, std::span<const LeafNumber> wors
     return best;
 }
 
-/// Splits as many of a worst-first list as max_cells allows; none: the body itself.
+/// Splits as many leaves of a worst-first list as max_cells allows, the first
+/// \p num_twice of them twice. An empty list: the body itself.
 std::shared_ptr<const Body>
 CellRefiner::finer_body(const std::shared_ptr<const Body>& body,
-                        std::span<const LeafNumber> worst_first)
+                        std::span<const LeafNumber> worst_first, std::size_t num_twice)
 {
     if (worst_first.empty())
         return body;
     // A leaf may hold several cells: what is too much is taken off the leaves.
     for (std::int64_t most = settings_.max_cells;;)
     {
-        Octree octree = split(body->octree, worst_first, most);
+        Octree octree = split(body->octree, worst_first, num_twice, most);
         const bool is_changed = octree.leaves() != body->octree.leaves();
         std::shared_ptr<const Body> next = body;
         if (is_changed)
@@ -321,18 +358,33 @@ std::optional<CellSystem> CellRefiner::finer(const CellSystem& system)
     const Body& body = system.body();
     const double threshold = threshold_of(system);
     const std::vector<double> worst = errors_of_leaves(system);
-    std::vector<LeafNumber> leaves;
+    const auto leaves_above = [&](double error)
+    {
+        std::vector<LeafNumber> leaves;
+        for (const LeafNumber leaf : body.octree.numbers())
+            if (worst[idx(leaf)] > error && body.octree[leaf].level < settings_.max_depth)
+                leaves.push_back(leaf);
+        return leaves;
+    };
     num_at_limit_ = 0;
-    for (std::size_t leaf = 0; leaf < worst.size(); ++leaf)
-        if (worst[leaf] > threshold)
-        {
-            if (body.octree.leaves()[leaf].level < settings_.max_depth)
-                leaves.push_back(LeafNumber(leaf));
-            else
-                ++num_at_limit_;
-        }
+    for (const LeafNumber leaf : body.octree.numbers())
+        num_at_limit_ += worst[idx(leaf)] > threshold &&
+                         body.octree[leaf].level >= settings_.max_depth;
+    std::vector<LeafNumber> leaves = leaves_above(threshold);
+    const double num_new = 7.0 * static_cast<double>(leaves.size());
+    const std::size_t added =
+        worst.size() - std::min(worst.size(), coarsest_->leaves().size());
+    if (num_new <= kHardlyAny * static_cast<double>(added) &&
+        leaves_above(kHardlyOver * threshold).empty())
+        leaves.clear();
+    else if (num_new <= 7.0 * kFewSplit * static_cast<double>(worst.size()))
+        leaves = leaves_above(kNearlyOver * threshold);
     sort_worst_first(leaves, worst);
-    return in_cells(system, with_homes(finer_body(system.shared_body(), leaves)));
+    const auto num_twice = std::count_if(
+        leaves.begin(), leaves.end(),
+        [&](LeafNumber leaf) { return worst[idx(leaf)] > kSplitTwice * threshold; });
+    return in_cells(system, with_homes(finer_body(system.shared_body(), leaves,
+                                                  static_cast<std::size_t>(num_twice))));
 }
 
 std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
@@ -373,16 +425,29 @@ std::optional<CellSystem> CellRefiner::coarser(const CellSystem& system)
             !is_contested(siblings))
             leaves.push_back(siblings[0]);
     }
-    if (leaves.empty())
-        return std::nullopt;
-    // Beside leaves that are much smaller siblings stay as they are, and all of them may.
-    Octree octree = body.octree.merge(leaves);
-    if (octree.leaves() == body.octree.leaves())
-        return std::nullopt;
-    auto merged = std::make_shared<const Body>(cut(rest_, std::move(octree), &body));
-    if (!crowded_leaves(*merged, regions_->shares(*merged)).empty())
-        return std::nullopt;
-    return in_cells(system, std::move(merged));
+    // Siblings stay as they are beside leaves that are much smaller, and where their
+    // parent would leave a region no cell.
+    while (!leaves.empty())
+    {
+        Octree octree = body.octree.merge(leaves);
+        if (octree.leaves() == body.octree.leaves())
+            break;
+        auto merged = std::make_shared<const Body>(cut(rest_, std::move(octree), &body));
+        const std::vector<LeafNumber> crowded =
+            crowded_leaves(*merged, regions_->shares(*merged));
+        if (crowded.empty())
+            return in_cells(system, std::move(merged));
+        if (std::erase_if(leaves,
+                          [&](LeafNumber leaf)
+                          {
+                              const LeafNumber parent =
+                                  merged->octree.find(body.octree[leaf].corner);
+                              return std::find(crowded.begin(), crowded.end(), parent) !=
+                                     crowded.end();
+                          }) == 0)
+            break;
+    }
+    return std::nullopt;
 }
 
 std::optional<CellSystem>

@@ -32,8 +32,8 @@ public:
     /// Parts the material of regions that \p motions move differently, to max_depth.
     std::optional<CellSystem> parted(const CellSystem& system,
                                      std::span<const Motion> motions);
-    /// Splits the cells whose error is above the threshold, the worst if all would be too
-    /// many.
+    /// Splits the cells whose error is above the threshold, once or twice, the worst if
+    /// all would be too many.
     std::optional<CellSystem> finer(const CellSystem& system);
     /// Merges siblings whose errors are so small that their parent's will be well below
     /// the threshold.
@@ -69,10 +69,13 @@ public:
     std::vector<std::string> take_warnings() { return std::exchange(warnings_, {}); }
 
 private:
+    Octree split_twice(const Octree& octree, std::span<const LeafNumber> leaves,
+                       std::size_t num_twice) const;
     Octree split(const Octree& octree, std::span<const LeafNumber> worst_first,
-                 std::int64_t most) const;
+                 std::size_t num_twice, std::int64_t most) const;
     std::shared_ptr<const Body> finer_body(const std::shared_ptr<const Body>& body,
-                                           std::span<const LeafNumber> worst_first);
+                                           std::span<const LeafNumber> worst_first,
+                                           std::size_t num_twice = 0);
     bool splits_all(const Body& body, std::span<const LeafNumber> leaves,
                     const Body& next) const;
     void warn_of_budget(const Body& body);

@@ -16,16 +16,26 @@ namespace cellwarp
 namespace
 {
 
-/// Tolerance of the steps on the way: good enough to start the next one.
-constexpr double kTravelTolerance = 1e-3;
+/// Tolerance of the steps on the way, good enough to start the next one: the relative
+/// gradient, and how far a point may still be from its end [diagonal]. Where a sheet
+/// buckles, a mirror image would take another way from a state that is solved less well.
+constexpr double kTravelTolerance = 1e-3, kTravelPlace = 1e-2;
 
-/// Tolerance in a few small cells: what folds there only later folds in many.
-constexpr double kFoldTolerance = 1e-5;
+/// Tolerance before cells are chosen, or the minima of two ways are compared: the
+/// relative gradient, and how far a point may still be from its end [diagonal]. The
+/// gradient of a step on the way leaves a hundredth of the diagonal in soft shapes, and
+/// errors of cells that are wrong by a factor of two: a mirror image would get other
+/// cells.
+constexpr double kChoiceTolerance = 1e-5, kChoicePlace = 1e-6;
+
+/// How far a point may be from its end after the last solve [diagonal].
+constexpr double kLastPlace = 1e-8;
 
 /// The least part of such a step that a rod goes by itself.
 constexpr double kLeastPart = 1.0 / 64.0;
 
-/// Iterations of a step on the way, at most, and of one in which folds are to form.
+/// Iterations that a step on the way may take in any case (more, up to half of those that
+/// are left), and those of one in which folds are to form, at most.
 constexpr int kTravelIterations = 30, kFoldIterations = 90;
 
 /// What counts as zero against the forces that cancel; see interface of --json.
@@ -52,9 +62,8 @@ constexpr double kTorn = 4.0;
 /// Energies that differ by a smaller share are one minimum.
 constexpr double kSameEnergy = 1e-5;
 
-/// Two ways that end this near to each other have come to one minimum [a cell's edge]:
-/// what the tolerance of the way leaves is a few hundredths of it.
-constexpr double kSamePlace = 0.1;
+/// Two ways that end this near to each other have come to one minimum [a cell's edge].
+constexpr double kSamePlace = 1e-2;
 
 /// Where a solve changes the turns from region to region by more, whole turns are lost
 /// [rad]: what bends on its way to a solution stays far below.
@@ -102,12 +111,19 @@ struct FrameSolver::Way
     {
         return !is_out_of_time() && total.stop != Stop::NotPositiveDefinite;
     }
+    /// Whether cells may be chosen by where the last solve has left them: what is not
+    /// solved, or not stable, has errors of its own.
+    bool may_choose() const
+    {
+        return goes_on() && !stays_stable && total.stop != Stop::IterationLimit;
+    }
 };
 
 /// How well a step is solved.
 enum class FrameSolver::Accuracy
 {
-    OnTheWay, ///< to go on from there
+    OnTheWay, ///< to start the next step from there
+    Choice,   ///< so well that cells can be chosen, or minima compared
     Folds,    ///< so well that folds have formed
     AsAsked   ///< to the tolerance asked for
 };
@@ -125,7 +141,9 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     options.max_iterations = std::max(0, settings_.max_iterations - done);
     // What gives way must do so before the next step, to be seen.
     if (accuracy == Accuracy::OnTheWay && !way.is_wound)
-        options.max_iterations = std::min(options.max_iterations, kTravelIterations);
+        options.max_iterations =
+            std::max(options.max_iterations / 2,
+                     std::min(options.max_iterations, kTravelIterations));
     // Some are left for the cells themselves.
     if (accuracy == Accuracy::Folds)
         options.max_iterations =
@@ -134,9 +152,13 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     options.stays_stable = way.stays_stable;
     options.gradient_tolerance =
         is_last ? settings_.gradient_tolerance
-        : accuracy == Accuracy::Folds
-            ? std::max(settings_.gradient_tolerance, kFoldTolerance)
-            : kTravelTolerance;
+        : accuracy == Accuracy::OnTheWay
+            ? kTravelTolerance
+            : std::max(settings_.gradient_tolerance, kChoiceTolerance);
+    options.place_tolerance = (is_last                        ? kLastPlace
+                               : accuracy == Accuracy::Choice ? kChoicePlace
+                                                              : kTravelPlace) *
+                              system_.rest().frame.diagonal();
     if (settings_.time_budget > 0)
         options.time_budget =
             std::max(1e-9, settings_.time_budget - 1e-3 * ms_since(way.start));
@@ -160,24 +182,45 @@ void FrameSolver::solve_on(Way& way, Accuracy accuracy)
     way.total = solve;
 }
 
-/// solve_on() for material that may be wound: twisted too far it is no longer stable,
-/// folds through itself and comes out with less turns. Then it is solved for again, but
-/// no farther than to where it would begin to give way.
-void FrameSolver::solve_wound(Way& way, Accuracy accuracy)
+/// Whether a solve has changed the turns from region to region.
+bool FrameSolver::has_lost_turns(const Way& way) const
 {
-    if (!way.is_wound || way.stays_stable)
-        return solve_on(way, accuracy);
-    const CellSystemState before = system_.state();
-    const int iterations = way.total.iterations;
-    solve_on(way, accuracy);
     const TurnChains chains(system_.body().cells, system_.region_of_cell());
     const Eigen::Matrix3Xd lost = chains.turns(system_.poses()) - way.turns;
-    if (!(lost.colwise().norm().array() > kLostTurn).any() || way.is_out_of_time())
+    return (lost.colwise().norm().array() > kLostTurn).any();
+}
+
+/// solve_on() for material that may be wound: twisted too far it is no longer stable,
+/// folds through itself and comes out with less turns. Then it is solved for again, but
+/// no farther than to where it would begin to give way. Where that loses turns as well
+/// (the energy falls all the way down to where they are gone) it stays as it was.
+void FrameSolver::solve_wound(Way& way, Accuracy accuracy)
+{
+    if (!way.is_wound)
+        return solve_on(way, accuracy);
+    const CellSystemState before = system_.state();
+    const auto solve_from_before = [&]
+    {
+        const int iterations = std::max(0, way.total.iterations);
+        solve_on(way, accuracy);
+        if (!has_lost_turns(way))
+            return true;
+        way.iterations_lost += way.total.iterations - iterations;
+        system_.set_state(before);
+        return false;
+    };
+    if (!way.stays_stable)
+    {
+        if (solve_from_before() || way.is_out_of_time())
+            return;
+        way.stays_stable = true;
+    }
+    if (solve_from_before())
         return;
-    way.stays_stable = true;
-    way.iterations_lost += way.total.iterations - std::max(0, iterations);
-    system_.set_state(before);
-    solve_on(way, accuracy);
+    if (!way.is_out_of_time())
+        way.total.stop = Stop::NoDescent;
+    way.total.energy_after = system_.energy();
+    way.total.gradient = system_.residual().gradient / way.gradient_scale;
 }
 
 /// Where a frame began, and in which cells.
@@ -331,7 +374,8 @@ bool FrameSolver::go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy 
 /// as many cells as the own ones are reached.
 void FrameSolver::fold_in_few_cells(const Body& own, Way& way, FrameReport& report)
 {
-    while (way.goes_on())
+    solve_on(way, Accuracy::Choice);
+    while (way.may_choose())
     {
         const Clock::time_point start = Clock::now();
         std::shared_ptr<const Body> few = refiner_.partly_split(system_, own);
@@ -430,21 +474,19 @@ bool FrameSolver::takes(
 /// the last, exact solve shows to be still is merged after it.
 void FrameSolver::fit_cells(Way& way, FrameReport& report)
 {
-    // Where it is not stable, errors of the cells tell nothing.
-    const auto may_refine = [&] { return way.goes_on() && !way.stays_stable; };
-    while (may_refine() && takes(&CellRefiner::coarser, report))
-        solve_wound(way, Accuracy::OnTheWay);
+    while (way.may_choose() && takes(&CellRefiner::coarser, report))
+        solve_wound(way, Accuracy::Choice);
     for (double before = system_.energy();
-         may_refine() && takes(&CellRefiner::finer, report);)
+         way.may_choose() && takes(&CellRefiner::finer, report);)
     {
-        solve_wound(way, Accuracy::OnTheWay);
+        solve_wound(way, Accuracy::Choice);
         const double after = system_.energy();
         way.has_risen |= after > kRise * before;
         before = after;
     }
     if (way.goes_on())
         solve_wound(way, Accuracy::AsAsked);
-    while (may_refine() && takes(&CellRefiner::coarser, report))
+    while (way.may_choose() && takes(&CellRefiner::coarser, report))
         solve_wound(way, Accuracy::AsAsked);
     report.cells_at_limit = refiner_.num_at_limit();
 }
@@ -493,7 +535,7 @@ void FrameSolver::start_again(const Start& start, Way& way, FrameReport& report)
     second.gradient_scale = way.gradient_scale;
     second.iterations_before = way.total.iterations;
     // Only where another minimum may be ahead is it worth to get there exactly.
-    travel(second, report.steps, Accuracy::OnTheWay);
+    travel(second, report.steps, Accuracy::Choice);
     if (second.goes_on() &&
         (way.total.is_saddle || system_.energy() < (1.0 - kSameEnergy) * energy ||
          !is_same_place(system_, other)))
@@ -535,7 +577,7 @@ void FrameSolver::solve(FrameReport& report)
     const Start start{system_.shared_body(), system_.state()};
     Way way;
     const bool is_adaptive = refiner_.is_adaptive();
-    const Accuracy at_end = is_adaptive ? Accuracy::OnTheWay : Accuracy::AsAsked;
+    const Accuracy at_end = is_adaptive ? Accuracy::Choice : Accuracy::AsAsked;
     if (!travel_in_larger_cells(start, way, report, at_end))
         travel(way, report.steps, at_end);
     if (is_adaptive)

@@ -42,6 +42,7 @@ private:
     enum class Accuracy;
 
     void solve_on(Way& way, Accuracy accuracy);
+    bool has_lost_turns(const Way& way) const;
     void solve_wound(Way& way, Accuracy accuracy);
     void travel(Way& way, int& steps, Accuracy at_end);
     bool go_on_in(std::shared_ptr<const Body> body, Way& way, Accuracy accuracy,

@@ -172,7 +172,10 @@ TEST(CellRefiner, hands_on_the_motions_and_holds_the_regions_where_they_are)
 TEST(CellRefiner, goes_no_deeper_than_it_may)
 {
     CellSettings settings = coarse(2, 0.1);
-    settings.errors = marked([](const Eigen::Vector3d&) { return 1.0; });
+    // Each round splits once: the errors are less than four thresholds.
+    settings.errors = [](const CellSystem& now) {
+        return std::vector<double>(now.poses().size(), 0.3 * now.rest().frame.diagonal());
+    };
     const RestModel model = bar(settings);
     CellRefiner cells = refiner(model);
     CellSystem system = cells.first();
@@ -462,6 +465,57 @@ TEST(CellRefiner, splits_first_where_a_region_would_have_no_cell_of_its_own)
     while ((next = cells.coarser(system)))
         system = std::move(*next);
     EXPECT_EQ(leaves(system), start);
+}
+
+TEST(CellRefiner, merges_the_rest_where_some_leaves_must_stay_for_a_region)
+{
+    double error_everywhere = 1.0;
+    CellSettings settings = coarse(2, 1e-3);
+    settings.errors = marked([&](const Eigen::Vector3d&) { return error_everywhere; });
+    // All of the bud's cells are split: merged, its cell would be the foot's.
+    const RestModel model = bar(settings, "fixed foot box 0.13 -1 -1 2 2 0.500001\n"
+                                          "fixed foot box -1 0.13 -1 2 2 0.500001\n"
+                                          "fixed foot box -1 -1 0.13 2 2 0.500001\n"
+                                          "handle bud box 0.0 0.0 0.0 0.13 0.13 0.13\n");
+    CellRefiner cells = refiner(model);
+    CellSystem system = cells.first();
+    while (std::optional<CellSystem> next = cells.finer(system))
+        system = std::move(*next);
+    EXPECT_EQ(level_at(system, {0.9, 0.9, 3.9}), 2);
+    error_everywhere = 0.0;
+    while (std::optional<CellSystem> next = cells.coarser(system))
+        system = std::move(*next);
+    EXPECT_EQ(level_at(system, {0.9, 0.9, 3.9}), 0);
+    EXPECT_NE(
+        std::find(system.region_of_cell().begin(), system.region_of_cell().end(), 1),
+        system.region_of_cell().end());
+}
+
+TEST(CellRefiner, splits_twice_at_once_where_one_split_would_not_do)
+{
+    CellSettings settings = coarse(3, 0.01);
+    settings.errors = [](const CellSystem& now)
+    {
+        std::vector<double> errors;
+        for (const Cell& cell : now.body().cells.cells)
+        {
+            const double z = now.rest().frame.to_model(cell.centre).z();
+            errors.push_back((z > 2.0   ? 0.0
+                              : z < 1.0 ? 0.045
+                                        : 0.03) *
+                             now.rest().frame.diagonal());
+        }
+        return errors;
+    };
+    const RestModel model = bar(settings);
+    CellRefiner cells = refiner(model);
+    const CellSystem system = cells.first();
+    const std::optional<CellSystem> finer = cells.finer(system);
+    ASSERT_TRUE(finer);
+    EXPECT_EQ(level_at(*finer, {0.1, 0.1, 0.1}), 2);
+    EXPECT_EQ(level_at(*finer, {0.9, 0.1, 1.9}), 1);
+    EXPECT_EQ(level_at(*finer, {0.9, 0.1, 3.9}), 0);
+    EXPECT_TRUE(finer->body().octree.is_balanced());
 }
 
 TEST(CellRefiner, over_the_budget_splits_the_worst_first_and_says_so_once)

@@ -131,6 +131,23 @@ TEST(TurnChains, of_a_bar_is_kept_however_far_it_is_turned)
     }
 }
 
+TEST(TurnChains, that_a_solve_loses_whatever_it_does_end_the_frame_where_they_were_right)
+{
+    // A full turn about the middle, across the bar: the energy falls all the way down to
+    // the straight bar, whose ends are where they are asked to be.
+    const WoundBar bar(12, "frame 1\nmove head rotate 1 0 0 360 about 0 0 2\n");
+    const SolveReport& solve = bar.session.frames().back().solve;
+    EXPECT_EQ(solve.stop, Stop::NoDescent);
+    EXPECT_NE(bar.session.warnings().back().find("wound farther"), std::string::npos);
+    const CellSystem& system = *bar.session.system();
+    EXPECT_EQ(solve.energy_after, system.energy());
+    EXPECT_GT(system.energy(), 1e-3);
+    const TurnChains chains(system.body().cells, system.region_of_cell());
+    const Eigen::Matrix3Xd turns = chains.turns(system.poses());
+    ASSERT_EQ(turns.cols(), 1);
+    EXPECT_NEAR(std::abs(turns(0, 0)) / kDegree, 360.0, 1.0);
+}
+
 TEST(TurnChains, of_small_cells_are_kept_too)
 {
     const WoundBar bar(48, turned_by(540));
