@@ -39,6 +39,14 @@ namespace
 /// in a plane [voxel].
 constexpr double kAside = 1e-6;
 
+/// A point this near to the border of two voxels lies between them [voxel]: less than
+/// kAside, which parts the sides of a sheet.
+constexpr double kBetween = 0.5 * kAside;
+
+/// Rounding makes slivers where a sheet ends in a plane: no line is this short [voxel],
+/// and no patch so small [voxel^2].
+constexpr double kSliver = 1e-9;
+
 /// Neighbours of a point that tell its tangent plane and how densely the points lie.
 constexpr std::size_t kNeighbours = 12;
 
@@ -62,8 +70,10 @@ public:
     SheetCutter(const Material& material, Sheets& out) : material_(material), out_(out) {}
 
     /// \p weight: how much of its area counts.
-    void add(const std::array<Eigen::Vector3d, 3>& corners, double weight)
+    void add(const std::array<Eigen::Vector3d, 3>& given, double weight)
     {
+        const std::array<Eigen::Vector3d, 3> corners = {
+            on_planes(given[0]), on_planes(given[1]), on_planes(given[2])};
         const Eigen::Vector3d cross =
             (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         if (!(cross.norm() > 0))
@@ -77,8 +87,9 @@ public:
 
     /// A bar along a line, as wide as it is thick. A plane cuts it as it cuts a sheet, in
     /// a strip, which is as long as the bar is wide: so it bends alike to all sides.
-    void add_bar(const Eigen::Vector3d& from, const Eigen::Vector3d& to)
+    void add_bar(const Eigen::Vector3d& first, const Eigen::Vector3d& last)
     {
+        const Eigen::Vector3d from = on_planes(first), to = on_planes(last);
         const Eigen::Vector3d along = to - from;
         const double length = along.norm();
         if (!(length > 0))
@@ -98,17 +109,42 @@ private:
     double width() const { return grid().shape().voxels_per_leaf; }
     double plane_below(double x) const { return std::floor(x / width()) * width(); }
 
-    /// The voxel of a point, if it is a sheet's. As in VoxelGrid::locate(), beyond the
-    /// border the nearest one.
-    std::optional<Eigen::Vector3i> sheet_voxel(const Eigen::Vector3d& x) const
+    /// A point that lies in planes between leaves up to rounding, exactly there.
+    Eigen::Vector3d on_planes(Eigen::Vector3d x) const
+    {
+        for (int axis = 0; axis < 3; ++axis)
+            if (const double plane = std::round(x[axis] / width()) * width();
+                std::abs(x[axis] - plane) < kAside)
+                x[axis] = plane;
+        return x;
+    }
+
+    /// The voxel of a point, if it is a sheet's; of a point between voxels the first one
+    /// that is. As in VoxelGrid::locate(), beyond the border the nearest one. \p axis:
+    /// the next voxel along it must be a sheet's as well.
+    std::optional<Eigen::Vector3i> sheet_voxel(const Eigen::Vector3d& x,
+                                               std::optional<int> axis = {}) const
     {
         const VoxelRange& inside = grid().inside_box();
-        const Eigen::Vector3i voxel = Eigen::Vector3i(x.array().floor().cast<int>())
-                                          .cwiseMax(inside.first)
-                                          .cwiseMin(inside.last);
-        if (!material_.is_sheet[grid().index(voxel)])
-            return std::nullopt;
-        return voxel;
+        const auto voxel_at = [&](double aside)
+        {
+            return Eigen::Vector3i((x.array() + aside).floor().cast<int>())
+                .cwiseMax(inside.first)
+                .cwiseMin(inside.last)
+                .eval();
+        };
+        std::optional<Eigen::Vector3i> found;
+        for_each_voxel({voxel_at(-kBetween), voxel_at(kBetween)},
+                       [&](const Eigen::Vector3i& voxel)
+                       {
+                           Eigen::Vector3i next = voxel;
+                           if (axis && next[*axis] < inside.last[*axis])
+                               ++next[*axis];
+                           if (!found && material_.is_sheet[grid().index(voxel)] &&
+                               material_.is_sheet[grid().index(next)])
+                               found = voxel;
+                       });
+        return found;
     }
 
     /// Calls visit(voxel, share) for the sheet's voxels on both sides of it at a point of
@@ -214,6 +250,24 @@ private:
         polygon.swap(above);
     }
 
+    /// In a plane between leaves a patch counts by its polar moment, however the sheet is
+    /// cut in patches: as a line of this length.
+    static double length_of(const Polygon& polygon, const Eigen::Vector3d& centre,
+                            double area)
+    {
+        double polar = 0.0;
+        for (std::size_t k = 2; k < polygon.size(); ++k)
+        {
+            const Eigen::Vector3d &a = polygon[0], &b = polygon[k - 1], &c = polygon[k];
+            polar +=
+                0.5 * (b - a).cross(c - a).norm() *
+                (((a + b + c) / 3.0 - centre).squaredNorm() +
+                 ((b - a).squaredNorm() + (c - b).squaredNorm() + (a - c).squaredNorm()) /
+                     36.0);
+        }
+        return std::sqrt(12.0 * polar / area);
+    }
+
     void add_patch(const Polygon& polygon)
     {
         Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -225,7 +279,7 @@ private:
             area += part;
             sum += part / 3.0 * (polygon[0] + polygon[k - 1] + polygon[k]);
         }
-        if (!(area > 0))
+        if (!(area > kSliver))
             return;
         const Eigen::Vector3d centre = sum / area;
         add_sides(centre, area);
@@ -235,7 +289,7 @@ private:
             if (std::all_of(polygon.begin(), polygon.end(),
                             [&](const Eigen::Vector3d& x)
                             { return std::abs(x[axis] - plane) < kAside; }))
-                add_crossing(centre, axis, plane, std::sqrt(area), area);
+                add_crossing(centre, axis, plane, length_of(polygon, centre, area), area);
         }
     }
 
@@ -309,7 +363,7 @@ private:
         for (std::size_t k = 1; k < cuts.size(); ++k)
         {
             const double part = (cuts[k] - cuts[k - 1]) * length;
-            if (part > 0)
+            if (part > kSliver)
                 add_crossing(from + 0.5 * (cuts[k - 1] + cuts[k]) * (to - from), axis,
                              plane, part, share * part * across);
         }
@@ -324,11 +378,9 @@ private:
             return; // the border of the grid
         const auto find = [&](const Eigen::Vector3d& x) -> std::optional<Eigen::Vector3i>
         {
-            Eigen::Vector3d side = x;
-            side[axis] = above - 0.5;
-            const std::optional<Eigen::Vector3i> below = sheet_voxel(side);
-            side[axis] = above + 0.5;
-            return sheet_voxel(side) ? below : std::nullopt;
+            Eigen::Vector3d below = x;
+            below[axis] = above - 0.5;
+            return sheet_voxel(below, axis);
         };
         const double voxel = grid().shape().voxel();
         visit_sides(centre, find,
@@ -359,9 +411,18 @@ std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
 {
     const Eigen::Vector3d& x = tree.points()[point];
     std::vector<PointTree::Neighbour> near;
-    tree.nearest(x, kNeighbours + 1, near);
+    tree.nearest(x, kNeighbours + 2, near);
     if (near.size() < 4)
         return std::nullopt;
+    if (near.size() == kNeighbours + 2)
+    {
+        // Of equally near ones all count: the tree has them in some order.
+        const double farthest = std::sqrt(near[kNeighbours].distance_squared);
+        if (std::sqrt(near.back().distance_squared) < farthest * (1.0 + kAside))
+            tree.within(x, farthest * (1.0 + kAside), near);
+        else
+            near.pop_back();
+    }
     Eigen::Vector3d mean = Eigen::Vector3d::Zero();
     for (const PointTree::Neighbour& one : near)
         mean += tree.points()[one.index] / static_cast<double>(near.size());
@@ -373,7 +434,12 @@ std::optional<PointSquare> square_of(const PointTree& tree, std::size_t point)
     // A circle that holds k neighbours has, on average, the area of k points.
     constexpr double kPi = 3.14159265358979323846;
     const double area =
-        kPi * near.back().distance_squared / static_cast<double>(near.size() - 1);
+        kPi *
+        std::max_element(near.begin(), near.end(),
+                         [](const auto& a, const auto& b)
+                         { return a.distance_squared < b.distance_squared; })
+            ->distance_squared /
+        static_cast<double>(near.size() - 1);
     const double half = 0.5 * kOverlap * std::sqrt(area);
     return PointSquare{x, eigen.eigenvectors().col(0), half};
 }
@@ -401,7 +467,13 @@ std::vector<std::optional<PointSquare>> squares_of(const Shape& shape,
     parallel_for(places.size(),
                  [&](std::size_t i)
                  {
-                     if (material.is_sheet[grid.index(grid.locate(places[i]))])
+                     bool is_sheet = false;
+                     for_each_voxel(grid.touched(places[i]),
+                                    [&](const Eigen::Vector3i& voxel) {
+                                        is_sheet = is_sheet ||
+                                                   material.is_sheet[grid.index(voxel)];
+                                    });
+                     if (is_sheet)
                          squares[i] = square_of(tree, i);
                  });
     return squares;

@@ -56,9 +56,14 @@ void add_voxels_on(const std::vector<Eigen::Vector3d>& line, const VoxelGrid& gr
                 (x.array() > grid.counts().cast<double>().array() * grid.shape().voxel())
                     .any())
                 continue;
-            const auto voxel = static_cast<std::uint32_t>(grid.index(grid.locate(x)));
-            if (grid.material()[voxel])
-                runs.push_back({voxel, voxel + 1});
+            for_each_voxel(grid.touched(x),
+                           [&](const Eigen::Vector3i& at)
+                           {
+                               const auto voxel =
+                                   static_cast<std::uint32_t>(grid.index(at));
+                               if (grid.material()[voxel])
+                                   runs.push_back({voxel, voxel + 1});
+                           });
         }
     }
 }
@@ -132,7 +137,8 @@ private:
         if (!is_convex_)
             return Lies::Across;
         const Eigen::Vector3d low = centre(block.first), high = centre(block.last);
-        const double radius = (0.5 + kRounding) * (high - low).norm();
+        const double radius = (0.5 + kRounding) * (high - low).norm() +
+                              kRounding * frame_.length_to_model(grid_.shape().voxel());
         if (shape_.distance(0.5 * (low + high)) > radius)
             return Lies::Outside;
         for (int corner = 0; corner < 8; ++corner)

@@ -26,6 +26,9 @@ RegionShape shape_of(const Selector& selector, const Units& units)
 {
     const std::vector<double>& n = selector.numbers;
     const Eigen::Vector3d low = units.box.low, size = units.box.size();
+    // What is so near to the border is on it, and held: of a shape and its mirror image
+    // rounding must not hold different samples and voxels.
+    const double slack = kCoincident * size.stableNorm();
     const bool is_relative = units.is_relative;
     const auto relative = [=](const Eigen::Vector3d& x)
     {
@@ -43,10 +46,14 @@ RegionShape shape_of(const Selector& selector, const Units& units)
     {
         const Eigen::Vector3d first(n[0], n[1], n[2]), last(n[3], n[4], n[5]);
         const Eigen::Vector3d unit = is_relative ? size : Eigen::Vector3d::Ones();
+        Eigen::Array3d slacks = Eigen::Array3d::Constant(slack);
+        if (is_relative)
+            slacks = (size.array() > 0.0).select(slack / size.array(), 0.0);
         return {[=](const Eigen::Vector3d& x)
                 {
                     const Eigen::Array3d u = relative(x).array();
-                    return (u >= first.array()).all() && (u <= last.array()).all();
+                    return (u >= first.array() - slacks).all() &&
+                           (u <= last.array() + slacks).all();
                 },
                 [=](const Eigen::Vector3d& x)
                 {
@@ -68,7 +75,7 @@ RegionShape shape_of(const Selector& selector, const Units& units)
         const double r = n.back() * (is_relative ? size.norm() : 1.0);
         const auto from_axis = [=](const Eigen::Vector3d& x)
         { return (x - a - nearest_share(a, b, x) * (b - a)).stableNorm(); };
-        return {[=](const Eigen::Vector3d& x) { return from_axis(x) <= r; },
+        return {[=](const Eigen::Vector3d& x) { return from_axis(x) <= r + slack; },
                 [=](const Eigen::Vector3d& x) { return from_axis(x) - r; },
                 a.cwiseMin(b) - Eigen::Vector3d::Constant(r),
                 a.cwiseMax(b) + Eigen::Vector3d::Constant(r)};
@@ -82,15 +89,15 @@ RegionShape shape_of(const Selector& selector, const Units& units)
         if (is_relative)
             for (int k = 0; k < 3; ++k)
                 slope[k] = size[k] > 0 ? normal[k] / size[k] : 0.0;
-        return {[=](const Eigen::Vector3d& x) { return normal.dot(relative(x)) >= d; },
-                [=](const Eigen::Vector3d& x)
-                {
-                    const double missing = d - normal.dot(relative(x));
-                    // Across a flat axis it holds all or nothing.
-                    if (slope.isZero(0))
-                        return missing > 0 ? INFINITY : 0.0;
-                    return missing / slope.norm();
-                }};
+        const auto missing = [=](const Eigen::Vector3d& x)
+        {
+            const double of_normal = d - normal.dot(relative(x));
+            // Across a flat axis it holds all or nothing.
+            if (slope.isZero(0))
+                return of_normal > 0 ? INFINITY : 0.0;
+            return of_normal / slope.norm();
+        };
+        return {[=](const Eigen::Vector3d& x) { return missing(x) <= slack; }, missing};
     }
     default:
         return {[](const Eigen::Vector3d&) { return true; },

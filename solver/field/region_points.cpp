@@ -34,7 +34,7 @@ constexpr double kTooNear = 0.05;
 
 /// A cell whose material fills less of its box than this has no corners: they would lie
 /// off the material, and hold what is beside it as in a vice. A shell's cells are such.
-constexpr double kFull = 0.5;
+constexpr double kFull = 0.5 + 1e-6;
 
 bool is_full(const Cell& cell)
 {

@@ -153,6 +153,97 @@ void expect_all_commute(const std::vector<Scene>& of, const SessionSettings& set
     }
 }
 
+/// A shape of blocks that is its own image in x, and what is held and moved on its right:
+/// its left has the same.
+struct OwnImage
+{
+    const char* name;
+    Shape shape;
+    Box fixed, right;
+};
+
+std::vector<double> lines_to(int count, double width, double from)
+{
+    std::vector<double> lines;
+    for (int i = 0; i <= count; ++i)
+        lines.push_back(from + width * i);
+    return lines;
+}
+
+/// A trunk with two arms, whose undersides lie in the middle of leaves where 36 are
+/// across; the arms are held where samples are, or between them.
+OwnImage tee(double held_from)
+{
+    return {"tee",
+            support::blocks_shape(
+                {lines_to(24, 0.1, -1.2), lines_to(14, 0.1, 0.0), lines_to(4, 0.1, 0.0)},
+                [](int i, int j, int)
+                { return (i >= 10 && i < 14) || (j >= 9 && j < 12); }),
+            {{-1, -0.1, -1}, {1, 0.25, 1}},
+            {{held_from, 0, -1}, {1.3, 2, 1}}};
+}
+
+/// A back with ten teeth; \p held_from: where the held part of the right ones begins.
+OwnImage two_combs(double held_from)
+{
+    return {"two combs",
+            support::blocks_shape({lines_to(18, 0.13, -1.17), lines_to(6, 0.13, 0.0),
+                                   lines_to(2, 0.13, 0.0)},
+                                  [](int i, int j, int)
+                                  { return j < 2 || (i < 9 ? i % 2 == 0 : i % 2 == 1); }),
+            {{-0.2457, -1, -1}, {0.2457, 2, 1}},
+            {{held_from, -1, -1}, {2, 2, 1}}};
+}
+
+/// How far the edited shape is from its own image [diagonal], laid along the axes by \p
+/// G.
+double asymmetry_of(const OwnImage& scene, const Eigen::Matrix3d& G,
+                    const SessionSettings& settings)
+{
+    const Eigen::Matrix3d M = Eigen::Vector3d(-1, 1, 1).asDiagonal();
+    Shape shape = scene.shape;
+    for (Eigen::Vector3d& x : shape.samples)
+        x = G * x;
+    if (G.determinant() < 0)
+        for (Triangle& triangle : shape.triangles)
+            std::swap(triangle[1], triangle[2]);
+    const Eigen::Vector3d z = G.determinant() * (G * Eigen::Vector3d::UnitZ()),
+                          step(0.05, 0.02, 0.03), middle(0.4, 1.0, 0.2);
+    const auto moves = [&](const std::string& name, const Eigen::Matrix3d& side,
+                           const std::string& degrees)
+    {
+        return "move " + name + " rotate" + text_of(z) + " " + degrees + " about" +
+               text_of(G * side * middle) + " translate" + text_of(G * side * step) +
+               "\n";
+    };
+    Session session(
+        scan_geometry("model.obj", support::obj_text(shape)).geometry,
+        parse_handles("h.handles", "cellwarp-handles 1\nfixed foot" +
+                                       box_text(scene.fixed, G) + "handle left" +
+                                       box_text(scene.right, G * M) + "handle right" +
+                                       box_text(scene.right, G) + "frame 1\n" +
+                                       moves("left", M, "-10") +
+                                       moves("right", Eigen::Matrix3d::Identity(), "10")),
+        settings);
+    while (session.next_frame(true))
+        ;
+    const std::vector<Eigen::Vector3d>& moved = session.deformed().samples;
+    const Eigen::Matrix3d mirrored = G * M * G.transpose();
+    double worst = 0.0, diagonal = 0.0;
+    for (std::size_t i = 0; i < moved.size(); ++i)
+    {
+        const Eigen::Vector3d image = mirrored * shape.samples[i];
+        const auto other = std::min_element(
+            shape.samples.begin(), shape.samples.end(),
+            [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b)
+            { return (a - image).squaredNorm() < (b - image).squaredNorm(); });
+        const std::size_t j = static_cast<std::size_t>(other - shape.samples.begin());
+        worst = std::max(worst, (moved[j] - mirrored * moved[i]).norm());
+        diagonal = std::max(diagonal, (shape.samples[i] - shape.samples[j]).norm());
+    }
+    return worst / diagonal;
+}
+
 SessionSettings tight(int across, int depth)
 {
     SessionSettings settings;
@@ -178,6 +269,32 @@ TEST(Symmetry, refined_cells_turn_and_mirror_too)
     SessionSettings settings = tight(8, 2);
     settings.cells.threshold = 3e-3;
     expect_all_commute(scenes(), settings);
+}
+
+TEST(Symmetry, a_symmetric_edit_of_a_symmetric_shape_is_symmetric_in_any_cells)
+{
+    // 0.9009 is in the middle of a layer of voxels where 12 are across, and 28 leave a
+    // part of a leaf over on either side.
+    for (const OwnImage& scene : {tee(1.0), tee(0.95), two_combs(0.9009)})
+        for (const int across : {0, 12, 24, 28, 36})
+            for (const Eigen::Matrix3d& G : {Eigen::Matrix3d(Eigen::Matrix3d::Identity()),
+                                             kQuarterTurn, kRoundTheDiagonal, kMirrorY})
+                EXPECT_LT(asymmetry_of(scene, G, tight(across, 0)), 1e-9)
+                    << scene.name << " " << across;
+}
+
+TEST(Symmetry, a_symmetric_edit_of_a_shell_is_symmetric)
+{
+    for (const OwnImage& scene : {tee(1.0), two_combs(0.9009)})
+        for (const int across : {16, 30})
+        {
+            SessionSettings settings = tight(across, 1);
+            settings.cells.fill = Fill::Shell;
+            for (const Eigen::Matrix3d& G :
+                 {Eigen::Matrix3d(Eigen::Matrix3d::Identity()), kRoundTheDiagonal})
+                EXPECT_LT(asymmetry_of(scene, G, settings), 1e-8)
+                    << scene.name << " " << across;
+        }
 }
 
 TEST(Symmetry, open_sheets_turn_and_mirror_too)
