@@ -17,6 +17,7 @@
 #include "io/number.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"
+#include "octree/base/rigid_fit.h"
 #include "solver/cells/refinement.h"
 #include "solver/field/region_points.h"
 
@@ -87,12 +88,16 @@ CellSystem::CellSystem(std::shared_ptr<const Body> body,
     make_minimizer();
     if (settings.method == Method::GaussNewtonDirect)
         check_memory("factors", minimizer_->factor_bytes(), settings);
+    const std::vector<Eigen::Vector3d> middles = region_borders();
     for (Component& component : components)
     {
         Part& part = parts_.emplace_back();
         for (const int cell : component.cells)
             if (constraints_[idx(cell)].hold != Hold::Prescribed)
                 part.movable.push_back(cell);
+        part.holders = holders_of(component, middles);
+        part.from.resize(part.holders.size());
+        part.to = part.from;
         part.component = std::move(component);
     }
     warn_of_components();
@@ -461,42 +466,16 @@ Motion CellSystem::motion_at(std::size_t region, const Eigen::Vector3d& x) const
            splines_[region]->carry((*regions_)[region].spline->nearest(x));
 }
 
-/// A pinned cell is held at the mean of the pin's samples in it. One without any is held
-/// at its centre if most of it is the pin's, else, being a neighbour of a small pin,
-/// where the pin's nearest sample is.
+/// All cells of a pin of one place are held there: where it turns, no two of them are
+/// held apart.
 void CellSystem::hold_pins()
 {
-    const std::vector<Eigen::Vector3d>& samples = rest().samples;
-    for (std::size_t r = 0; r < regions_->size(); ++r)
+    for (std::size_t c = 0; c < constraints_.size(); ++c)
     {
-        const Region& region = (*regions_)[r];
-        if (!region.is_pin_of_one_place())
-            continue;
-        std::map<int, std::pair<Eigen::Vector3d, int>> sums;
-        for (const std::uint32_t i : region.samples)
-        {
-            auto [found, is_new] =
-                sums.try_emplace(body_->cell_of_sample[i], Eigen::Vector3d::Zero(), 0);
-            found->second.first += samples[i] - regions_->box(r).low;
-            ++found->second.second;
-        }
-        for (const auto& [cell, share] : shares_[r].cells)
-        {
-            const std::size_t c = idx(cell);
-            if (region_of_cell_[c] != static_cast<int>(r))
-                continue;
-            Eigen::Vector3d& held = constraints_[c].held_rest;
-            const auto found = sums.find(cell);
-            if (found != sums.end())
-                held = regions_->box(r).low + found->second.first / found->second.second;
-            else if (share < 0.5)
-                held = samples[*std::min_element(
-                    region.samples.begin(), region.samples.end(),
-                    [&](std::uint32_t a, std::uint32_t b) {
-                        return (samples[a] - held).squaredNorm() <
-                               (samples[b] - held).squaredNorm();
-                    })];
-        }
+        const int owner = region_of_cell_[c];
+        if (owner >= 0 && (*regions_)[idx(owner)].is_pin_of_one_place())
+            constraints_[c].held_rest =
+                rest().samples[(*regions_)[idx(owner)].samples.front()];
     }
 }
 
@@ -701,6 +680,100 @@ void CellSystem::move_regions(std::span<const Motion> motions,
     place_pushing_rods();
 }
 
+/// \p borders: of the regions. Nothing where no pin is among what holds a component.
+std::vector<CellSystem::Holder>
+CellSystem::holders_of(const Component& component,
+                       std::span<const Eigen::Vector3d> borders) const
+{
+    std::vector<Holder> holders;
+    std::set<std::size_t> pins, others; // regions
+    for (const int cell : component.cells)
+    {
+        const int owner = region_of_cell_[idx(cell)];
+        const Constraint& constraint = constraints_[idx(cell)];
+        if (owner >= 0 && constraint.hold == Hold::Prescribed)
+            others.insert(idx(owner));
+        else if (owner >= 0 && pins.insert(idx(owner)).second)
+            holders.push_back({idx(owner), constraint.held_rest, true});
+    }
+    if (holders.empty())
+        return holders;
+    for (const std::size_t region : others)
+        if (!(*regions_)[region].is_rod())
+            holders.push_back({region, borders[region], false});
+        else
+            for (std::size_t k = first_station_[region]; k < first_station_[region + 1];
+                 ++k)
+                holders.push_back(
+                    {regions_->size() + k,
+                     (*regions_)[region].spline->rest()->at(stations_[k].s).place,
+                     false});
+    return holders;
+}
+
+/// From where places were to where they are; in the plane of what is flat.
+Motion CellSystem::best_step(std::span<const Eigen::Vector3d> from,
+                             std::span<const Eigen::Vector3d> to) const
+{
+    const int axis = rest().flat_axis;
+    return axis < 0 ? rigid_fit(from, to)
+                    : rigid_fit_about(Eigen::Vector3d::Unit(axis), from, to);
+}
+
+/// The step of each pin of a part: it turns as the part does as a whole.
+void CellSystem::turn_pins(Part& part)
+{
+    const auto motion_of = [&](std::size_t step, const auto& regions,
+                               const auto& stations) -> const Motion&
+    { return step < regions.size() ? regions[step] : stations[step - regions.size()]; };
+    for (std::size_t h = 0; h < part.holders.size(); ++h)
+    {
+        const Holder& holder = part.holders[h];
+        part.from[h] =
+            holder.at(motion_of(holder.step, last_motions_, last_station_motions_));
+        part.to[h] = holder.at(motion_of(holder.step, motions_, station_motions_));
+    }
+    const Motion best = best_step(part.from, part.to);
+    for (std::size_t h = 0; h < part.holders.size(); ++h)
+        if (part.holders[h].is_pin)
+            steps_[part.holders[h].step] = {best.R, part.to[h] - best.R * part.from[h]};
+}
+
+Motion CellSystem::PinWay::at(double t) const
+{
+    return {Eigen::Matrix3d::Identity(), around.at(t)(from) + t * left - rest};
+}
+
+std::vector<CellSystem::PinWay> CellSystem::pin_ways(std::span<const Motion> from,
+                                                     std::span<const Motion> to) const
+{
+    std::vector<PinWay> ways;
+    for (const Part& part : parts_)
+    {
+        std::vector<Eigen::Vector3d> before, after;
+        for (const Holder& holder : part.holders)
+            if (holder.step < from.size() && !(*regions_)[holder.step].guide)
+            {
+                before.push_back(holder.at(from[holder.step]));
+                after.push_back(holder.at(to[holder.step]));
+            }
+        // Where rods and curves go is found on the way.
+        if (before.size() < part.holders.size() || before.empty())
+            continue;
+        Step best;
+        best.kind = Step::Kind::Screw;
+        best.motion = best_step(before, after);
+        if (best.motion.R.isIdentity(0))
+            continue;
+        for (std::size_t h = 0; h < part.holders.size(); ++h)
+            if (const Holder& holder = part.holders[h];
+                holder.is_pin && before[h] != after[h])
+                ways.push_back({holder.step, HandleTrajectory({}, {best}), holder.rest,
+                                before[h], after[h] - best.motion(before[h])});
+    }
+    return ways;
+}
+
 /// The one rigid step that all regions of a component make, if they do. A pin takes part
 /// if the step takes its held points where they must be.
 std::optional<Motion> CellSystem::rigid_step_of(const Component& component) const
@@ -745,10 +818,12 @@ void CellSystem::carry_others()
     for (std::size_t k = 0; k < stations_.size(); ++k)
         steps_[motions_.size() + k] =
             station_motions_[k] * inverse(last_station_motions_[k]);
-    for (const Part& part : parts_)
+    for (Part& part : parts_)
     {
         if (!part.component.is_held)
             continue;
+        if (!part.holders.empty())
+            turn_pins(part);
         const std::optional<Motion> rigid = rigid_step_of(part.component);
         if (rigid && rigid->R.isIdentity(0) && rigid->t.isZero(0))
             continue;

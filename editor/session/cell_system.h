@@ -13,6 +13,7 @@
 
 #include "editor/session/body.h"
 #include "editor/session/contact_finder.h"
+#include "editor/session/handle_trajectory.h"
 #include "editor/session/pushing_splines.h"
 #include "editor/session/region_set.h"
 #include "solver/cells/cell_minimizer.h"
@@ -95,13 +96,27 @@ public:
                       std::span<const std::shared_ptr<const SplineState>> splines = {},
                       double way_left = 0.0);
     double way_left() const { return way_left_; }
+    /// A pin on its way: round with all that holds its part of the material, and straight
+    /// by what is left.
+    struct PinWay
+    {
+        std::size_t region;
+        HandleTrajectory around;
+        Eigen::Vector3d rest, from, left; ///< place at rest and at first; what is left
+        Motion at(double t) const;        ///< \p t in [0, 1)
+    };
+    /// Of the pins that go round when the regions go from motions to motions; on curves
+    /// and beside rods they go with these.
+    std::vector<PinWay> pin_ways(std::span<const Motion> from,
+                                 std::span<const Motion> to) const;
     /// The share of its curve's rest length where a pin is, and the force of the curve on
     /// it [work^2].
     double share_on_guide(std::size_t region) const;
     Eigen::Vector3d place_on_guide(std::size_t region) const; ///< [work]
     Eigen::Vector3d force_of_guide(std::size_t region) const;
     /// Lets the others take part in the last move: a component whose regions all made one
-    /// rigid step makes it as a whole, in others each cell by its share.
+    /// rigid step makes it as a whole, in others each cell by its share. Pins turn as the
+    /// best rigid step of all that holds their component does.
     void carry_others();
     /// Finds the shares, once; carry_others() does it where it was not done before.
     void make_guess();
@@ -146,11 +161,25 @@ public:
     double largest_gap() const;
 
 private:
+    /// What tells where a part of the material goes: the place of a pin's cell, of a
+    /// handle where the part borders it, or of a rod.
+    struct Holder
+    {
+        std::size_t step; ///< in steps_
+        Eigen::Vector3d rest;
+        bool is_pin; ///< its motion tells nothing of a turn
+        Eigen::Vector3d at(const Motion& motion) const
+        {
+            return is_pin ? Eigen::Vector3d(rest + motion.t) : motion(rest);
+        }
+    };
     /// A connected part: its cells that no region prescribes.
     struct Part
     {
         Component component;
         std::vector<int> movable;
+        std::vector<Holder> holders;           ///< none where no pin is among them
+        std::vector<Eigen::Vector3d> from, to; ///< scratch, one a holder
     };
 
     /// A place of a rod, whose motion the others take part in.
@@ -225,6 +254,11 @@ private:
     std::map<std::array<double, 3>, int> samples_near_other_regions() const;
     void check_memory(const char* what, double bytes,
                       const CellSystemSettings& settings) const;
+    std::vector<Holder> holders_of(const Component& component,
+                                   std::span<const Eigen::Vector3d> borders) const;
+    Motion best_step(std::span<const Eigen::Vector3d> from,
+                     std::span<const Eigen::Vector3d> to) const;
+    void turn_pins(Part& part);
     std::optional<Motion> rigid_step_of(const Component& component) const;
 
     std::shared_ptr<const Body> body_;

@@ -301,6 +301,10 @@ double FrameSolver::gradient_scale_here() const
 void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
 {
     way.parts = plan_.num_parts;
+    const std::vector<CellSystem::PinWay> pins =
+        system_.pin_ways(plan_.motions(0.0), plan_.motions(1.0));
+    for (const CellSystem::PinWay& pin : pins)
+        way.parts = std::max(way.parts, pin.around.num_parts(pin.from, pin.from, 0.0));
     from_holds_ = start_of_holds();
     from_splines_ = system_.splines();
     const double left = system_.way_left();
@@ -320,8 +324,11 @@ void FrameSolver::travel(Way& way, int& steps, Accuracy at_end)
         if (chains)
             way.turns -= chains->turns(system_.poses());
         const double share = static_cast<double>(way.part) / way.parts;
-        system_.move_regions(plan_.motions(share), bent(gone, share),
-                             left * (1.0 - share));
+        std::vector<Motion> motions = plan_.motions(share);
+        if (way.part < way.parts)
+            for (const CellSystem::PinWay& pin : pins)
+                motions[pin.region] = pin.at(share);
+        system_.move_regions(motions, bent(gone, share), left * (1.0 - share));
         gone = share;
         if (way.gradient_scale == 0.0)
             way.gradient_scale = gradient_scale_here();
