@@ -19,6 +19,7 @@
 #include <optional>
 
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/number.h"
 #include "io/spill.h"
 #include "io/text.h"
@@ -298,16 +299,14 @@ private:
     std::size_t add_faces(Bytes& head)
     {
         std::size_t count = 0;
+        FaceCutter cutter(geometry_);
         for (std::size_t f = 0; f < geometry_.num_faces(); ++f)
-        {
-            const std::span<const std::uint32_t> face = geometry_.face(f);
-            for (std::size_t k = 2; k < face.size(); ++k)
+            for (const FaceCutter::Triangle& triangle : cutter.triangles(f))
             {
-                for (const std::size_t corner : {std::size_t(0), k - 1, k})
-                    head.add(face[corner]);
+                for (const std::uint32_t corner : triangle)
+                    head.add(corner);
                 count += 3;
             }
-        }
         if (count == 0)
             return kNone;
         add_view(head, count, "SCALAR", 5125, "");

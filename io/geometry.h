@@ -117,7 +117,7 @@ struct Geometry
         const std::size_t first = f == 0 ? 0 : face_ends[f - 1];
         return std::span(corners).subspan(first, face_ends[f] - first);
     }
-    /// Faces counted as a fan.
+    /// That the faces are cut into: n - 2 of a face of n corners, see face_triangles.h.
     std::size_t num_triangles() const { return corners.size() - 2 * face_ends.size(); }
 };
 

@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "io/face_triangles.h"
 #include "io/number.h"
 #include "io/stored_number.h"
 
@@ -135,20 +136,18 @@ std::string stl_bytes(const Geometry& geometry, const DeformedSamples& patch)
         for (int k = 0; k < 3; ++k)
             store(v[k], Scalar::Float32, false, bytes);
     };
+    FaceCutter cutter(geometry);
     for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        for (std::size_t k = 2; k < corners.size(); ++k)
+        for (const FaceCutter::Triangle& triangle : cutter.triangles(f))
         {
-            const Eigen::Vector3d& a = patch.samples[corners[0]];
-            const Eigen::Vector3d& b = patch.samples[corners[k - 1]];
-            const Eigen::Vector3d& c = patch.samples[corners[k]];
+            const Eigen::Vector3d& a = patch.samples[triangle[0]];
+            const Eigen::Vector3d& b = patch.samples[triangle[1]];
+            const Eigen::Vector3d& c = patch.samples[triangle[2]];
             add((b - a).cross(c - a).stableNormalized());
             for (const Eigen::Vector3d& corner : {a, b, c})
                 add(corner);
             store(0.0, Scalar::UInt16, false, bytes);
         }
-    }
     return bytes;
 }
 

@@ -21,8 +21,8 @@ bool is_converted_format(std::string_view extension);
 bool has_all_normals(const Geometry& geometry);
 
 /// The file's bytes; normals only where every sample has one, groups of faces in OBJ. PLY
-/// is binary with coordinates in doubles. STL is binary: triangles in single precision,
-/// faces as fans. XYZ has no faces.
+/// is binary with coordinates in doubles. STL is binary: the triangles that the
+/// faces are cut into at rest, in single precision. XYZ has no faces.
 std::string plain_mesh_bytes(const Geometry& geometry, const DeformedSamples& patch,
                              std::string_view extension);
 

@@ -10,6 +10,7 @@
 #include "editor/cli/rods_json.h"
 #include "editor/cli/session_json.h"
 #include "editor/session/body.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "io/scene_file.h"
 #include "io/time_settings.h"

@@ -16,6 +16,7 @@
 #include "editor/session/volume.h"
 #include "io/animation_file.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
 #include "io/number.h"

@@ -5,6 +5,7 @@
 
 #include "editor/session/body.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "octree/base/index.h"
 
 namespace cellwarp

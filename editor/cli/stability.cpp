@@ -17,6 +17,7 @@
 #include "editor/cli/plot.h"
 #include "editor/session/session.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"

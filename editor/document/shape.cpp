@@ -10,6 +10,7 @@
 
 #include "editor/session/body.h"
 #include "editor/session/sample_normals.h"
+#include "io/face_triangles.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
 

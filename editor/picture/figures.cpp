@@ -8,6 +8,7 @@
 
 #include "editor/session/role_colour.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/material.h"
@@ -52,48 +53,12 @@ void add_drawn_lines(const Geometry& geometry, Figure& figure)
                    figure.colours[a], figure.balls);
 }
 
-/// Faces as fans, but those of four corners folded along the diagonal that is clearly
-/// shorter: they bend with the shape, and one that is folded along the other, from a low
-/// corner to a high one, looks like a notch.
-std::vector<Triangle> drawn_triangles(const Geometry& geometry)
-{
-    constexpr double kClearly = 0.95;
-    const auto normal = [&](const Triangle& t) -> Eigen::Vector3d
-    {
-        const Eigen::Vector3d& a = geometry.samples[t[0]];
-        return (geometry.samples[t[1]] - a).cross(geometry.samples[t[2]] - a);
-    };
-    const auto length = [&](std::uint32_t a, std::uint32_t b)
-    { return (geometry.samples[b] - geometry.samples[a]).norm(); };
-    std::vector<Triangle> triangles;
-    triangles.reserve(geometry.num_triangles());
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> face = geometry.face(f);
-        if (face.size() == 4 &&
-            length(face[1], face[3]) < kClearly * length(face[0], face[2]))
-        {
-            const Triangle one = {face[0], face[1], face[3]},
-                           other = {face[1], face[2], face[3]};
-            // Not outside of a face whose outline turns in.
-            if (normal(one).dot(normal(other)) > 0.0)
-            {
-                triangles.insert(triangles.end(), {one, other});
-                continue;
-            }
-        }
-        for (std::size_t k = 2; k < face.size(); ++k)
-            triangles.push_back({face[0], face[k - 1], face[k]});
-    }
-    return triangles;
-}
-
 /// Without the lines that are drawn between them.
 Figure samples_of(const Geometry& geometry)
 {
     Figure figure;
     figure.points = geometry.samples;
-    figure.triangles = drawn_triangles(geometry);
+    figure.triangles = triangles_of(geometry);
     figure.colours = geometry.colours;
     if (figure.colours.empty())
         figure.colours.assign(figure.points.size(), kPlain);

@@ -11,6 +11,7 @@
 #include "editor/session/flat.h"
 #include "editor/session/memory_limit.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/number.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
@@ -192,19 +193,6 @@ bool put_lids_on(Shape& shape, double whole)
 }
 
 } // namespace
-
-std::vector<Triangle> triangles_of(const Geometry& geometry)
-{
-    std::vector<Triangle> triangles;
-    triangles.reserve(geometry.num_triangles());
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        for (std::size_t k = 2; k < corners.size(); ++k)
-            triangles.push_back({corners[0], corners[k - 1], corners[k]});
-    }
-    return triangles;
-}
 
 std::shared_ptr<const RestShape>
 build_rest_shape(const Geometry& geometry, const std::vector<Eigen::Vector3d>& samples,

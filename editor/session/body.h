@@ -104,7 +104,4 @@ Body build_body(std::shared_ptr<const RestShape> rest, const CellSettings& setti
 Body cut(std::shared_ptr<const RestShape> rest, Octree octree,
          const Body* earlier = nullptr);
 
-/// The faces of \p geometry as fans.
-std::vector<Triangle> triangles_of(const Geometry& geometry);
-
 } // namespace cellwarp

@@ -22,7 +22,7 @@ constexpr double kSharpCosine = 0.85;
 /// the side of a square as large as it: of a cube they are 4.9 times as long.
 constexpr double kShortEdges = 0.5;
 
-/// Twice the area, along the normal.
+/// Twice the area, along the normal: the same however the face is cut into triangles.
 Eigen::Vector3d area_of(std::span<const std::uint32_t> corners,
                         std::span<const Eigen::Vector3d> samples)
 {

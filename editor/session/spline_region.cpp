@@ -8,6 +8,7 @@
 
 #include "editor/session/body.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "octree/base/segment.h"
 #include "octree/centre_line.h"
 

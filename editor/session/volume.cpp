@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "io/face_triangles.h"
 #include "octree/base/edges.h"
 
 namespace cellwarp
@@ -14,21 +15,17 @@ namespace cellwarp
 namespace
 {
 
-/// The volume that a closed mesh, its faces as fans, encloses: a sixth of the sum of
-/// the triple products.
+/// The volume that a closed mesh encloses: a sixth of the sum of the triple products.
 double enclosed_volume(const Geometry& geometry,
                        const std::vector<Eigen::Vector3d>& samples)
 {
     const Eigen::Vector3d origin = samples.front();
     double sum = 0.0;
+    FaceCutter cutter(geometry);
     for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> corners = geometry.face(f);
-        const Eigen::Vector3d a = samples[corners[0]] - origin;
-        for (std::size_t k = 2; k < corners.size(); ++k)
-            sum += a.dot(
-                (samples[corners[k - 1]] - origin).cross(samples[corners[k]] - origin));
-    }
+        for (const auto& [a, b, c] : cutter.triangles(f))
+            sum += (samples[a] - origin)
+                       .dot((samples[b] - origin).cross(samples[c] - origin));
     return sum / 6.0;
 }
 

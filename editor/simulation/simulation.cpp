@@ -17,6 +17,7 @@
 #include "editor/simulation/rod_part.h"
 #include "editor/simulation/solid_shapes.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "solver/contact/rod_contacts.h"
@@ -519,13 +520,7 @@ std::unique_ptr<Obstacle> obstacle_of(const ObstacleStatement& of, const Vector3
     std::vector<Vector3d> vertices = mesh.samples;
     for (Vector3d& vertex : vertices)
         vertex -= origin;
-    std::vector<std::array<std::uint32_t, 3>> triangles;
-    for (std::size_t f = 0; f < mesh.num_faces(); ++f)
-    {
-        const std::span<const std::uint32_t> face = mesh.face(f);
-        for (std::size_t k = 2; k < face.size(); ++k)
-            triangles.push_back({face[0], face[k - 1], face[k]});
-    }
+    std::vector<std::array<std::uint32_t, 3>> triangles = triangles_of(mesh);
     if (triangles.empty())
         throw malformed({of.mesh, 0, ""}, "has no faces to touch");
     return mesh_obstacle(std::move(vertices), std::move(triangles));

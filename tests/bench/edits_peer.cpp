@@ -27,6 +27,7 @@
 #include "editor/session/session.h"
 #include "editor/session/volume.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "octree/base/clock.h"
 #include "octree/base/index.h"

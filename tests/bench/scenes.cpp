@@ -11,6 +11,7 @@
 
 #include "io/bytes.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 #include "io/number.h"
@@ -278,18 +279,10 @@ Scene cylinder(const std::string& name, int rings)
                     turned(Vector3d::UnitY(), 120.0, {0, 0, 4.75}, end));
 }
 
-/// The triangles of a geometry file; other faces as fans.
+/// The triangles of a geometry file.
 Shape shape_of(const Geometry& geometry)
 {
-    Shape shape;
-    shape.samples = geometry.samples;
-    for (std::size_t f = 0; f < geometry.num_faces(); ++f)
-    {
-        const std::span<const Index> face = geometry.face(f);
-        for (std::size_t c = 2; c < face.size(); ++c)
-            shape.triangles.push_back({face[0], face[c - 1], face[c]});
-    }
-    return shape;
+    return {geometry.samples, triangles_of(geometry)};
 }
 
 Scene armadillo(const std::string& name, int)

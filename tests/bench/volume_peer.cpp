@@ -17,6 +17,7 @@
 #include "editor/session/region_set.h"
 #include "editor/session/scene_settings.h"
 #include "io/error.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "io/geometry_output.h"
 #include "io/handle_file.h"

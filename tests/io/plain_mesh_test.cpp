@@ -69,11 +69,32 @@ TEST(PlainMesh, other_formats_keep_what_they_can_hold)
     EXPECT_EQ(xyz.num_faces(), 0u);
     const Geometry stl = read("stl");
     ASSERT_EQ(stl.samples.size(), 9u);
-    const std::uint32_t fan[] = {0, 1, 2, 0, 2, 3, 0, 4, 1};
+    const std::uint32_t triangles[] = {0, 1, 2, 0, 2, 3, 0, 4, 1};
     for (std::size_t k = 0; k < 9; ++k)
-        EXPECT_EQ(stl.samples[k],
-                  Eigen::Vector3d(patch.samples[fan[k]].cast<float>().cast<double>()));
+        EXPECT_EQ(
+            stl.samples[k],
+            Eigen::Vector3d(patch.samples[triangles[k]].cast<float>().cast<double>()));
     EXPECT_FALSE(is_converted_format("glb"));
+}
+
+TEST(PlainMesh, a_concave_face_is_triangles_in_an_stl_as_it_lies_at_rest)
+{
+    // Its corner 2 points inwards at rest, its corner 1 where it is written.
+    Geometry geometry;
+    geometry.samples = {{0, 0, 0}, {2, 0, 0}, {0.5, 0.5, 0}, {0, 2, 0}};
+    geometry.corners = {1, 2, 3, 0};
+    geometry.face_ends.push_back(4);
+    DeformedSamples patch{geometry.samples, {}};
+    patch.samples[1] = {0.1, 0.1, 0};
+    patch.samples[2] = {2, 2, 0};
+    const Geometry stl =
+        scan_geometry("x.stl", plain_mesh_bytes(geometry, patch, "stl")).geometry;
+    ASSERT_EQ(stl.samples.size(), 6u);
+    const std::uint32_t triangles[] = {1, 2, 0, 2, 3, 0};
+    for (std::size_t k = 0; k < 6; ++k)
+        EXPECT_EQ(
+            stl.samples[k],
+            Eigen::Vector3d(patch.samples[triangles[k]].cast<float>().cast<double>()));
 }
 
 TEST(PlainMesh, groups_of_faces_keep_their_names)

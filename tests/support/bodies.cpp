@@ -5,7 +5,7 @@
 
 #include <Eigen/LU>
 
-#include "editor/session/body.h"
+#include "io/face_triangles.h"
 #include "io/geometry.h"
 #include "io/geometry_file.h"
 

@@ -10,6 +10,7 @@
 
 #include "editor/session/contact_finder.h"
 #include "editor/session/session.h"
+#include "io/face_triangles.h"
 #include "io/geometry_file.h"
 #include "octree/base/index.h"
 #include "octree/base/parallel.h"
