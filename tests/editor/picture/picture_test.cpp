@@ -5,7 +5,9 @@
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
+#include <optional>
 
+#include <Eigen/Geometry>
 #include <gtest/gtest.h>
 
 #include "editor/picture/figures.h"
@@ -267,11 +269,40 @@ TEST(Figures, faces_of_four_corners_fold_along_the_shorter_diagonal)
     const Figure raised = figure_of(geometry);
     ASSERT_EQ(raised.triangles.size(), 2u);
     EXPECT_EQ(raised.triangles[1], (Triangle{1, 2, 3}));
-    // A square is the fan that it was, and so is a face whose corner 0 points inwards.
+    // A square is cut from its first corner, and a face from a corner that points
+    // inwards.
     geometry.samples[0] = {0, 0, 0};
     EXPECT_EQ(figure_of(geometry).triangles[1], (Triangle{0, 2, 3}));
     geometry.samples = {{0.7, 0.7, 0}, {1.2, -0.2, 0}, {3, 3, 0}, {-0.2, 1.2, 0}};
     EXPECT_EQ(figure_of(geometry).triangles[1], (Triangle{0, 2, 3}));
+}
+
+TEST(Figures, nothing_is_drawn_across_the_notches_of_a_face)
+{
+    // A T, from in front: its colour is nowhere beside its stem, whatever comes first.
+    const std::vector<Eigen::Vector3d> outline = {{0, 0, 0},   {4, 0, 0},   {4, 1, 0},
+                                                  {2.5, 1, 0}, {2.5, 3, 0}, {1.5, 3, 0},
+                                                  {1.5, 1, 0}, {0, 1, 0}};
+    PictureOptions options = small();
+    options.up = 1;
+    std::optional<Image> known;
+    for (std::uint32_t first = 0; first < 8; ++first)
+    {
+        Geometry geometry;
+        geometry.samples = outline;
+        for (std::uint32_t k = 0; k < 8; ++k)
+            geometry.corners.push_back((first + k) % 8);
+        geometry.face_ends.push_back(8);
+        const Figure figure = figure_of(geometry);
+        double area = 0.0;
+        for (const auto& [a, b, c] : figure.triangles)
+            area += 0.5 * (outline[b] - outline[a]).cross(outline[c] - outline[a]).norm();
+        EXPECT_NEAR(area, 6.0, 1e-12);
+        const Image image = draw({figure}, options);
+        if (!known)
+            known = image;
+        EXPECT_EQ(image.rgb, known->rgb);
+    }
 }
 
 TEST(Figures, show_regions_in_colour_and_cells_where_they_are)

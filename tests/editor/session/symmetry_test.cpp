@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <random>
 
 #include <gtest/gtest.h>
 
@@ -253,7 +255,104 @@ SessionSettings tight(int across, int depth)
     return settings;
 }
 
+/// A prism over a T, whose two caps are one face each.
+struct Prism
+{
+    std::vector<Eigen::Vector3d> samples;
+    std::vector<std::vector<std::size_t>> faces;
+};
+
+Prism t_prism()
+{
+    const std::vector<Eigen::Vector2d> outline = {{0, 0},   {4, 0},   {4, 1},   {2.5, 1},
+                                                  {2.5, 3}, {1.5, 3}, {1.5, 1}, {0, 1}};
+    const std::size_t n = outline.size();
+    Prism prism;
+    prism.faces.resize(2);
+    for (const double z : {0.0, 1.0})
+        for (const Eigen::Vector2d& x : outline)
+            prism.samples.emplace_back(x.x(), x.y(), z);
+    for (std::size_t k = 0; k < n; ++k)
+    {
+        prism.faces[0].push_back(n - 1 - k);
+        prism.faces[1].push_back(n + k);
+        prism.faces.push_back({k, (k + 1) % n, n + (k + 1) % n, n + k});
+    }
+    return prism;
+}
+
+/// Where the prism's samples end, in their order, when it is turned or mirrored by \p G,
+/// its faces begin \p first corners later and its vertices are shuffled.
+Result played(const Prism& prism, const Eigen::Matrix3d& G, std::size_t first,
+              unsigned seed)
+{
+    std::vector<std::size_t> order(prism.samples.size());
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    std::mt19937 rng(seed);
+    if (seed != 0)
+        std::shuffle(order.begin(), order.end(), rng);
+    std::string obj;
+    std::vector<std::size_t> number(order.size());
+    for (std::size_t i = 0; i < order.size(); ++i)
+    {
+        number[order[i]] = i + 1;
+        obj += "v" + text_of(G * prism.samples[order[i]]) + "\n";
+    }
+    for (std::vector<std::size_t> face : prism.faces)
+    {
+        std::rotate(face.begin(),
+                    face.begin() + static_cast<std::ptrdiff_t>(first % face.size()),
+                    face.end());
+        if (G.determinant() < 0.0)
+            std::reverse(face.begin(), face.end());
+        obj += "f";
+        for (const std::size_t corner : face)
+            obj += " " + std::to_string(number[corner]);
+        obj += "\n";
+    }
+    const std::string handles =
+        "cellwarp-handles 1\nfixed foot" + box_text({{-1, -1, -1}, {0.3, 4, 2}}, G) +
+        "handle head" + box_text({{3.7, -1, -1}, {5, 4, 2}}, G) +
+        "frame 1\nmove head translate" + text_of(G * Eigen::Vector3d(0, 0.5, 0.3)) + "\n";
+    Session session(scan_geometry("t.obj", obj).geometry,
+                    parse_handles("h.handles", handles), tight(8, 0));
+    while (session.next_frame(true))
+        ;
+    Result result{{},
+                  session.system()->body().cells.size(),
+                  session.system()->body().cells.faces.size()};
+    for (std::size_t i = 0; i < prism.samples.size(); ++i)
+        result.samples.push_back(G.transpose() *
+                                 session.deformed().samples[number[i] - 1]);
+    return result;
+}
+
 } // namespace
+
+TEST(Symmetry, a_concave_face_begins_at_any_corner_and_turns_and_mirrors)
+{
+    const Prism prism = t_prism();
+    const Result plain = played(prism, Eigen::Matrix3d::Identity(), 0, 0);
+    // Two by eight cells lie in the bar, two by four in the stem, in each of two layers.
+    EXPECT_EQ(plain.cells, 48u);
+    const auto expect_same =
+        [&](const Eigen::Matrix3d& G, std::size_t first, unsigned seed)
+    {
+        SCOPED_TRACE(first);
+        const Result other = played(prism, G, first, seed);
+        EXPECT_EQ(other.cells, plain.cells);
+        EXPECT_EQ(other.faces, plain.faces);
+        for (std::size_t i = 0; i < plain.samples.size(); ++i)
+            EXPECT_LT((other.samples[i] - plain.samples[i]).norm(), 5e-9); // of 5.1
+    };
+    for (std::size_t first = 1; first < 8; ++first)
+        expect_same(Eigen::Matrix3d::Identity(), first, 0);
+    for (const Eigen::Matrix3d& G :
+         {kHalfTurn, kQuarterTurn, kMirrorX, kMirrorY, kRoundTheDiagonal})
+        expect_same(G, 0, 0);
+    expect_same(Eigen::Matrix3d::Identity(), 0, 1);
+    expect_same(kMirrorX, 5, 2);
+}
 
 TEST(Symmetry, turns_and_mirror_images_of_prisms_combs_and_steps_commute)
 {
